@@ -1,0 +1,1 @@
+"""An open motion server: G-code over Zenoh to moving axes."""

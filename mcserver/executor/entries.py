@@ -1,0 +1,124 @@
+"""What the planner hands to the executor: setpoint rows and control entries on one time axis.
+
+Each program has a time axis of its own, u, counted in cycles from its start. Rows exist at integer u;
+control entries stand at any u, in order. The executor plays u forward by the feed override each cycle. With
+r = 1 and no waiting, u is an integer at every cycle and rows are played as they are; else they are
+interpolated (cubic Hermite on position and velocity).
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import Protocol
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class ControlKind(enum.IntEnum):
+    """Kinds of control entries; ``values`` has one number an axis of the machine (by column)."""
+
+    LINE_START = 1  # line begins at u (report its time)
+    LINE_END = 2  # line has ended at u
+    BEGIN = 3  # rows for ``axes`` follow: all must be energized (D-27), independent motion on them must have ended
+    END = 4  # rows for ``axes`` end at u: the axes hold their last setpoint
+    WAIT = 5  # u stops here until ``axes`` have ended independent motion and are in position (exact stop, D-34)
+    DWELL = 6  # u stops here for ``seconds``, which pass at the rate of holds (not of overrides)
+    RAPID = 7  # independent motion of ``axes`` to ``values`` [m, rad] at the axes' own limits; energizes
+    SPEED = 8  # velocity mode [m/s, rad/s]; ``values`` per axis
+    TORQUE = 9  # torque mode [N·m]; ``values`` per axis
+    AXIS = 10  # axis operation ``operation`` on ``axes`` (D-40)
+    HALT_AXES = 11  # bring independent motion, speed or torque on ``axes`` to rest in position mode, then u goes on
+    PAUSE = 12  # M00, M01: u stops here until resumed
+    FINISH = 13  # the program has ended; its slot is free once this is passed
+    SETTLE = 14  # u stops here until the planner was told of positions (sync): acknowledged by ``token``
+
+
+class Control(msgspec.Struct, frozen=True):
+    """One control entry.
+
+    Attributes:
+        kind: what to do.
+        u: where on the program's time axis [cycles], not below the entry before.
+        line: number of the G-code line that it belongs to.
+        axes: bit mask over the machine's columns (bit 0 = first axis of the machine).
+        values: shape (K,) for RAPID, SPEED and TORQUE, else None.
+        seconds: for DWELL; for WAIT the time-out.
+        operation: for AXIS: index of the operation in ``list(AxisOperation)``.
+        token: for SETTLE: a number that the executor reports back with the positions.
+    """
+
+    kind: ControlKind
+    u: float
+    line: int
+    axes: int = 0
+    values: tuple[float, ...] | None = None
+    seconds: float = 0.0
+    operation: int = 0
+    token: int = 0
+
+
+class MotionSink(Protocol):
+    """The planner's end of one program's rings. Never blocks: ask for room first."""
+
+    def row_room(self) -> int:
+        """How many rows fit now."""
+
+    def control_room(self) -> int:
+        """How many control entries fit now."""
+
+    def put_rows(
+        self, first_u: int, position: Array, velocity: Array, axes: NDArray[np.uint64], line: NDArray[np.int64]
+    ) -> None:
+        """Rows at u = first_u, first_u + 1, …
+
+        Args:
+            first_u: not below the u after the last row put; u between are not driven by rows (waits).
+            position, velocity: shape (n, K) [m, rad; per second]; read only where the mask says.
+            axes: shape (n,), bit mask of the columns that the row drives.
+            line: shape (n,), the line that each row belongs to.
+        """
+
+    def put_control(self, control: Control) -> None:
+        """One entry; its u is not below that of the entry before."""
+
+
+class EventKind(enum.IntEnum):
+    """What the executor reports; kept apart from telemetry and never dropped silently."""
+
+    LINE_START = 1
+    LINE_END = 2
+    FINISHED = 3
+    SETTLED = 4
+    PAUSED = 5
+    FAULT = 6
+    AXIS_DONE = 7
+    STARVED = 8  # the ring ran dry inside a motion; held on the path
+    STOPPED = 9  # the program was aborted or stopped by a fault and its axes are at rest
+
+
+class ExecutorEvent(msgspec.Struct, frozen=True):
+    """One report.
+
+    Attributes:
+        kind: what happened.
+        program: slot of the program (-1: the machine).
+        line: G-code line (0: none).
+        time: executor time [s], not rounded to the cycle.
+        code: for FAULT: the stable code (number behind MC).
+        axis: for FAULT: axis number, else -1.
+        token: for SETTLED.
+        values: for SETTLED: (setpoints (K,), encoder positions (K,)); for FAULT: (value, limit).
+    """
+
+    kind: EventKind
+    program: int
+    line: int
+    time: float
+    code: int = 0
+    axis: int = -1
+    token: int = 0
+    values: tuple[float, ...] = ()

@@ -1,0 +1,135 @@
+"""What a line of G-code means, in SI: the seam between the dialect and motion.
+
+The interpreter of `mcserver.gcode` gives one of these for each line that does something; the planner
+turns it into setpoints. Plain frozen values that a test can compare.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+
+import msgspec
+
+from mcserver.motion.path import Curve
+
+
+class AxisOperation(enum.Enum):
+    """G1000, G1001, G1002, G1010, G1011 (D-40)."""
+
+    RESET = "reset"
+    OFF = "off"
+    STOP = "stop"
+    CAPTURE = "capture"
+    RELEASE = "release"
+
+
+class FeedGroup(msgspec.Struct, frozen=True):
+    """One comma group of G01-G03: concatenated commands that share one path fraction (D-31).
+
+    Attributes:
+        curves: in reading order; the first one sets the time. No axis is in two of them.
+        duration: G93: T = 60/F [s]; None under G94.
+        speed: G94: path speed of the curve that sets the time [m/s or rad/s]; None under G93.
+        requested: T that the program asks for [s]: 60/F, or length/F.
+        reference: index in ``curves`` of the command whose length and speed set the time.
+    """
+
+    curves: tuple[Curve, ...]
+    requested: float
+    duration: float | None = None
+    speed: float | None = None
+    reference: int = 0
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        return tuple(axis for curve in self.curves for axis in curve.axes)
+
+
+class RapidGroup(msgspec.Struct, frozen=True):
+    """G00 (``wait``) or G1020 (no wait): every axis by itself to its target [m or rad]."""
+
+    axes: tuple[int, ...]
+    targets: tuple[float, ...]
+    wait: bool
+
+
+class SpeedGroup(msgspec.Struct, frozen=True):
+    """G1030: velocities of the axes [m/s or rad/s], converted from motor RPM."""
+
+    axes: tuple[int, ...]
+    velocities: tuple[float, ...]
+
+
+class TorqueGroup(msgspec.Struct, frozen=True):
+    """G1040: torques [N·m]."""
+
+    axes: tuple[int, ...]
+    torques: tuple[float, ...]
+
+
+class DwellGroup(msgspec.Struct, frozen=True):
+    """G04."""
+
+    seconds: float
+
+
+Group = FeedGroup | RapidGroup | SpeedGroup | TorqueGroup | DwellGroup
+
+
+class MotionLine(msgspec.Struct, frozen=True):
+    """One line with motion, dwell or transmitted commands.
+
+    Attributes:
+        line: number of the line in the file or program, from 1.
+        groups: the comma groups in reading order; they start together.
+        exact_stop: G61, G09 or G00: the line ends when the encoders are in tolerance (D-34).
+        tolerance: path tolerance in force, how far its corners may be rounded [m]; 0 keeps the path.
+        feed_length: sum of the linear lengths of its G01-G03 commands [m].
+    """
+
+    line: int
+    groups: tuple[Group, ...]
+    exact_stop: bool = False
+    tolerance: float = 0.0
+    feed_length: float = 0.0
+
+
+class AxisLine(msgspec.Struct, frozen=True):
+    """G1000-G1011 for ``axes``, once the motion before them has ended.
+
+    A line may hold several axis commands; each becomes one AxisLine in reading order.
+    """
+
+    line: int
+    operation: AxisOperation
+    axes: tuple[int, ...]
+
+
+class PauseLine(msgspec.Struct, frozen=True):
+    """M00 or M01: motion before it ends, then the program waits to be resumed."""
+
+    line: int
+
+
+class EndLine(msgspec.Struct, frozen=True):
+    """M02 or M30."""
+
+    line: int
+
+
+Canonical = MotionLine | AxisLine | PauseLine | EndLine
+
+
+def requested_of(line: MotionLine) -> float | None:
+    """Requested time of a line [s] (interfaces.md): that of its longest group; None where none asks for a time."""
+    times = [
+        group.requested if isinstance(group, FeedGroup) else group.seconds
+        for group in line.groups
+        if isinstance(group, FeedGroup | DwellGroup) and math.isfinite(_time(group))
+    ]
+    return max(times) if times else None
+
+
+def _time(group: FeedGroup | DwellGroup) -> float:
+    return group.requested if isinstance(group, FeedGroup) else group.seconds
