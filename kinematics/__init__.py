@@ -1,0 +1,1 @@
+"""Tools and inverse kinematics, usable without the server."""

@@ -1,0 +1,84 @@
+"""Poses, tool paths and joint paths: the values that kinematics takes and gives. SI: metres and radians."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a tool is, in the base frame.
+
+    Attributes:
+        position: X, Y, Z [m].
+        angles: A, B, C about X, Y, Z [rad], in the tool's Euler convention (D-51).
+    """
+
+    position: Triple
+    angles: Triple = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class ToolPath:
+    """A tool's path over s in [0, 1].
+
+    Attributes:
+        position: s of shape (n,) → points of shape (n, 3) [m].
+        derivative: s of shape (n,) → dp/ds of shape (n, 3) [m].
+        start_angles, end_angles: A, B, C [rad] at s = 0 and 1; None for a tool without orientation. The
+            orientation turns about one fixed axis, the short way, in proportion to s (D-51).
+    """
+
+    position: Callable[[Array], Array]
+    derivative: Callable[[Array], Array]
+    start_angles: Triple | None = None
+    end_angles: Triple | None = None
+
+
+@dataclass(frozen=True)
+class JointPath:
+    """A joint path as a cubic spline.
+
+    Attributes:
+        axes: K axis numbers, the tool's chain in order.
+        knots: shape (M,), from 0 to 1.
+        coefficients: shape (4, M-1, K), highest power first, in (s - knots[i]).
+    """
+
+    axes: tuple[int, ...]
+    knots: Array
+    coefficients: Array
+
+
+class Kinematics(Protocol):
+    """What the dialect and the planner need of a machine's tools. ``joints``: axis number → position."""
+
+    @property
+    def tools(self) -> tuple[int, ...]:
+        """Numbers of the configured tools, sorted."""
+
+    def axes(self, tool: int) -> tuple[int, ...]:
+        """Axis numbers of the tool's chain, in order."""
+
+    def has_orientation(self, tool: int) -> bool:
+        """Whether A B C are allowed."""
+
+    def pose(self, tool: int, joints: Mapping[int, float]) -> Pose:
+        """Forward kinematics."""
+
+    def rotation_angle(self, tool: int, start: Triple, end: Triple) -> float:
+        """Angle of the single turn that takes orientation ``start`` to ``end`` [rad] (D-30, D-51)."""
+
+    def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:
+        """Joint positions of the chain for a pose, nearest to ``joints``; raises `KinematicsError`."""
+
+    def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
+        """Joint path that starts at ``joints``; raises `KinematicsError`; nothing is clipped."""
