@@ -1,0 +1,68 @@
+# Everything a newcomer needs is `make demo` and `make test`; the rest says so with `make help`.
+# A virtual environment in .venv is made on first use; nothing outside this folder is touched.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+
+# The first of these that is Python 3.11 or later makes the environment; `make PYTHON=…` overrides.
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+SDK := clients/python
+PROJECTS := pyproject.toml $(wildcard $(SDK)/pyproject.toml)
+
+export PIP_NO_INPUT := 1
+
+.PHONY: help demo test lint format bench pictures clean
+
+help:  ## this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
+
+demo: $(VENV)/.for-demo  ## run the reference's arc program over Zenoh and draw the path really taken: out/demo.png
+	@$(BIN)/python -m mcserver.demo examples/arcs.gcode --output out/demo.png
+
+test: $(VENV)/.for-development  ## run every test
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(VENV)/.for-development  ## ruff (rules and format) and mypy --strict
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	@if [ -d $(SDK)/mcclient ]; then \
+		echo $(BIN)/mypy --strict -p mcclient; $(BIN)/mypy --config-file pyproject.toml --strict $(SDK)/mcclient; fi
+
+format: $(VENV)/.for-development  ## rewrite the sources in the one format
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(VENV)/.for-development  ## every figure beside a floor measured in the same run (decides no test)
+	@$(BIN)/python -m tests.bench $(ARGS)
+
+pictures: $(VENV)/.for-development  ## draw the pictures of the documentation anew, by the product itself
+	$(BIN)/mcserver plot examples/arcs.gcode --output docs/images/arcs.png
+	$(BIN)/mcserver plot examples/helix.gcode --output docs/images/helix.png
+
+clean:  ## remove what the other targets made
+	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+$(BIN)/python:
+	@if [ -z "$(PYTHON)" ]; then \
+		echo "Python 3.11 or later is needed and was not found: install it, or give make PYTHON=/path/to/python" >&2; exit 1; fi
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+		echo "$(PYTHON) has no venv module: on Debian and Ubuntu, apt-get install python3-venv" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) install --quiet --upgrade 'pip>=25.1'
+
+# pip ≥ 25.1 reads [dependency-groups]; the stamps are remade when a project file changes
+$(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
+	$(PIP) install --quiet --editable '.[kinematics,plot]'
+	@if [ -f $(SDK)/pyproject.toml ]; then \
+		echo $(PIP) install --editable $(SDK); $(PIP) install --quiet --editable $(SDK); fi
+	@touch $@
+
+$(VENV)/.for-development: $(VENV)/.for-demo
+	$(PIP) install --quiet --editable '.[kinematics,plot,can]' --group dev
+	@touch $@

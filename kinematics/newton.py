@@ -1,0 +1,68 @@
+"""Newton's method on many poses at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.pose import Array
+from kinematics.tool import Targets, ToolModel
+
+# a residual or step below these is down to rounding
+RESIDUAL_FLOOR = 1e-12
+STEP_FLOOR = 1e-10
+# singular values below this share of the largest are damped
+DAMPED_BELOW = 1e-3
+LARGEST_GAIN = 1e4
+
+
+def joint_step(tool: ToolModel, jacobians: Array, rates: Array) -> Array:
+    """Joint changes of least norm for tool changes: J⁺·rate.
+
+    Args:
+        jacobians: shape (n, rows, K). rates: shape (n, rows), changes of the tool [m, rad].
+
+    Returns:
+        Shape (n, K). Directions that the chain never has (`ToolModel.rank`) are left out; close to a
+        singular position steps are damped (Nakamura, Hanafusa), so that they stay bounded.
+    """
+    rows, size = jacobians.shape[1:]
+    if rows == size == tool.rank:
+        try:
+            steps: Array = np.linalg.solve(jacobians, rates[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            pass
+        else:
+            # a step that is far larger than the change asked for is that of a singular matrix (and not of nan)
+            if np.abs(steps).max() <= LARGEST_GAIN * max(1.0, 1.0 / tool.chain.reach) * np.abs(rates).max():
+                return steps
+    left, values, right = np.linalg.svd(jacobians, full_matrices=False)
+    left, values, right = left[..., : tool.rank], values[..., : tool.rank], right[..., : tool.rank, :]
+    floor = DAMPED_BELOW * values[..., :1] + 1e-12
+    damping = np.where(values < floor, (1.0 - (values / floor) ** 2) * floor**2, 0.0)
+    along = (left.swapaxes(-1, -2) @ rates[..., None])[..., 0]
+    damped: Array = (right.swapaxes(-1, -2) @ (along * values / (values**2 + damping))[..., None])[..., 0]
+    return damped
+
+
+def newton(
+    tool: ToolModel, joints: Array, targets: Targets, *, iterations: int = 10
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Joint positions for poses, from guesses near by; joint limits are not looked at.
+
+    Args:
+        joints: shape (n, K), the guesses [rad or m].
+
+    Returns:
+        The solutions, shape (n, K), and which of them reach their pose, shape (n,).
+    """
+    joints = joints.copy()
+    for _ in range(iterations):
+        residual, jacobians = tool.linearise(joints, targets)
+        if np.abs(residual).max() < RESIDUAL_FLOOR:
+            return joints, np.ones(len(joints), dtype=bool)
+        step = joint_step(tool, jacobians, residual)
+        joints += step
+        if np.abs(step).max() < STEP_FLOOR:
+            break
+    return joints, tool.reached(tool.residual(joints, targets))

@@ -1,0 +1,131 @@
+"""A whole tool path: the joint path that keeps the tool on it, or why there is none (D-53, D-54)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinematics import refusal
+from kinematics.errors import KinematicsError
+from kinematics.fit import fit
+from kinematics.newton import newton
+from kinematics.pose import Array, JointPath, ToolPath
+from kinematics.pose_solver import missing
+from kinematics.search import LIMIT_SLACK, within_limits
+from kinematics.spline import spline_extremes
+from kinematics.target_path import TargetPath
+from kinematics.tool import ToolModel
+from kinematics.trace import Trace, trace
+
+# joints that move this much faster than the tool (lengths over the reach) are wild: refused. A leg of two
+# equal parts that is stretched comes to this with its knee bent by 0.2°, 2 ppm short of its full length.
+LARGEST_GAIN = 1e3
+# what is lost below this smallest singular value is lost to a singular position
+SINGULAR_BELOW = 0.03
+# a path is traced again this much finer where knots between the first ones are not found
+REFINEMENTS = (1, 16)
+# points of the rest of a path that are tried to see how far it leaves the reach, and what counts there [m]
+PROBES = 7
+MISSING_FLOOR = 1e-7
+
+
+def solve_tool_path(tool: ToolModel, path: ToolPath, joints: Array) -> JointPath:
+    """Joint path from ``joints``, shape (K,), along the tool's path.
+
+    Raises:
+        ModelError: the joints are not at the path's start.
+        Unreachable, JointLimit, Singular, BranchJump: as their names say; nothing is clipped.
+    """
+    targets = TargetPath(tool, path, joints)
+    cells = targets.cells()
+    for refinement in REFINEMENTS:
+        followed = trace(tool, targets, joints, refinement * cells)
+        if not followed.complete:
+            raise _lost(tool, targets, followed, float(followed.s[-1]))
+        _refuse_singular(tool, targets, followed.s, followed.joints)
+        fitted = fit(tool, targets, followed.s, followed.joints)
+        if fitted.failed_at is None:
+            break
+    else:
+        raise _lost(tool, targets, followed, fitted.failed_at)
+    _refuse_limits(tool, targets, fitted.knots, fitted.coefficients)
+    values = np.concatenate([fitted.coefficients[3], followed.joints[-1:]])
+    _refuse_singular(tool, targets, fitted.knots, values)
+    return JointPath(tool.chain.axes, fitted.knots, fitted.coefficients)
+
+
+def _refuse_singular(tool: ToolModel, targets: TargetPath, s: Array, joints: Array) -> None:
+    jacobians = tool.linearise(joints, targets.at(s))[1]
+    bad = np.flatnonzero(tool.joint_gain(jacobians, targets.rates(s)) > LARGEST_GAIN)
+    if len(bad):
+        first = bad[:1]
+        conditioning = float(tool.conditioning(jacobians[first])[0])
+        raise refusal.singular(tool, conditioning, targets.at(s[first]).positions[0], float(s[first[0]]))
+
+
+def _refuse_limits(tool: ToolModel, targets: TargetPath, knots: Array, coefficients: Array) -> None:
+    chain = tool.chain
+    low, high = spline_extremes(knots, coefficients)
+    excess = np.maximum(chain.lower - low, high - chain.upper)
+    bad = np.argwhere(excess > LIMIT_SLACK)
+    if not len(bad):
+        return
+    cell = int(bad[0, 0])
+    column = int(np.argmax(np.where(excess[cell] > LIMIT_SLACK, excess[cell], -np.inf)))
+    below = chain.lower[column] - low[:, column] >= high[:, column] - chain.upper[column]
+    # the value is the worst of this crossing: of the cells from here on that are past the same limit
+    inside = np.flatnonzero((excess[cell:, column] <= LIMIT_SLACK) | (below[cell:] != below[cell]))
+    last = cell + int(inside[0]) if len(inside) else len(low)
+    value = low[cell:last, column].min() if below[cell] else high[cell:last, column].max()
+    s = _crossing(knots, coefficients[:, :, column], cell, float(chain.lower[column]), float(chain.upper[column]))
+    raise refusal.joint_limit(tool, column, float(value), targets.at(np.array([s])).positions[0], s)
+
+
+def _crossing(knots: Array, coefficients: Array, cell: int, lower: float, upper: float) -> float:
+    x = np.linspace(0.0, knots[cell + 1] - knots[cell], 65)
+    value = np.polyval(coefficients[:, cell], x)
+    past = np.flatnonzero((value < lower - LIMIT_SLACK) | (value > upper + LIMIT_SLACK))
+    return float(knots[cell] + (x[past[0]] if len(past) else x[0]))
+
+
+def _lost(tool: ToolModel, targets: TargetPath, followed: Trace, s: float) -> KinematicsError:
+    """Why a path cannot be followed beyond s."""
+    place = targets.at(np.array([s])).positions[0]
+    nearby = int(np.argmin(np.abs(followed.s - s)))
+    residual = _furthest(tool, targets, s, followed.joints[nearby])
+    if residual is not None:
+        return refusal.unreachable(tool, residual, place, s)
+    known = followed.s <= s
+    solved, _ = newton(tool, followed.joints[known], targets.at(followed.s[known]))
+    past = ~within_limits(tool, solved)
+    if past.any():
+        first = int(np.argmax(past))
+        excess = np.maximum(tool.chain.lower - solved[first], solved[first] - tool.chain.upper)
+        column = int(np.argmax(excess))
+        limit_s = followed.s[first : first + 1]
+        limit_place = targets.at(limit_s).positions[0]
+        return refusal.joint_limit(tool, column, float(solved[first, column]), limit_place, float(limit_s[0]))
+    # a spline gives up a little before the position that it cannot follow
+    ahead = slice(max(0, nearby - 1), None)
+    conditioning = tool.conditioning(tool.linearise(followed.joints[ahead], targets.at(followed.s[ahead]))[1])
+    worst = int(np.argmin(conditioning))
+    if conditioning[worst] < SINGULAR_BELOW:
+        at = followed.s[ahead][worst : worst + 1]
+        return refusal.singular(tool, float(conditioning[worst]), targets.at(at).positions[0], float(at[0]))
+    return refusal.branch_jump(tool, place, s)
+
+
+def _furthest(tool: ToolModel, targets: TargetPath, s: float, joints: Array) -> Array | None:
+    """What is missing where the path beyond s is furthest out of reach, at its end first; None if it is not."""
+
+    def missing_at(share: float) -> Array:
+        pose = targets.at(np.array([s + (1.0 - s) * share]))
+        return missing(tool, pose, joints)
+
+    def weigh(residual: Array) -> float:
+        return float(np.linalg.norm(residual[:3]) + tool.chain.reach * np.linalg.norm(residual[3:]))
+
+    end = missing_at(1.0)
+    if weigh(end) > MISSING_FLOOR:
+        return end
+    worst = max((missing_at(float(share)) for share in np.linspace(0.0, 1.0, PROBES + 2)[1:-1]), key=weigh)
+    return worst if weigh(worst) > MISSING_FLOOR else None

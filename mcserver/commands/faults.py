@@ -1,0 +1,50 @@
+"""Faults of the command line, and which exit code each kind of fault has.
+
+Codes::
+
+    MC010  the program cannot be read
+    MC011  the program is too large
+    MC012  the output's kind is unknown
+    MC013  the output cannot be written there
+    MC014  the output could not be written to its end
+    MC015  standard output could not be written
+    MC016  an optional part is not installed
+    MC017  an option's value does not fit
+    MC019  a fault of the program itself
+"""
+
+from __future__ import annotations
+
+import enum
+
+from mcserver.errors import ConfigurationError, McError, ProgramRejected
+
+
+class ExitCode(enum.IntEnum):
+    """What scripts rely on (interfaces: commands)."""
+
+    OK = 0
+    FAILED = 1
+    USAGE = 2
+    CONFIGURATION = 3
+    REJECTED = 4
+    NOBODY_ANSWERS = 5
+
+
+class UsageFault(McError):
+    """An argument that cannot be meant as it stands: a missing file, an unknown suffix (exit code 2)."""
+
+
+class OutputFault(McError):
+    """A result that could not be written (exit code 1)."""
+
+
+def exit_code_of(error: McError) -> ExitCode:
+    """The exit code that tells a script what kind of error this is."""
+    if isinstance(error, UsageFault):
+        return ExitCode.USAGE
+    if isinstance(error, ConfigurationError):
+        return ExitCode.CONFIGURATION
+    if isinstance(error, ProgramRejected):
+        return ExitCode.REJECTED
+    return ExitCode.FAILED

@@ -1,0 +1,77 @@
+"""``mcserver machine check``: a machine file read, explained, and its doubts named."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from mcserver.commands.console import json_answer_on_error, narration, results, show_diagnostics, write_json
+from mcserver.commands.machine_model import build_kinematics
+from mcserver.commands.options import JsonOption
+from mcserver.config import Axis, Machine, load_machine
+from mcserver.machine_check import axis_name, find_doubts
+
+
+def build_app() -> typer.Typer:
+    """The sub-commands about machine files."""
+    app = typer.Typer(help="Machine files.", no_args_is_help=True)
+
+    @app.callback()
+    def root() -> None:
+        """Machine files."""
+
+    app.command("check")(check_machine)
+    return app
+
+
+def check_machine(
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="A TOML file, or the name of a built-in machine.")
+    ],
+    json: JsonOption = False,
+) -> None:
+    """Read a machine file, build its kinematics, and say what is doubtful. Exit code 3 where it does not fit."""
+    with json_answer_on_error(json):
+        machine = load_machine(file)
+        build_kinematics(machine)
+    doubts = find_doubts(machine)
+    if json:
+        write_json({"ok": True, "name": machine.name, "diagnostics": [each.as_json() for each in doubts]})
+        return
+    results().print(_table_of_axes(machine))
+    for tool in machine.tools:
+        chain = " ".join(axis_name(index) for index in tool.axes)
+        results().print(f"T{tool.number}: {tool.frame}, moved by {chain}")
+    show_diagnostics(doubts, [], file)
+    results().print(
+        f"{machine.name}: {len(machine.axes)} axes, {len(machine.tools)} tools, {machine.cycle_hz:g} cycles a second"
+    )
+    if doubts:
+        narration().print(f"{len(doubts)} doubtful; the machine can be run", style="yellow")
+
+
+def _table_of_axes(machine: Machine) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("axis")
+    for title in ("unit", "velocity /s", "acceleration /s²", "jerk /s³", "from", "to"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("drive")
+    for axis in machine.axes:
+        limits = (
+            axis.max_velocity,
+            axis.max_acceleration,
+            axis.max_jerk,
+            axis.min_position,
+            axis.max_position,
+        )
+        table.add_row(
+            axis_name(axis.index), axis.type.unit, *(_edge(axis, limit) for limit in limits), axis.drive.kind
+        )
+    return table
+
+
+def _edge(axis: Axis, value: float) -> str:
+    return f"{value / axis.type.si_per_unit:g}" if math.isfinite(value) else "–"

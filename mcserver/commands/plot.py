@@ -1,0 +1,73 @@
+"""``mcserver plot``: simulate a program and draw what it does."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Annotated, BinaryIO
+
+import typer
+
+from mcserver.commands.console import narration, show_diagnostics
+from mcserver.commands.faults import ExitCode
+from mcserver.commands.machine_model import build_kinematics
+from mcserver.commands.options import DEFAULT_MACHINE, MachineOption, ProgramArgument
+from mcserver.commands.program_text import load_program
+from mcserver.commands.rejection import reject
+from mcserver.commands.simulate import live_progress
+from mcserver.commands.simulation_report import diagnostics_of
+from mcserver.config import load_machine
+from mcserver.errors import ConfigurationError
+from mcserver.recording import check_output, write_atomically
+
+
+def plot(
+    file: ProgramArgument,
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="P.png|.html", help="A picture, or a page to explore.")
+    ],
+    machine: MachineOption = DEFAULT_MACHINE,
+) -> None:
+    """Simulate a program and draw its path, its speed, and each axis against its limits."""
+    suffix = check_output(output, (".png", ".html"))
+    if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
+        raise ConfigurationError(
+            "MC016",
+            "pictures need matplotlib",
+            "pip install 'mcserver[plot]'; an .html page needs nothing more",
+        )
+    described = load_machine(machine)
+    program = load_program(file)
+    if program.faults:
+        reject(program.faults, program)
+    from mcserver.plot.scene import build_scene
+    from mcserver.simulation import simulate
+
+    with live_progress() as progress:
+        simulation = simulate(program.text, described, progress=progress, record=True)
+    diagnostics = diagnostics_of(simulation.report)
+    if simulation.exit_code == ExitCode.REJECTED or simulation.recording is None:
+        reject(diagnostics, program)
+    scene = build_scene(
+        program.name,
+        described,
+        simulation.recording,
+        simulation.report,
+        program.lines,
+        build_kinematics(described),
+    )
+    if suffix == ".png":
+        from mcserver.plot.figure import draw_png
+
+        write_atomically(output, lambda stream: draw_png(scene, stream))
+    else:
+        from mcserver.plot.html import page_of
+
+        write_atomically(output, lambda stream: _write_text(stream, page_of(scene)))
+    narration().print(f"drawn: {output}")
+    show_diagnostics(diagnostics, program.lines, program.name)
+    if simulation.exit_code:
+        raise typer.Exit(simulation.exit_code)
+
+
+def _write_text(stream: BinaryIO, text: str) -> None:
+    stream.write(text.encode())

@@ -1,0 +1,24 @@
+"""What this computer lacks for running motion, each finding with its mend.
+
+Probes read facts and judge nothing; judges are pure functions from facts to findings.
+"""
+
+from __future__ import annotations
+
+from mcserver.doctor.can import judge_can, probe_can
+from mcserver.doctor.finding import Finding, State, worst
+from mcserver.doctor.python import judge_python, probe_python
+from mcserver.doctor.realtime import judge_realtime, probe_realtime
+from mcserver.doctor.service import judge_service, probe_service
+
+__all__ = ["Finding", "State", "examine", "worst"]
+
+
+def examine() -> list[Finding]:
+    """Look at this computer and give every finding, good ones too."""
+    return [
+        *judge_python(probe_python()),
+        *judge_realtime(probe_realtime()),
+        *judge_can(probe_can()),
+        *judge_service(probe_service()),
+    ]

@@ -1,0 +1,147 @@
+"""The seam between the executor and drives: one exchange a cycle for all axes of a bus.
+
+Arrays run over the bus's own axes, in the order of `DriveBus.columns`. Everything is SI: m or rad, per second,
+N·m at the motor's shaft. Buses keep no reference to the executor; the executor owns the setpoint arrays, the bus
+owns the feedback arrays, both for the bus's whole life, so that a cycle allocates nothing.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class DriveMode(enum.IntEnum):
+    """What a drive is told in a cycle."""
+
+    SILENT = 0  # nothing is transmitted: the drive's own heartbeat time-out acts (G1011)
+    OFF = 1  # de-energize at once: the axis free-wheels or its brake closes (G1001)
+    RESET = 2  # clear the fault latch, then as OFF (G1000)
+    STOP = 3  # come to rest under the drive's own control, then as OFF (G1002)
+    POSITION = 4  # energize; follow position, with velocity as feed-forward
+    VELOCITY = 5  # energize; follow velocity (position is its integral, for information)
+    TORQUE = 6  # energize; apply torque
+
+
+class DriveState(enum.IntEnum):
+    """What a drive reports."""
+
+    OFF = 0
+    STARTING = 1  # told to energize, not yet there
+    ENERGIZED = 2
+    STOPPING = 3
+    FAULT = 4  # latched until RESET
+
+
+class DriveFault(enum.IntEnum):
+    """Why a drive is in `DriveState.FAULT`; numbers of a vendor go through the bus's own events."""
+
+    NONE = 0
+    OTHER = 1
+    OVER_TEMPERATURE = 2
+    OVER_CURRENT = 3
+    VOLTAGE = 4
+    ENCODER = 5
+    FOLLOWING = 6
+    COMMUNICATION = 7
+
+
+@dataclass(frozen=True)
+class Setpoints:
+    """What the executor asks of a bus's drives; shape (n,) each.
+
+    Attributes:
+        mode: values of `DriveMode`.
+        position, velocity: [m, rad; per second].
+        torque: [N·m].
+    """
+
+    mode: NDArray[np.int8]
+    position: Array
+    velocity: Array
+    torque: Array
+
+    @classmethod
+    def of(cls, count: int) -> Setpoints:
+        """Everything off and zero."""
+        mode = np.full(count, DriveMode.OFF, np.int8)
+        return cls(mode, np.zeros(count), np.zeros(count), np.zeros(count))
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """What a bus's drives last reported; shape (n,) each.
+
+    Attributes:
+        position, velocity: of the encoder [m, rad; per second].
+        torque: [N·m].
+        state: values of `DriveState`. fault: values of `DriveFault`.
+        fresh: whether the drive has answered in this cycle; where not, the other values are old.
+    """
+
+    position: Array
+    velocity: Array
+    torque: Array
+    state: NDArray[np.int8]
+    fault: NDArray[np.int32]
+    fresh: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, count: int) -> Feedback:
+        """Everything off, at zero, answered."""
+        return cls(
+            np.zeros(count),
+            np.zeros(count),
+            np.zeros(count),
+            np.zeros(count, np.int8),
+            np.zeros(count, np.int32),
+            np.ones(count, np.bool_),
+        )
+
+
+@dataclass(frozen=True)
+class BusEvent:
+    """Something that a bus has to say besides the feedback, such as an emergency message.
+
+    Attributes:
+        column: which axis of the machine, -1: the bus itself.
+        code: the vendor's or the standard's number, 0 where there is none.
+    """
+
+    column: int
+    code: int
+    text: str
+
+
+class DriveBus(Protocol):
+    """Drives that are exchanged with together."""
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns of the machine that this bus drives, ascending."""
+
+    @property
+    def follows_exactly(self) -> bool:
+        """Whether actual = setpoint in the same exchange and energizing takes no cycle (``ideal``)."""
+
+    def boot(self) -> Feedback:
+        """Brings the drives up, not energized; returns the feedback's arrays with the encoders' readings.
+
+        Raises:
+            RuntimeFault: a drive that does not answer.
+        """
+
+    def exchange(self, setpoints: Setpoints) -> Feedback:
+        """One cycle, in the realtime thread: must neither wait nor raise; returns the arrays of `boot`."""
+
+    def events(self) -> list[BusEvent]:
+        """What happened since the last call; bounded."""
+
+    def close(self) -> None:
+        """Leaves the drives de-energized and gives the bus back."""

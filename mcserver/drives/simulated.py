@@ -1,0 +1,288 @@
+"""Simulated servo drives: inertia, a lag that is not zero, states, time-outs, and faults on demand."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.config import Axis
+from mcserver.drives.bus import Array, BusEvent, DriveFault, DriveMode, DriveState, Feedback, Setpoints
+from mcserver.drives.servo_model import ServoModel
+
+# Exchanges from the first command to energize until a drive holds.
+START_CYCLES = 2
+# Cycles after which what is left of a decayed error is set to zero, before it becomes denormal and slow.
+FLUSH_CYCLES = 256
+FLUSH_BELOW = 1e-15
+MAX_DELAY = 1000
+# A drive in velocity mode forgets what it could not reach beyond this time at the axis's speed limit [s].
+VELOCITY_WINDUP_S = 0.05
+
+
+class SimulatedBus:
+    """All simulated drives of a machine, computed together.
+
+    Faults on demand: `jam`, `trip`, `silence`, `delay`; columns are the machine's.
+    """
+
+    def __init__(
+        self, axes: Sequence[Axis], columns: Sequence[int], cycle_s: float, start_cycles: int = START_CYCLES
+    ) -> None:
+        count = len(axes)
+        self._columns = tuple(columns)
+        self._cycle = cycle_s
+        self._start_cycles = start_cycles
+        self._model = ServoModel(axes, cycle_s)
+        self._brake = np.array([axis.drive.brake for axis in axes])
+        self._timeout = np.array(
+            [max(1, math.ceil(axis.drive.heartbeat_timeout_s / cycle_s - 1e-9)) for axis in axes]
+        )
+        self._windup = np.array([axis.max_velocity * VELOCITY_WINDUP_S for axis in axes])
+        self._position = np.array([axis.initial_position for axis in axes])
+        # rows: position minus setpoint, velocity, old velocity setpoint, new velocity setpoint
+        self._loop = np.zeros((4, count))
+        self._result = np.zeros((2, count))
+        self._change = np.zeros(count)
+        self._within = np.ones(count, np.bool_)
+        self._feedback = Feedback.of(count)
+        self._true_state = np.zeros(count, np.int8)
+        self._mode = np.full(count, DriveMode.OFF, np.int8)
+        self._mode_bytes = b""
+        self._countdown = np.zeros(count, np.int64)
+        self._quiet = np.zeros(count, np.int64)
+        self._last_position = self._position.copy()
+        self._following = np.zeros(count, np.bool_)
+        self._free = np.ones(count, np.bool_)
+        self._any_free = True
+        self._simple = False
+        self._changing = True
+        self._jammed = np.zeros(count, np.bool_)
+        self._any_jammed = False
+        self._mute = np.zeros(count, np.int64)
+        self._any_mute = False
+        self._delay = 0
+        self._past: deque[tuple[Array, Array, Array]] = deque(maxlen=MAX_DELAY + 1)
+        self._cycles = 0
+
+    # ------------------------------------------------------------------ the bus
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        return self._columns
+
+    @property
+    def follows_exactly(self) -> bool:
+        return False
+
+    def boot(self) -> Feedback:
+        self._model.encoder(self._position, self._feedback.position)
+        return self._feedback
+
+    def exchange(self, setpoints: Setpoints) -> Feedback:
+        mode = setpoints.mode.tobytes()
+        if mode != self._mode_bytes or self._changing:
+            self._mode_bytes = mode
+            self._change_states(setpoints.mode)
+        if self._simple:
+            self._follow_simply(setpoints)
+        else:
+            self._follow_some(setpoints)
+        self._cycles += 1
+        if self._cycles % FLUSH_CYCLES == 0:
+            velocity = self._loop[1]
+            velocity[np.abs(velocity) < FLUSH_BELOW] = 0.0
+            self._position[np.abs(self._position) < FLUSH_BELOW] = 0.0
+        self._report()
+        return self._feedback
+
+    def events(self) -> list[BusEvent]:
+        return []
+
+    def close(self) -> None:
+        """There is nothing to give back."""
+
+    # ------------------------------------------------------------------ faults on demand
+
+    def jam(self, column: int, jammed: bool = True) -> None:
+        """Blocks an axis mechanically, or frees it: its encoder stands whatever the drive does."""
+        self._jammed[self._columns.index(column)] = jammed
+        self._any_jammed = bool(self._jammed.any())
+
+    def trip(self, column: int, fault: DriveFault = DriveFault.OVER_TEMPERATURE) -> None:
+        """Lets a drive fail: it de-energizes and latches the fault."""
+        index = self._columns.index(column)
+        self._true_state[index] = DriveState.FAULT
+        self._feedback.fault[index] = fault
+        self._changing = True
+
+    def silence(self, column: int, cycles: int | None = None) -> None:
+        """Lets a drive not answer for a number of cycles (None: for good; 0: answers again)."""
+        self._mute[self._columns.index(column)] = -1 if cycles is None else cycles
+        self._any_mute = bool((self._mute != 0).any())
+
+    def delay(self, cycles: int) -> None:
+        """Makes the feedback of all drives late by a number of cycles."""
+        if not 0 <= cycles <= MAX_DELAY:
+            raise ValueError(f"a delay of {cycles} cycles is outside 0 … {MAX_DELAY}")
+        self._delay = cycles
+
+    # ------------------------------------------------------------------ states
+
+    def _change_states(self, told: NDArray[np.int8]) -> None:
+        state = self._true_state
+        silent = told == DriveMode.SILENT
+        self._quiet[~silent] = 0
+        self._quiet[silent] += 1
+        expired = silent & (self._quiet >= self._timeout)
+        # a drive that hears nothing goes on with what it heard last, until its time-out
+        self._mode = np.where(silent, self._mode, told).astype(np.int8)
+        self._mode[expired] = DriveMode.OFF
+        mode = self._mode
+        healthy = state != DriveState.FAULT
+        reset = mode == DriveMode.RESET
+        self._feedback.fault[reset] = 0
+        off = ((mode == DriveMode.OFF) & healthy) | reset
+        state[off] = DriveState.OFF
+        stop = (mode == DriveMode.STOP) & ((state == DriveState.ENERGIZED) | (state == DriveState.STARTING))
+        state[stop] = DriveState.STOPPING
+        standing = self._loop[1] == 0.0
+        state[(state == DriveState.STOPPING) & standing & (mode == DriveMode.STOP)] = DriveState.OFF
+        wanted = mode >= DriveMode.POSITION
+        asleep = wanted & ((state == DriveState.OFF) | (state == DriveState.STOPPING))
+        state[asleep] = DriveState.STARTING
+        self._countdown[asleep] = self._start_cycles
+        starting = state == DriveState.STARTING
+        self._countdown[starting] -= 1
+        state[starting & (self._countdown <= 0)] = DriveState.ENERGIZED
+        energized = state == DriveState.ENERGIZED
+        self._following = energized & ((mode == DriveMode.POSITION) | (mode == DriveMode.VELOCITY))
+        self._free = ~self._following
+        self._any_free = bool(self._free.any())
+        self._simple = self._is_simple()
+        self._changing = bool(((state == DriveState.STARTING) | (state == DriveState.STOPPING)).any()) or bool(
+            (silent & ~expired).any()
+        )
+
+    def _is_simple(self) -> bool:
+        """Whether every axis either follows a position that is transmitted, or stands without its drive."""
+        following = self._following & (self._mode == DriveMode.POSITION) & (self._quiet == 0)
+        standing = self._free & (self._loop[1] == 0.0) & (self._mode != DriveMode.TORQUE)
+        return bool((following | standing).all())
+
+    # ------------------------------------------------------------------ motion
+
+    def _follow_simply(self, setpoints: Setpoints) -> None:
+        reference = self._last_position
+        reference[:] = setpoints.position
+        self._loop[3] = setpoints.velocity
+        if self._any_free:
+            np.copyto(reference, self._position, where=self._free)
+            np.copyto(self._loop[3], 0.0, where=self._free)
+        np.subtract(self._position, reference, out=self._loop[0])
+        self._follow(reference)
+
+    def _follow(self, reference: Array) -> None:
+        """Loops of all axes; ``reference``: the position setpoints that row 0 of the loop was taken against."""
+        loop = self._loop
+        self._model.step(loop, self._result)
+        velocity = self._result[1]
+        change = self._change
+        np.subtract(velocity, loop[1], out=change)
+        np.less_equal(np.abs(change), self._model.step_limit, out=self._within)
+        bounded = b"\x00" not in self._within.tobytes()
+        np.less_equal(np.abs(velocity), self._model.speed_limit, out=self._within)
+        bounded = bounded and b"\x00" not in self._within.tobytes()
+        if bounded and not self._any_jammed:
+            np.add(reference, self._result[0], out=self._position)
+        else:
+            self._follow_within_limits(reference)
+        loop[1] = velocity
+        loop[2] = loop[3]
+
+    def _follow_within_limits(self, reference: Array) -> None:
+        model, old = self._model, self._loop[1]
+        velocity, change = self._result[1], self._change
+        step = np.clip(change, -model.step_limit, model.step_limit)
+        limited = np.clip(old + step, -model.speed_limit, model.speed_limit)
+        # an axis that is too fast already is not braked harder than its torque allows
+        limited = np.where(np.abs(old) > model.speed_limit, old + step, limited)
+        saturated = limited != velocity
+        moved = np.where(saturated, self._position + 0.5 * (old + limited) * self._cycle, reference + self._result[0])
+        self._position = np.where(self._jammed, self._position, moved)
+        velocity[:] = np.where(self._jammed, 0.0, limited)
+        np.copyto(change, limited - old)
+
+    def _follow_some(self, setpoints: Setpoints) -> None:
+        """Some axes follow, others coast, brake or obey a torque."""
+        loop, model = self._loop, self._model
+        free, old = self._free, loop[1].copy()
+        heard = self._following & (setpoints.mode != DriveMode.SILENT)
+        reference = np.where(heard, setpoints.position, self._last_position)
+        loop[3] = np.where(heard, setpoints.velocity, 0.0)
+        error = self._position - reference
+        velocity_mode = self._mode == DriveMode.VELOCITY
+        if velocity_mode.any():
+            kept = np.clip(error, -self._windup, self._windup)
+            reference = np.where(velocity_mode, self._position - kept, reference)
+            error = np.where(velocity_mode, kept, error)
+        loop[0] = error
+        start = self._position.copy()
+        self._follow(reference)
+        if self._any_free:
+            velocity = self._coast(old, setpoints.torque)
+            position = start + 0.5 * (old + velocity) * self._cycle
+            np.copyto(self._position, position, where=free)
+            np.copyto(loop[1], velocity, where=free)
+            # the loop starts from the axis as it is once it closes
+            np.copyto(loop[2], velocity, where=free)
+            np.copyto(self._change, velocity - old, where=free & (self._true_state == DriveState.STOPPING))
+            drive_torque = np.clip(setpoints.torque, -model.torque_limit, model.torque_limit)
+            applied = free & (self._mode == DriveMode.TORQUE) & (self._true_state == DriveState.ENERGIZED)
+            np.copyto(self._change, np.where(applied, drive_torque / model.torque_per_step, 0.0), where=free)
+        self._last_position = np.where(self._following, reference, self._position)
+        self._simple = self._is_simple()
+
+    def _coast(self, velocity: Array, torque: Array) -> Array:
+        """Velocities after a cycle in which no loop is closed: torque, friction, brake or stop act."""
+        model = self._model
+        off = self._true_state != DriveState.ENERGIZED
+        stopping = (self._true_state == DriveState.STOPPING) | (off & self._brake)
+        slowing = np.where(stopping, np.maximum(model.braking, model.friction), model.friction) * self._cycle
+        applied = np.where(
+            (self._mode == DriveMode.TORQUE) & ~off, np.clip(torque, -model.torque_limit, model.torque_limit), 0.0
+        )
+        pushed = velocity + applied * model.acceleration_per_torque * self._cycle
+        # friction takes speed away and never turns it round
+        slowed = np.sign(pushed) * np.maximum(np.abs(pushed) - slowing, 0.0)
+        slowed = np.clip(slowed, -model.speed_limit, model.speed_limit)
+        result: Array = np.where(self._jammed, 0.0, slowed)
+        return result
+
+    # ------------------------------------------------------------------ feedback
+
+    def _report(self) -> None:
+        feedback = self._feedback
+        feedback.state[:] = self._true_state
+        if self._delay or self._any_mute:
+            self._report_badly()
+            return
+        self._model.encoder(self._position, feedback.position)
+        feedback.velocity[:] = self._loop[1]
+        np.multiply(self._change, self._model.torque_per_step, out=feedback.torque)
+
+    def _report_badly(self) -> None:
+        feedback = self._feedback
+        position = np.empty_like(self._position)
+        self._model.encoder(self._position, position)
+        self._past.append((position, self._loop[1].copy(), self._change * self._model.torque_per_step))
+        shown = self._past[max(0, len(self._past) - 1 - self._delay)]
+        answering = self._mute == 0
+        for target, source in zip((feedback.position, feedback.velocity, feedback.torque), shown, strict=True):
+            np.copyto(target, source, where=answering)
+        feedback.fresh[:] = answering
+        self._mute[self._mute > 0] -= 1
+        self._any_mute = bool((self._mute != 0).any()) or not answering.all()

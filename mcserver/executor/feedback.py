@@ -1,0 +1,233 @@
+"""Feedback of every cycle, from the executor to the server: a ring of rows that the writer overwrites.
+
+A cycle is one row of doubles, copied at once. The writer announces a row after it is complete; the reader copies
+rows and then drops those that the writer may have begun to overwrite meanwhile.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+CYCLES = 2048
+# Rows next to the writer that a reader does not trust.
+GUARD = 8
+
+_HEADER_WORDS = 8
+TIME, CYCLE, LATE, LOST_EVENTS, LINE, ESTOP, _SPARE_A, _SPARE_B = range(8)
+_HEAD = 8
+SLOT_U, SLOT_RATE, SLOT_STATE, SLOT_GENERATION = range(4)
+_SLOT = 4
+_BLOCKS = 6
+
+
+class AxisCondition(enum.IntEnum):
+    """Condition of an axis as the executor sees it."""
+
+    OFF = 0
+    STARTING = 1
+    HOLDING = 2  # energized, at rest in position mode
+    MOVING = 3  # energized, its setpoint moves
+    SPEED = 4
+    TORQUE = 5
+    STOPPING = 6
+    RELEASED = 7
+    FAULT = 8
+
+
+class SlotState(enum.IntEnum):
+    """State of a program's slot."""
+
+    IDLE = 0  # never opened
+    RUNNING = 1
+    HELD = 2  # at standstill by feed hold, or by an override of 0
+    PAUSED = 3  # M00, M01 or single line: until resumed or stepped
+    STARVED = 4  # at standstill inside a motion whose rows have not come
+    STOPPING = 5
+    STOPPED = 6  # aborted; axes hold
+    FAULTED = 7
+    FINISHED = 8
+
+    @property
+    def free(self) -> bool:
+        """Whether the slot may be opened."""
+        return self in (SlotState.IDLE, SlotState.STOPPED, SlotState.FAULTED, SlotState.FINISHED)
+
+
+@dataclass(frozen=True)
+class SlotFeedback:
+    """One slot: u [cycles], playback rate [1], state, and the generation that it plays."""
+
+    u: float
+    rate: float
+    state: SlotState
+    generation: int
+
+
+@dataclass(frozen=True)
+class FeedbackState:
+    """The machine in one cycle; arrays of shape (K,), SI.
+
+    Attributes:
+        time: [s]. cycle: its number. late_cycles, lost_events: counts since the start.
+        line: line that set this cycle's row, 0 where none runs. estop: the emergency stop is latched.
+        setpoint, velocity: commanded. actual, actual_velocity, torque: from the drives.
+        condition: values of `AxisCondition`.
+    """
+
+    time: float
+    cycle: int
+    late_cycles: int
+    lost_events: int
+    line: int
+    estop: bool
+    setpoint: Array
+    velocity: Array
+    actual: Array
+    actual_velocity: Array
+    torque: Array
+    condition: NDArray[np.int8]
+    slots: tuple[SlotFeedback, ...]
+
+
+class FeedbackRow:
+    """The row that the executor fills in the course of a cycle: views of one array of doubles."""
+
+    def __init__(self, axes: int, slots: int) -> None:
+        self.row: Array = np.zeros(row_width(axes, slots))
+        self.cells = memoryview(self.row)
+        views = [self.row[_HEAD + block * axes : _HEAD + (block + 1) * axes] for block in range(_BLOCKS)]
+        self.setpoint, self.velocity, self.actual, self.actual_velocity, self.torque, self.condition = views
+        self._slots_at = _HEAD + _BLOCKS * axes
+
+    def set_slot(self, slot: int, u: float, rate: float, state: int, generation: int) -> None:
+        at = self._slots_at + slot * _SLOT
+        cells = self.cells
+        cells[at] = u
+        cells[at + 1] = rate
+        cells[at + 2] = state
+        cells[at + 3] = generation
+
+
+def row_width(axes: int, slots: int) -> int:
+    """Doubles in a row."""
+    return _HEAD + _BLOCKS * axes + _SLOT * slots
+
+
+def feedback_ring_size(axes: int, slots: int, cycles: int = CYCLES) -> int:
+    """Bytes that the ring takes."""
+    return 8 * (_HEADER_WORDS + cycles * row_width(axes, slots))
+
+
+class FeedbackRing:
+    """Both ends of the ring.
+
+    Args:
+        buffer: at least `feedback_ring_size` bytes, zeroed; None: memory of this process.
+    """
+
+    def __init__(
+        self, buffer: bytearray | memoryview | None, axes: int, slots: int, cycles: int = CYCLES
+    ) -> None:
+        size = feedback_ring_size(axes, slots, cycles)
+        self._buffer = memoryview(bytearray(size) if buffer is None else buffer)
+        if len(self._buffer) < size:
+            raise ValueError(f"the ring needs {size} bytes, the buffer has {len(self._buffer)}")
+        width = row_width(axes, slots)
+        self._axes, self._slots, self._cycles = axes, slots, cycles
+        self._counter = self._buffer[: 8 * _HEADER_WORDS].cast("q")
+        self._rows: Array = np.frombuffer(self._buffer, np.float64, cycles * width, 8 * _HEADER_WORDS)
+        self._rows = self._rows.reshape(cycles, width)
+
+    def put(self, row: Array) -> None:
+        """Adds a cycle; the oldest one goes."""
+        written = self._counter[0]
+        self._rows[written % self._cycles] = row
+        self._counter[0] = written + 1
+
+    @property
+    def written(self) -> int:
+        """How many cycles were put; the newest row has the sequence number below."""
+        return self._counter[0]
+
+    def since(self, sequence: int, limit: int = CYCLES) -> tuple[int, Array]:
+        """Rows from ``sequence`` on, or from the oldest that is left.
+
+        Returns:
+            Sequence number of the first row, and the rows, shape (n, `row_width`); see `time_of` and the others.
+        """
+        written = self._counter[0]
+        first = max(sequence, written - self._cycles + GUARD, 0)
+        count = max(0, min(written - first, limit))
+        at = first % self._cycles
+        part = min(count, self._cycles - at)
+        rows = np.concatenate([self._rows[at : at + part], self._rows[: count - part]])
+        oldest = self._counter[0] - self._cycles + GUARD
+        spoilt = max(0, min(oldest - first, count))
+        return first + spoilt, rows[spoilt:]
+
+    def latest(self) -> FeedbackState | None:
+        """The newest cycle; None before the first."""
+        while True:
+            written = self._counter[0]
+            if written == 0:
+                return None
+            row = self._rows[(written - 1) % self._cycles].copy()
+            if self._counter[0] - written < self._cycles - GUARD:
+                return self.state_of(row)
+
+    def block(self, rows: Array, name: str) -> Array:
+        """One quantity of rows, shape (n, K): setpoint, velocity, actual, actual_velocity, torque, condition."""
+        names = ("setpoint", "velocity", "actual", "actual_velocity", "torque", "condition")
+        start = _HEAD + names.index(name) * self._axes
+        part: Array = rows[:, start : start + self._axes]
+        return part
+
+    @staticmethod
+    def time_of(rows: Array) -> Array:
+        """Executor times of rows [s]."""
+        part: Array = rows[:, TIME]
+        return part
+
+    @staticmethod
+    def line_of(rows: Array) -> Array:
+        """Lines of rows."""
+        part: Array = rows[:, LINE]
+        return part
+
+    def state_of(self, row: Array) -> FeedbackState:
+        """A row as a value."""
+        blocks = [
+            row[_HEAD + block * self._axes : _HEAD + (block + 1) * self._axes].copy() for block in range(_BLOCKS)
+        ]
+        slots_at = _HEAD + _BLOCKS * self._axes
+        slots = []
+        for slot in range(self._slots):
+            u, rate, state, generation = row[slots_at + slot * _SLOT : slots_at + (slot + 1) * _SLOT].tolist()
+            slots.append(SlotFeedback(u, rate, SlotState(int(state)), int(generation)))
+        return FeedbackState(
+            time=float(row[TIME]),
+            cycle=int(row[CYCLE]),
+            late_cycles=int(row[LATE]),
+            lost_events=int(row[LOST_EVENTS]),
+            line=int(row[LINE]),
+            estop=bool(row[ESTOP]),
+            setpoint=blocks[0],
+            velocity=blocks[1],
+            actual=blocks[2],
+            actual_velocity=blocks[3],
+            torque=blocks[4],
+            condition=blocks[5].astype(np.int8),
+            slots=tuple(slots),
+        )
+
+    def release(self) -> None:
+        """Lets go of the buffer; the object is dead then."""
+        self._rows = np.empty((0, 0))
+        self._counter.release()
+        self._buffer.release()

@@ -1,0 +1,211 @@
+"""One program's ring of setpoint rows and ring of control entries, over one buffer.
+
+Single writer (the planner's side), single reader (the executor's). The counters only grow; each is written by one
+side. A payload is written before the counter that announces it, and read before the counter that frees it: on
+x86-64 stores become visible in program order and CPython reorders nothing, so aligned 8-byte counters are
+enough; other architectures would need a barrier here. A full ring has no room, and nothing is ever overwritten.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.executor.entries import Array, Control, ControlKind
+from mcserver.executor.headroom import WIDTH, AxisLimits, HeadroomWriter
+
+ROWS = 4096
+CONTROLS = 4096
+
+_HEADER_WORDS = 8
+_ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ = range(4)
+# kind, u, line, axes, seconds, operation, token, whether values follow
+_CONTROL = struct.Struct("<qdqQdqqq")
+
+Buffer = bytearray | memoryview
+
+
+def program_ring_size(rows: int, controls: int, axes: int) -> int:
+    """Bytes that a ring takes."""
+    words = _HEADER_WORDS + rows * (3 + 2 * axes + WIDTH) + controls * (_CONTROL.size // 8 + axes)
+    return 8 * words
+
+
+class ProgramRing:
+    """Both ends of the rings of one program; each side makes its own object over the same buffer.
+
+    Args:
+        buffer: at least `program_ring_size` bytes, zeroed; None: memory of this process.
+        axes: K, columns of the machine.
+        limits: what rows are weighed against for overrides above 100 % and for stopping before the ring runs
+            dry; only the writer needs it. None: rows leave headroom without end.
+
+    Attributes:
+        row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); headroom: (rows, WIDTH). Row
+            number n of the program stands at n % rows. The reader's view.
+    """
+
+    def __init__(
+        self,
+        buffer: Buffer | None,
+        rows: int = ROWS,
+        controls: int = CONTROLS,
+        axes: int = 1,
+        limits: AxisLimits | None = None,
+    ) -> None:
+        size = program_ring_size(rows, controls, axes)
+        if buffer is None:
+            buffer = bytearray(size)
+        if len(buffer) < size:
+            raise ValueError(f"the ring needs {size} bytes, the buffer has {len(buffer)}")
+        self.rows = rows
+        self.controls = controls
+        self.axes = axes
+        self._buffer = memoryview(buffer)
+        self._counters = self._buffer[: 8 * _HEADER_WORDS].cast("q")
+        self._offset = 8 * _HEADER_WORDS
+        self.row_u: NDArray[np.int64] = self._words(np.int64, rows)
+        self.row_mask: NDArray[np.uint64] = self._words(np.uint64, rows)
+        self.row_line: NDArray[np.int64] = self._words(np.int64, rows)
+        self.position: Array = self._words(np.float64, rows * axes).reshape(rows, axes)
+        self.velocity: Array = self._words(np.float64, rows * axes).reshape(rows, axes)
+        self.headroom: Array = self._words(np.float64, rows * WIDTH).reshape(rows, WIDTH)
+        self._values: Array = self._words(np.float64, controls * axes).reshape(controls, axes)
+        self._controls_at = self._offset
+        self._weigh = None if limits is None else HeadroomWriter(limits)
+        self._last_u = -1
+        self._last_control_u = 0.0
+
+    def _words(self, kind: type, count: int) -> NDArray[np.generic]:
+        array = np.frombuffer(self._buffer, kind, count, self._offset)
+        self._offset += 8 * count
+        return array
+
+    # ------------------------------------------------------------------ the writer
+
+    def restart(self) -> tuple[int, int]:
+        """A new program begins: u may start at 0 again.
+
+        Returns:
+            Numbers of its first row and first control entry, for the reader to begin at.
+        """
+        self._last_u = -1
+        self._last_control_u = 0.0
+        if self._weigh is not None:
+            self._weigh.restart()
+        return self._counters[_ROWS_WRITTEN], self._counters[_CONTROLS_WRITTEN]
+
+    def row_room(self) -> int:
+        """How many rows fit now."""
+        return self.rows - (self._counters[_ROWS_WRITTEN] - self._counters[_ROWS_READ])
+
+    def control_room(self) -> int:
+        """How many control entries fit now."""
+        return self.controls - (self._counters[_CONTROLS_WRITTEN] - self._counters[_CONTROLS_READ])
+
+    def put_rows(
+        self, first_u: int, position: Array, velocity: Array, axes: NDArray[np.uint64], line: NDArray[np.int64]
+    ) -> None:
+        """Rows at u = first_u, first_u + 1, … (see `MotionSink`).
+
+        Raises:
+            OverflowError: more rows than `row_room`; none was taken.
+            ValueError: u goes back; none was taken.
+        """
+        count = len(line)
+        if count == 0:
+            return
+        if count > self.row_room():
+            raise OverflowError(f"{count} rows do not fit, there is room for {self.row_room()}")
+        if first_u <= self._last_u:
+            raise ValueError(f"row {first_u} comes after row {self._last_u}")
+        headroom = None if self._weigh is None else self._weigh.of(first_u, velocity, axes)
+        written = self._counters[_ROWS_WRITTEN]
+        done = 0
+        while done < count:
+            at = (written + done) % self.rows
+            part = min(count - done, self.rows - at)
+            target, source = slice(at, at + part), slice(done, done + part)
+            self.row_u[target] = np.arange(first_u + done, first_u + done + part)
+            self.row_mask[target] = axes[source]
+            self.row_line[target] = line[source]
+            self.position[target] = position[source]
+            self.velocity[target] = velocity[source]
+            if headroom is None:
+                numbers = np.arange(written + done + 1.0, written + done + part + 1.0)
+                self.headroom[target] = numbers[:, None]
+            else:
+                self.headroom[target] = headroom[source]
+            done += part
+        self._last_u = first_u + count - 1
+        self._counters[_ROWS_WRITTEN] = written + count
+
+    def put_control(self, control: Control) -> None:
+        """One entry (see `MotionSink`); it has to be put before the rows that lie past it.
+
+        Raises:
+            OverflowError: no `control_room`.
+            ValueError: u goes back.
+        """
+        if self.control_room() < 1:
+            raise OverflowError("no room for a control entry")
+        if control.u < self._last_control_u - 1e-6:
+            raise ValueError(f"a control entry at u = {control.u} comes after one at {self._last_control_u}")
+        self._last_control_u = max(control.u, self._last_control_u)
+        written = self._counters[_CONTROLS_WRITTEN]
+        at = written % self.controls
+        if control.values is not None:
+            self._values[at] = control.values
+        _CONTROL.pack_into(
+            self._buffer,
+            self._controls_at + at * _CONTROL.size,
+            control.kind,
+            control.u,
+            control.line,
+            control.axes,
+            control.seconds,
+            control.operation,
+            control.token,
+            control.values is not None,
+        )
+        self._counters[_CONTROLS_WRITTEN] = written + 1
+
+    # ------------------------------------------------------------------ the reader
+
+    @property
+    def rows_written(self) -> int:
+        """Number of the row after the last one."""
+        return self._counters[_ROWS_WRITTEN]
+
+    @property
+    def controls_written(self) -> int:
+        """Number of the control entry after the last one."""
+        return self._counters[_CONTROLS_WRITTEN]
+
+    def free_rows(self, before: int) -> None:
+        """Rows with numbers below ``before`` are read; their room is the writer's again."""
+        self._counters[_ROWS_READ] = before
+
+    def free_controls(self, before: int) -> None:
+        """Control entries with numbers below ``before`` are read."""
+        self._counters[_CONTROLS_READ] = before
+
+    def control(self, number: int) -> Control:
+        """The control entry of that number, which must be written and not freed."""
+        at = number % self.controls
+        kind, u, line, axes, seconds, operation, token, has_values = _CONTROL.unpack_from(
+            self._buffer, self._controls_at + at * _CONTROL.size
+        )
+        values = tuple(self._values[at].tolist()) if has_values else None
+        return Control(ControlKind(kind), u, line, axes, values, seconds, operation, token)
+
+    def release(self) -> None:
+        """Lets go of the buffer, so that shared memory can be closed; the object is dead then."""
+        empty = np.empty(0)
+        self.position = self.velocity = self.headroom = self._values = empty
+        self.row_u = self.row_line = empty.astype(np.int64)
+        self.row_mask = empty.astype(np.uint64)
+        self._counters.release()
+        self._buffer.release()

@@ -1,0 +1,49 @@
+"""All faults of a program in one reading; nothing runs (D-04)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from kinematics.pose import Kinematics
+from mcserver.config import Machine
+from mcserver.errors import Diagnostic
+from mcserver.gcode.interpreter import Interpreter
+from mcserver.gcode.parser import scan_line
+from mcserver.gcode.source import split_lines
+
+Progress = Callable[[int, int], None]
+PROGRESS_STEP = 1000  # lines between two reports
+
+
+def check_program(
+    text: str,
+    machine: Machine,
+    kinematics: Kinematics | None = None,
+    progress: Progress | None = None,
+    *,
+    positions: Mapping[int, float] | None = None,
+    lease: frozenset[int] | None = None,
+) -> list[Diagnostic]:
+    """Every fault of a program, in reading order; tools' paths are solved too.
+
+    After a faulty line the reading goes on from its best guess: a motion's endpoint counts as reached where
+    it can be known, and a feed or tool that could not be read raises no fault in the lines that use it.
+
+    Args:
+        text: the whole program.
+        progress: told (lines read, lines in all) now and then.
+        positions: where the axes start [m or rad]; the drives' initial positions by default.
+        lease: axes that the program may use; all by default.
+    """
+    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease)
+    lines = split_lines(text)
+    found: list[Diagnostic] = []
+    for number, line in enumerate(lines, start=1):
+        found.extend(interpreter.survey(scan_line(line, number)))
+        if progress is not None and number % PROGRESS_STEP == 0:
+            progress(number, len(lines))
+        if interpreter.ended:
+            break
+    if progress is not None:
+        progress(len(lines), len(lines))
+    return found

@@ -1,0 +1,131 @@
+"""The one table of codes: what each is, and which words it takes."""
+
+from __future__ import annotations
+
+import difflib
+import enum
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import msgspec
+
+from mcserver.motion.canonical import AxisOperation
+
+
+class Kind(enum.Enum):
+    """What a code does, as far as grammar cares."""
+
+    MOVE = "move"  # G00-G03: axis words or a tool's pose
+    DIRECT = "direct"  # G1020, G1030, G1040: axis words, never a tool
+    DWELL = "dwell"  # G04
+    AXIS = "axis"  # G1000-G1011
+    SETTING = "setting"  # acts where it stands, moves nothing
+    PROGRAM = "program"  # M00, M01, M02, M30
+    UNKNOWN = "unknown"  # stands in for a code that was refused, so that its words raise no further faults
+
+
+class CommandSpec(msgspec.Struct, frozen=True):
+    """One code.
+
+    Attributes:
+        name: as written by the book, such as ``G01``.
+        title: what it does, in a few words.
+        kind: its part in the grammar.
+        words: letters that it takes besides axis words.
+        takes_axes: whether axis words follow it.
+        rule: rule of the dialect.
+        operation: for axis commands.
+    """
+
+    name: str
+    title: str
+    kind: Kind
+    words: str = ""
+    takes_axes: bool = False
+    rule: str = ""
+    operation: AxisOperation | None = None
+
+    @property
+    def letter(self) -> str:
+        return self.name[0]
+
+    @property
+    def number(self) -> int:
+        return int(self.name[1:])
+
+
+UNKNOWN = CommandSpec("?", "unknown", Kind.UNKNOWN)
+
+COMMANDS: tuple[CommandSpec, ...] = (
+    CommandSpec("G00", "rapid move, every axis at its own limits", Kind.MOVE, "FT", True, "D-20"),
+    CommandSpec("G01", "coordinated linear move", Kind.MOVE, "FT", True, "D-21"),
+    CommandSpec("G02", "clockwise arc, circle or helix", Kind.MOVE, "FTIJKRP", True, "D-22"),
+    CommandSpec("G03", "counter-clockwise arc, circle or helix", Kind.MOVE, "FTIJKRP", True, "D-22"),
+    CommandSpec("G04", "dwell for P seconds", Kind.DWELL, "P", False, "D-24"),
+    CommandSpec("G09", "exact stop for the next motion command", Kind.SETTING, rule="D-15"),
+    CommandSpec("G17", "arc plane XY", Kind.SETTING, rule="D-05"),
+    CommandSpec("G18", "arc plane ZX", Kind.SETTING, rule="D-05"),
+    CommandSpec("G19", "arc plane YZ", Kind.SETTING, rule="D-05"),
+    CommandSpec("G20", "inches", Kind.SETTING, rule="D-13"),
+    CommandSpec("G21", "millimetres", Kind.SETTING, rule="D-13"),
+    CommandSpec("G61", "exact stop on", Kind.SETTING, rule="D-15"),
+    CommandSpec("G64", "exact stop off; P: path tolerance", Kind.SETTING, "P", rule="D-35"),
+    CommandSpec("G90", "absolute positions", Kind.SETTING, rule="D-14"),
+    CommandSpec("G91", "incremental positions", Kind.SETTING, rule="D-14"),
+    CommandSpec("G93", "F in moves per minute", Kind.SETTING, rule="D-30"),
+    CommandSpec("G94", "F in mm, inches or degrees per minute", Kind.SETTING, rule="D-30"),
+    CommandSpec("G1000", "reset drives", Kind.AXIS, "P", False, "D-40", AxisOperation.RESET),
+    CommandSpec("G1001", "switch drives off", Kind.AXIS, "P", False, "D-40", AxisOperation.OFF),
+    CommandSpec("G1002", "stop drives", Kind.AXIS, "P", False, "D-40", AxisOperation.STOP),
+    CommandSpec("G1010", "capture: energize and hold", Kind.AXIS, "P", False, "D-40", AxisOperation.CAPTURE),
+    CommandSpec("G1011", "release: stop transmitting", Kind.AXIS, "P", False, "D-40", AxisOperation.RELEASE),
+    CommandSpec("G1020", "servo move, not waited for", Kind.DIRECT, "F", True, "D-25"),
+    CommandSpec("G1030", "motor speed in RPM", Kind.DIRECT, "", True, "D-26"),
+    CommandSpec("G1040", "torque in Nm", Kind.DIRECT, "", True, "D-26"),
+    CommandSpec("G1050", "no tool: axis words name axes again", Kind.SETTING, rule="D-50"),
+    CommandSpec("M00", "pause until resumed", Kind.PROGRAM, rule="D-05"),
+    CommandSpec("M01", "pause until resumed", Kind.PROGRAM, rule="D-05"),
+    CommandSpec("M02", "end of program", Kind.PROGRAM, rule="D-05"),
+    CommandSpec("M30", "end of program", Kind.PROGRAM, rule="D-05"),
+)
+
+# keyed by letter and by the number's text without leading zeros: no conversion of endless digit strings
+BY_TEXT: Mapping[tuple[str, str], CommandSpec] = MappingProxyType(
+    {(spec.letter, str(spec.number)): spec for spec in COMMANDS}
+)
+MOVES: Mapping[int, CommandSpec] = MappingProxyType(
+    {spec.number: spec for spec in COMMANDS if spec.kind is Kind.MOVE}
+)
+
+_ABSENT_FAMILIES: tuple[tuple[str, range, str], ...] = (
+    ("G", range(40, 50), "there is no tool compensation here; program the tool's own path"),
+    ("G", range(53, 60), "there are no work offsets here; program the axes' own positions"),
+    ("G", range(80, 90), "there are no canned cycles here; write the moves out"),
+    ("M", range(3, 6), "a spindle is an axis: use G1030"),
+    ("M", range(6, 7), "T alone chooses the tool"),
+)
+
+
+def find_command(letter: str, text: str) -> CommandSpec | None:
+    """The code ``G`` or ``M`` with the number as written, or None; ``1``, ``01`` and ``001`` are one code."""
+    return BY_TEXT.get((letter, text.lstrip("0") or "0"))
+
+
+def nearest_command(letter: str, text: str) -> str:
+    """A hint for a code that is not in the table: what is absent here, or the nearest known code."""
+    digits = text.lstrip("0") or "0"
+    if "." in digits or not digits.isdigit():
+        return "codes are whole numbers, such as G01"
+    if len(digits) > 6:
+        return "codes have at most four digits"
+    number = int(digits)
+    for family, numbers, hint in _ABSENT_FAMILIES:
+        if letter == family and number in numbers:
+            return hint
+    names = [spec.name for spec in COMMANDS if spec.letter == letter]
+    written = f"{letter}{number:02d}"
+    near = difflib.get_close_matches(written, names, n=5, cutoff=0.6)
+    near.sort(key=lambda name: abs(len(name) - len(written)))
+    if not near:
+        near = sorted(names, key=lambda name: abs(int(name[1:]) - number))[:1]
+    return f"did you mean {near[0]}?"

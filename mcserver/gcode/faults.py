@@ -1,0 +1,98 @@
+"""Faults of one line, gathered before any of it acts (D-04)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from mcserver.errors import Diagnostic, ProgramRejected
+
+Span = tuple[int, int]
+
+# one title a code: the first line of a rendered diagnostic; the message gives the values
+TITLES: Mapping[str, str] = MappingProxyType(
+    {
+        "MC100": "the program is not UTF-8 text",
+        "MC101": "the letter O stands where a digit 0 is meant",
+        "MC102": "this is not a number",
+        "MC103": "this is not a word",
+        "MC104": "the chord is longer than the diameter",
+        "MC105": "this character cannot stand in code",
+        "MC106": "the comment's parentheses do not match",
+        "MC107": "the comma group is empty",
+        "MC108": "there is no such axis",
+        "MC109": "the axis is outside the program's lease",
+        "MC110": "unknown code",
+        "MC111": "the word stands twice in one command",
+        "MC112": "the command does not take this word",
+        "MC113": "the words belong to no command",
+        "MC114": "one axis is moved twice in one line",
+        "MC115": "these commands cannot stand together",
+        "MC116": "the number is out of range",
+        "MC117": "the line number does not fit",
+        "MC118": "a word is missing",
+        "MC120": "the feed rate must be above zero",
+        "MC121": "no feed rate is in force",
+        "MC122": "G94 has no speed for these axes",
+        "MC130": "the arc is not defined",
+        "MC131": "the offset lies outside the arc's plane",
+        "MC132": "the arc's plane is not clear",
+        "MC133": "the arc's start and end radius differ",
+        "MC134": "an arc with R needs two different points",
+        "MC135": "the arc's radius is zero",
+        "MC136": "the number of turns does not fit",
+        "MC137": "an arc needs linear axes",
+        "MC201": "the move leaves the axis's travel",
+        "MC202": "the speed is above the axis's limit",
+        "MC310": "there is no such tool",
+        "MC311": "the tool takes no orientation",
+        "MC312": "axes cannot be named while a tool is in force",
+        "MC313": "tools need the kinematics extra",
+    }
+)
+
+
+class FaultList:
+    """Collects the diagnostics of one line."""
+
+    __slots__ = ("found", "line")
+
+    def __init__(self, line: int) -> None:
+        self.line = line
+        self.found: list[Diagnostic] = []
+
+    def add(
+        self,
+        code: str,
+        message: str,
+        span: Span,
+        hint: str = "",
+        *,
+        axis: int | None = None,
+        tool: int | None = None,
+        residual_mm: float | None = None,
+    ) -> None:
+        """One more fault; ``span`` is (column, end column), from 1, end exclusive."""
+        self.found.append(
+            Diagnostic(
+                code=code,
+                message=message,
+                line=self.line,
+                column=span[0],
+                end_column=span[1],
+                hint=hint,
+                axis=axis,
+                tool=tool,
+                residual_mm=residual_mm,
+            )
+        )
+
+    def in_reading_order(self) -> tuple[Diagnostic, ...]:
+        return tuple(sorted(self.found, key=lambda fault: (fault.column, fault.end_column)))
+
+    def raise_if_any(self) -> None:
+        """Raises:
+        ProgramRejected: with every fault of the line.
+        """
+        if self.found:
+            raise ProgramRejected(self.in_reading_order())

@@ -1,0 +1,97 @@
+"""A diagnostic as plain text, in the manner of a compiler: the line, a caret under the place, the remedy."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Sequence
+
+from mcserver.errors import Diagnostic
+from mcserver.gcode.faults import TITLES
+
+TAB = 4  # columns that a tab is shown as
+WINDOW = 100  # columns of a line that are shown; longer lines are cut around the place
+ELLIPSIS = "…"
+
+
+def render(diagnostic: Diagnostic, source_lines: Sequence[str], path: str) -> str:
+    """The diagnostic over several lines, without colour and without a final line end.
+
+    Args:
+        source_lines: lines of the program; a diagnostic without a line of them is shown without excerpt.
+        path: name of the program.
+    """
+    title = TITLES.get(diagnostic.code, "")
+    head = f"{diagnostic.severity}[{diagnostic.code}]: {title or diagnostic.message}"
+    lines = [head]
+    label = diagnostic.message if title else ""
+    if diagnostic.line > 0:
+        place = f":{diagnostic.column}" if diagnostic.column > 0 else ""
+        lines.append(f" --> {path}:{diagnostic.line}{place}")
+    else:
+        lines.append(f" --> {path}")
+    width = 1
+    if 0 < diagnostic.line <= len(source_lines):
+        margin = str(diagnostic.line)
+        width = len(margin)
+        shown, before, marked = excerpt(
+            source_lines[diagnostic.line - 1], diagnostic.column, diagnostic.end_column
+        )
+        lines.append(f"{margin} | {shown}".rstrip())
+        if diagnostic.column > 0:
+            lines.append(f"{' ' * width} | {' ' * before}{'^' * marked} {label}".rstrip())
+            label = ""
+    if label:
+        lines.append(f"{' ' * width} = {label}")
+    if diagnostic.hint:
+        lines.append(f"{' ' * width} = help: {diagnostic.hint}")
+    return "\n".join(lines)
+
+
+def excerpt(line: str, column: int, end_column: int) -> tuple[str, int, int]:
+    """What is shown of a line: its text, the columns of a terminal before the mark, and the mark's width.
+
+    Tabs become blanks, control characters their pictures; wide characters count as two columns, combining
+    ones as none. Of a line longer than `WINDOW` the part around the place is shown.
+
+    Args:
+        column, end_column: code points from 1, end exclusive; 0: no place.
+    """
+    first = max(0, min(column - 1, len(line)))
+    last = max(first, min(end_column - 1, len(line)))
+    start, stop = _window(len(line), first, last)
+    text = "".join(_shown(character) for character in line[start:stop])
+    lead = ELLIPSIS if start > 0 else ""
+    tail = ELLIPSIS if stop < len(line) else ""
+    before = _width(lead) + sum(_width(_shown(character)) for character in line[start:first])
+    marked = sum(_width(_shown(character)) for character in line[first : min(last, stop)])
+    return lead + text + tail, before, max(1, marked)
+
+
+def _window(length: int, first: int, last: int) -> tuple[int, int]:
+    if length <= WINDOW:
+        return 0, length
+    marked = min(last - first, WINDOW // 2)
+    start = max(0, min(first - (WINDOW - marked) // 2, length - WINDOW))
+    return start, min(length, start + WINDOW)
+
+
+def _shown(character: str) -> str:
+    if character == "\t":
+        return " " * TAB
+    code = ord(character)
+    if code < 0x20:
+        return chr(0x2400 + code)
+    if code == 0x7F:
+        return "\u2421"
+    if unicodedata.category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp"):
+        return "\ufffd"
+    return character
+
+
+def _width(text: str) -> int:
+    columns = 0
+    for character in text:
+        if unicodedata.combining(character) or unicodedata.category(character) in ("Mn", "Me"):
+            continue
+        columns += 2 if unicodedata.east_asian_width(character) in ("W", "F") else 1
+    return columns

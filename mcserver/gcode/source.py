@@ -1,0 +1,47 @@
+"""From bytes to lines of text (D-01)."""
+
+from __future__ import annotations
+
+from mcserver.errors import Diagnostic, ProgramRejected
+
+BOM = "\ufeff"
+
+
+def decode(raw: bytes) -> str:
+    """The text of a program file, without its byte order mark.
+
+    Raises:
+        ProgramRejected: MC100 at the first byte that is not UTF-8.
+    """
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        before = raw[: error.start]
+        line_start = before.rfind(b"\n") + 1
+        column = len(before[line_start:].decode("utf-8").removeprefix(BOM)) + 1
+        hint = "save the file as UTF-8"
+        if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            hint = "the file looks like UTF-16; save it as UTF-8"
+        raise ProgramRejected(
+            [
+                Diagnostic(
+                    code="MC100",
+                    message=f"the byte 0x{raw[error.start]:02X} is not UTF-8",
+                    line=before.count(b"\n") + 1,
+                    column=column,
+                    end_column=column + 1,
+                    hint=hint,
+                )
+            ]
+        ) from error
+    return text.removeprefix(BOM)
+
+
+def split_lines(text: str) -> list[str]:
+    """Lines without their ends: LF or CR LF and nothing else; a lone CR stays in its line (D-01)."""
+    pieces = text.removeprefix(BOM).split("\n")
+    last = pieces.pop()
+    lines = [piece[:-1] if piece.endswith("\r") else piece for piece in pieces]
+    if last:
+        lines.append(last)
+    return lines

@@ -1,0 +1,45 @@
+"""Words: a letter or ``[n]``, and a number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import msgspec
+
+AXIS_LETTERS: Mapping[str, int] = MappingProxyType(
+    {"X": 0, "Y": 1, "Z": 2, "A": 3, "B": 4, "C": 5, "U": 0, "V": 1, "W": 2}
+)
+INCREMENTAL_LETTERS = frozenset("UVW")
+LETTERS = frozenset("ABCFGIJKMNPRTUVWXYZ")
+MAX_AXIS = 63
+LARGEST = 1e9  # in any unit; keeps every square and product finite
+
+
+class Word(msgspec.Struct, frozen=True, gc=False):
+    """One word.
+
+    Attributes:
+        letter: upper case; ``[`` for an axis by its number.
+        value: the number; NaN for one that was faulty, in a line that is rejected all the same.
+        index: which token of the line it is; `ParsedLine.span` knows its columns.
+        axis: 0-63 for axis words, else -1.
+        text: the number as written.
+    """
+
+    letter: str
+    value: float
+    index: int
+    axis: int
+    text: str
+
+    @property
+    def shown(self) -> str:
+        """As it is called in messages."""
+        name = f"[{self.axis}]" if self.letter == "[" else self.letter
+        text = self.text if len(self.text) <= 24 else f"{self.text[:20]}…"
+        return name + text
+
+    @property
+    def name(self) -> str:
+        return f"[{self.axis}]" if self.letter == "[" else self.letter

@@ -1,0 +1,294 @@
+"""Time laws over many segments: no stop where none is needed, no limit broken anywhere (D-33, D-35, D-36).
+
+A *run* is a chain of segments on one coordinate σ. Its nodes are the joints. Key nodes, at which acceleration
+is zero, are found by the caps that bind: a stretch between two keys is solved as if nothing bound it; where the
+result passes a cap, the lowest such cap becomes a key and both sides are solved again. Segments of G93 stand
+between keys of their own, since each has its T.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcserver.motion.limits import Demand, Level, RunLimits, SpeedLimit, junction, samples_of, speed_limit
+from mcserver.motion.path import Array
+from mcserver.motion.profile import Phases, Profile, ProfileSolver, join, reachable_speed
+from mcserver.motion.ramps import exactly, fastest
+from mcserver.motion.segment import AxisLimits, Segment
+
+_SLACK = 1.0 + 1e-9
+
+
+@dataclass
+class Node:
+    """A segment with what is known of it alone.
+
+    Attributes:
+        cap: greatest speed at its start, from the joint with the segment before.
+        limit: greatest speed by the axes, and which one binds. top: with the feed too.
+        demand: samples, with the vertices at both ends.
+    """
+
+    segment: Segment
+    cap: float
+    limit: SpeedLimit
+    top: float
+    demand: Demand
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What stretched a segment: column and kind of limit."""
+
+    column: int
+    kind: str
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """A time law over segments.
+
+    Attributes:
+        segments: in order. bounds: σ at their starts and at the end, shape (n+1,).
+        phases: σ over time. times: at ``bounds``, shape (n+1,) [s].
+        bound_by: for each segment what limit stretched it, or None.
+    """
+
+    segments: list[Segment]
+    bounds: Array
+    phases: Phases
+    times: Array
+    bound_by: list[Bound | None]
+
+
+class Lookahead:
+    """Collects segments into a run and gives its time law."""
+
+    def __init__(self, limits: AxisLimits) -> None:
+        self._limits = limits
+        self._solver = ProfileSolver()
+        self._run: RunLimits
+        self.nodes: list[Node] = []
+        self.entry = 0.0
+
+    def append(self, segment: Segment, *, from_rest: bool = False) -> None:
+        """Joins a segment that travels to the run; the joint's cap says whether it can flow."""
+        limits = self._limits
+        width = len(limits.velocity)
+        cap = 0.0
+        joint: Demand | None = None
+        if self.nodes and not from_rest:
+            before = self.nodes[-1].segment
+            end = math.sqrt(float(before.last @ before.last))
+            begin = math.sqrt(float(segment.first @ segment.first))
+            if end > 0.0 and begin > 0.0:
+                natural = segment.scale
+                segment.scale = begin * before.scale / end
+                met = junction(before, segment, limits)
+                cap, joint = met.speed, met.demand
+                if cap <= 0.0:
+                    segment.scale = natural
+        demand = samples_of(segment, width)
+        limit = speed_limit(demand, limits)
+        if joint is not None:
+            demand = Demand.stack([demand, joint])
+            last = self.nodes[-1]
+            last.demand = Demand.stack([last.demand, joint])
+        top = min(limit.velocity, segment.feed * segment.scale)
+        self.nodes.append(Node(segment, cap, limit, top, demand))
+
+    # ------------------------------------------------------------------ planning
+
+    def plan(self) -> PlannedRun:
+        """The time law of the whole run from `entry` speed to rest."""
+        nodes = self.nodes
+        count = len(nodes)
+        bounds = np.concatenate([[0.0], np.cumsum([node.segment.extent for node in nodes])])
+        self._run = RunLimits([node.demand for node in nodes], np.array([node.top for node in nodes]), self._limits)
+        tops = self._run.tops
+        caps = np.empty(count + 1)
+        caps[:-1] = [node.cap for node in nodes]
+        caps[0], caps[-1] = self.entry, 0.0
+        caps[1:-1] = np.minimum(caps[1:-1], np.minimum(tops[:-1], tops[1:]))
+        for index, node in enumerate(nodes):
+            duration = node.segment.duration
+            if duration is not None:
+                nominal = node.segment.extent / duration
+                for end in (index, index + 1):
+                    if 0 < end < count:
+                        caps[end] = min(caps[end], nominal)
+        keys = [0]
+        for index in range(1, count):
+            timed = nodes[index].segment.duration is not None or nodes[index - 1].segment.duration is not None
+            if timed or caps[index] <= 0.0:
+                keys.append(index)
+        keys.append(count)
+        stretches, bound_by = self._settle(keys, bounds, caps)
+        phases = join([profile for stretch in stretches for profile in stretch])
+        times = phases.time_at(bounds)
+        self._feed_bounds(times, bound_by)
+        return PlannedRun([node.segment for node in nodes], bounds, phases, times, bound_by)
+
+    def _settle(
+        self, keys: list[int], bounds: Array, caps: Array
+    ) -> tuple[list[list[Profile]], list[Bound | None]]:
+        """Adds keys until no stretch passes a cap; each round binds the lowest cap of each stretch that does."""
+        solved: dict[tuple[int, int, float, float], list[Profile]] = {}
+        bound_by: list[Bound | None] = [None] * len(self.nodes)
+        split: set[int] = set()
+        for _ in range(4 * len(self.nodes) + 8):
+            speeds = self._key_speeds(keys, bounds, caps)
+            found: list[int] = []
+            result: list[list[Profile]] = []
+            for left, right in zip(keys[:-1], keys[1:], strict=True):
+                question = (left, right, speeds[left], speeds[right])
+                answer = solved.get(question)
+                if answer is None:
+                    if self.nodes[left].segment.duration is not None:
+                        answer, bound_by[left] = self._timed(left, speeds[left], speeds[right])
+                    else:
+                        answer = self._stretch(left, right, speeds[left], speeds[right], bounds)
+                        found += self._bind(left, right, answer, bounds, caps, split)
+                    solved[question] = answer
+                result.append(answer)
+            if not found:
+                return result, bound_by
+            keys = sorted({*keys, *found})
+        raise PlanningError(self.nodes[0].segment.line)
+
+    def _bind(
+        self, left: int, right: int, profiles: list[Profile], bounds: Array, caps: Array, split: set[int]
+    ) -> list[int]:
+        """Nodes of a stretch that have to become keys."""
+        if right - left == 1:
+            return []
+        worst = self._worst(left, right, profiles, bounds, caps)
+        if worst is not None:
+            return [worst]
+        if left in split and right in split:
+            return []
+        better = self._plateau_nodes(left, right, profiles, bounds)
+        top = max(part.peak_velocity for part in profiles)
+        for node in better:
+            caps[node] = min(caps[node], top)
+        split.update(better, (left, right))
+        return better
+
+    def _key_speeds(self, keys: list[int], bounds: Array, caps: Array) -> dict[int, float]:
+        """Speeds at keys so that each can be reached from its neighbours (forward and backward pass)."""
+        speeds = {key: float(caps[key]) for key in keys}
+        pairs = list(zip(keys[:-1], keys[1:], strict=True))
+        for order in (pairs, [(b, a) for a, b in pairs[::-1]]):
+            for known, key in order:
+                if speeds[key] > speeds[known]:
+                    acceleration, jerk = self._run.weakest(min(known, key), max(known, key))
+                    distance = abs(float(bounds[key] - bounds[known])) * (1.0 - 1e-9)
+                    speeds[key] = reachable_speed(speeds[known], distance, acceleration, jerk, speeds[key])
+        if speeds[0] < self.entry * (1.0 - 1e-9):
+            # the speed that is already there cannot be brought down by the limits assumed here
+            raise PlanningError(self.nodes[0].segment.line)
+        return speeds
+
+    def _timed(self, index: int, entry: float, exit_: float) -> tuple[list[Profile], Bound | None]:
+        """One G93 segment: T to the rounding error where the limits allow it, else as short as they allow."""
+        node = self.nodes[index]
+        duration = node.segment.duration
+        assert duration is not None
+        ladder = self._run.ladder(index, index + 1)
+        kept = exactly(self._solver, node.segment.extent, entry, exit_, ladder, duration)
+        if kept is not None:
+            return kept, None
+        quickest = fastest(self._solver, node.segment.extent, entry, exit_, ladder)
+        if quickest is None:
+            raise PlanningError(node.segment.line)
+        return quickest, self._bound_of(node, quickest, ladder)
+
+    def _bound_of(self, node: Node, profiles: list[Profile], ladder: list[Level]) -> Bound:
+        peak = max(part.peak_velocity for part in profiles)
+        if peak >= 0.999 * ladder[-1].velocity:
+            return Bound(node.limit.column, node.limit.kind)
+        slope = node.demand.slope.max(axis=0)
+        with np.errstate(divide="ignore"):
+            by_acceleration = self._limits.acceleration / np.maximum(slope, 1e-300)
+            by_jerk = self._limits.jerk / np.maximum(slope, 1e-300)
+        strongest = max(part.peak_acceleration for part in profiles)
+        if strongest >= 0.999 * min(level.acceleration for level in ladder):
+            return Bound(int(np.argmin(by_acceleration)), "acceleration")
+        return Bound(int(np.argmin(by_jerk)), "jerk")
+
+    def _feed_bounds(self, times: Array, bound_by: list[Bound | None]) -> None:
+        for index, node in enumerate(self.nodes):
+            segment = node.segment
+            if segment.duration is None and node.limit.velocity < segment.feed * segment.scale * (1.0 - 1e-9):
+                if times[index + 1] - times[index] > segment.requested * (1.0 + 1e-9):
+                    bound_by[index] = Bound(node.limit.column, node.limit.kind)
+
+    # ------------------------------------------------------------------ stretches under G94
+
+    def _stretch(self, left: int, right: int, entry: float, exit_: float, bounds: Array) -> list[Profile]:
+        """Profiles between two keys as if no cap bound them between."""
+        distance = float(bounds[right] - bounds[left])
+        solved = fastest(self._solver, distance, entry, exit_, self._run.ladder(left, right))
+        if solved is None:
+            # the speeds were chosen for the weakest of the limits: with these they can be joined
+            acceleration, jerk = self._run.weakest(left, right)
+            top = max(entry, exit_, float(self._run.tops[left:right].min()))
+            solved = fastest(self._solver, distance, entry, exit_, [Level(top, acceleration, jerk)])
+        if solved is None:
+            raise PlanningError(self.nodes[left].segment.line)
+        return solved
+
+    def _worst(self, i: int, j: int, profiles: list[Profile], bounds: Array, caps: Array) -> int | None:
+        """The node to bind: one at the lowest cap which the profiles pass, or None."""
+        tops = self._run.tops
+        phases = join(profiles)
+        inner = bounds[i + 1 : j] - bounds[i]
+        at_nodes = phases.at(phases.time_at(inner))[1]
+        speeds = np.concatenate([[profiles[0].velocities[0]], at_nodes, [profiles[-1].velocities[-1]]])
+        # speed rises to one peak and falls: elsewhere the greatest is at an end of a segment
+        in_segments = np.maximum(speeds[:-1], speeds[1:])
+        peak = int(np.argmax(phases.velocity))
+        where = int(np.clip(np.searchsorted(inner, phases.position[peak], side="right"), 0, j - i - 1))
+        in_segments[where] = max(in_segments[where], phases.velocity[peak])
+        worst, lowest = None, math.inf
+        over = np.nonzero(at_nodes > caps[i + 1 : j] * _SLACK)[0]
+        if len(over):
+            best = int(over[np.argmin(caps[i + 1 : j][over])])
+            worst, lowest = i + 1 + best, float(caps[i + 1 + best])
+        over = np.nonzero(in_segments > tops[i:j] * _SLACK)[0]
+        if len(over):
+            segment = i + int(over[np.argmin(tops[i:j][over])])
+            if tops[segment] < lowest:
+                # a segment is bound by keys at both of its ends: the one that is not a key yet
+                worst = segment if segment > i else segment + 1
+        return worst
+
+    def _plateau_nodes(self, i: int, j: int, solved: list[Profile], bounds: Array) -> list[int]:
+        """Nodes passed at constant top speed whose outer sides have better limits than the whole."""
+        top = max(part.peak_velocity for part in solved)
+        origin = float(bounds[i])
+        span: tuple[float, float] | None = None
+        for part in solved:
+            if part.plateau[1] > part.plateau[0] and part.peak_velocity >= top * (1.0 - 1e-12):
+                span = (origin + part.plateau[0], origin + part.plateau[1])
+            origin += part.positions[-1]
+        if span is None:
+            return []
+        weak = [self._run.weakest(k, k + 1)[0] for k in (i, j - 1)]
+        if max(weak) <= 1.1 * self._run.weakest(i, j)[0]:
+            return []
+        inside = [k for k in range(i + 1, j) if span[0] <= bounds[k] <= span[1]]
+        if not inside:
+            return []
+        return sorted({inside[0], inside[-1]})
+
+
+class PlanningError(Exception):
+    """No time law was found that keeps the limits: the line is refused rather than moved wrongly."""
+
+    def __init__(self, line: int) -> None:
+        super().__init__(f"no time law for line {line}")
+        self.line = line

@@ -1,0 +1,322 @@
+"""The planner of one program: feed groups in, setpoint rows out, with a window that always ends at rest.
+
+The window holds segments that flow into each other. Its time law always comes to rest at its end. A stretch is
+committed from the window's beginning up to a moment without acceleration that lies before that stop; what is
+left starts there at the speed reached, and is planned anew as more lines arrive. So the motion can always
+stop on the path, and never stops where more lines are there in time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcserver.config import Machine
+from mcserver.motion.canonical import FeedGroup
+from mcserver.motion.lookahead import Bound, Lookahead, PlannedRun
+from mcserver.motion.path import Array
+from mcserver.motion.sampling import CYCLE_ROUNDING, Rows, first_row, sample, whole_cycle
+from mcserver.motion.segment import AxisLimits, Segment, segment_of
+
+# Segments in the window: enough for any stopping distance made of short lines, few enough to plan quickly.
+WINDOW = 512
+# Rows in one piece of output.
+PIECE = 500
+
+_ONE = np.array([1.0])
+
+
+@dataclass(frozen=True)
+class LineMark:
+    """A line begins or ends at u [cycles]."""
+
+    u: float
+    line: int
+    ends: bool
+
+
+@dataclass(frozen=True)
+class LineBound:
+    """A limit has stretched the line."""
+
+    line: int
+    bound: Bound
+
+
+@dataclass(frozen=True)
+class Activation:
+    """Rows drive the columns of ``mask`` from u on."""
+
+    u: float
+    line: int
+    mask: int
+
+
+@dataclass(frozen=True)
+class Deactivation:
+    """Rows have stopped to drive the columns of ``mask`` at u."""
+
+    u: float
+    line: int
+    mask: int
+
+
+Piece = Rows | LineMark | LineBound | Activation | Deactivation
+
+
+class MotionPlanner:
+    """Turns the feed groups of one program into pieces of output.
+
+    Attributes:
+        u: end of what has been committed, on the program's time axis [cycles].
+        position: commanded end of all columns, shape (K,) [m or rad].
+    """
+
+    def __init__(self, machine: Machine, position: Array) -> None:
+        self._limits = AxisLimits.of(machine)
+        self._cycle = machine.cycle_s
+        self._slots = {axis.index: column for column, axis in enumerate(machine.axes)}
+        self._width = len(machine.axes)
+        self.position: Array = position.copy()
+        self.u = 0.0
+        self._window = Lookahead(self._limits)
+        self._plan: PlannedRun | None = None
+        self._active = 0
+        self._announced = 0
+
+    @property
+    def pending(self) -> int:
+        """Segments in the window."""
+        return len(self._window.nodes)
+
+    @property
+    def full(self) -> bool:
+        return self.pending >= WINDOW
+
+    @property
+    def moving(self) -> bool:
+        """Whether what has been committed ends with a speed."""
+        return bool(self._window.nodes) and self._window.entry > 0.0
+
+    @property
+    def end_u(self) -> float:
+        """Where all that is in the window ends [cycles]."""
+        if not self._window.nodes:
+            return self.u
+        return self.u + self._solved().phases.duration / self._cycle
+
+    def segment(self, group: FeedGroup, line: int) -> Segment:
+        """The segment of a group; the commanded position moves on to its end."""
+        segment = segment_of(group, line, self._slots, self._width)
+        segment.base = self.position.copy()
+        for curve, columns in zip(group.curves, segment.columns, strict=True):
+            self.position[columns] = curve.position(_ONE)[0]
+        return segment
+
+    def append(self, segment: Segment, *, from_rest: bool = False) -> None:
+        """Adds a segment that travels to the window; ``from_rest`` makes the motion stop before it."""
+        self._active |= segment.mask
+        segment.active = self._active
+        self._window.append(segment, from_rest=from_rest)
+        self._plan = None
+
+    def _solved(self) -> PlannedRun:
+        if self._plan is None:
+            self._plan = self._window.plan()
+        return self._plan
+
+    # ------------------------------------------------------------------ committing
+
+    def commit(self, want: float = math.inf) -> Iterator[Piece] | None:
+        """Commits up to ``want`` [cycles] or a little more, but not the stop at the window's end.
+
+        Returns:
+            The output, to be taken in full before the next call; None where only the stop is left.
+        """
+        if not self._window.nodes:
+            return None
+        plan = self._solved()
+        moment = self._moment(plan, (want - self.u) * self._cycle)
+        if moment <= 0.0:
+            return None
+        nodes = self._window.nodes
+        index = int(np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(nodes) - 1))
+        sigma, speed = (float(x[0]) for x in plan.phases.at(np.array([moment])))
+        kept = nodes[index:]
+        gone = moment - float(plan.times[index])
+        if gone > 1e-12:
+            # what is left of a segment under way
+            segment = kept[0].segment
+            begin = segment.begin + (sigma - float(plan.bounds[index])) / segment.scale
+            kept[0] = dataclasses.replace(kept[0], segment=dataclasses.replace(segment, begin=begin, opens=False))
+        window = Lookahead(self._limits)
+        window.nodes = kept
+        window.entry = speed
+        origin, self.u = self.u, self.u + moment / self._cycle
+        self._window = window
+        self._plan = None
+        return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
+
+    def close(self) -> Iterator[Piece]:
+        """Commits all that is in the window, its stop included."""
+        if not self._window.nodes:
+            return iter(())
+        plan = self._solved()
+        origin, end = self.u, self.u + plan.phases.duration / self._cycle
+        # the row at the first whole cycle holds the target; what follows starts there
+        self.u = float(whole_cycle(end))
+        self._window = Lookahead(self._limits)
+        self._plan = None
+        mask = self._active
+        self._active = 0
+        return self._closing(plan, origin, end, mask)
+
+    def _closing(self, plan: PlannedRun, origin: float, end: float, mask: int) -> Iterator[Piece]:
+        yield from self._output(plan, origin, whole_cycle(end), math.inf)
+        self._announced = 0
+        yield Deactivation(float(whole_cycle(end)), plan.segments[-1].line, mask)
+
+    def _output(self, plan: PlannedRun, origin: float, last: int, until: float) -> Iterator[Piece]:
+        """Rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s], in order of u."""
+        low = first_row(origin)
+        for index, segment in enumerate(plan.segments):
+            begins, ends = float(plan.times[index]), float(plan.times[index + 1])
+            if begins >= until:
+                break
+            # rows up to the segment's beginning come before its marks
+            before = min(math.floor(origin + begins / self._cycle + CYCLE_ROUNDING), last)
+            while low <= before:
+                high = min(low + PIECE - 1, before)
+                yield sample(plan, origin, low, high, self._cycle)
+                low = high + 1
+            u = origin + begins / self._cycle
+            new = segment.active & ~self._announced
+            if new:
+                self._announced |= new
+                yield Activation(u, segment.line, new)
+            if segment.opens:
+                yield LineMark(u, segment.line, ends=False)
+            if ends <= until:
+                stop = min(math.floor(origin + ends / self._cycle + CYCLE_ROUNDING), last)
+                while low <= stop:
+                    high = min(low + PIECE - 1, stop)
+                    yield sample(plan, origin, low, high, self._cycle)
+                    low = high + 1
+                bound = plan.bound_by[index]
+                if bound is not None:
+                    yield LineBound(segment.line, bound)
+                if segment.closes:
+                    yield LineMark(origin + ends / self._cycle, segment.line, ends=True)
+        while low <= last:
+            high = min(low + PIECE - 1, last)
+            yield sample(plan, origin, low, high, self._cycle)
+            low = high + 1
+
+    def _moment(self, plan: PlannedRun, want: float) -> float:
+        """A moment without acceleration at or after ``want`` [s], before the stop begins; 0: there is none."""
+        safe = self._stop_begins(plan)
+        if want >= safe:
+            return safe
+        phases = plan.phases
+        trace = 1e-6 * float(np.abs(phases.acceleration).max())
+        moment = max(want, 0.0)
+        index = int(np.clip(np.searchsorted(phases.start, moment, side="right") - 1, 0, len(phases.start) - 1))
+        while index < len(phases.start):
+            constant = abs(phases.acceleration[index]) <= trace and phases.jerk[index] == 0.0
+            if constant and phases.velocity[index] > 0.0:
+                break
+            index += 1
+            if index < len(phases.start):
+                moment = float(phases.start[index])
+        moment = min(moment, safe)
+        # a line with a time of its own is not cut inside
+        segment = int(np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(plan.segments) - 1))
+        if plan.segments[segment].duration is not None:
+            moment = min(float(plan.times[segment + 1]), safe)
+        return moment
+
+    def _stop_begins(self, plan: PlannedRun) -> float:
+        """The last moment without acceleration before the stop at the end [s]; 0 where the run is one such stop."""
+        if plan.segments[-1].duration is not None:
+            # one profile from its entry to rest: nothing of it is settled before the next line is known
+            return float(plan.times[-2])
+        phases = plan.phases
+        index = len(phases.start)
+        # rounding leaves traces of acceleration where it should be zero
+        trace = 1e-6 * float(np.abs(phases.acceleration).max())
+        while index > 0:
+            a, j = phases.acceleration[index - 1], phases.jerk[index - 1]
+            if not (a < -trace or (abs(a) <= trace and j < 0.0)):
+                break
+            index -= 1
+        if index == 0 or index == len(phases.start):
+            return 0.0
+        moment = float(phases.start[index])
+        segment = int(np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(plan.segments) - 1))
+        if plan.segments[segment].duration is not None:
+            moment = float(plan.times[segment])
+        return moment
+
+    # ------------------------------------------------------------------ with an empty window
+
+    def rest(self, cycles: float) -> None:
+        """Lets time pass without motion."""
+        self.u += cycles
+
+    def to_whole_cycle(self) -> None:
+        """Moves on to a whole cycle, where waits stand."""
+        self.u = float(whole_cycle(self.u))
+
+    def together(
+        self, groups: list[FeedGroup], line: int
+    ) -> tuple[Iterator[Piece], list[PlannedRun | None], float]:
+        """Groups that start together, each with a time law of its own from rest to rest (D-32).
+
+        Returns:
+            The output, which ends with the longest group, the groups' time laws (None: no travel), and
+            where the longest one ends on the program's time axis [cycles].
+        """
+        base = self.position.copy()
+        runs: list[PlannedRun | None] = []
+        mask = 0
+        for group in groups:
+            segment = segment_of(group, line, self._slots, self._width)
+            segment.base = base
+            segment.active = segment.mask
+            mask |= segment.mask
+            if segment.travels:
+                window = Lookahead(self._limits)
+                window.append(segment)
+                runs.append(window.plan())
+            else:
+                runs.append(None)
+            for curve, columns in zip(group.curves, segment.columns, strict=True):
+                self.position[columns] = curve.position(_ONE)[0]
+        origin = self.u
+        end = origin + max((run.phases.duration for run in runs if run is not None), default=0.0) / self._cycle
+        self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
+        return self._side_by_side(runs, base, origin, whole_cycle(end), line, mask), runs, end
+
+    def _side_by_side(
+        self, runs: list[PlannedRun | None], base: Array, origin: float, last: int, line: int, mask: int
+    ) -> Iterator[Piece]:
+        yield Activation(origin, line, mask)
+        low = first_row(origin)
+        travelling = [run for run in runs if run is not None]
+        while travelling and low <= last:
+            high = min(low + PIECE - 1, last)
+            position = np.tile(base, (high - low + 1, 1))
+            velocity = np.zeros_like(position)
+            for run in travelling:
+                part = sample(run, origin, low, high, self._cycle)
+                moved = [column for column in range(self._width) if run.segments[0].mask >> column & 1]
+                position[:, moved] = part.position[:, moved]
+                velocity[:, moved] = part.velocity[:, moved]
+            count = high - low + 1
+            yield Rows(low, position, velocity, np.full(count, mask, np.uint64), np.full(count, line, np.int64))
+            low = high + 1
+        yield Deactivation(float(last), line, mask)

@@ -1,0 +1,250 @@
+"""Time laws on one path coordinate: jerk-limited profiles between two speeds at which acceleration is zero.
+
+The profiles are Ruckig's, one degree of freedom. They come out as phases of constant jerk, so that a whole
+motion is sampled with numpy in one go and its duration is exact, not rounded to the cycle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import ruckig
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Distances below this are not motion [m or rad along the path]: far under any encoder's resolution.
+NO_DISTANCE = 1e-12
+
+
+@dataclass(frozen=True)
+class Phases:
+    """Consecutive phases of constant jerk.
+
+    Attributes:
+        start: times at which the phases begin, shape (n,) [s], increasing.
+        duration: total duration [s].
+        position, velocity, acceleration, jerk: at the beginning of each phase, shape (n,).
+        end: position at the end of the last phase; beyond it the coordinate stays there.
+    """
+
+    start: Array
+    duration: float
+    position: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    end: float
+
+    def at(self, time: Array) -> tuple[Array, Array]:
+        """Coordinate and speed at ``time`` (n,) [s]; before the start and after the end it rests."""
+        t = np.clip(time, 0.0, self.duration)
+        phase = np.clip(np.searchsorted(self.start, t, side="right") - 1, 0, len(self.start) - 1)
+        x = t - self.start[phase]
+        a, j = self.acceleration[phase], self.jerk[phase]
+        velocity = self.velocity[phase] + x * (a + x * j / 2.0)
+        position = self.position[phase] + x * (self.velocity[phase] + x * (a / 2.0 + x * j / 6.0))
+        done = time >= self.duration
+        position[done] = self.end
+        return np.minimum(position, self.end), np.maximum(velocity, 0.0)
+
+    def time_at(self, positions: Array) -> Array:
+        """First times at which the coordinate reaches ``positions`` (n,), which increase [s]."""
+        nodes = np.append(self.position, self.end)
+        bounds = np.append(self.start, self.duration)
+        phase = np.clip(np.searchsorted(nodes, positions, side="left") - 1, 0, len(self.start) - 1)
+        low = np.zeros(len(positions))
+        high = bounds[phase + 1] - bounds[phase]
+        a, j, v, p = (x[phase] for x in (self.acceleration, self.jerk, self.velocity, self.position))
+        # bisection: monotone, safe where a phase ends at rest (Newton would divide by a vanishing speed)
+        for _ in range(52):
+            middle = (low + high) / 2.0
+            short = p + middle * (v + middle * (a / 2.0 + middle * j / 6.0)) < positions
+            low = np.where(short, middle, low)
+            high = np.where(short, high, middle)
+        times: Array = bounds[phase] + high
+        times[positions >= self.end - NO_DISTANCE] = self.duration
+        times[positions <= self.position[0]] = 0.0
+        return times
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One solved profile from 0 to ``distance``: durations and jerks of its phases.
+
+    ``peak_velocity``, ``peak_acceleration`` tell what bound it.
+    """
+
+    duration: float
+    times: list[float]
+    jerks: list[float]
+    accelerations: list[float]
+    velocities: list[float]
+    positions: list[float]
+    peak_velocity: float
+    peak_acceleration: float
+    plateau: tuple[float, float]
+
+
+class ProfileSolver:
+    """Solves profiles on one coordinate; keeps Ruckig's objects, so use one per thread."""
+
+    def __init__(self) -> None:
+        self._ruckig = ruckig.Ruckig(1)
+        self._input = ruckig.InputParameter(1)
+        self._trajectory = ruckig.Trajectory(1)
+        self._input.current_position = [0.0]
+        self._input.current_acceleration = [0.0]
+        self._input.target_acceleration = [0.0]
+
+    def solve(
+        self,
+        distance: float,
+        entry: float,
+        exit_: float,
+        velocity: float,
+        acceleration: float,
+        jerk: float,
+        duration: float | None = None,
+    ) -> Profile | None:
+        """The fastest profile over ``distance`` [m or rad], or the one that takes ``duration`` [s].
+
+        Speeds ``entry`` and ``exit_`` must not exceed ``velocity``; acceleration is 0 at both ends.
+
+        Returns:
+            None where no profile keeps the limits without going backwards, or none takes ``duration``.
+        """
+        given = self._input
+        # the unit of the coordinate is scaled so that the distance is 1: Ruckig's tolerances are absolute
+        scale = 1.0 / distance
+        given.target_position = [1.0]
+        given.current_velocity = [entry * scale]
+        given.target_velocity = [exit_ * scale]
+        given.max_velocity = [velocity * scale]
+        given.max_acceleration = [acceleration * scale]
+        given.max_jerk = [jerk * scale]
+        given.minimum_duration = duration
+        try:
+            result = self._ruckig.calculate(given, self._trajectory)
+        except ruckig.RuckigError:
+            return None
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            return None
+        profile = self._trajectory.profiles[0][0]
+        total = self._trajectory.duration
+        if duration is not None and total > duration * (1.0 + 1e-9) + 1e-9:
+            return None
+        times, jerks = list(profile.t), list(profile.j)
+        velocities, accelerations, positions = list(profile.v), list(profile.a), list(profile.p)
+        # Ruckig may go back and forth where a monotone profile does not exist
+        if min(velocities) < -1e-7 * max(1.0, max(velocities)) or _dips_below_zero(profile):
+            return None
+        if sum(profile.brake.t) > 0.0:
+            return None
+        top = max(velocities)
+        plateau = (0.0, 0.0)
+        for index, time in enumerate(times):
+            if time > 0.0 and jerks[index] == 0.0 and abs(accelerations[index]) < 1e-9 * top:
+                if velocities[index] >= top * (1.0 - 1e-9):
+                    plateau = (positions[index] * distance, positions[index + 1] * distance)
+        return Profile(
+            duration=total,
+            times=times,
+            jerks=[j * distance for j in jerks],
+            accelerations=[a * distance for a in accelerations],
+            velocities=[v * distance for v in velocities],
+            positions=[p * distance for p in positions],
+            peak_velocity=top * distance,
+            peak_acceleration=max(abs(a) for a in accelerations) * distance,
+            plateau=plateau,
+        )
+
+
+def _dips_below_zero(profile: ruckig.Profile) -> bool:
+    """Whether the speed is negative inside a phase (its ends are checked by the caller)."""
+    for index in range(7):
+        t, a, j = profile.t[index], profile.a[index], profile.j[index]
+        if j > 0.0 and a < 0.0:
+            vertex = -a / j
+            if 0.0 < vertex < t and profile.v[index] + a * vertex / 2.0 < -1e-7:
+                return True
+    return False
+
+
+def speed_change_distance(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """Least distance over which speed goes from ``low`` to ``high`` with zero acceleration at both ends [m]."""
+    change = high - low
+    if change <= 0.0:
+        return 0.0
+    if math.isinf(jerk) or change * jerk >= acceleration * acceleration:
+        ramp = 0.0 if math.isinf(jerk) else acceleration / jerk
+        time = change / acceleration + ramp
+    else:
+        time = 2.0 * math.sqrt(change / jerk)
+    return (low + high) / 2.0 * time
+
+
+def reachable_speed(low: float, distance: float, acceleration: float, jerk: float, cap: float) -> float:
+    """Greatest speed ≤ ``cap`` reached from ``low`` within ``distance``, with zero acceleration at both ends."""
+    if cap <= low or speed_change_distance(low, cap, acceleration, jerk) <= distance:
+        return max(cap, low) if cap > low else low
+    # without a jerk limit: v² = v0² + 2 a d
+    free = math.sqrt(low * low + 2.0 * acceleration * distance)
+    if math.isinf(jerk):
+        return min(free, cap)
+    below, above = low, min(free, cap)
+    for _ in range(60):
+        middle = (below + above) / 2.0
+        if speed_change_distance(low, middle, acceleration, jerk) <= distance:
+            below = middle
+        else:
+            above = middle
+        if above - below <= 1e-12 * above:
+            break
+    return below
+
+
+def join(profiles: list[Profile]) -> Phases:
+    """The phases of consecutive profiles as one time law."""
+    start: list[float] = []
+    position: list[float] = []
+    velocity: list[float] = []
+    acceleration: list[float] = []
+    jerk: list[float] = []
+    clock = 0.0
+    origin = 0.0
+    for profile in profiles:
+        begin = clock
+        for index, time in enumerate(profile.times):
+            if time <= 0.0:
+                continue
+            a, j = profile.accelerations[index], profile.jerks[index]
+            p, v = origin + profile.positions[index], profile.velocities[index]
+            start.append(clock)
+            position.append(p)
+            velocity.append(v)
+            acceleration.append(a)
+            jerk.append(j)
+            # a phase that passes zero acceleration is two: the moment between is where a plan may be cut
+            turn = -a / j if j != 0.0 else 0.0
+            if 1e-9 * time < turn < (1.0 - 1e-9) * time:
+                start.append(clock + turn)
+                position.append(p + turn * (v + turn * (a / 2.0 + turn * j / 6.0)))
+                velocity.append(v + turn * a / 2.0)
+                acceleration.append(0.0)
+                jerk.append(j)
+            clock += time
+        # the sum of the phases is the duration up to rounding; keep the solver's figure
+        clock = begin + profile.duration
+        origin += profile.positions[-1]
+    return Phases(
+        start=np.array(start),
+        duration=clock,
+        position=np.array(position),
+        velocity=np.array(velocity),
+        acceleration=np.array(acceleration),
+        jerk=np.array(jerk),
+        end=origin,
+    )

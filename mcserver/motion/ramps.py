@@ -1,0 +1,155 @@
+"""Profiles over a stretch of path whose limits depend on speed: a ladder of ramps about one Ruckig profile."""
+
+from __future__ import annotations
+
+import math
+
+from mcserver.motion.limits import Level
+from mcserver.motion.profile import NO_DISTANCE, Profile, ProfileSolver, speed_change_distance
+
+
+def ramp(start: float, end: float, acceleration: float, jerk: float) -> Profile:
+    """The quickest change of speed with zero acceleration at both ends, over its own distance."""
+    change = abs(end - start)
+    sign = 1.0 if end >= start else -1.0
+    if math.isinf(jerk):
+        times, jerks = [change / acceleration], [0.0]
+        first = sign * acceleration
+    else:
+        peak = min(acceleration, math.sqrt(change * jerk))
+        rise = peak / jerk
+        times = [rise, max(change / peak - rise, 0.0), rise] if peak > 0.0 else [0.0]
+        jerks = [sign * jerk, 0.0, -sign * jerk][: len(times)]
+        first = 0.0
+    accelerations, velocities, positions = [first], [start], [0.0]
+    a, v, p = first, start, 0.0
+    for t, j in zip(times, jerks, strict=True):
+        p += t * (v + t * (a / 2.0 + t * j / 6.0))
+        v += t * (a + t * j / 2.0)
+        a += t * j
+        accelerations.append(a)
+        velocities.append(v)
+        positions.append(p)
+    positions[-1] = speed_change_distance(min(start, end), max(start, end), acceleration, jerk)
+    return Profile(
+        duration=sum(times),
+        times=times,
+        jerks=jerks,
+        accelerations=accelerations,
+        velocities=velocities,
+        positions=positions,
+        peak_velocity=max(start, end),
+        peak_acceleration=max(abs(x) for x in accelerations),
+        plateau=(0.0, 0.0),
+    )
+
+
+def _distance(low: float, high: float, level: Level) -> float:
+    return speed_change_distance(low, high, level.acceleration, level.jerk)
+
+
+def fastest(
+    solver: ProfileSolver, distance: float, entry: float, exit_: float, ladder: list[Level]
+) -> list[Profile] | None:
+    """The quickest profiles that pass ``distance`` from speed ``entry`` to ``exit_`` under a ladder's limits.
+
+    Each rung that is used costs a moment without acceleration, so fewer rungs may be quicker: the whole
+    ladder, every other rung and the top rung alone are tried.
+
+    Returns:
+        None where the speeds cannot be joined over this distance.
+    """
+    best: list[Profile] | None = None
+    least = math.inf
+    for rungs in (ladder, ladder[1::2], ladder[-1:]) if len(ladder) > 1 else (ladder,):
+        trial = _climb(solver, distance, entry, exit_, rungs)
+        if trial is not None:
+            total = sum(part.duration for part in trial)
+            if total < least:
+                best, least = trial, total
+    return best
+
+
+def _climb(
+    solver: ProfileSolver, distance: float, entry: float, exit_: float, ladder: list[Level]
+) -> list[Profile] | None:
+    """Ramps from rung to rung on both sides as far as the distance allows, and one profile between them."""
+    high = max(entry, exit_)
+    start = next((i for i, level in enumerate(ladder) if level.velocity >= high * (1.0 - 1e-12)), None)
+    if start is None:
+        return None
+    head: list[Profile] = []
+    tail: list[Profile] = []
+    up, down, left = entry, exit_, distance
+    for index, level in enumerate(ladder):
+        if level.velocity <= min(up, down) or index == len(ladder) - 1:
+            continue
+        need = (_distance(up, level.velocity, level) if up < level.velocity else 0.0) + (
+            _distance(down, level.velocity, level) if down < level.velocity else 0.0
+        )
+        if need > left * (1.0 - 1e-9):
+            return _finish(solver, head, tail, left, up, down, ladder[max(index, 0) :], start, index)
+        if up < level.velocity:
+            head.append(ramp(up, level.velocity, level.acceleration, level.jerk))
+            up = level.velocity
+        if down < level.velocity:
+            tail.append(ramp(level.velocity, down, level.acceleration, level.jerk))
+            down = level.velocity
+        left -= need
+    return _finish(solver, head, tail, left, up, down, ladder[-1:], start, len(ladder) - 1)
+
+
+def _finish(
+    solver: ProfileSolver,
+    head: list[Profile],
+    tail: list[Profile],
+    left: float,
+    up: float,
+    down: float,
+    rest: list[Level],
+    start: int,
+    index: int,
+) -> list[Profile] | None:
+    if left <= NO_DISTANCE:
+        return head + tail[::-1] if up == down else None
+    # the middle may have to pass the rung that the faster end stands on
+    level = rest[max(0, start - index)] if start > index else rest[0]
+    middle = solver.solve(left, up, down, max(level.velocity, up, down), level.acceleration, level.jerk)
+    if middle is None:
+        return None
+    return [*head, middle, *tail[::-1]]
+
+
+def exactly(
+    solver: ProfileSolver, distance: float, entry: float, exit_: float, ladder: list[Level], duration: float
+) -> list[Profile] | None:
+    """Profiles that take ``duration`` to the rounding error, or None where the limits do not allow it (D-33)."""
+    high = max(entry, exit_)
+    for level in ladder:
+        if level.velocity < high * (1.0 - 1e-12):
+            continue
+        whole = solver.solve(
+            distance, entry, exit_, max(level.velocity, high), level.acceleration, level.jerk, duration
+        )
+        if whole is not None and abs(whole.duration - duration) <= 1e-9 * max(1.0, duration):
+            return [whole]
+    quickest = fastest(solver, distance, entry, exit_, ladder)
+    if quickest is None or sum(part.duration for part in quickest) > duration:
+        return None
+    # between: the ladder with a lower top speed takes longer; its duration grows steadily as the top falls
+    low, top = high, ladder[-1].velocity
+    best = quickest
+    for _ in range(60):
+        middle = (low + top) / 2.0
+        capped = [level for level in ladder if level.velocity < middle]
+        above = next(level for level in ladder if level.velocity >= middle)
+        trial = fastest(
+            solver, distance, entry, exit_, [*capped, Level(middle, above.acceleration, above.jerk)]
+        )
+        total = math.inf if trial is None else sum(part.duration for part in trial)
+        if trial is not None and total <= duration:
+            best, top = trial, middle
+        else:
+            low = middle
+    total = sum(part.duration for part in best)
+    return best if abs(total - duration) <= 1e-6 * max(1.0, duration) else None

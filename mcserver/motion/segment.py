@@ -1,0 +1,146 @@
+"""One piece of path for the planner: the curves of a group that share one fraction s, in machine columns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.config import Machine
+from mcserver.motion.canonical import FeedGroup
+from mcserver.motion.path import ArcCurve, Array, Curve, LineCurve
+
+# A path whose tangent is shorter than this does not travel [m or rad].
+NO_TRAVEL = 1e-10
+
+
+@dataclass(frozen=True)
+class AxisLimits:
+    """Limits of the machine's columns in SI, shape (K,) each; infinite where not limited."""
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    cycle: float
+
+    @classmethod
+    def of(cls, machine: Machine) -> AxisLimits:
+        return cls(
+            velocity=np.array([axis.max_velocity for axis in machine.axes]),
+            acceleration=np.array([axis.max_acceleration for axis in machine.axes]),
+            jerk=np.array([axis.max_jerk for axis in machine.axes]),
+            cycle=machine.cycle_s,
+        )
+
+
+@dataclass
+class Segment:
+    """A piece of path with a request of time.
+
+    Attributes:
+        line: G-code line.
+        curves, columns: the curves, and for each the machine's columns of its axes.
+        mask: bit mask over all columns.
+        duration: T under G93 [s], else None.
+        feed: greatest ds/dt under G94 [1/s], infinite under G93: speed / length of the reference curve.
+        requested: [s].
+        first, last: dp/ds at s = 0 and 1, shape (K,); zero where an axis has no part.
+        bend_first, bend_last: d²p/ds² there.
+        scale: length of the tangent that the coordinate σ is measured in; set along a run [m or rad].
+        begin: fraction at which what is left of the segment starts (0 but for one that is under way).
+        base: commanded positions of all columns when the segment starts, shape (K,).
+        active: mask of all columns that the run has moved up to this segment.
+        opens, closes: whether the line's time begins or ends with this segment.
+    """
+
+    line: int
+    curves: tuple[Curve, ...]
+    columns: tuple[NDArray[np.intp], ...]
+    mask: int
+    duration: float | None
+    feed: float
+    requested: float
+    first: Array
+    last: Array
+    bend_first: Array
+    bend_last: Array
+    scale: float
+    begin: float = 0.0
+    base: Array = field(default_factory=lambda: np.zeros(0))
+    active: int = 0
+    opens: bool = True
+    closes: bool = True
+
+    @property
+    def extent(self) -> float:
+        """Length of what is left of it along σ."""
+        return self.scale * (1.0 - self.begin)
+
+    @property
+    def travels(self) -> bool:
+        return self.scale > NO_TRAVEL
+
+    def sample(self, s: Array) -> tuple[Array, Array]:
+        """Position and dp/ds in all columns, shape (len(s), K); other columns rest at ``base``."""
+        position = np.tile(self.base, (len(s), 1))
+        slope = np.zeros_like(position)
+        for curve, columns in zip(self.curves, self.columns, strict=True):
+            position[:, columns] = curve.position(s)
+            slope[:, columns] = curve.derivatives(s)[0]
+        return position, slope
+
+    def derivatives(self, s: Array, width: int) -> tuple[Array, Array, Array]:
+        """dp/ds, d²p/ds², d³p/ds³ in all columns, shape (len(s), width)."""
+        result = (np.zeros((len(s), width)), np.zeros((len(s), width)), np.zeros((len(s), width)))
+        for curve, columns in zip(self.curves, self.columns, strict=True):
+            for whole, part in zip(result, curve.derivatives(s), strict=True):
+                whole[:, columns] = part
+        return result
+
+
+_ENDS = np.array([0.0, 1.0])
+
+
+def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -> Segment:
+    """The segment of a feed group; ``slots`` maps axis numbers to columns."""
+    columns = tuple(np.array([slots[axis] for axis in curve.axes], dtype=np.intp) for curve in group.curves)
+    first, last = np.zeros(width), np.zeros(width)
+    bend_first, bend_last = np.zeros(width), np.zeros(width)
+    mask = 0
+    for curve, where in zip(group.curves, columns, strict=True):
+        for column in where.tolist():
+            mask |= 1 << column
+        if isinstance(curve, LineCurve):
+            travel = np.subtract(curve.end, curve.start)
+            first[where] = travel
+            last[where] = travel
+        else:
+            slope, bend, _ = curve.derivatives(_ENDS)
+            first[where], last[where] = slope
+            bend_first[where], bend_last[where] = bend
+    scale = math.sqrt(float(first @ first))
+    feed = math.inf
+    if group.speed is not None:
+        length = group.curves[group.reference].length
+        feed = group.speed / length if length > NO_TRAVEL else (1.0 / group.requested if group.requested > 0.0 else math.inf)
+    return Segment(
+        line=line,
+        curves=group.curves,
+        columns=columns,
+        mask=mask,
+        duration=group.duration,
+        feed=feed,
+        requested=group.requested,
+        first=first,
+        last=last,
+        bend_first=bend_first,
+        bend_last=bend_last,
+        scale=scale,
+    )
+
+
+def is_circular(curve: Curve) -> bool:
+    """Whether the curve's tangent has one length all along (an arc or helix of one radius)."""
+    return isinstance(curve, ArcCurve) and abs(curve.end_radius - curve.start_radius) <= 1e-9 * curve.start_radius

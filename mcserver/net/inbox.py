@@ -1,0 +1,76 @@
+"""From Zenoh's threads to the asyncio loop.
+
+A callback runs in one of Zenoh's network threads, which all traffic of that link waits for. So it does
+nothing but append to a bounded deque, and it wakes the loop once for whatever gathers until the loop comes
+round.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+BUDGET = 256
+
+
+class Inbox(Generic[T]):
+    """A bounded queue into the loop.
+
+    Args:
+        loop: where ``deliver`` runs.
+        deliver: called in the loop with each item, in order; must not raise.
+        limit: items beyond it go to ``refuse`` instead, in the thread that brought them.
+        refuse: for what does not fit; counted in ``refused``.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        deliver: Callable[[T], None],
+        *,
+        limit: int,
+        refuse: Callable[[T], None] | None = None,
+    ) -> None:
+        self.refused = 0
+        self._loop = loop
+        self._deliver = deliver
+        self._limit = limit
+        self._refuse = refuse
+        self._items: deque[T] = deque()
+        self._woken = False
+
+    def push(self, item: T) -> None:
+        """Appends; from any thread."""
+        if len(self._items) >= self._limit:
+            self.refused += 1
+            if self._refuse is not None:
+                self._refuse(item)
+            return
+        self._items.append(item)
+        # set by us, cleared by the loop before it pops: an item is either seen by that pass or wakes another
+        if not self._woken:
+            self._woken = True
+            self._wake()
+
+    def _wake(self) -> None:
+        try:
+            self._loop.call_soon_threadsafe(self._drain)
+        except RuntimeError:
+            # the loop is closed: nobody is left to deliver to
+            self._items.clear()
+
+    def _drain(self) -> None:
+        self._woken = False
+        items = self._items
+        for _ in range(BUDGET):
+            if not items:
+                return
+            self._deliver(items.popleft())
+        # a burst does not keep the loop from its other work
+        if items and not self._woken:
+            self._woken = True
+            self._loop.call_soon(self._drain)

@@ -1,0 +1,381 @@
+"""Every payload of the key space, typed: MessagePack maps unless a docstring says array.
+
+What the service reports by itself (acknowledgements, states, events) is defined in
+`mcserver.programs.reports` and named here too.
+
+This is the one place where the wire is defined. `mcserver.net.schemas` publishes it as JSON Schema, and
+docs/keyspace.md explains it. Positions are in mm (linear axes) or deg (rotary axes), velocities in mm/s or
+deg/s, torques in N·m, times in seconds since the executor's start. Fields that are added later have a
+default, and a reader skips what it does not know: so both sides may be of different ages.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from mcserver.programs.reports import (
+    Ack as Ack,
+)
+from mcserver.programs.reports import (
+    AxesStatus as AxesStatus,
+)
+from mcserver.programs.reports import (
+    Event as Event,
+)
+from mcserver.programs.reports import (
+    Fault as Fault,
+)
+from mcserver.programs.reports import (
+    LineReport as LineReport,
+)
+from mcserver.programs.reports import (
+    MachineStatus as MachineStatus,
+)
+from mcserver.programs.reports import (
+    OnDisconnect as OnDisconnect,
+)
+from mcserver.programs.reports import (
+    ProgramState as ProgramState,
+)
+from mcserver.programs.reports import (
+    ProgramStatus as ProgramStatus,
+)
+from mcserver.programs.reports import (
+    ToolPose as ToolPose,
+)
+from mcserver.programs.reports import (
+    WireDiagnostic as WireDiagnostic,
+)
+
+PROTOCOL_VERSION = 1
+ENCODING = "application/msgpack"
+
+MAX_LINE_BYTES = 8192
+MAX_LINES_A_MESSAGE = 20_000
+
+ClientId = Annotated[str, Meta(pattern=r"^$|^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
+ProgramId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
+RequestId = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+LineNumber = Annotated[int, Meta(ge=1, le=2**53)]
+AxisIndex = Annotated[int, Meta(ge=0, le=63)]
+
+
+class ErrorReply(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Payload of every ``reply_err``.
+
+    Attributes:
+        details: what the code's entry in docs/keyspace.md lists, such as ``expected``.
+        diagnostics: faults of G-code, where the error is about lines.
+    """
+
+    code: str
+    message: str
+    hint: str = ""
+    details: dict[str, Any] = {}
+    diagnostics: list[WireDiagnostic] = []
+
+
+# ---------------------------------------------------------------- requests
+
+
+class Request(msgspec.Struct, frozen=True, kw_only=True):
+    """What every request holds.
+
+    Attributes:
+        client: the client's own id, the one of its liveliness token; needed by methods that change something.
+        request: number that the client gives to this request; the same number again gets the same answer
+        again.
+    """
+
+    client: ClientId = ""
+    request: RequestId = 0
+
+
+class OpenRequest(Request, frozen=True, kw_only=True):
+    """Opens a program.
+
+    Attributes:
+        name: for people: a file's name.
+        axes: the axes to lease; None: all of the machine.
+        on_disconnect: what happens when the client's liveliness token goes.
+        start_line: number of the first line that will run.
+        before: lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
+        resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as ``before``.
+        step: single line mode: a line starts only when ``step`` asks for it.
+        hold: begin held; ``resume`` starts it.
+    """
+
+    name: Annotated[str, Meta(max_length=200)] = ""
+    axes: list[AxisIndex] | None = None
+    on_disconnect: OnDisconnect = "stop"
+    start_line: LineNumber = 1
+    before: list[str] = []
+    resume_of: ProgramId | None = None
+    step: bool = False
+    hold: bool = False
+
+
+class OpenReply(msgspec.Struct, frozen=True):
+    """The program's id; ``expected`` is the next line number, ``credit`` how many lines fit now."""
+
+    program: str
+    state: ProgramState
+    axes: list[int]
+    expected: int
+    credit: int
+    instance: str
+
+
+class SubmitRequest(Request, frozen=True, kw_only=True):
+    """Lines ``first``, ``first + 1``, … of a program."""
+
+    program: ProgramId
+    first: LineNumber
+    lines: Annotated[list[str], Meta(min_length=1, max_length=MAX_LINES_A_MESSAGE)]
+
+
+class SubmitReply(msgspec.Struct, frozen=True):
+    """Cumulative: lines through ``accepted`` are taken, through ``done`` have ended; ``credit`` more fit."""
+
+    program: str
+    accepted: int
+    done: int
+    credit: int
+
+
+class StreamLines(msgspec.Struct, frozen=True, array_like=True):
+    """Payload of ``in/{program}``, an array: ``[first line number, [lines]]``."""
+
+    first: LineNumber
+    lines: Annotated[list[str], Meta(max_length=MAX_LINES_A_MESSAGE)]
+
+
+class CloseRequest(Request, frozen=True, kw_only=True):
+    """No more lines will come; what is there runs to its end."""
+
+    program: ProgramId
+
+
+class ProgramRequest(Request, frozen=True, kw_only=True):
+    """hold, resume, abort, step: one program, or every one (None; not for step)."""
+
+    program: ProgramId | None = None
+
+
+class OverrideRequest(Request, frozen=True, kw_only=True):
+    """Feed override of one program or of all, those to come included; 100 is as programmed."""
+
+    percent: Annotated[float, Meta(ge=0.0, le=200.0)]
+    program: ProgramId | None = None
+
+
+class JogRequest(Request, frozen=True, kw_only=True):
+    """Moves one axis by hand.
+
+    Attributes:
+        distance: from where it is, signed [mm, deg]; None: on until stopped or the limit, sign of
+        ``velocity``. velocity: [mm/s, deg/s]; None: a tenth of the axis's limit.
+        hold_s: dead man's time: the axis stops unless the same jog is asked for again within it; None: no
+            such watch. A jog without distance always has one (default 0.5 s).
+        program: id of the jog under way that this request keeps alive.
+    """
+
+    axis: AxisIndex
+    distance: float | None = None
+    velocity: float | None = None
+    hold_s: Annotated[float, Meta(gt=0.0, le=10.0)] | None = None
+    program: ProgramId | None = None
+
+
+class ResetRequest(Request, frozen=True, kw_only=True):
+    """Clears a latched fault or emergency stop; axes stay without energy until captured (G1010)."""
+
+    axes: list[AxisIndex] | None = None
+
+
+class EstopRequest(Request, frozen=True, kw_only=True):
+    """Emergency stop by rpc, and payload of the key ``estop`` (where it may be empty)."""
+
+    reason: Annotated[str, Meta(max_length=200)] = ""
+
+
+class CheckRequest(Request, frozen=True, kw_only=True):
+    """Every fault of a program's text; nothing runs. ``positions`` start the axes there [mm, deg]."""
+
+    text: str
+    positions: dict[str, float] | None = None
+
+
+class SimulateRequest(Request, frozen=True, kw_only=True):
+    """Runs a program's text on a virtual clock and simulated drives."""
+
+    text: str
+
+
+class StatusRequest(Request, frozen=True, kw_only=True):
+    """The whole machine's state now: a `MachineStatus`."""
+
+
+class ProgramsRequest(Request, frozen=True, kw_only=True):
+    """The programs that the server knows, the newest first.
+
+    Attributes:
+        program: only this one. ended: those that have ended too.
+    """
+
+    program: ProgramId | None = None
+    ended: bool = True
+    limit: Annotated[int, Meta(ge=1, le=1000)] = 100
+
+
+class EventsRequest(Request, frozen=True, kw_only=True):
+    """Events that the server still has, from number ``since`` on, oldest first."""
+
+    since: Annotated[int, Meta(ge=0)] = 0
+    limit: Annotated[int, Meta(ge=1, le=1000)] = 500
+
+
+# ---------------------------------------------------------------- replies and state
+
+
+class Done(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Reply of methods that only do something: the programs concerned."""
+
+    ok: bool = True
+    programs: list[str] = []
+
+
+class CloseReply(msgspec.Struct, frozen=True):
+    """``accepted``: the last line that will run."""
+
+    program: str
+    accepted: int
+    done: int
+    state: ProgramState
+
+
+class OverrideReply(msgspec.Struct, frozen=True):
+    """The override now in force [%]."""
+
+    percent: float
+    programs: list[str]
+
+
+class JogReply(msgspec.Struct, frozen=True):
+    """The jog's program id: for ``abort``, and for keeping it alive."""
+
+    program: str
+
+
+class CheckReply(msgspec.Struct, frozen=True):
+    """As ``mcserver check --json``."""
+
+    ok: bool
+    diagnostics: list[WireDiagnostic]
+
+
+class ProgramsReply(msgspec.Struct, frozen=True):
+    """Newest first."""
+
+    programs: list[ProgramStatus]
+
+
+class TelemetryBlock(msgspec.Struct, frozen=True, array_like=True):
+    """Payload of ``tele/batch`` and ``tele/axis/{i}``, an array: ``[seq, t, bin]``.
+
+    Attributes:
+        seq: number of the first row's cycle, counted from the executor's start.
+        t: executor time of the first row [s]; rows are a cycle apart.
+        rows: float32, little endian, shape (rows, axes, fields) in C order, with the axes and fields that
+            ``info`` lists under ``telemetry`` (one axis for ``tele/axis/{i}``).
+    """
+
+    seq: int
+    t: float
+    rows: bytes
+
+
+# ---------------------------------------------------------------- events
+
+
+class EventsReply(msgspec.Struct, frozen=True):
+    """``oldest`` is the first number that the server still has; ``newest`` the last one published."""
+
+    instance: str
+    oldest: int
+    newest: int
+    events: list[Event]
+
+
+# ---------------------------------------------------------------- info
+
+
+class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One axis; limits in mm or deg and seconds, None where not limited."""
+
+    index: int
+    type: Literal["linear", "rotary"]
+    unit: Literal["mm", "deg"]
+    max_velocity: float
+    max_acceleration: float
+    drive: str
+    max_jerk: float | None = None
+    min_position: float | None = None
+    max_position: float | None = None
+    in_position: float = 0.0
+
+
+class ToolInfo(msgspec.Struct, frozen=True):
+    """One tool of G01 … Tn."""
+
+    number: int
+    frame: str
+    axes: list[int]
+    orientation: bool
+    euler: str
+
+
+class TelemetryInfo(msgspec.Struct, frozen=True):
+    """How to read ``tele/batch``: its columns, its fields and how many cycles a message holds at most."""
+
+    axes: list[int]
+    fields: list[str]
+    cycles_a_message: int
+    state_hz: float
+
+
+class LimitsInfo(msgspec.Struct, frozen=True):
+    """Bounds of the service."""
+
+    max_line_bytes: int
+    max_lines_a_message: int
+    queue_lines: int
+    programs_at_once: int
+    open_programs: int
+    remembered_answers: int
+    remembered_answer_s: float
+
+
+class Info(msgspec.Struct, frozen=True):
+    """Reply of ``info``.
+
+    Attributes:
+        protocol: versions of this key space that the server speaks.
+        instance: one start of the server; another one means that programs before it were interrupted.
+        epoch: Unix time of executor time 0 [s].
+    """
+
+    machine: str
+    server: str
+    protocol: list[int]
+    instance: str
+    epoch: float
+    cycle_s: float
+    axes: list[AxisInfo]
+    tools: list[ToolInfo]
+    telemetry: TelemetryInfo
+    limits: LimitsInfo
+    methods: list[str]

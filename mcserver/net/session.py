@@ -1,0 +1,213 @@
+"""The one place that wraps Zenoh: its synchronous callbacks and the asyncio loop."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import msgspec
+import zenoh
+
+from mcserver.errors import ServiceError
+from mcserver.net.messages import ENCODING
+from mcserver.net.qos import Qos
+
+log = logging.getLogger(__name__)
+
+DEFAULT_LISTEN = ("tcp/127.0.0.1:7447",)
+CLOSE_LIMIT_S = 3.0
+EVENT_CACHE = 1000
+EVENT_HEARTBEAT_S = 0.5
+LEASE_MS = 2000
+
+OnSample = Callable[[zenoh.Sample], None]
+OnQuery = Callable[[zenoh.Query], None]
+
+
+class NetworkOptions(msgspec.Struct, frozen=True):
+    """How the server is reached.
+
+    Attributes:
+        listen: endpoints to listen on; a port 0 takes a free one.
+        connect: routers or peers to connect to, again and again until they are there.
+        emergency_listen: endpoints that the emergency stop's own session listens on.
+        multicast: scouting by multicast; off, so that a machine joins no network by accident.
+        config_file: a Zenoh configuration (JSON5) to start from, for TLS and access rules.
+    """
+
+    listen: tuple[str, ...] = DEFAULT_LISTEN
+    connect: tuple[str, ...] = ()
+    emergency_listen: tuple[str, ...] = ()
+    multicast: bool = False
+    config_file: Path | None = None
+
+
+class Publication(Protocol):
+    """A declared publisher, plain or advanced."""
+
+    def put(self, payload: bytes) -> None: ...
+    def undeclare(self) -> None: ...
+
+
+def configuration(
+    options: NetworkOptions, *, listen: Sequence[str], connect: Sequence[str], mode: str = "peer"
+) -> zenoh.Config:
+    """Zenoh's configuration for a session of the server.
+
+    Raises:
+        ServiceError: MC521 the file or an endpoint is not a Zenoh configuration.
+    """
+    settings: dict[str, object] = {
+        "mode": mode,
+        "listen/endpoints": list(listen),
+        "connect/endpoints": list(connect),
+        # a router that is not there yet must not keep the machine from starting, nor stop it later
+        "connect/timeout_ms": 0,
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 1.5},
+        "scouting/multicast/enabled": options.multicast,
+        # numbers and recovers events: the advanced publisher needs timestamps
+        "timestamping/enabled": True,
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": LEASE_MS,
+        # a full queue costs the loop this long at most for what may be dropped …
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
+        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1000,
+        # … and a client that takes no answer for this long loses its link
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
+    }
+    if any(endpoint.rpartition(":")[2].partition("#")[0] == "0" for endpoint in listen):
+        # the only way to learn which port was taken
+        settings["adminspace/enabled"] = True
+    try:
+        config = zenoh.Config.from_file(options.config_file) if options.config_file else zenoh.Config()
+        for key, value in settings.items():
+            config.insert_json5(key, json.dumps(value))
+    except zenoh.ZError as error:
+        raise ServiceError(
+            "MC521", f"Zenoh refuses the configuration: {error}", "endpoints look like tcp/127.0.0.1:7447"
+        ) from error
+    return config
+
+
+class ZenohSession:
+    """One Zenoh session. Everything declared through it ends with `close`."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._advanced: list[zenoh.ext.AdvancedPublisher] = []
+        self._declared: list[Any] = []
+
+    @classmethod
+    async def open(cls, config: zenoh.Config) -> ZenohSession:
+        """Opens a session without blocking the loop.
+
+        Raises:
+            ServiceError: MC522 the endpoint cannot be listened on.
+        """
+        try:
+            session = await asyncio.to_thread(zenoh.open, config)
+        except zenoh.ZError as error:
+            raise ServiceError(
+                "MC522",
+                f"Zenoh cannot be opened: {error}",
+                "is the port taken by another server? see --listen",
+            ) from error
+        return cls(session)
+
+    @property
+    def zenoh(self) -> zenoh.Session:
+        """The session itself, for queries."""
+        return self._session
+
+    def subscribe(self, key: str, on_sample: OnSample) -> None:
+        """Calls ``on_sample`` in Zenoh's thread for each sample."""
+        self._declared.append(
+            self._session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
+        )
+
+    def queryable(self, key: str, on_query: OnQuery) -> None:
+        """Calls ``on_query`` in Zenoh's thread for each query; whoever takes it has to drop it."""
+        self._declared.append(
+            self._session.declare_queryable(
+                key, zenoh.handlers.Callback(on_query, indirect=False), complete=True
+            )
+        )
+
+    def token(self, key: str) -> None:
+        """A liveliness token, until the session ends."""
+        self._declared.append(self._session.liveliness().declare_token(key))
+
+    def watch_tokens(self, key: str, on_sample: OnSample) -> None:
+        """Calls ``on_sample`` in Zenoh's thread as tokens come (PUT, those there already too) and go."""
+        self._declared.append(
+            self._session.liveliness().declare_subscriber(
+                key, zenoh.handlers.Callback(on_sample, indirect=False), history=True
+            )
+        )
+
+    def publisher(self, key: str, qos: Qos) -> zenoh.Publisher:
+        return self._session.declare_publisher(
+            key,
+            encoding=ENCODING,
+            priority=qos.priority,
+            congestion_control=qos.congestion,
+            express=qos.express,
+            reliability=qos.reliability,
+        )
+
+    def recoverable_publisher(self, key: str, qos: Qos) -> Publication:
+        """A publisher whose subscribers notice what they missed and get it from its cache."""
+        publisher = zenoh.ext.declare_advanced_publisher(
+            self._session,
+            key,
+            encoding=ENCODING,
+            priority=qos.priority,
+            congestion_control=qos.congestion,
+            express=qos.express,
+            reliability=qos.reliability,
+            cache=zenoh.ext.CacheConfig(EVENT_CACHE),
+            sample_miss_detection=zenoh.ext.MissDetectionConfig(
+                heartbeat=EVENT_HEARTBEAT_S, sporadic_heartbeat=None
+            ),
+            publisher_detection=True,
+        )
+        self._advanced.append(publisher)
+        return publisher
+
+    async def endpoints(self) -> list[str]:
+        """Endpoints that the session listens on; only known where one was asked for with port 0."""
+
+        def ask() -> list[str]:
+            for reply in self._session.get(f"@/{self._session.zid()}/*", timeout=2.0):
+                if reply.ok is not None:
+                    return list(msgspec.json.decode(reply.ok.payload.to_bytes()).get("locators", []))
+            return []
+
+        return await asyncio.to_thread(ask)
+
+    async def close(self) -> None:
+        """Ends all that was declared, advanced publishers first, within `CLOSE_LIMIT_S`."""
+        loop = asyncio.get_running_loop()
+        closed = asyncio.Event()
+
+        def end() -> None:
+            try:
+                for publisher in self._advanced:
+                    publisher.undeclare()
+                self._session.close()
+            except zenoh.ZError as error:
+                log.warning("Zenoh did not close cleanly: %s", error)
+            loop.call_soon_threadsafe(closed.set)
+
+        # a thread of its own that may be left behind: closing has been seen to hang on a dead link
+        threading.Thread(target=end, name="zenoh-close", daemon=True).start()
+        try:
+            await asyncio.wait_for(closed.wait(), CLOSE_LIMIT_S)
+        except TimeoutError:
+            log.warning("Zenoh did not close within %s s", CLOSE_LIMIT_S)

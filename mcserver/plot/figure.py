@@ -1,0 +1,61 @@
+"""The whole picture, drawn by matplotlib without a screen."""
+
+from __future__ import annotations
+
+from typing import BinaryIO
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from mcserver.plot.path_panel import draw_path
+from mcserver.plot.scene import Scene
+from mcserver.plot.theme import FAINT_INK, INK, STYLE, colours_of
+from mcserver.plot.time_panels import draw_against_limit, draw_speed, draw_times
+
+MAX_AXIS_ROWS = 16
+WIDTH = 13.0
+HEAD, TOP, SPEED, AXIS_ROW = 0.75, 6.6, 2.3, 1.75
+DOTS_PER_INCH = 110
+
+
+def draw_png(scene: Scene, stream: BinaryIO) -> None:
+    """The picture as PNG: path, times, speed, and each moving axis against its limits."""
+    compose(scene).savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": "mcserver plot"})
+
+
+def compose(scene: Scene) -> Figure:
+    """The figure with all its panels."""
+    with mpl.rc_context(dict(STYLE)):
+        return _compose(scene)
+
+
+def _compose(scene: Scene) -> Figure:
+    shown = scene.axes[:MAX_AXIS_ROWS]
+    heights = [TOP, SPEED, *[AXIS_ROW] * len(shown)]
+    height = HEAD + sum(heights)
+    figure = Figure(figsize=(WIDTH, height))
+    FigureCanvasAgg(figure)
+    figure.set_layout_engine("constrained", rect=(0.005, 0.005, 0.99, 1.0 - HEAD / height), h_pad=0.08, w_pad=0.08)
+    grid = figure.add_gridspec(len(heights), 6, height_ratios=heights)
+    colours = colours_of(scene.line.tolist() + [each.line for each in scene.timed_lines])
+
+    draw_path(figure, grid[0, :4], scene, colours)
+    draw_times(figure.add_subplot(grid[0, 4:]), scene, colours)
+    draw_speed(figure.add_subplot(grid[1, :]), scene, colours)
+    for row, trace in enumerate(shown, start=2):
+        for order in range(3):
+            draw_against_limit(figure.add_subplot(grid[row, 2 * order : 2 * order + 2]), scene, trace, order)
+
+    left, top = 0.014, 1.0 - 0.28 / height
+    figure.text(left, top, scene.title, fontsize=15, fontweight="bold", color=INK, va="center")
+    figure.text(left, top - 0.27 / height, _summary(scene), fontsize=9.5, color=FAINT_INK, va="center")
+    return figure
+
+
+def _summary(scene: Scene) -> str:
+    said = [f"{scene.duration_s:.3f} s", f"feed path {scene.feed_length_mm:,.1f} mm".replace(",", "\u2009")]
+    said.append(f"{len(scene.timed_lines)} timed lines")
+    if len(scene.axes) > MAX_AXIS_ROWS:
+        said.append(f"the first {MAX_AXIS_ROWS} of {len(scene.axes)} moving axes are shown")
+    return "  ·  ".join(said)

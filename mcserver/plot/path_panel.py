@@ -1,0 +1,162 @@
+"""The path, in the plane or in space, coloured by the line of the program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from numpy.typing import NDArray
+
+from mcserver.plot.scene import AxisTrace, Lines, PathTrace, Scene
+from mcserver.plot.theme import ACTUAL, FAINT_INK, INK, PAPER
+
+MAX_LABELS = 24
+
+
+def runs_of(line: Lines) -> list[tuple[int, int, int]]:
+    """Stretches of one line as (line, first row, end row)."""
+    if len(line) == 0:
+        return []
+    edges = np.flatnonzero(np.diff(line)) + 1
+    bounds = [0, *edges.tolist(), len(line)]
+    return [(int(line[first]), first, end) for first, end in zip(bounds, bounds[1:], strict=False)]
+
+
+def draw_path(figure: Figure, place: SubplotSpec, scene: Scene, colours: Mapping[int, str]) -> None:
+    """The path panel: setpoints coloured by line, the encoders' path as a thin dark line upon them."""
+    if not scene.paths:
+        _draw_positions(figure.add_subplot(place), scene)
+        return
+    if len(scene.paths[0].names) == 2:
+        _draw_plane(figure.add_subplot(place), scene.paths[0], colours)
+    else:
+        _draw_space(figure.add_subplot(place, projection="3d", computed_zorder=False), scene.paths, colours)
+
+
+def _strokes(path: PathTrace) -> list[tuple[int, NDArray[np.float64]]]:
+    """Polylines by line; each takes the first point of the next one, so that no gap shows."""
+    return [(number, path.setpoint[first : end + 1]) for number, first, end in runs_of(path.line)]
+
+
+def _moving(path: PathTrace) -> list[tuple[int, NDArray[np.float64]]]:
+    return [
+        (number, points)
+        for number, points in _strokes(path)
+        if len(points) > 1 and np.ptp(points, axis=0).max() > 0
+    ]
+
+
+def _draw_plane(axes: Any, path: PathTrace, colours: Mapping[int, str]) -> None:
+    strokes = _moving(path)
+    axes.add_collection(
+        LineCollection(
+            [points for _, points in strokes],
+            colors=[colours[number] for number, _ in strokes],
+            linewidths=4.5,
+            alpha=0.75,
+        )
+    )
+    axes.plot(path.actual[:, 0], path.actual[:, 1], color=ACTUAL, linewidth=0.9)
+    if len(strokes) <= MAX_LABELS:
+        for number, points in strokes:
+            _label_line(axes, number, points, colours[number])
+    axes.plot(
+        *path.setpoint[0],
+        marker="o",
+        markersize=8,
+        color=PAPER,
+        markeredgecolor=INK,
+        markeredgewidth=1.6,
+        zorder=5,
+    )
+    axes.plot(*path.setpoint[-1], marker="s", markersize=6, color=INK, zorder=5)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.08)
+    axes.set_xlabel(f"{path.names[0]} [mm]")
+    axes.set_ylabel(f"{path.names[1]} [mm]")
+    axes.set_title("Path: colour = line of the program, thin = encoders, ○ start, ■ end")
+
+
+def _label_line(axes: Any, number: int, points: NDArray[np.float64], colour: str) -> None:
+    if number == 0:
+        return
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    middle = int(np.searchsorted(travelled, travelled[-1] / 2.0))
+    axes.annotate(
+        str(number),
+        points[middle],
+        ha="center",
+        va="center",
+        fontsize=7.5,
+        fontweight="bold",
+        color=PAPER,
+        bbox={"boxstyle": "round,pad=0.28", "facecolor": colour, "edgecolor": PAPER, "linewidth": 1.0},
+        zorder=6,
+    )
+
+
+def _draw_space(axes: Any, paths: Sequence[PathTrace], colours: Mapping[int, str]) -> None:
+    for path in paths:
+        strokes = _moving(path)
+        axes.add_collection3d(
+            Line3DCollection(
+                [points for _, points in strokes],
+                colors=[colours[number] for number, _ in strokes],
+                linewidths=3.2,
+                alpha=0.75,
+            )
+        )
+        axes.plot(*path.actual.T, color=ACTUAL, linewidth=0.8, zorder=3)
+        axes.plot(
+            *path.setpoint[:1].T,
+            "o",
+            markersize=8,
+            color=PAPER,
+            markeredgecolor=INK,
+            markeredgewidth=1.5,
+            zorder=4,
+        )
+        axes.plot(*path.setpoint[-1:].T, "s", markersize=6, color=INK, zorder=4)
+        if path.label:
+            axes.text(*path.setpoint[0], f"  {path.label}", fontsize=9, fontweight="bold", color=INK)
+    points = np.concatenate([path.setpoint for path in paths])
+    low, high = points.min(axis=0), points.max(axis=0)
+    # a flat direction keeps some thickness, so that the box stays a box
+    span = np.maximum(high - low, 0.15 * (high - low).max())
+    middle = (low + high) / 2.0
+    for axis, centre, width in zip("xyz", middle, span, strict=True):
+        getattr(axes, f"set_{axis}lim")(centre - width / 2.0, centre + width / 2.0)
+        getattr(axes, f"{axis}axis").set_pane_color((0.965, 0.973, 0.98, 1.0))
+    axes.set_box_aspect(span, zoom=1.1)
+    axes.view_init(elev=24, azim=-56)
+    for axis, name in zip("xyz", paths[0].names, strict=True):
+        getattr(axes, f"set_{axis}label")(f"{name} [mm]", labelpad=8)
+        getattr(axes, f"{axis}axis").set_major_locator(MaxNLocator(nbins=4))
+    axes.set_title("Path: colour = line of the program, thin = encoders, ○ start, ■ end")
+
+
+def _draw_positions(axes: Any, scene: Scene) -> None:
+    """Where there is no path in space: positions over time."""
+    shades = ("#4477aa", "#ee6677", "#228833", "#aa3377", "#66ccee", "#ccbb44")
+    for order, trace in enumerate(scene.axes):
+        shade = shades[order % len(shades)]
+        axes.plot(scene.time, trace.setpoint, color=shade, linewidth=2.6, alpha=0.7, label=_legend(trace))
+        axes.plot(scene.time, trace.actual, color=ACTUAL, linewidth=0.7)
+    axes.set_xlabel("time [s]")
+    axes.set_title("Positions: colour = setpoint, thin = encoders")
+    if scene.axes:
+        axes.legend(loc="best", ncols=1 + len(scene.axes) // 8)
+    else:
+        axes.text(
+            0.5, 0.5, "nothing moved", ha="center", va="center", color=FAINT_INK, transform=axes.transAxes
+        )
+
+
+def _legend(trace: AxisTrace) -> str:
+    return f"{trace.name} [{trace.unit}]"

@@ -1,0 +1,209 @@
+"""What is to be drawn: plain arrays in mm and degrees, free of any drawing library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.pose import Kinematics
+from mcserver.config import Axis, Machine
+from mcserver.machine_check import axis_name
+from mcserver.recording import Recording
+from mcserver.units import MM, AxisType
+
+Array = NDArray[np.float64]
+Lines = NDArray[np.int64]
+
+MAX_TOOL_POINTS = 2000
+# less travel than this is a reading of the encoder, not a motion [mm, deg]
+LEAST_TRAVEL = 1e-6
+
+
+class AxisTrace(msgspec.Struct, frozen=True):
+    """One axis that moved.
+
+    Attributes:
+        setpoint, actual: shape (N,) [mm or deg].
+        limits: of velocity, acceleration and jerk [mm, deg; s]; infinite where not limited.
+    """
+
+    index: int
+    name: str
+    unit: str
+    linear: bool
+    setpoint: Array
+    actual: Array
+    limits: tuple[float, float, float]
+
+    def derivatives(self, cycle_s: float) -> tuple[Array, Array, Array]:
+        """Velocity, acceleration and jerk of the setpoint as differences of whole cycles, shape (N,) each.
+
+        Differences, not smoothed derivatives: limits are judged on setpoints at the cycle rate (D-36).
+        """
+        velocity = np.diff(self.setpoint, prepend=self.setpoint[:1]) / cycle_s
+        acceleration = np.diff(velocity, prepend=0.0) / cycle_s
+        jerk = np.diff(acceleration, prepend=0.0) / cycle_s
+        return velocity, acceleration, jerk
+
+
+class PathTrace(msgspec.Struct, frozen=True):
+    """A path in the plane or in space, of axes or of a tool.
+
+    Attributes:
+        label: what it is the path of; empty for the machine's own axes.
+        names: of the two or three coordinates.
+        time: shape (M,) [s].
+        line: shape (M,), the program's line at each point.
+        setpoint, actual: shape (M, 2 or 3) [mm].
+    """
+
+    label: str
+    names: tuple[str, ...]
+    time: Array
+    line: Lines
+    setpoint: Array
+    actual: Array
+
+    def speed(self) -> Array:
+        """Speed of the setpoint along the path, shape (M,) [mm/s]."""
+        if len(self.time) < 2:
+            return np.zeros(len(self.time))
+        steps = np.linalg.norm(np.diff(self.setpoint, axis=0), axis=1) / np.diff(self.time)
+        return np.concatenate([[0.0], steps])
+
+
+class TimedLine(msgspec.Struct, frozen=True):
+    """A line that took time [s]; ``requested_s`` is None where nothing was asked."""
+
+    line: int
+    start_s: float
+    end_s: float
+    requested_s: float | None
+    bound_by: str | None
+    source: str
+
+
+class Scene(msgspec.Struct, frozen=True):
+    """A run to be drawn; ``time`` and ``line`` are of shape (N,)."""
+
+    title: str
+    cycle_s: float
+    duration_s: float
+    feed_length_mm: float
+    time: Array
+    line: Lines
+    axes: tuple[AxisTrace, ...]
+    paths: tuple[PathTrace, ...]
+    timed_lines: tuple[TimedLine, ...]
+
+
+def build_scene(
+    title: str,
+    machine: Machine,
+    recording: Recording,
+    report: Mapping[str, Any],
+    source_lines: Sequence[str],
+    kinematics: Kinematics | None = None,
+) -> Scene:
+    """Everything that a picture needs, from a recorded run.
+
+    The path is that of each tool whose tip moved; without tools, that of the linear axes among X Y Z that moved.
+    """
+    line = np.asarray(recording.line).astype(np.int64)
+    traces = []
+    for column, number in enumerate(recording.axes):
+        axis = machine.axis(int(number))
+        setpoint, actual = recording.setpoint[:, column], recording.actual[:, column]
+        if axis is not None and len(setpoint) and np.ptp(setpoint) > LEAST_TRAVEL:
+            traces.append(_axis_trace(axis, setpoint, actual))
+    paths = _tool_paths(machine, recording, line, kinematics) if kinematics is not None else ()
+    return Scene(
+        title=title,
+        cycle_s=machine.cycle_s,
+        duration_s=float(report["duration_s"]),
+        feed_length_mm=float(report["feed_length_mm"]),
+        time=np.asarray(recording.time_s),
+        line=line,
+        axes=tuple(traces),
+        paths=paths or _axes_path(np.asarray(recording.time_s), line, traces),
+        timed_lines=tuple(_timed_line(each, source_lines) for each in report["lines"]),
+    )
+
+
+def _axis_trace(axis: Axis, setpoint: Array, actual: Array) -> AxisTrace:
+    scale = axis.type.si_per_unit
+    return AxisTrace(
+        index=axis.index,
+        name=axis_name(axis.index),
+        unit=axis.type.unit,
+        linear=axis.type is AxisType.LINEAR,
+        setpoint=setpoint,
+        actual=actual,
+        limits=(axis.max_velocity / scale, axis.max_acceleration / scale, axis.max_jerk / scale),
+    )
+
+
+def _axes_path(time: Array, line: Lines, traces: Sequence[AxisTrace]) -> tuple[PathTrace, ...]:
+    linear = [trace for trace in traces if trace.linear][:3]
+    if len(linear) < 2:
+        return ()
+    return (
+        PathTrace(
+            label="",
+            names=tuple(trace.name for trace in linear),
+            time=time,
+            line=line,
+            setpoint=np.stack([trace.setpoint for trace in linear], axis=1),
+            actual=np.stack([trace.actual for trace in linear], axis=1),
+        ),
+    )
+
+
+def _tool_paths(
+    machine: Machine, recording: Recording, line: Lines, kinematics: Kinematics
+) -> tuple[PathTrace, ...]:
+    columns = {int(number): column for column, number in enumerate(recording.axes)}
+    si_per_unit = np.array([axis.type.si_per_unit for axis in machine.axes])
+    count = len(recording.time_s)
+    rows = np.unique(np.linspace(0, count - 1, min(count, MAX_TOOL_POINTS)).astype(np.int64))
+    paths = []
+    for tool in kinematics.tools:
+        chain = kinematics.axes(tool)
+        if not any(np.ptp(recording.setpoint[:, columns[axis]]) > LEAST_TRAVEL for axis in chain):
+            continue
+        paths.append(
+            PathTrace(
+                label=f"T{tool}",
+                names=("X", "Y", "Z"),
+                time=np.asarray(recording.time_s)[rows],
+                line=line[rows],
+                setpoint=_tips(kinematics, tool, recording.setpoint[rows] * si_per_unit, columns),
+                actual=_tips(kinematics, tool, recording.actual[rows] * si_per_unit, columns),
+            )
+        )
+    return tuple(paths)
+
+
+def _tips(kinematics: Kinematics, tool: int, positions: Array, columns: Mapping[int, int]) -> Array:
+    """Where the tool's tip is [mm], from the positions of all axes [m, rad]."""
+    chain = kinematics.axes(tool)
+    joints = positions[:, [columns[axis] for axis in chain]]
+    tips = [kinematics.pose(tool, dict(zip(chain, row, strict=True))).position for row in joints.tolist()]
+    return np.asarray(tips) / MM
+
+
+def _timed_line(each: Mapping[str, Any], source_lines: Sequence[str]) -> TimedLine:
+    number = int(each["line"])
+    source = source_lines[number - 1].split(";")[0].strip() if 0 < number <= len(source_lines) else ""
+    return TimedLine(
+        line=number,
+        start_s=float(each["start_s"]),
+        end_s=float(each["end_s"]),
+        requested_s=each["requested_s"],
+        bound_by=each["bound_by"],
+        source=source,
+    )

@@ -1,0 +1,99 @@
+"""Leases: which program may move which axes.
+
+A program gets all its axes and one executor slot at once, in the order of asking, and gives them back at its
+end. Since nothing is ever held while waiting for more, programs cannot deadlock. A program that waits
+keeps its
+place: one behind it passes only if it needs none of its axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import msgspec
+
+EXECUTOR_SLOTS = 8
+
+
+class Grant(msgspec.Struct, frozen=True):
+    """A lease: the program, its axes, and the executor's slot that plays it."""
+
+    program: str
+    axes: frozenset[int]
+    slot: int
+
+
+class LeaseTable:
+    """Who holds and who waits. Plain bookkeeping; nothing here moves anything.
+
+    Args:
+        slots: how many programs can run side by side.
+    """
+
+    def __init__(self, slots: int = EXECUTOR_SLOTS) -> None:
+        self._free_slots = list(range(slots))
+        self._held: dict[str, Grant] = {}
+        self._waiting: dict[str, frozenset[int]] = {}
+
+    def request(self, program: str, axes: Iterable[int]) -> list[Grant]:
+        """Queues ``program`` for ``axes``; returns what can start now (this program or nothing).
+
+        Raises:
+            ValueError: no axis, or the program has asked already.
+        """
+        wanted = frozenset(axes)
+        if not wanted:
+            raise ValueError("a lease needs an axis")
+        if program in self._held or program in self._waiting:
+            raise ValueError(f"program {program} has asked for its axes already")
+        self._waiting[program] = wanted
+        return self._grant()
+
+    def release(self, program: str) -> list[Grant]:
+        """Gives back what ``program`` holds or waits for; returns what can start now, in order."""
+        self._waiting.pop(program, None)
+        grant = self._held.pop(program, None)
+        if grant is not None:
+            self._free_slots.append(grant.slot)
+            self._free_slots.sort()
+        return self._grant()
+
+    def holder(self, axis: int) -> str | None:
+        """The program that may move ``axis``."""
+        for grant in self._held.values():
+            if axis in grant.axes:
+                return grant.program
+        return None
+
+    def grant_of(self, program: str) -> Grant | None:
+        return self._held.get(program)
+
+    def ahead_of(self, program: str) -> list[str]:
+        """The programs that ``program`` waits for, holders first; empty where it does not wait."""
+        wanted = self._waiting.get(program)
+        if wanted is None:
+            return []
+        blockers = [grant.program for grant in self._held.values() if grant.axes & wanted]
+        for other, axes in self._waiting.items():
+            if other == program:
+                break
+            if axes & wanted:
+                blockers.append(other)
+        return blockers
+
+    def _grant(self) -> list[Grant]:
+        taken: set[int] = set()
+        for grant in self._held.values():
+            taken |= grant.axes
+        started: list[Grant] = []
+        for program, axes in list(self._waiting.items()):
+            if not self._free_slots:
+                break
+            if not axes & taken:
+                grant = Grant(program, axes, self._free_slots.pop(0))
+                del self._waiting[program]
+                self._held[program] = grant
+                started.append(grant)
+            # axes of one that waits are spoken for: none behind it takes them
+            taken |= axes
+        return started

@@ -1,0 +1,369 @@
+"""The one thread that owns every program's pipeline, and the executor's event queue.
+
+It takes orders from a queue, gives lines to pipelines as these have room, lets each plan a bounded piece in
+turn, hands the executor's events to the pipeline they concern, and reports what happened. What waits here is
+bounded by the credit that the service gives to clients.
+"""
+
+from __future__ import annotations
+
+import enum
+import logging
+import queue
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import msgspec
+
+from mcserver.errors import Diagnostic, McError, ProgramRejected
+from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.programs.port import MotionPort
+
+log = logging.getLogger(__name__)
+
+ACTIVE_POLL_S = 0.002
+IDLE_POLL_S = 0.02
+LINES_A_TURN = 256
+MAX_LINE_LENGTH = 8192
+
+
+class PlannedLine(Protocol):
+    """What a pipeline reports about one line."""
+
+    @property
+    def kind(self) -> enum.Enum: ...
+    @property
+    def line(self) -> int: ...
+    @property
+    def requested_s(self) -> float | None: ...
+    @property
+    def bound_by(self) -> str | None: ...
+    @property
+    def diagnostics(self) -> Sequence[Diagnostic]: ...
+
+
+class LinePipeline(Protocol):
+    """Lines in, setpoints out: `mcserver.programs.pipeline.Pipeline`.
+
+    ``planned_line``: every line through it has been read without fault, and planned if it needs time.
+    ``credit`` is 0 for good once it takes no more lines.
+    """
+
+    @property
+    def credit(self) -> int: ...
+    @property
+    def planned_line(self) -> int: ...
+    def submit(self, number: int, text: str) -> None: ...
+    def close(self) -> None: ...
+    def pump(self, u: float | None = None) -> bool: ...
+    def on_event(self, event: ExecutorEvent) -> None: ...
+    def take_reports(self) -> Sequence[PlannedLine]: ...
+    def remaining_s(self, u: float) -> float: ...
+
+
+class PipelineRequest(msgspec.Struct, frozen=True):
+    """What a pipeline is made of, besides the sink."""
+
+    program: str
+    axes: frozenset[int]
+    before: Sequence[str]
+
+
+MakePipeline = Callable[[PipelineRequest, MotionSink], LinePipeline]
+
+
+class Begin(msgspec.Struct, frozen=True):
+    """A program has its lease: it runs in ``slot``."""
+
+    request: PipelineRequest
+    slot: int
+    step: bool
+    override: float
+    hold: bool
+
+
+class Lines(msgspec.Struct, frozen=True):
+    """Journaled lines of a program."""
+
+    program: str
+    epoch: int
+    first: int
+    lines: Sequence[str]
+
+
+class Order(msgspec.Struct, frozen=True):
+    """``close``, ``step``, ``halt`` (plans no further, it is being stopped) or ``drop`` (forgets it)."""
+
+    program: str
+    what: str
+
+
+class Consumed(msgspec.Struct, frozen=True):
+    """Lines through ``through`` are in the pipeline: their place in the queue is free."""
+
+    program: str
+    through: int
+
+
+class Rejected(msgspec.Struct, frozen=True):
+    """A line is faulty. ``final``: found while planning, the program ends there."""
+
+    program: str
+    epoch: int
+    line: int
+    diagnostics: tuple[Diagnostic, ...]
+    final: bool
+
+
+class Planned(msgspec.Struct, frozen=True):
+    """Lines that now have a time; ``reports`` in order."""
+
+    program: str
+    reports: Sequence[PlannedLine]
+
+
+class Judged(msgspec.Struct, frozen=True):
+    """Lines through ``through`` are right and planned; ``remaining_s`` is left of what is planned."""
+
+    program: str
+    through: int
+    remaining_s: float
+
+
+class Happened(msgspec.Struct, frozen=True):
+    """Events of the executor, in order."""
+
+    events: Sequence[ExecutorEvent]
+
+
+class Broken(msgspec.Struct, frozen=True):
+    """The pipeline of a program made a mistake; the program has to be stopped."""
+
+    program: str
+    message: str
+
+
+Outcome = Consumed | Rejected | Planned | Judged | Happened | Broken
+
+
+class _Plan:
+    def __init__(self, program: str, slot: int, pipeline: LinePipeline, step: bool) -> None:
+        self.program = program
+        self.slot = slot
+        self.pipeline = pipeline
+        self.pending: deque[tuple[int, Sequence[str], int]] = deque()
+        self.epoch = 0
+        self.allowance: int | None = 0 if step else None
+        self.closing = False
+        self.closed = False
+        self.ended = False
+        self.judged = 0
+
+
+class PlannerThread:
+    """Runs until `stop`.
+
+    Args:
+        port: the executor; its events, `begin` and `beat` are this thread's.
+        make_pipeline: makes a program's pipeline; called in this thread.
+        deliver: takes what happened, in order; called in this thread.
+    """
+
+    def __init__(
+        self, port: MotionPort, make_pipeline: MakePipeline, deliver: Callable[[list[Outcome]], None]
+    ) -> None:
+        self._port = port
+        self._make_pipeline = make_pipeline
+        self._deliver = deliver
+        self._inbox: queue.SimpleQueue[Begin | Lines | Order | None] = queue.SimpleQueue()
+        self._plans: dict[str, _Plan] = {}
+        # lines that came before their program had its lease
+        self._early: dict[str, list[Lines | Order]] = {}
+        self._outcomes: list[Outcome] = []
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="planner", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def order(self, order: Begin | Lines | Order) -> None:
+        """From any thread."""
+        self._inbox.put(order)
+
+    def stop(self, timeout_s: float = 2.0) -> None:
+        self._stopping.set()
+        self._inbox.put(None)
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        busy = False
+        while not self._stopping.is_set():
+            if busy:
+                wait_s = 0.0
+            elif self._plans:
+                wait_s = ACTIVE_POLL_S
+            else:
+                wait_s = IDLE_POLL_S
+            self._take_orders(wait_s)
+            self._port.beat()
+            self._take_events()
+            busy = False
+            for plan in list(self._plans.values()):
+                busy = self._advance(plan) or busy
+            if self._outcomes:
+                outcomes, self._outcomes = self._outcomes, []
+                self._deliver(outcomes)
+
+    def _take_orders(self, wait_s: float) -> None:
+        try:
+            order = self._inbox.get(timeout=wait_s) if wait_s else self._inbox.get_nowait()
+            while True:
+                if order is not None:
+                    self._obey(order)
+                order = self._inbox.get_nowait()
+        except queue.Empty:
+            return
+
+    def _obey(self, order: Begin | Lines | Order) -> None:
+        if isinstance(order, Begin):
+            self._begin(order)
+            return
+        plan = self._plans.get(order.program)
+        if isinstance(order, Order) and order.what == "drop":
+            self._plans.pop(order.program, None)
+            self._early.pop(order.program, None)
+        elif plan is None:
+            self._early.setdefault(order.program, []).append(order)
+        elif isinstance(order, Lines):
+            if order.epoch == plan.epoch and not plan.ended:
+                plan.pending.append((order.first, order.lines, 0))
+        elif order.what == "close":
+            plan.closing = True
+        elif order.what == "halt":
+            plan.ended = True
+            plan.pending.clear()
+        elif order.what == "step" and plan.allowance is not None:
+            plan.allowance += 1
+
+    def _begin(self, order: Begin) -> None:
+        name = order.request.program
+        try:
+            sink = self._port.begin(order.slot, order.request.axes, ratio=order.override, held=order.hold)
+            pipeline = self._make_pipeline(order.request, sink)
+        except McError as error:
+            self._outcomes.append(Broken(name, str(error)))
+            return
+        except Exception as error:
+            log.exception("program %s could not begin", name)
+            self._outcomes.append(Broken(name, f"{type(error).__name__}: {error}"))
+            return
+        plan = _Plan(name, order.slot, pipeline, order.step)
+        self._plans[name] = plan
+        for early in self._early.pop(name, ()):
+            self._obey(early)
+
+    def _take_events(self) -> None:
+        events = self._port.poll_events()
+        if not events:
+            return
+        by_slot = {plan.slot: plan for plan in self._plans.values()}
+        for event in events:
+            plan = by_slot.get(event.program)
+            if plan is None:
+                continue
+            try:
+                plan.pipeline.on_event(event)
+            except Exception as error:
+                self._break(plan, error)
+            if event.kind in (EventKind.FINISHED, EventKind.STOPPED):
+                self._judge(plan)
+                self._plans.pop(plan.program, None)
+                by_slot.pop(event.program, None)
+        self._outcomes.append(Happened(events))
+
+    def _advance(self, plan: _Plan) -> bool:
+        if plan.ended:
+            return False
+        try:
+            fed = self._feed(plan)
+            if plan.closing and not plan.closed and not plan.pending:
+                plan.closed = True
+                plan.pipeline.close()
+            more = plan.pipeline.pump(self._port.playhead(plan.slot))
+            reports = plan.pipeline.take_reports()
+        except Exception as error:
+            self._break(plan, error)
+            return False
+        if reports:
+            self._report(plan, reports)
+        self._judge(plan)
+        return more or fed
+
+    def _feed(self, plan: _Plan) -> bool:
+        """Gives lines to the pipeline as far as it has room; True if there was any."""
+        room = min(plan.pipeline.credit, LINES_A_TURN)
+        if plan.allowance is not None:
+            room = min(room, plan.allowance)
+        through = 0
+        while room > 0 and plan.pending:
+            first, lines, done = plan.pending.popleft()
+            for index in range(done, min(len(lines), done + room)):
+                try:
+                    _check_text(first + index, lines[index])
+                    plan.pipeline.submit(first + index, lines[index])
+                except ProgramRejected as rejected:
+                    if through:
+                        self._outcomes.append(Consumed(plan.program, through))
+                    self._reject(plan, first + index, rejected.diagnostics, final=False)
+                    return True
+                through = first + index
+                room -= 1
+                if plan.allowance is not None:
+                    plan.allowance -= 1
+            if through < first + len(lines) - 1:
+                plan.pending.appendleft((first, lines, through - first + 1))
+        if through:
+            self._outcomes.append(Consumed(plan.program, through))
+        return through > 0
+
+    def _report(self, plan: _Plan, reports: Sequence[PlannedLine]) -> None:
+        self._outcomes.append(Planned(plan.program, reports))
+        for report in reports:
+            if report.kind.value == "rejected":
+                # a pipeline that still has room goes on with that line, mended; else the program ends there
+                final = plan.pipeline.credit == 0
+                self._reject(plan, report.line, tuple(report.diagnostics), final=final)
+
+    def _reject(self, plan: _Plan, line: int, diagnostics: tuple[Diagnostic, ...], *, final: bool) -> None:
+        self._outcomes.append(Rejected(plan.program, plan.epoch, line, diagnostics, final))
+        plan.pending.clear()
+        plan.epoch += 1
+        if final:
+            plan.closing = True
+
+    def _judge(self, plan: _Plan) -> None:
+        through = plan.pipeline.planned_line
+        if through > plan.judged:
+            plan.judged = through
+            remaining_s = plan.pipeline.remaining_s(self._port.playhead(plan.slot))
+            self._outcomes.append(Judged(plan.program, through, remaining_s))
+
+    def _break(self, plan: _Plan, error: Exception) -> None:
+        log.error("the pipeline of %s failed", plan.program, exc_info=error)
+        plan.ended = True
+        plan.pending.clear()
+        self._outcomes.append(Broken(plan.program, f"{type(error).__name__}: {error}"))
+
+
+def _check_text(line: int, text: str) -> None:
+    if len(text) > MAX_LINE_LENGTH:
+        message = f"the line has {len(text)} characters, more than {MAX_LINE_LENGTH}"
+    elif "\n" in text or "\r" in text:
+        message = "the line holds a line end"
+    else:
+        return
+    raise ProgramRejected(
+        [Diagnostic(code="MC513", message=message, line=line, hint="send one line an item")]
+    )

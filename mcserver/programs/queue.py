@@ -1,0 +1,98 @@
+"""Numbering and credit of one program's lines (docs/keyspace.md, "Lines").
+
+The server takes line n only if it is the next one. A repeat is acknowledged again and never executed again; a
+gap is refused with the number expected. Credit bounds what waits, in lines and in bytes.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import msgspec
+
+QUEUE_LINES = 100_000
+QUEUE_BYTES = 32 * 1024 * 1024
+
+
+class Taken(msgspec.Struct, frozen=True):
+    """Lines taken into the queue: ``first`` and the lines (none where all were repeats or none fits)."""
+
+    first: int
+    lines: Sequence[str]
+
+
+class Gap(msgspec.Struct, frozen=True):
+    """The message starts behind the line expected; nothing was taken."""
+
+    expected: int
+
+
+class LineQueue:
+    """Counts the lines of one program from acceptance to the planner.
+
+    Args:
+        start_line: the first number that is taken.
+        limit_lines, limit_bytes: bounds of what waits for the planner.
+    """
+
+    def __init__(
+        self, start_line: int = 1, *, limit_lines: int = QUEUE_LINES, limit_bytes: int = QUEUE_BYTES
+    ) -> None:
+        self.accepted = start_line - 1
+        self.consumed = start_line - 1
+        self._limit_lines = limit_lines
+        self._limit_bytes = limit_bytes
+        self._waiting_bytes = 0
+        # (last line, bytes) of each message that waits
+        self._chunks: deque[tuple[int, int]] = deque()
+
+    @property
+    def expected(self) -> int:
+        """The next line's number."""
+        return self.accepted + 1
+
+    @property
+    def credit(self) -> int:
+        """How many lines after ``accepted`` fit now."""
+        if self._waiting_bytes >= self._limit_bytes:
+            return 0
+        return max(0, self._limit_lines - (self.accepted - self.consumed))
+
+    @property
+    def limit(self) -> int:
+        return self._limit_lines
+
+    def take(self, first: int, lines: Sequence[str]) -> Taken | Gap:
+        """Takes what is new and fits of lines ``first``, ``first + 1``, …"""
+        expected = self.accepted + 1
+        if first > expected:
+            return Gap(expected)
+        if first < expected:
+            lines = lines[expected - first :]
+        credit = self.credit
+        if len(lines) > credit:
+            lines = lines[:credit]
+        if not lines:
+            return Taken(expected, ())
+        # code points, a good enough measure of memory; the message's size bounds what one step can add
+        size = sum(map(len, lines))
+        self.accepted += len(lines)
+        self._waiting_bytes += size
+        self._chunks.append((self.accepted, size))
+        return Taken(expected, lines)
+
+    def consume(self, through: int) -> None:
+        """The planner has taken lines through this number."""
+        if through <= self.consumed:
+            return
+        self.consumed = through
+        while self._chunks and self._chunks[0][0] <= through:
+            self._waiting_bytes -= self._chunks.popleft()[1]
+
+    def reject(self, line: int) -> None:
+        """Line ``line`` is faulty: it is the next one expected again, and nothing waits."""
+        self.accepted = line - 1
+        self.consumed = line - 1
+        self._chunks.clear()
+        self._waiting_bytes = 0

@@ -1,0 +1,36 @@
+"""Refusals of the service that carry values, as docs/keyspace.md promises for their codes."""
+
+from __future__ import annotations
+
+from mcserver.errors import Diagnostic, ProgramRejected, ServiceError
+from mcserver.programs.reports import WireDiagnostic
+
+
+class Refused(ServiceError):
+    """A request that the service refuses, with the values that its code promises."""
+
+    def __init__(self, code: str, message: str, hint: str = "", **details: object) -> None:
+        super().__init__(code, message, hint)
+        self.details = details
+
+
+class RejectedLines(ProgramRejected):
+    """Lines of a submit were taken up to a faulty one; ``details`` has the numbers."""
+
+    def __init__(self, diagnostics: list[WireDiagnostic], **details: object) -> None:
+        super().__init__(
+            Diagnostic(
+                code=found.code,
+                message=found.message,
+                line=found.line,
+                column=found.column,
+                end_column=found.end_column,
+                hint=found.hint,
+                severity=found.severity,
+                tool=found.tool,
+                residual_mm=found.residual_mm,
+                axis=found.axis,
+            )
+            for found in diagnostics
+        )
+        self.details = details

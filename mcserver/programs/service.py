@@ -1,0 +1,457 @@
+"""The service: programs, leases, faults and the emergency stop, above the planner thread and the executor.
+
+All of it runs in the asyncio loop and never waits for anything but its own threads. It speaks through two
+callbacks, acknowledgements and events, and knows nothing of the network.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from mcserver.config import Machine
+from mcserver.errors import ServiceError
+from mcserver.programs.events import EventLog
+from mcserver.programs.journal_reader import read_lines_before, read_programs
+from mcserver.programs.planner_thread import MakePipeline, Order
+from mcserver.programs.port import MotionPort
+from mcserver.programs.program import Program, Verdict
+from mcserver.programs.program_table import TICK_S, ProgramTable
+from mcserver.programs.queue import Gap, LineQueue
+from mcserver.programs.refusals import Refused, RejectedLines
+from mcserver.programs.reports import Ack, Event, Fault, MachineState, OnDisconnect, ProgramStatus
+from mcserver.programs.service_options import ServiceOptions
+
+OPEN_PROGRAMS = 64
+SHOWN_ENDED_S = 10.0
+VERDICT_LIMIT_S = 0.05
+STOP_LIMIT_S = 3.0
+
+
+class MachineService:
+    """One machine's programs, as clients may use them.
+
+    Args:
+        machine: its axes.
+        port: the executor.
+        make_pipeline: makes a program's pipeline, in the planner thread.
+        options: journal and instance.
+        on_ack, on_event: called in the loop.
+
+    Attributes:
+        override: feed override of programs to come, 1 as programmed.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        port: MotionPort,
+        make_pipeline: MakePipeline,
+        options: ServiceOptions,
+        *,
+        on_ack: Callable[[Ack], None],
+        on_event: Callable[[Event], None],
+    ) -> None:
+        self.machine = machine
+        self.port = port
+        self.options = options
+        self.override = 1.0
+        self._loop = asyncio.get_running_loop()
+        self._table = ProgramTable(port, make_pipeline, options, on_ack=on_ack, on_event=on_event)
+        self._counter = 0
+        self._estop = False
+        self._stopping = False
+        self._all_axes = tuple(axis.index for axis in machine.axes)
+
+    # ------------------------------------------------------------ life
+
+    def start(self) -> None:
+        """Begins: what an earlier start left open counts as interrupted."""
+        self._table.journal.server_started(self.options.instance, self.options.clock())
+        self._table.planner.start()
+        self.events.publish("server.started", message=f"machine {self.machine.name}")
+
+    async def stop(self) -> None:
+        """Stops all motion along its paths, ends the programs, releases the axes and closes the journal."""
+        if self._stopping:
+            return
+        self._stopping = True
+        self.events.publish("server.stopping")
+        for program in self._chosen(None):
+            self._table.stop(program, "aborted", "the server is stopping")
+        deadline = self._loop.time() + STOP_LIMIT_S
+        while self._chosen(None) and self._loop.time() < deadline:
+            await asyncio.sleep(TICK_S)
+        await asyncio.to_thread(self._table.planner.stop)
+        await asyncio.to_thread(self.port.close)
+        self._table.journal.server_stopped(self.options.instance, self.options.clock())
+        await asyncio.to_thread(self._table.journal.close)
+
+    @property
+    def events(self) -> EventLog:
+        return self._table.events
+
+    def now(self) -> float:
+        """Executor time [s]."""
+        return self._table.now()
+
+    # ------------------------------------------------------------ programs
+
+    async def open(
+        self,
+        client: str,
+        *,
+        name: str = "",
+        axes: Sequence[int] | None = None,
+        on_disconnect: OnDisconnect = "stop",
+        start_line: int = 1,
+        before: Sequence[str] = (),
+        resume_of: str | None = None,
+        step: bool = False,
+        hold: bool = False,
+    ) -> Program:
+        """Opens a program and queues it for its axes.
+
+        Raises:
+            ServiceError: MC507 an axis that the machine lacks, MC508 too many, MC509 a latched fault, MC511,
+                MC514 the journal lacks the lines before, MC515 stopping.
+        """
+        self._ready()
+        wanted = self._axes(axes)
+        if resume_of is not None and not before:
+            earlier = self._table.programs.get(resume_of)
+            if earlier is not None and not earlier.ended:
+                raise Refused("MC517", f"{resume_of} has not ended", "abort it first", state=earlier.state)
+            if start_line > 1:
+                before = await asyncio.to_thread(
+                    read_lines_before, self.options.journal, resume_of, start_line
+                )
+        if before and len(before) != start_line - 1:
+            raise Refused(
+                "MC511",
+                f"{len(before)} lines before line {start_line}: lines 1 … {start_line - 1} are meant",
+                "give all of them, or none",
+            )
+        if sum(not program.ended for program in self._table.programs.values()) >= OPEN_PROGRAMS:
+            raise Refused("MC508", f"{OPEN_PROGRAMS} programs are open", "close one", limit=OPEN_PROGRAMS)
+        self._ready()
+        self._counter += 1
+        program = Program(
+            f"{self.options.instance}-{self._counter}",
+            client=client,
+            name=name,
+            axes=wanted,
+            on_disconnect=on_disconnect,
+            start_line=start_line,
+            step=step,
+            resume_of=resume_of,
+            opened_at=self.options.clock(),
+            queue=LineQueue(start_line),
+        )
+        program.before = before
+        program.held = hold
+        program.override = self.override
+        self._table.add(program, before)
+        return program
+
+    async def submit(self, client: str, program_id: str, first: int, lines: Sequence[str]) -> Program:
+        """Takes lines and waits until they are journaled and, within a limit, their words are judged.
+
+        Raises:
+            ServiceError: MC503, MC504, MC505 a gap, MC509, MC510 closed.
+            RejectedLines: a line is faulty; those before it are taken.
+        """
+        program = self._owned(client, program_id)
+        self._take(program, first, lines)
+        through = min(first + len(lines) - 1, program.queue.accepted)
+        future: asyncio.Future[Verdict] = self._loop.create_future()
+        program.wait_for(through, future)
+        if not future.done():
+            limit = self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, future)
+            try:
+                verdict = await future
+            finally:
+                limit.cancel()
+        else:
+            verdict = future.result()
+        if verdict is Verdict.REJECTED and program.rejected <= first + len(lines) - 1:
+            raise RejectedLines(program.diagnostics, **self._numbers(program))
+        return program
+
+    def stream(self, program_id: str, first: int, lines: Sequence[str]) -> None:
+        """Takes lines that were put without asking; whatever happens is told by an acknowledgement."""
+        program = self._table.programs.get(program_id)
+        if program is None:
+            return
+        try:
+            self._take(program, first, lines)
+        except ServiceError as error:
+            self._table.acknowledge(program, program.queue.expected if error.code == "MC505" else 0)
+
+    def close(self, client: str, program_id: str, last: int | None = None) -> Program:
+        """No more lines. With ``last``: only if lines through ``last`` are there.
+
+        Raises:
+            ServiceError: MC503, MC504, MC505 line ``last`` is not there yet.
+        """
+        program = self._owned(client, program_id)
+        if last is not None and not program.ended and program.queue.accepted < last:
+            raise Refused(
+                "MC505",
+                f"line {program.queue.expected} is the next one expected, {last} was to be the last",
+                f"send lines from {program.queue.expected} on first",
+                **self._numbers(program),
+            )
+        self._table.close(program)
+        return program
+
+    def step(self, client: str, program_id: str) -> Program:
+        """Lets the next line of a program in single line mode start."""
+        program = self._owned(client, program_id)
+        if not program.step or program.ended:
+            raise Refused(
+                "MC517",
+                f"{program_id} is not in single line mode",
+                "open it with `step`",
+                state=program.state,
+            )
+        self._ready()
+        self._table.planner.order(Order(program_id, "step"))
+        return program
+
+    def hold(self, program_id: str | None) -> list[Program]:
+        """Feed hold along the path."""
+        chosen = [program for program in self._chosen(program_id) if not program.held]
+        for program in chosen:
+            program.held = True
+            if program.slot is not None:
+                self.port.hold(program.slot)
+                self._table.enter(program, "held")
+            self._table.publish("program.held", program)
+        return chosen
+
+    def resume(self, program_id: str | None) -> list[Program]:
+        """Ends a hold, M00 or M01."""
+        self._ready()
+        chosen = [
+            program for program in self._chosen(program_id) if program.held or program.state == "paused"
+        ]
+        for program in chosen:
+            program.held = False
+            if program.slot is not None:
+                self.port.resume(program.slot)
+                self._table.enter(program, "running")
+            self._table.publish("program.resumed", program)
+        return chosen
+
+    def abort(self, program_id: str | None, reason: str = "") -> list[Program]:
+        """Stops along the path and drops the rest."""
+        chosen = self._chosen(program_id)
+        for program in chosen:
+            self._table.stop(program, "aborted", reason)
+        return chosen
+
+    def set_override(self, ratio: float, program_id: str | None) -> list[Program]:
+        """Feed override; of all programs, those to come included, without an id."""
+        chosen = self._chosen(program_id)
+        if program_id is None:
+            self.override = ratio
+        for program in chosen:
+            program.override = ratio
+            if program.slot is not None:
+                self.port.override(program.slot, ratio)
+        self.events.publish("override", program=program_id, percent=100.0 * ratio)
+        return chosen
+
+    def client_gone(self, client: str) -> None:
+        """A client's liveliness token went: its programs finish or stop, as they chose."""
+        left = [
+            program
+            for program in self._table.programs.values()
+            if program.client == client and not program.ended
+        ]
+        if left:
+            self.events.publish("client.gone", client=client)
+        for program in left:
+            if program.on_disconnect == "finish":
+                self._table.close(program)
+            else:
+                self._table.stop(program, "aborted", f"client {client} is gone")
+
+    # ------------------------------------------------------------ the machine
+
+    def emergency_stop(self, client: str, reason: str) -> None:
+        """Latches the stop, here and in the executor; again is no harm."""
+        self.port.emergency_stop()
+        if self._estop:
+            return
+        self._estop = True
+        fault = Fault(
+            code="MC430",
+            message="emergency stop" + (f": {reason}" if reason else ""),
+            hint="remove the cause, then reset",
+            t=self.now(),
+        )
+        self._table.latch(fault)
+        self.events.publish("estop", reason=reason, client=client or None)
+        for program in list(self._table.programs.values()):
+            if not program.ended:
+                self._table.stop(program, "faulted", "emergency stop", fault)
+
+    def reset(self, axes: Sequence[int] | None) -> None:
+        """Clears the latch; axes stay without energy.
+
+        Raises:
+            ServiceError: MC509 programs are still coming to rest; MC507.
+        """
+        wanted = self._axes(axes)
+        if any(program.state == "ending" for program in self._table.programs.values()):
+            raise Refused("MC509", "motion is still coming to rest", "try again in a moment", faults=[])
+        self.port.reset(frozenset(wanted))
+        self._estop = False
+        self._table.faults.clear()
+        self.events.publish("reset", message="the latch is cleared")
+
+    @property
+    def state(self) -> MachineState:
+        if self._estop:
+            return "estop"
+        return "fault" if self._table.faults else "ready"
+
+    @property
+    def faults(self) -> list[Fault]:
+        return list(self._table.faults)
+
+    def holder(self, axis: int) -> str | None:
+        """The program that may move ``axis`` now."""
+        return self._table.leases.holder(axis)
+
+    def program(self, program_id: str) -> Program:
+        """Raises ServiceError MC503 where there is none."""
+        program = self._table.programs.get(program_id)
+        if program is None:
+            raise Refused(
+                "MC503", f"there is no program {program_id}", "list them with `programs`", program=program_id
+            )
+        return program
+
+    def current(self) -> list[Program]:
+        """Programs that have not ended, and those that ended a moment ago."""
+        since = self.options.clock() - SHOWN_ENDED_S
+        return [
+            program
+            for program in self._table.programs.values()
+            if not program.ended or (program.ended_at is not None and program.ended_at >= since)
+        ]
+
+    async def known(self, *, program_id: str | None, ended: bool, limit: int) -> list[ProgramStatus]:
+        """Programs of this start and, from the journal, of earlier ones; newest first."""
+        mine = {key: program for key, program in self._table.programs.items() if program_id in (None, key)}
+        found = [program.status() for program in reversed(mine.values()) if ended or not program.ended]
+        if ended and len(found) < limit:
+            older = await asyncio.to_thread(
+                read_programs, self.options.journal, limit=limit + len(mine), program=program_id
+            )
+            found += [status for status in older if status.program not in mine]
+        if program_id is not None and not found and program_id not in mine:
+            self.program(program_id)
+        return found[:limit]
+
+    # ------------------------------------------------------------ inside
+
+    def _ready(self) -> None:
+        if self._stopping:
+            raise Refused("MC515", "the server is stopping", "wait for its next start")
+        if self._table.faults:
+            raise Refused(
+                "MC509",
+                f"{self._table.faults[0].message} ({self._table.faults[0].code}) is latched",
+                "remove the cause, then reset",
+                faults=[msgspec.to_builtins(fault) for fault in self._table.faults],
+            )
+
+    def _axes(self, axes: Sequence[int] | None) -> tuple[int, ...]:
+        if axes is None:
+            return self._all_axes
+        if not axes:
+            raise Refused("MC507", "a lease needs an axis", "leave `axes` out for all")
+        for axis in axes:
+            if axis not in self._all_axes:
+                raise Refused(
+                    "MC507",
+                    f"the machine {self.machine.name} has no axis {axis}",
+                    f"it has {', '.join(map(str, self._all_axes))}",
+                    axis=axis,
+                )
+        return tuple(sorted(set(axes)))
+
+    def _chosen(self, program_id: str | None) -> list[Program]:
+        if program_id is None:
+            return [program for program in self._table.programs.values() if not program.ended]
+        program = self.program(program_id)
+        if program.ended:
+            raise Refused("MC517", f"{program_id} has ended: {program.state}", "", state=program.state)
+        return [program]
+
+    def _owned(self, client: str, program_id: str) -> Program:
+        program = self.program(program_id)
+        if program.client != client:
+            raise Refused(
+                "MC504",
+                f"{program_id} belongs to {program.client}",
+                "open a program of your own",
+                program=program_id,
+                client=program.client,
+            )
+        return program
+
+    def _numbers(self, program: Program) -> dict[str, object]:
+        return {
+            "expected": program.queue.expected,
+            "accepted": program.journaled,
+            "done": program.done,
+            "credit": program.credit,
+        }
+
+    def _take(self, program: Program, first: int, lines: Sequence[str]) -> None:
+        last = first + len(lines) - 1
+        if last <= program.queue.accepted:
+            # all of it is there: acknowledged again, whatever has become of the program since
+            self._table.acknowledge(program)
+            return
+        if not program.takes_lines:
+            raise Refused(
+                "MC510",
+                f"{program.program} takes no more lines: {program.state}",
+                "open another program",
+                state=program.state,
+                **self._numbers(program),
+            )
+        if self._table.journal_failure:
+            raise Refused(
+                "MC519",
+                f"the journal cannot be written: {self._table.journal_failure}",
+                "make room on the disk",
+            )
+        taken = program.queue.take(first, lines)
+        if isinstance(taken, Gap):
+            raise Refused(
+                "MC505",
+                f"line {taken.expected} is the next one expected, not {first}",
+                f"send lines from {taken.expected} on",
+                **self._numbers(program),
+            )
+        if not taken.lines:
+            self._table.acknowledge(program)
+            return
+        self._table.lines(program, taken.first, taken.lines)
+
+    def _stop_waiting(self, program: Program, through: int, future: asyncio.Future[Verdict]) -> None:
+        if not future.done():
+            if program.journaled >= through:
+                future.set_result(Verdict.TAKEN)
+            else:
+                # only what is journaled is ever acknowledged
+                self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, future)

@@ -1,0 +1,52 @@
+"""Pictures: every kind of run can be drawn, and each panel is there."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+
+from mcserver.plot.figure import MAX_AXIS_ROWS, compose, draw_png
+from mcserver.plot.scene import Scene, build_scene
+from tests.plot.synthetic import machine, report, run, scene, smooth
+
+pytest.importorskip("matplotlib")
+
+STILL = np.zeros(300)
+MOVING = smooth(300, 40.0)
+KINDS = {
+    "plane": scene(MOVING, smooth(300, 10.0)),
+    "space": scene(MOVING, smooth(300, 10.0), np.sin(np.arange(300) / 50.0)),
+    "rotary": scene(MOVING, MOVING, types=("rotary", "rotary")),
+    "still": scene(STILL, STILL),
+    "empty": build_scene("p", machine("linear"), run([np.empty(0)], np.empty(0)), report(0), []),
+    "straight in space": scene(MOVING, MOVING, MOVING),
+}
+
+
+@pytest.mark.parametrize("drawn", KINDS.values(), ids=KINDS.keys())
+def test_every_kind_of_run_gives_a_png(drawn: Scene) -> None:
+    stream = io.BytesIO()
+    draw_png(drawn, stream)
+    assert stream.getvalue().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+def test_the_panels_are_path_times_speed_and_three_for_each_axis() -> None:
+    titles = [axes.get_title(loc="left") for axes in compose(KINDS["plane"]).axes]
+    assert titles[0].startswith("Path")
+    assert titles[1].startswith("Time of each line")
+    assert titles[2].startswith("Speed")
+    assert titles[3:] == [f"{name} {what}" for name in "XY" for what in ("velocity", "acceleration", "jerk")]
+
+
+def test_each_limit_is_drawn_on_both_sides_and_its_share_said() -> None:
+    panel = next(axes for axes in compose(KINDS["plane"]).axes if axes.get_title(loc="left") == "X velocity")
+    levels = {line.get_ydata()[0] for line in panel.lines if line.get_linestyle() == "--"}
+    assert levels == {pytest.approx(200.0), pytest.approx(-200.0)}
+    assert "%" in panel.get_title(loc="right")
+
+
+def test_more_axes_than_fit_are_said_to_be_left_out() -> None:
+    figure = compose(scene(*[MOVING] * (MAX_AXIS_ROWS + 1)))
+    assert any(f"first {MAX_AXIS_ROWS} of {MAX_AXIS_ROWS + 1}" in text.get_text() for text in figure.texts)

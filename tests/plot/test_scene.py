@@ -1,0 +1,73 @@
+"""What is chosen to be drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mcserver.plot.path_panel import runs_of
+from mcserver.plot.scene import build_scene
+from mcserver.plot.time_panels import peaks
+from tests.plot.synthetic import machine, report, run, scene, smooth
+
+STILL = np.zeros(400)
+
+
+def test_two_moving_linear_axes_give_a_path_in_their_plane() -> None:
+    drawn = scene(smooth(400, 50.0), STILL, smooth(400, 20.0))
+    assert [path.names for path in drawn.paths] == [("X", "Z")]
+
+
+def test_three_moving_linear_axes_give_a_path_in_space() -> None:
+    assert scene(*[smooth(400, 50.0)] * 3).paths[0].names == ("X", "Y", "Z")
+
+
+@pytest.mark.parametrize("types", [("linear", "rotary"), ("rotary", "rotary")])
+def test_fewer_than_two_linear_axes_give_no_path(types: tuple[str, ...]) -> None:
+    assert scene(smooth(400, 50.0), smooth(400, 20.0), types=types).paths == ()
+
+
+def test_an_axis_that_stands_still_is_not_drawn() -> None:
+    assert [trace.name for trace in scene(STILL, smooth(400, 20.0)).axes] == ["Y"]
+
+
+def test_derivatives_are_differences_of_whole_cycles() -> None:
+    column = np.array([0.0, 0.0, 1.0, 3.0, 3.0])
+    trace = scene(column, column).axes[0]
+    velocity, acceleration, jerk = trace.derivatives(0.5)
+    assert velocity.tolist() == [0.0, 0.0, 2.0, 4.0, 0.0]
+    assert acceleration.tolist() == [0.0, 0.0, 4.0, 4.0, -8.0]
+    assert jerk.tolist() == [0.0, 0.0, 8.0, 0.0, -24.0]
+
+
+def test_limits_are_in_the_units_of_the_machine_file() -> None:
+    assert scene(smooth(400, 50.0), STILL).axes[0].limits == pytest.approx((200.0, 1000.0, 50000.0))
+
+
+def test_an_axis_without_a_jerk_limit_uses_no_share_of_it() -> None:
+    described = machine("linear", "linear", jerk="")
+    drawn = build_scene("p", described, run([smooth(400, 50.0)] * 2), report(400), [])
+    assert peaks(drawn)[0, 2] == 0.0
+    assert peaks(drawn)[0, 0] > 0.9
+
+
+def test_the_speed_along_the_path_is_that_of_all_its_axes_together() -> None:
+    ramp = np.arange(100) * 0.03
+    path = scene(ramp, ramp / 3.0 * 4.0).paths[0]
+    assert path.speed()[1:] == pytest.approx(50.0)
+
+
+def test_source_lines_come_without_their_comments() -> None:
+    assert scene(smooth(400, 50.0), STILL).timed_lines[0].source == "G01 X100"
+
+
+def test_runs_are_the_stretches_of_one_line() -> None:
+    assert runs_of(np.array([4, 4, 5, 4])) == [(4, 0, 2), (5, 2, 3), (4, 3, 4)]
+    assert runs_of(np.array([], dtype=np.int64)) == []
+
+
+def test_a_recording_without_a_row_gives_an_empty_scene() -> None:
+    nothing = np.empty(0)
+    drawn = build_scene("p", machine("linear", "linear"), run([nothing, nothing], nothing), report(0), [])
+    assert drawn.axes == ()
+    assert drawn.paths == ()
