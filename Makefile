@@ -12,7 +12,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 SDK := clients/python
-PROJECTS := pyproject.toml $(wildcard $(SDK)/pyproject.toml)
+PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 
 export PIP_NO_INPUT := 1
 
@@ -31,8 +31,6 @@ lint: $(VENV)/.for-development  ## ruff (rules and format) and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	@if [ -d $(SDK)/mcclient ]; then \
-		echo $(BIN)/mypy --strict -p mcclient; $(BIN)/mypy --config-file pyproject.toml --strict $(SDK)/mcclient; fi
 
 format: $(VENV)/.for-development  ## rewrite the sources in the one format
 	$(BIN)/ruff check --fix .
@@ -59,8 +57,7 @@ $(BIN)/python:
 # pip ≥ 25.1 reads [dependency-groups]; the stamps are remade when a project file changes
 $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
 	$(PIP) install --quiet --editable '.[kinematics,plot]'
-	@if [ -f $(SDK)/pyproject.toml ]; then \
-		echo $(PIP) install --editable $(SDK); $(PIP) install --quiet --editable $(SDK); fi
+	$(PIP) install --quiet --editable '$(SDK)[cli]'
 	@touch $@
 
 $(VENV)/.for-development: $(VENV)/.for-demo

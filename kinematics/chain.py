@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinematics.pose import Array
+from kinematics.pose import Array, BoolArray
 from kinematics.rotation import cross_matrices
 
 _IDENTITY = np.eye(4)
@@ -36,7 +35,7 @@ class Chain:
 
     axes: tuple[int, ...]
     joint_names: tuple[str, ...]
-    revolute: NDArray[np.bool_]
+    revolute: BoolArray
     directions: Array
     points: Array
     tip_rotation: Array
@@ -76,7 +75,7 @@ class Chain:
         return len(self.axes)
 
     def forward(self, joints: Array) -> tuple[Array, Array]:
-        """Tool positions and rotations, shapes (n, 3) [m] and (n, 3, 3), of joints of shape (n, K) [rad or m]."""
+        """Tool positions (n, 3) [m] and rotations (n, 3, 3) of joint positions (n, K) [rad or m]."""
         steps = self._exponentials(joints)
         here = steps[:, 0]
         for joint in range(1, self.size):

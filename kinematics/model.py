@@ -7,17 +7,17 @@ frame (its root link).
 from __future__ import annotations
 
 import difflib
+import importlib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kinematics.chain import Chain
 from kinematics.errors import ModelError
-from kinematics.pose import Array
+from kinematics.pose import Array, BoolArray
 
 if TYPE_CHECKING:
     from mcserver.config import Axis, Tool
@@ -38,20 +38,20 @@ class RobotModel:
     pinocchio_model: Any
 
 
-def import_pinocchio() -> ModuleType:
-    """Pinocchio, imported when a machine with tools asks for it.
+def import_pinocchio() -> Any:
+    """The module Pinocchio, imported when a machine with tools asks for it, and SciPy, that the solver needs.
 
     Raises:
-        ModelError: the package is not installed.
+        ModelError: one of them is not installed.
     """
     try:
-        import pinocchio  # noqa: PLC0415 - machines without tools do without it
+        importlib.import_module("scipy.linalg.lapack")
+        return importlib.import_module("pinocchio")
     except ImportError as error:
         raise ModelError(
-            f"tools need the package Pinocchio, which cannot be imported ({error})",
+            f"tools need the packages pin (Pinocchio) and scipy, which cannot be imported: {error}",
             "install it with: pip install 'mcserver[kinematics]'",
         ) from error
-    return pinocchio
 
 
 def built_in_models() -> tuple[str, ...]:
@@ -96,7 +96,7 @@ def load_model(urdf: str) -> RobotModel:
     except (ValueError, RuntimeError) as error:
         raise ModelError(
             f"{urdf!r} is not a URDF that can be read: {error}",
-            "check it with check_urdf; each joint needs a parent, a child and, unless it is continuous, limits",
+            "check it with check_urdf: joints need a parent, a child and, unless continuous, a limit",
         ) from error
     links = tuple(frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY)
     return RobotModel(urdf, links, model)
@@ -148,7 +148,8 @@ def build_chain(robot: RobotModel, tool: Tool, axes: dict[int, Axis]) -> Chain:
         if revolute[column] != (axis.type.value == "rotary"):
             kind, wanted = ("revolute", "rotary") if revolute[column] else ("prismatic", "linear")
             raise ModelError(
-                f"tool {tool.number}: joint {names[column]!r} is {kind}, but axis {axis.index} is {axis.type.value}",
+                f"tool {tool.number}: joint {names[column]!r} is {kind}, but axis {axis.index} is"
+                f" {axis.type.value}",
                 f'set type = "{wanted}" for axis {axis.index}, or give the joint another axis',
                 tool=tool.number,
                 axis=axis.index,
@@ -175,7 +176,7 @@ def build_chain(robot: RobotModel, tool: Tool, axes: dict[int, Axis]) -> Chain:
     )
 
 
-def _frame_id(pinocchio: ModuleType, robot: RobotModel, tool: Tool) -> int:
+def _frame_id(pinocchio: Any, robot: RobotModel, tool: Tool) -> int:
     # a link and a joint may share a name: the link is meant
     model = robot.pinocchio_model
     for kind in (pinocchio.FrameType.BODY, pinocchio.FrameType.FIXED_JOINT, pinocchio.FrameType.JOINT):
@@ -199,14 +200,16 @@ def _limits(model: Any, joint: int, name: str, axis: Axis, tool: int) -> tuple[f
         raise ModelError(
             f"tool {tool}: no position of joint {name!r} is within both the URDF's limits and those of"
             f" axis {axis.index}",
-            "give the joint's limit element lower and upper, and compare them with min_position and max_position",
+            "give the joint's limit lower and upper, and compare them with min_position and max_position",
             tool=tool,
             axis=axis.index,
         )
     return lower, upper
 
 
-def _reach(model: Any, joints: list[int], frame: Any, offset: Array, revolute: Array, travel: Array) -> float:
+def _reach(
+    model: Any, joints: list[int], frame: Any, offset: Array, revolute: BoolArray, travel: Array
+) -> float:
     lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in joints[1:]]
     placement = frame.placement
     lengths.append(float(np.linalg.norm(placement.translation + placement.rotation @ offset)))

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinematics.pose import Array
+from kinematics.pose import Array, BoolArray
 from kinematics.tool import Targets, ToolModel
 
 # a residual or step below these is down to rounding
@@ -29,11 +28,11 @@ def joint_step(tool: ToolModel, jacobians: Array, rates: Array) -> Array:
     rows, size = jacobians.shape[1:]
     if rows == size == tool.rank:
         try:
-            steps: Array = np.linalg.solve(jacobians, rates[..., None])[..., 0]
+            steps: Array = np.asarray(np.linalg.solve(jacobians, rates[..., None])[..., 0], dtype=np.float64)
         except np.linalg.LinAlgError:
             pass
         else:
-            # a step that is far larger than the change asked for is that of a singular matrix (and not of nan)
+            # a step that is far larger than the change asked for, or nan, is that of a singular matrix
             if np.abs(steps).max() <= LARGEST_GAIN * max(1.0, 1.0 / tool.chain.reach) * np.abs(rates).max():
                 return steps
     left, values, right = np.linalg.svd(jacobians, full_matrices=False)
@@ -47,7 +46,7 @@ def joint_step(tool: ToolModel, jacobians: Array, rates: Array) -> Array:
 
 def newton(
     tool: ToolModel, joints: Array, targets: Targets, *, iterations: int = 10
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, BoolArray]:
     """Joint positions for poses, from guesses near by; joint limits are not looked at.
 
     Args:

@@ -6,10 +6,10 @@ import numpy as np
 
 from kinematics import refusal
 from kinematics.errors import KinematicsError
-from kinematics.fit import fit
+from kinematics.fit import Fit, fit
 from kinematics.newton import newton
 from kinematics.pose import Array, JointPath, ToolPath
-from kinematics.pose_solver import missing
+from kinematics.pose_solver import missing, missing_within_limits
 from kinematics.search import LIMIT_SLACK, within_limits
 from kinematics.spline import spline_extremes
 from kinematics.target_path import TargetPath
@@ -22,7 +22,7 @@ LARGEST_GAIN = 1e3
 # what is lost below this smallest singular value is lost to a singular position
 SINGULAR_BELOW = 0.03
 # a path is traced again this much finer where knots between the first ones are not found
-REFINEMENTS = (1, 16)
+REFINEMENT = 16
 # points of the rest of a path that are tried to see how far it leaves the reach, and what counts there [m]
 PROBES = 7
 MISSING_FLOOR = 1e-7
@@ -37,20 +37,23 @@ def solve_tool_path(tool: ToolModel, path: ToolPath, joints: Array) -> JointPath
     """
     targets = TargetPath(tool, path, joints)
     cells = targets.cells()
-    for refinement in REFINEMENTS:
-        followed = trace(tool, targets, joints, refinement * cells)
-        if not followed.complete:
-            raise _lost(tool, targets, followed, float(followed.s[-1]))
-        _refuse_singular(tool, targets, followed.s, followed.joints)
-        fitted = fit(tool, targets, followed.s, followed.joints)
-        if fitted.failed_at is None:
-            break
-    else:
-        raise _lost(tool, targets, followed, fitted.failed_at)
+    followed, fitted = _follow(tool, targets, joints, cells)
+    if fitted.failed_at is not None:
+        followed, fitted = _follow(tool, targets, joints, REFINEMENT * cells)
+        if fitted.failed_at is not None:
+            raise _lost(tool, targets, followed, fitted.failed_at)
     _refuse_limits(tool, targets, fitted.knots, fitted.coefficients)
     values = np.concatenate([fitted.coefficients[3], followed.joints[-1:]])
     _refuse_singular(tool, targets, fitted.knots, values)
     return JointPath(tool.chain.axes, fitted.knots, fitted.coefficients)
+
+
+def _follow(tool: ToolModel, targets: TargetPath, joints: Array, cells: int) -> tuple[Trace, Fit]:
+    followed = trace(tool, targets, joints, cells)
+    if not followed.complete:
+        raise _lost(tool, targets, followed, float(followed.s[-1]))
+    _refuse_singular(tool, targets, followed.s, followed.joints)
+    return followed, fit(tool, targets, followed.s, followed.joints)
 
 
 def _refuse_singular(tool: ToolModel, targets: TargetPath, s: Array, joints: Array) -> None:
@@ -76,14 +79,16 @@ def _refuse_limits(tool: ToolModel, targets: TargetPath, knots: Array, coefficie
     inside = np.flatnonzero((excess[cell:, column] <= LIMIT_SLACK) | (below[cell:] != below[cell]))
     last = cell + int(inside[0]) if len(inside) else len(low)
     value = low[cell:last, column].min() if below[cell] else high[cell:last, column].max()
-    s = _crossing(knots, coefficients[:, :, column], cell, float(chain.lower[column]), float(chain.upper[column]))
-    raise refusal.joint_limit(tool, column, float(value), targets.at(np.array([s])).positions[0], s)
+    limits = float(chain.lower[column]), float(chain.upper[column])
+    s = _crossing(knots, coefficients[:, :, column], cell, limits)
+    left = missing_within_limits(tool, targets.at(np.ones(1)), coefficients[3, -1])
+    raise refusal.joint_limit(tool, column, float(value), targets.at(np.array([s])).positions[0], s, left)
 
 
-def _crossing(knots: Array, coefficients: Array, cell: int, lower: float, upper: float) -> float:
+def _crossing(knots: Array, coefficients: Array, cell: int, limits: tuple[float, float]) -> float:
     x = np.linspace(0.0, knots[cell + 1] - knots[cell], 65)
     value = np.polyval(coefficients[:, cell], x)
-    past = np.flatnonzero((value < lower - LIMIT_SLACK) | (value > upper + LIMIT_SLACK))
+    past = np.flatnonzero((value < limits[0] - LIMIT_SLACK) | (value > limits[1] + LIMIT_SLACK))
     return float(knots[cell] + (x[past[0]] if len(past) else x[0]))
 
 
@@ -103,7 +108,9 @@ def _lost(tool: ToolModel, targets: TargetPath, followed: Trace, s: float) -> Ki
         column = int(np.argmax(excess))
         limit_s = followed.s[first : first + 1]
         limit_place = targets.at(limit_s).positions[0]
-        return refusal.joint_limit(tool, column, float(solved[first, column]), limit_place, float(limit_s[0]))
+        left = missing_within_limits(tool, targets.at(np.ones(1)), solved[first])
+        value = float(solved[first, column])
+        return refusal.joint_limit(tool, column, value, limit_place, float(limit_s[0]), left)
     # a spline gives up a little before the position that it cannot follow
     ahead = slice(max(0, nearby - 1), None)
     conditioning = tool.conditioning(tool.linearise(followed.joints[ahead], targets.at(followed.s[ahead]))[1])
@@ -115,7 +122,7 @@ def _lost(tool: ToolModel, targets: TargetPath, followed: Trace, s: float) -> Ki
 
 
 def _furthest(tool: ToolModel, targets: TargetPath, s: float, joints: Array) -> Array | None:
-    """What is missing where the path beyond s is furthest out of reach, at its end first; None if it is not."""
+    """What is missing where the path beyond s is furthest out of reach, its end first; None if nothing is."""
 
     def missing_at(share: float) -> Array:
         pose = targets.at(np.array([s + (1.0 - s) * share]))

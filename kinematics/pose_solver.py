@@ -1,4 +1,4 @@
-"""A single pose: the joint positions nearest to where the joints are (G00 with a tool), or why there are none."""
+"""A single pose: the joint positions nearest to where the joints are (G00 with a tool), or why none are."""
 
 from __future__ import annotations
 
@@ -37,15 +37,16 @@ def solve_target(tool: ToolModel, target: Targets, joints: Array) -> Array:
     candidates = [found for found in (own, _nearest(tool, free, joints)) if found is not None]
     if not candidates:
         # free searches may all end outside the limits where a chain has joints to spare
-        bounded = _nearest(tool, search(tool, target, starts, limited=True), joints)
-        if bounded is None:
-            raise _refusal(tool, target, free, joints)
-        candidates = [bounded]
+        bounded = search(tool, target, starts, limited=True)
+        within = _nearest(tool, bounded, joints)
+        if within is None:
+            raise _refusal(tool, target, free, bounded, joints)
+        candidates = [within]
     return min(candidates, key=lambda found: _travel(tool, found, joints))
 
 
 def missing(tool: ToolModel, target: Targets, joints: Array) -> Array:
-    """What is missing to one pose at best, limits not looked at: (rows,) [m, rad]; zeros if it can be reached.
+    """What is missing to one pose at best, limits not looked at: (rows,) [m, rad]; zeros if it is reached.
 
     With orientation, the distance at which the tool can hold the orientation asked for; if it cannot hold
     that anywhere near, the turn that is missing while the point is held, or both.
@@ -70,6 +71,12 @@ def missing(tool: ToolModel, target: Targets, joints: Array) -> Array:
     return point
 
 
+def missing_within_limits(tool: ToolModel, target: Targets, joints: Array) -> float:
+    """Distance that is missing to one pose at best, with the joints within their limits [m]."""
+    starts = np.concatenate([joints[None], tool.seeds[:MISSING_STARTS]])
+    return float(np.linalg.norm(_least(search(tool, target, starts, limited=True))[:3]))
+
+
 def _least(found: Found, *, point_weight: float = 1.0, turn_weight: float = 1.0) -> Array:
     point = np.linalg.norm(found.residuals[:, :3], axis=1)
     turn = np.linalg.norm(found.residuals[:, 3:], axis=1)
@@ -89,10 +96,11 @@ def _nearest(tool: ToolModel, found: Found, joints: Array) -> Array | None:
     solutions = solutions[within_limits(tool, solutions)]
     if not len(solutions):
         return None
-    return min(solutions, key=lambda solution: _travel(tool, solution, joints))
+    nearest: Array = min(solutions, key=lambda solution: _travel(tool, solution, joints))
+    return nearest
 
 
-def _refusal(tool: ToolModel, target: Targets, free: Found, joints: Array) -> KinematicsError:
+def _refusal(tool: ToolModel, target: Targets, free: Found, bounded: Found, joints: Array) -> KinematicsError:
     place = target.positions[0]
     if not free.reached.any():
         return refusal.unreachable(tool, missing(tool, target, joints), place, None)
@@ -102,4 +110,5 @@ def _refusal(tool: ToolModel, target: Targets, free: Found, joints: Array) -> Ki
     excess = np.maximum(chain.lower - solutions, solutions - chain.upper) / unit
     least = int(np.argmin(excess.max(axis=1)))
     column = int(np.argmax(excess[least]))
-    return refusal.joint_limit(tool, column, float(solutions[least, column]), place, None)
+    left = float(np.linalg.norm(_least(bounded)[:3]))
+    return refusal.joint_limit(tool, column, float(solutions[least, column]), place, None, left)

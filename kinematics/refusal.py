@@ -18,24 +18,29 @@ def unreachable(tool: ToolModel, residual: Array, place: Array, s: float | None)
     distance = float(np.linalg.norm(residual[:3]))
     turn = float(np.linalg.norm(residual[3:]))
     if distance <= tool.tolerance and turn > 0.0:
-        missing = f"the point can be reached, but not with this orientation: {degrees_text(turn)} deg are missing"
+        missing = f"the point can be reached, but {degrees_text(turn)} deg are missing to this orientation"
         hint = "change A B C, or move the part to where the tool can turn freely"
     else:
-        missing = f"{millimetres_text(distance)} mm are missing" + (" with this orientation" if tool.orientation else "")
+        missing = f"{millimetres_text(distance)} mm are missing"
+        if tool.orientation:
+            missing += " with this orientation"
         hint = "move the target into the tool's reach"
         if tool.rank < tool.rows:
             hint += f"; with its {tool.chain.size} joints the tool moves in {tool.rank} directions only"
     if s is None:
         message = f"tool {tool.number} cannot reach {point_text(place)}: {missing}"
     else:
-        message = f"tool {tool.number} leaves its reach at {point_text(place)}, {_percent(s)} of the path: {missing}"
+        where = f"{point_text(place)}, {_percent(s)} of the path"
+        message = f"tool {tool.number} leaves its reach at {where}: {missing}"
         if distance > tool.tolerance:
             message += " at its furthest point"
     return Unreachable(message, hint, tool=tool.number, s=s, position=_triple(place), residual=distance)
 
 
-def joint_limit(tool: ToolModel, column: int, value: float, place: Array, s: float | None) -> JointLimit:
-    """Joint ``column`` would need ``value`` [rad or m]."""
+def joint_limit(
+    tool: ToolModel, column: int, value: float, place: Array, s: float | None, residual: float
+) -> JointLimit:
+    """Joint ``column`` would need ``value`` [rad or m]; within its limits ``residual`` [m] is missing."""
     chain = tool.chain
     below = value < chain.lower[column]
     limit = float(chain.lower[column] if below else chain.upper[column])
@@ -48,7 +53,14 @@ def joint_limit(tool: ToolModel, column: int, value: float, place: Array, s: flo
     )
     hint = "keep the path within the joint's range, start it from another arm configuration, or move the part"
     return JointLimit(
-        message, hint, tool=tool.number, s=s, position=_triple(place), residual=0.0, axis=axis, value=value
+        message,
+        hint,
+        tool=tool.number,
+        s=s,
+        position=_triple(place),
+        residual=residual,
+        axis=axis,
+        value=value,
     )
 
 
@@ -59,18 +71,18 @@ def singular(tool: ToolModel, conditioning: float, place: Array, s: float | None
         f"tool {tool.number} is singular at {point_text(place)}{where}: its joints cannot move it in every"
         f" direction (smallest singular value {conditioning:.2g})"
     )
-    hint = "keep away from straight limbs and aligned wrist joints, or move the joints themselves (G1050, G00)"
-    return Singular(message, hint, tool=tool.number, s=s, position=_triple(place), residual=0.0)
+    hint = "keep away from straight limbs and aligned wrist axes, or move the joints themselves (G1050, G00)"
+    return Singular(message, hint, tool=tool.number, s=s, position=_triple(place))
 
 
 def branch_jump(tool: ToolModel, place: Array, s: float) -> BranchJump:
     """No continuous joint path goes on from s."""
     message = (
-        f"tool {tool.number} cannot go on at {point_text(place)}, {_percent(s)} of the path, without its joints"
-        " jumping to another configuration"
+        f"tool {tool.number} cannot go on at {point_text(place)}, {_percent(s)} of the path, without a jump"
+        " of its joints to another configuration"
     )
     hint = "start from the other configuration, or go to the target with G00"
-    return BranchJump(message, hint, tool=tool.number, s=s, position=_triple(place), residual=0.0)
+    return BranchJump(message, hint, tool=tool.number, s=s, position=_triple(place))
 
 
 def _percent(s: float) -> str:

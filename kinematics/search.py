@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.newton import newton
-from kinematics.pose import Array
+from kinematics.pose import Array, BoolArray
 from kinematics.tool import Targets, ToolModel
 
 ITERATIONS = 80
@@ -27,7 +26,7 @@ class Found:
 
     joints: Array
     residuals: Array
-    reached: NDArray[np.bool_]
+    reached: BoolArray
 
 
 def search(
@@ -98,17 +97,15 @@ def search(
     return Found(joints, residual, tool.reached(residual))
 
 
-def within_limits(tool: ToolModel, joints: Array) -> NDArray[np.bool_]:
+def within_limits(tool: ToolModel, joints: Array) -> BoolArray:
     """Which rows of ``joints`` (n, K) keep every joint limit, shape (n,)."""
     chain = tool.chain
-    kept: NDArray[np.bool_] = (
-        (joints >= chain.lower - LIMIT_SLACK) & (joints <= chain.upper + LIMIT_SLACK)
-    ).all(axis=1)
-    return kept
+    inside = (joints >= chain.lower - LIMIT_SLACK) & (joints <= chain.upper + LIMIT_SLACK)
+    return np.asarray(inside.all(axis=1))
 
 
 def unwind(tool: ToolModel, joints: Array, near: Array) -> Array:
-    """The same poses with each turning joint moved by full turns towards ``near``, within its limits if possible.
+    """The same poses, each turning joint moved by full turns towards ``near``, within its limits if it can.
 
     Args:
         joints: shape (n, K). near: shape (K,).

@@ -25,7 +25,8 @@ class MachineKinematics:
     Read-only after it is built: any thread may use it. A machine without tools needs no Pinocchio.
 
     Raises:
-        ModelError: the URDF or a tool's definition does not fit; `kinematics.check.check_machine` lists all faults.
+        ModelError: the URDF or a tool's definition does not fit; `kinematics.check.check_machine` lists all
+            that does not.
     """
 
     def __init__(self, machine: Machine) -> None:

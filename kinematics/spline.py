@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg.lapack import dgtsv
 
 from kinematics.pose import Array
 
@@ -17,6 +16,9 @@ def clamped_spline(knots: Array, values: Array, start_slope: Array, end_slope: A
     Returns:
         Shape (4, M-1, K), highest power first, in (s - knots[i]).
     """
+    # here, so that machines without tools need no SciPy
+    from scipy.linalg.lapack import dgtsv
+
     width = np.diff(knots)
     secant = np.diff(values, axis=0) / width[:, None]
     slopes = np.empty_like(values)

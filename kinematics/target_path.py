@@ -37,7 +37,7 @@ class TargetPath:
         gap = float(np.linalg.norm(self._shift))
         if not gap <= allowed:
             raise ModelError(
-                f"tool {tool.number}: the path starts {millimetres_text(gap)} mm from where the joints hold the tool",
+                f"tool {tool.number}: the path starts {millimetres_text(gap)} mm from where the tool is",
                 "start the path at the tool's commanded pose",
                 tool=tool.number,
                 s=0.0,
@@ -48,7 +48,9 @@ class TargetPath:
         if tool.orientation:
             if path.start_angles is None or path.end_angles is None:
                 raise ModelError(
-                    f"tool {tool.number}: the path has no orientation", "give A B C at both ends", tool=tool.number
+                    f"tool {tool.number}: the path has no orientation",
+                    "give A B C at both ends",
+                    tool=tool.number,
                 )
             self._start = euler_to_matrix(path.start_angles, tool.euler)
             end = euler_to_matrix(path.end_angles, tool.euler)
@@ -57,7 +59,7 @@ class TargetPath:
             angle = float(np.linalg.norm(self._twist))
             if not angle <= max(START_TOLERANCE, 2.0 * tool.residual_tolerance_angle):
                 raise ModelError(
-                    f"tool {tool.number}: the path starts {degrees_text(angle)} deg from the tool's orientation",
+                    f"tool {tool.number}: the path starts {degrees_text(angle)} deg from where the tool is",
                     "start the path at the tool's commanded pose",
                     tool=tool.number,
                     s=0.0,

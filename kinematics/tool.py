@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.chain import Chain
-from kinematics.pose import Array, Pose
+from kinematics.pose import Array, BoolArray, Pose
 from kinematics.rotation import euler_to_matrix, rotation_vectors
 
 # joint positions tried from when the one asked for leads nowhere; deterministic
@@ -25,7 +26,7 @@ class Targets:
     positions: Array
     rotations: Array | None
 
-    def rows(self, chosen: slice | Array) -> Targets:
+    def rows(self, chosen: slice | NDArray[np.intp] | BoolArray) -> Targets:
         """The poses of these rows."""
         rotations = None if self.rotations is None else self.rotations[chosen]
         return Targets(self.positions[chosen], rotations)
@@ -68,7 +69,7 @@ class ToolModel:
         return Targets(np.array([pose.position], dtype=float), rotations)
 
     def residual(self, joints: Array, targets: Targets) -> Array:
-        """What is missing to the targets, shape (n, rows): a vector [m], with orientation also a turn [rad]."""
+        """What is missing to the targets, (n, rows): a vector [m], with orientation also a turn [rad]."""
         positions, rotations = self.chain.forward(joints)
         return _residual(targets, positions, rotations)
 
@@ -77,9 +78,9 @@ class ToolModel:
         positions, rotations, jacobians = self.chain.jacobian(joints)
         return _residual(targets, positions, rotations), jacobians[:, : self.rows]
 
-    def reached(self, residual: Array) -> Array:
-        """Which residuals of shape (n, rows) count as reached, shape (n,) of bool."""
-        near: Array = np.linalg.norm(residual[:, :3], axis=1) <= self.residual_tolerance
+    def reached(self, residual: Array) -> BoolArray:
+        """Which residuals of shape (n, rows) count as reached, shape (n,)."""
+        near: BoolArray = np.linalg.norm(residual[:, :3], axis=1) <= self.residual_tolerance
         if self.orientation:
             near &= np.linalg.norm(residual[:, 3:], axis=1) <= self.residual_tolerance_angle
         return near
@@ -91,7 +92,6 @@ class ToolModel:
         singular; about 0.1 … 1 far from that.
         """
         return singular_values(self.chain, jacobians)[:, self.rank - 1]
-
 
     def joint_gain(self, jacobians: Array, rates: Array) -> Array:
         """How much faster than the tool its joints move, shape (n,) [1], where the tool moves at ``rates``.
@@ -105,14 +105,13 @@ class ToolModel:
         along = (left.swapaxes(-1, -2) @ scaled[..., None])[..., : self.rank, 0]
         speed = np.linalg.norm(along / np.maximum(values[:, : self.rank], 1e-300), axis=1)
         fastest = float(np.linalg.norm(scaled, axis=1).max())
-        gain: Array = speed / fastest if fastest > 0.0 else np.zeros(len(rates))
-        return gain
+        return np.asarray(speed / fastest if fastest > 0.0 else np.zeros(len(rates)), dtype=np.float64)
 
 
 def singular_values(chain: Chain, jacobians: Array) -> Array:
     """Singular values of Jacobians (n, rows, K) whose lengths are divided by the reach, falling, (n, min)."""
-    values: Array = np.linalg.svd(_without_units(chain, jacobians), compute_uv=False)
-    return values
+    values = np.linalg.svd(_without_units(chain, jacobians), compute_uv=False)
+    return np.asarray(values, dtype=np.float64)
 
 
 def build_tool(
@@ -165,7 +164,8 @@ def _residual(targets: Targets, positions: Array, rotations: Array) -> Array:
 def _seeds(chain: Chain) -> Array:
     # joints without limits: a turn for revolute ones, the reach for sliding ones
     span = np.where(chain.revolute, np.pi, chain.reach)
-    lower = np.where(np.isfinite(chain.lower), chain.lower, np.where(np.isfinite(chain.upper), chain.upper, span) - 2 * span)
+    top = np.where(np.isfinite(chain.upper), chain.upper, span)
+    lower = np.where(np.isfinite(chain.lower), chain.lower, top - 2.0 * span)
     upper = np.where(np.isfinite(chain.upper), chain.upper, lower + 2.0 * span)
     # the additive recurrence of Roberts covers a box evenly with any number of points
     golden = 2.0

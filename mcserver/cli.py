@@ -18,8 +18,8 @@ import typer
 from kinematics.errors import KinematicsError
 from mcserver.commands import check, doctor, machine, plot, run, simulate
 from mcserver.commands.console import show_error
-from mcserver.commands.machine_model import as_configuration_error
 from mcserver.commands.faults import ExitCode, OutputFault, exit_code_of
+from mcserver.commands.machine_model import as_configuration_error
 from mcserver.errors import McError
 
 

@@ -78,7 +78,7 @@ def _doubts_of_tolerance(axis: Axis) -> list[Diagnostic]:
             _warning(
                 "MC021",
                 axis,
-                f"in_position ({axis.in_position / axis.type.si_per_unit:g} {unit}) is finer than half a count "
+                f"in_position ({axis.in_position / axis.type.si_per_unit:g} {unit}) is below half a count "
                 f"of the encoder ({axis.drive.encoder_resolution:g} {unit}): exact stops may time out",
                 "widen in_position to one count of the encoder",
             )

@@ -27,7 +27,7 @@ def doctor(
         bool, typer.Option("--strict", help="Exit code 1 where only advice is given, too.")
     ] = False,
 ) -> None:
-    """Say what this computer lacks, each line with its mend. Exit code 1 where something required is missing."""
+    """Say what this computer lacks, each line with its mend. Exit code 1 where the server cannot run."""
     findings = examine()
     gravest = worst(findings)
     if json:

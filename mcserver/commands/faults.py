@@ -10,6 +10,7 @@ Codes::
     MC015  standard output could not be written
     MC016  an optional part is not installed
     MC017  an option's value does not fit
+    MC018  a file that an option names is missing
     MC019  a fault of the program itself
 """
 

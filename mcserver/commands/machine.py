@@ -33,7 +33,7 @@ def check_machine(
     ],
     json: JsonOption = False,
 ) -> None:
-    """Read a machine file, build its kinematics, and say what is doubtful. Exit code 3 where it does not fit."""
+    """Read a machine file, build its kinematics, say what is doubtful. Exit code 3 where it does not fit."""
     with json_answer_on_error(json):
         machine = load_machine(file)
         build_kinematics(machine)
@@ -47,7 +47,8 @@ def check_machine(
         results().print(f"T{tool.number}: {tool.frame}, moved by {chain}")
     show_diagnostics(doubts, [], file)
     results().print(
-        f"{machine.name}: {len(machine.axes)} axes, {len(machine.tools)} tools, {machine.cycle_hz:g} cycles a second"
+        f"{machine.name}: {len(machine.axes)} axes, {len(machine.tools)} tools, "
+        f"{machine.cycle_hz:g} cycles a second"
     )
     if doubts:
         narration().print(f"{len(doubts)} doubtful; the machine can be run", style="yellow")

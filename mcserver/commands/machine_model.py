@@ -12,7 +12,7 @@ from mcserver.errors import ConfigurationError
 
 
 def build_kinematics(machine: Machine) -> Kinematics | None:
-    """The tools' kinematics; None where there are no tools, or without Pinocchio (the dialect says so at the T word).
+    """The tools' kinematics; None without tools, and without Pinocchio (the dialect says so at a T word).
 
     Raises:
         ConfigurationError: MC301 the URDF or a tool's definition does not fit.

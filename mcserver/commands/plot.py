@@ -11,13 +11,13 @@ from mcserver.commands.console import narration, show_diagnostics
 from mcserver.commands.faults import ExitCode
 from mcserver.commands.machine_model import build_kinematics
 from mcserver.commands.options import DEFAULT_MACHINE, MachineOption, ProgramArgument
+from mcserver.commands.output_file import check_output, write_atomically
 from mcserver.commands.program_text import load_program
 from mcserver.commands.rejection import reject
 from mcserver.commands.simulate import live_progress
 from mcserver.commands.simulation_report import diagnostics_of
 from mcserver.config import load_machine
 from mcserver.errors import ConfigurationError
-from mcserver.recording import check_output, write_atomically
 
 
 def plot(
@@ -42,8 +42,9 @@ def plot(
     from mcserver.plot.scene import build_scene
     from mcserver.simulation import simulate
 
+    kinematics = build_kinematics(described)
     with live_progress() as progress:
-        simulation = simulate(program.text, described, progress=progress, record=True)
+        simulation = simulate(program.text, described, kinematics=kinematics, progress=progress, record=True)
     diagnostics = diagnostics_of(simulation.report)
     if simulation.exit_code == ExitCode.REJECTED or simulation.recording is None:
         reject(diagnostics, program)

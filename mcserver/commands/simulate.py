@@ -11,12 +11,14 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from mcserver.commands.console import json_answer_on_error, narration, show_diagnostics, write_json
 from mcserver.commands.faults import ExitCode
+from mcserver.commands.machine_model import build_kinematics
 from mcserver.commands.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument
+from mcserver.commands.output_file import check_output, write_atomically
 from mcserver.commands.program_text import load_program
 from mcserver.commands.rejection import reject
 from mcserver.commands.simulation_report import NOTHING_SIMULATED, diagnostics_of, print_report
 from mcserver.config import load_machine
-from mcserver.recording import Recording, check_output, write_atomically, write_csv, write_npz
+from mcserver.recording import Recording, write_csv, write_npz
 
 OutputOption = Annotated[
     str | None,
@@ -45,7 +47,13 @@ def simulate_program(
         from mcserver.simulation import simulate
 
         with live_progress() as progress:
-            simulation = simulate(program.text, described, progress=progress, record=output is not None)
+            simulation = simulate(
+                program.text,
+                described,
+                kinematics=build_kinematics(described),
+                progress=progress,
+                record=output is not None,
+            )
         if output is not None and simulation.recording is not None:
             write_recording(output, simulation.recording)
     if json:

@@ -22,7 +22,8 @@ class CanInterface(msgspec.Struct, frozen=True):
     """One CAN network interface.
 
     Attributes:
-        state: ``ERROR-ACTIVE``, ``ERROR-WARNING``, ``ERROR-PASSIVE``, ``BUS-OFF``, ``STOPPED``; empty: virtual.
+        state: ``ERROR-ACTIVE``, ``ERROR-WARNING``, ``ERROR-PASSIVE``, ``BUS-OFF`` or ``STOPPED``; empty for
+            virtual ones.
         tx_errors, rx_errors: the controller's error counters, None where they are not told.
         bitrate: [bit/s], None for virtual ones.
     """
@@ -107,7 +108,7 @@ def judge_can(facts: CanFacts) -> list[Finding]:
                 AREA,
                 "SocketCAN",
                 "this kernel opens no CAN sockets: simulated drives only",
-                "modprobe can can_raw; in a virtual machine or container without it, use python-can's socketcand",
+                "modprobe can can_raw; without it, python-can's socketcand brings a bus over the network",
             )
         ]
     findings = [good(AREA, "SocketCAN", "available")]

@@ -164,7 +164,7 @@ def _judge_isolation(facts: RealtimeFacts) -> Finding:
     if facts.isolated:
         return good(AREA, "isolated CPUs", facts.isolated)
     mend = (
-        f"boot with isolcpus={facts.cpus - 1} nohz_full={facts.cpus - 1} and give that CPU to the executor; see {GUIDE}"
+        f"boot with isolcpus={facts.cpus - 1} nohz_full={facts.cpus - 1}; see {GUIDE}"
         if facts.cpus > 1
         else "use a computer with two or more CPUs: one for the cycle alone"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import enum
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -122,10 +121,17 @@ def nearest_command(letter: str, text: str) -> str:
     for family, numbers, hint in _ABSENT_FAMILIES:
         if letter == family and number in numbers:
             return hint
-    names = [spec.name for spec in COMMANDS if spec.letter == letter]
     written = f"{letter}{number:02d}"
-    near = difflib.get_close_matches(written, names, n=5, cutoff=0.6)
-    near.sort(key=lambda name: abs(len(name) - len(written)))
-    if not near:
-        near = sorted(names, key=lambda name: abs(int(name[1:]) - number))[:1]
-    return f"did you mean {near[0]}?"
+    names = [spec.name for spec in COMMANDS if spec.letter == letter]
+    near = sorted(names, key=lambda name: (edit_distance(name, written), abs(int(name[1:]) - number)))
+    return f"did you mean {near[0]} or {near[1]}?"
+
+
+def edit_distance(first: str, second: str) -> int:
+    """Fewest insertions, deletions and substitutions that turn one text into the other (Levenshtein)."""
+    row = list(range(len(second) + 1))
+    for i, a in enumerate(first, start=1):
+        diagonal, row[0] = row[0], i
+        for j, b in enumerate(second, start=1):
+            diagonal, row[j] = row[j], min(row[j] + 1, row[j - 1] + 1, diagonal + (a != b))
+    return row[-1]

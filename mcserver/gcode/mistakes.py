@@ -168,12 +168,15 @@ class _Reading:
         at = next(index for index, character in enumerate(run) if not character.isascii())
         meant = unicodedata.normalize("NFKC", run.translate(_MINUSES)).translate(_MINUSES).strip()
         fits = _NUMBER.match(meant) is not None
+        hint = f"write {shown}{_shorten(meant)}" if fits else "type the word again"
+        if unicodedata.normalize("NFKC", run[at]) == " ":
+            hint = "type a plain space"
         self._fault(
             "MC105",
             f"{_character(run[at])} cannot stand in code, which is ASCII",
             begin + at,
             begin + at + 1,
-            f"write {shown}{_shorten(meant)}" if fits else "type the word again",
+            hint,
         )
         return meant if fits else _UNKNOWN
 

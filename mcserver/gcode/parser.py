@@ -127,7 +127,12 @@ class ParsedLine:
             inside = name[1:-1].strip(" \t")
             axis = int(inside) if inside != "?" else -1
             if axis > MAX_AXIS:
-                faults.add("MC108", f"[{inside}] is not an axis: axes are [0] to [63]", self.span(index))
+                column = self.span(index)[0]
+                faults.add(
+                    "MC108",
+                    f"[{inside}] is not an axis: axes are [0] to [{MAX_AXIS}]",
+                    (column, column + len(name)),
+                )
                 axis = -1
             word = Word("[", value, index, axis, text)
         else:

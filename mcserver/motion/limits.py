@@ -12,9 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mcserver.motion.path import Array, LineCurve, SampledCurve
+from mcserver.motion.path import Array, LineCurve, PolynomialCurve, SampledCurve
 from mcserver.motion.segment import AxisLimits, Segment
 
 # Share of the acceleration that curvature may take at top speed; the rest is left for the way there.
@@ -92,13 +91,17 @@ def samples_of(segment: Segment, width: int) -> Demand:
     for curve in segment.curves:
         if isinstance(curve, SampledCurve):
             count = max(count, 4 * (len(curve.knots) - 1) + 1)
+        elif isinstance(curve, PolynomialCurve):
+            count = max(count, 33)
         elif not isinstance(curve, LineCurve):
             # derivatives of a circle repeat after one turn: 128 points a turn miss an extreme by 0.03 %
             sweep = abs(getattr(curve, "sweep", 2.0 * math.pi))
             count = max(count, min(129, 3 + int(128 * min(sweep, 2.0 * math.pi) / (2.0 * math.pi))))
     s = np.linspace(0.0, 1.0, count)
     sweeps = [abs(getattr(curve, "sweep", 0.0)) for curve in segment.curves]
-    if max(sweeps) > 2.0 * math.pi and not any(isinstance(curve, SampledCurve) for curve in segment.curves):
+    if max(sweeps) > 2.0 * math.pi and not any(
+        isinstance(curve, SampledCurve | PolynomialCurve) for curve in segment.curves
+    ):
         s = s * (2.0 * math.pi / max(sweeps))
     slope, bend, twist = segment.derivatives(s, width)
     scale = segment.scale
@@ -130,17 +133,24 @@ def speed_limit(demand: Demand, limits: AxisLimits) -> SpeedLimit:
     return best
 
 
+def _ripple(apart: Array) -> Array:
+    """How much more than on average vertices ``apart`` ≤ 1 cycles from each other weigh at the worst cycle.
+
+    A second difference weighs them with a hat of two cycles. With f the fraction of 1/r, its sum over points r
+    apart is at most (1 + r² f (1 - f)) / r; below 2/3 the bound f (1 - f) ≤ 1/4 serves, which has no jumps.
+    """
+    ripple: Array = np.where(apart < 2.0 / 3.0, apart * apart / 4.0, (1.0 - apart) * (2.0 * apart - 1.0))
+    return ripple
+
+
 def _free(demand: Demand, limits: AxisLimits, speed: Array) -> tuple[Array, Array]:
     """Acceleration and jerk along σ that each sample's axes leave free at ``speed`` (m,), shape (m,) each."""
     slope = np.maximum(demand.slope, _TINY)
     v = speed[:, None]
     taken = demand.bend * (v * v)
     if demand.step.any():
-        # vertices r cycles apart: a second difference weighs them with a hat of two cycles, whose sum over
-        # points r apart is at most (1 + r² f (1 - f)) / r, f being the fraction of 1/r
         apart = np.minimum(demand.spacing / np.maximum(speed * limits.cycle, _TINY), 1.0)
-        fraction = np.mod(1.0 / np.maximum(apart, 1e-9), 1.0)
-        crowd = (1.0 + apart * apart * fraction * (1.0 - fraction)) / apart / limits.cycle
+        crowd = (1.0 + _ripple(apart)) / apart / limits.cycle
         taken = taken + demand.step * (speed * crowd)[:, None]
     acceleration: Array = ((limits.acceleration - taken) / slope).min(axis=1)
     # a step of the acceleration within a cycle looks like this jerk at the cycle rate (peak of the
@@ -204,9 +214,11 @@ class RunLimits:
         if at_top >= 0.9 * full and not (math.isfinite(full_jerk) and jerk_at_top < 0.9 * full_jerk):
             return [Level(top, at_top, jerk_at_top)]
         result: list[Level] = []
-        for share in RUNGS:
-            free, jerk = _free(part, self._limits, np.minimum(ceiling, share * top))
-            result.append(Level(share * top, float(free.min()), float(jerk.min())))
+        low = float(self.tops[left:right].min())
+        shares = RUNGS if top <= low * 1.001 else (*RUNGS, 1.0)
+        for share in shares:
+            free, jerk = _free(part, self._limits, np.minimum(ceiling, share * low))
+            result.append(Level(share * low, float(free.min()), float(jerk.min())))
         return [*result, Level(top, at_top, jerk_at_top)]
 
 
@@ -239,6 +251,8 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         speed = VERTEX_SHARE * cycle / worst
         isolated = True
         dense = math.sqrt(CURVATURE_SHARE * spacing / worst)
+        crowd = 1.0 + float(_ripple(np.array(min(1.0, spacing / (dense * cycle)))))
+        dense /= math.sqrt(crowd)
         if spacing < 10.0 * cycle * dense:
             # many short segments: a polyline stands for a curve, and the speed is that of the curve
             speed = min(CURVATURE_SHARE * cycle / worst, dense)
@@ -264,8 +278,3 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         ceiling=np.full(1, speed),
     )
     return Junction(speed, demand)
-
-
-def columns_of(mask: int) -> NDArray[np.intp]:
-    """Columns whose bit is set."""
-    return np.array([bit for bit in range(mask.bit_length()) if mask >> bit & 1], dtype=np.intp)

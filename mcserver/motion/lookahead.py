@@ -13,13 +13,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcserver.motion.limits import Demand, Level, RunLimits, SpeedLimit, junction, samples_of, speed_limit
+from mcserver.motion.limits import (
+    Demand,
+    Junction,
+    Level,
+    RunLimits,
+    SpeedLimit,
+    junction,
+    samples_of,
+    speed_limit,
+)
 from mcserver.motion.path import Array
 from mcserver.motion.profile import Phases, Profile, ProfileSolver, join, reachable_speed
 from mcserver.motion.ramps import exactly, fastest
 from mcserver.motion.segment import AxisLimits, Segment
 
 _SLACK = 1.0 + 1e-9
+# Cycles below which a segment's own top speed is that of its joints.
+SHORT = 5.0
 
 
 @dataclass
@@ -76,29 +87,51 @@ class Lookahead:
 
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
         """Joins a segment that travels to the run; the joint's cap says whether it can flow."""
-        limits = self._limits
-        width = len(limits.velocity)
-        cap = 0.0
-        joint: Demand | None = None
-        if self.nodes and not from_rest:
-            before = self.nodes[-1].segment
-            end = math.sqrt(float(before.last @ before.last))
-            begin = math.sqrt(float(segment.first @ segment.first))
-            if end > 0.0 and begin > 0.0:
-                natural = segment.scale
-                segment.scale = begin * before.scale / end
-                met = junction(before, segment, limits)
-                cap, joint = met.speed, met.demand
-                if cap <= 0.0:
-                    segment.scale = natural
-        demand = samples_of(segment, width)
-        limit = speed_limit(demand, limits)
-        if joint is not None:
-            demand = Demand.stack([demand, joint])
+        met = Junction(0.0, None) if from_rest else self._joint(segment)
+        demand = samples_of(segment, len(self._limits.velocity))
+        limit = speed_limit(demand, self._limits)
+        if met.demand is not None:
+            demand = Demand.stack([demand, met.demand])
             last = self.nodes[-1]
-            last.demand = Demand.stack([last.demand, joint])
+            last.demand = Demand.stack([last.demand, met.demand])
         top = min(limit.velocity, segment.feed * segment.scale)
-        self.nodes.append(Node(segment, cap, limit, top, demand))
+        self.nodes.append(Node(segment, met.speed, limit, top, demand))
+
+    def _joint(self, segment: Segment) -> Junction:
+        """How the run meets ``segment``; scales its coordinate so that speed is continuous where it can flow."""
+        if not self.nodes:
+            return Junction(0.0, None)
+        before = self.nodes[-1].segment
+        end = math.sqrt(float(before.last @ before.last))
+        begin = math.sqrt(float(segment.first @ segment.first))
+        if end <= 0.0 or begin <= 0.0:
+            return Junction(0.0, None)
+        natural = segment.scale
+        segment.scale = begin * before.scale / end
+        met = junction(before, segment, self._limits)
+        if met.speed <= 0.0:
+            segment.scale = natural
+        return met
+
+    def joint_speed(self, segment: Segment) -> float:
+        """Greatest speed over the joint with a segment that is not in the run yet [m/s or rad/s along σ]."""
+        natural = segment.scale
+        speed = self._joint(segment).speed
+        segment.scale = natural
+        return speed
+
+    def replace_last(self, segment: Segment) -> None:
+        """Puts a trimmed segment in the place of the last one."""
+        last = self.nodes[-1]
+        last.segment = segment
+
+    def enter_fast(self) -> None:
+        """Sets the entry to the speed that the first segment could have reached from rest in its own length."""
+        first = self.nodes[0]
+        run = RunLimits([first.demand], np.array([first.top]), self._limits)
+        acceleration, jerk = run.weakest(0, 1)
+        whole = first.segment.scale
+        self.entry = 0.5 * reachable_speed(0.0, whole, acceleration, jerk, float(run.tops[0]))
 
     # ------------------------------------------------------------------ planning
 
@@ -107,11 +140,16 @@ class Lookahead:
         nodes = self.nodes
         count = len(nodes)
         bounds = np.concatenate([[0.0], np.cumsum([node.segment.extent for node in nodes])])
-        self._run = RunLimits([node.demand for node in nodes], np.array([node.top for node in nodes]), self._limits)
-        tops = self._run.tops
         caps = np.empty(count + 1)
         caps[:-1] = [node.cap for node in nodes]
         caps[0], caps[-1] = self.entry, 0.0
+        tops = np.array([node.top for node in nodes])
+        # a segment of few cycles is hardly faster than its joints are
+        joints = np.maximum(caps[:-1], caps[1:])
+        short = np.diff(bounds) < SHORT * self._limits.cycle * joints
+        tops[short] = np.minimum(tops[short], joints[short])
+        self._run = RunLimits([node.demand for node in nodes], tops, self._limits)
+        tops = self._run.tops
         caps[1:-1] = np.minimum(caps[1:-1], np.minimum(tops[:-1], tops[1:]))
         for index, node in enumerate(nodes):
             duration = node.segment.duration

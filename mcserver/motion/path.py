@@ -188,3 +188,45 @@ class SampledCurve(msgspec.Struct, frozen=True):
         low: Array = points.min(axis=0)
         high: Array = points.max(axis=0)
         return low, high
+
+
+class PolynomialCurve(msgspec.Struct, frozen=True):
+    """A polynomial of degree n in s: what rounds a corner.
+
+    Attributes:
+        axes: K axis numbers.
+        coefficients: shape (n+1, K), constant term first [m or rad].
+        length: measured along the curve [m or rad].
+    """
+
+    axes: tuple[int, ...]
+    coefficients: Array
+    length: float
+
+    def position(self, s: Array) -> Array:
+        return _horner(self.coefficients, s)
+
+    def derivatives(self, s: Array) -> tuple[Array, Array, Array]:
+        first = _derivative(self.coefficients)
+        second = _derivative(first)
+        return _horner(first, s), _horner(second, s), _horner(_derivative(second), s)
+
+    def bounds(self) -> tuple[Array, Array]:
+        points = self.position(np.linspace(0.0, 1.0, 65))
+        low: Array = points.min(axis=0)
+        high: Array = points.max(axis=0)
+        return low, high
+
+
+def _horner(coefficients: Array, s: Array) -> Array:
+    x = np.asarray(s, dtype=float)[:, None]
+    result: Array = np.broadcast_to(coefficients[-1], (len(x), coefficients.shape[1])).copy()
+    for row in coefficients[-2::-1]:
+        result = result * x + row
+    return result
+
+
+def _derivative(coefficients: Array) -> Array:
+    powers = np.arange(1, len(coefficients))[:, None]
+    result: Array = coefficients[1:] * powers
+    return result

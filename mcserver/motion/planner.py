@@ -16,16 +16,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcserver.config import Machine
+from mcserver.motion.blend import Blend, blend
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.lookahead import Bound, Lookahead, PlannedRun
+from mcserver.motion.lookahead import Bound, Lookahead, PlannedRun, PlanningError
 from mcserver.motion.path import Array
 from mcserver.motion.sampling import CYCLE_ROUNDING, Rows, first_row, sample, whole_cycle
 from mcserver.motion.segment import AxisLimits, Segment, segment_of
+from mcserver.units import MM
 
 # Segments in the window: enough for any stopping distance made of short lines, few enough to plan quickly.
 WINDOW = 512
 # Rows in one piece of output.
 PIECE = 500
+
+# Shapes and shares of the tolerance that are tried for a rounded corner.
+HANDLES = (0.4,)
+TOLERANCE_SHARES = (1.0, 0.3)
 
 _ONE = np.array([1.0])
 
@@ -81,6 +87,8 @@ class MotionPlanner:
         self._cycle = machine.cycle_s
         self._slots = {axis.index: column for column, axis in enumerate(machine.axes)}
         self._width = len(machine.axes)
+        # in the distance from the programmed path a degree counts as a millimetre
+        self._weights = np.array([MM / axis.type.si_per_unit for axis in machine.axes])
         self.position: Array = position.copy()
         self.u = 0.0
         self._window = Lookahead(self._limits)
@@ -117,12 +125,59 @@ class MotionPlanner:
             self.position[columns] = curve.position(_ONE)[0]
         return segment
 
-    def append(self, segment: Segment, *, from_rest: bool = False) -> None:
-        """Adds a segment that travels to the window; ``from_rest`` makes the motion stop before it."""
+    def append(self, segment: Segment, *, from_rest: bool = False, tolerance: float = 0.0) -> None:
+        """Adds a segment that travels to the window.
+
+        Args:
+            from_rest: the motion stops before it.
+            tolerance: how far the corner before it may be rounded [m].
+        """
         self._active |= segment.mask
         segment.active = self._active
-        self._window.append(segment, from_rest=from_rest)
         self._plan = None
+        if tolerance > 0.0 and not from_rest and self._window.nodes and self._round(segment, tolerance):
+            return
+        self._window.append(segment, from_rest=from_rest)
+
+    def _round(self, segment: Segment, tolerance: float) -> bool:
+        """Rounds the corner before ``segment``, if that is faster; False where the corner stays."""
+        before = self._window.nodes[-1].segment
+        if not before.closes:
+            return False
+        found = self._best_blend(before, segment, tolerance)
+        if found is None:
+            return False
+        self._window.replace_last(found.before)
+        for part in (found.first, found.second, found.after):
+            part.active = self._active
+            self._window.append(part)
+        return True
+
+    def _best_blend(self, before: Segment, after: Segment, tolerance: float) -> Blend | None:
+        """The blend that passes the corner soonest, if any is quicker than the corner itself."""
+        if self._window.joint_speed(after) >= min(self._window.nodes[-1].top, after.feed * after.scale):
+            return None
+        best: Blend | None = None
+        least = self._time([before, after])
+        for share in TOLERANCE_SHARES:
+            for handle in HANDLES:
+                found = blend(before, after, share * tolerance, self._weights, handle)
+                if found is not None:
+                    time = self._time([found.before, found.first, found.second, found.after])
+                    if time < least * (1.0 - 1e-6):
+                        best, least = found, time
+        return best
+
+    def _time(self, parts: list[Segment]) -> float:
+        """How long the parts take from the speed that the first one could have to rest [s]."""
+        window = Lookahead(self._limits)
+        for part in parts:
+            window.append(dataclasses.replace(part))
+        window.enter_fast()
+        try:
+            return window.plan().phases.duration
+        except PlanningError:
+            return math.inf
 
     def _solved(self) -> PlannedRun:
         if self._plan is None:

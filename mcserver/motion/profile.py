@@ -173,17 +173,21 @@ def _dips_below_zero(profile: ruckig.Profile) -> bool:
     return False
 
 
-def speed_change_distance(low: float, high: float, acceleration: float, jerk: float) -> float:
-    """Least distance over which speed goes from ``low`` to ``high`` with zero acceleration at both ends [m]."""
+def speed_change_time(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """Least time in which speed goes from ``low`` to ``high`` with zero acceleration at both ends [s]."""
     change = high - low
     if change <= 0.0:
         return 0.0
-    if math.isinf(jerk) or change * jerk >= acceleration * acceleration:
-        ramp = 0.0 if math.isinf(jerk) else acceleration / jerk
-        time = change / acceleration + ramp
-    else:
-        time = 2.0 * math.sqrt(change / jerk)
-    return (low + high) / 2.0 * time
+    if math.isinf(jerk):
+        return change / acceleration
+    if change * jerk >= acceleration * acceleration:
+        return change / acceleration + acceleration / jerk
+    return 2.0 * math.sqrt(change / jerk)
+
+
+def speed_change_distance(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """The distance that such a change takes [m]: half way between the speeds, as it is symmetric."""
+    return (low + high) / 2.0 * speed_change_time(low, high, acceleration, jerk)
 
 
 def reachable_speed(low: float, distance: float, acceleration: float, jerk: float, cap: float) -> float:

@@ -57,7 +57,7 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
         segment = run.segments[which]
         s = segment.begin + (sigma[low:high] - run.bounds[which]) / segment.scale
         at_end = sigma[low:high] >= run.bounds[which + 1]
-        s = np.where(at_end, 1.0, np.clip(s, 0.0, 1.0))
+        s = np.where(at_end, segment.finish, np.clip(s, segment.begin, segment.finish))
         points, slope = segment.sample(s)
         position[low:high] = points
         velocity[low:high] = slope * (speed[low:high, None] / segment.scale)

@@ -49,7 +49,8 @@ class Segment:
         first, last: dp/ds at s = 0 and 1, shape (K,); zero where an axis has no part.
         bend_first, bend_last: d²p/ds² there.
         scale: length of the tangent that the coordinate σ is measured in; set along a run [m or rad].
-        begin: fraction at which what is left of the segment starts (0 but for one that is under way).
+        begin, finish: fractions between which the segment is passed: 0 and 1 but for one that is under way or
+            has a rounded corner.
         base: commanded positions of all columns when the segment starts, shape (K,).
         active: mask of all columns that the run has moved up to this segment.
         opens, closes: whether the line's time begins or ends with this segment.
@@ -68,6 +69,7 @@ class Segment:
     bend_last: Array
     scale: float
     begin: float = 0.0
+    finish: float = 1.0
     base: Array = field(default_factory=lambda: np.zeros(0))
     active: int = 0
     opens: bool = True
@@ -76,7 +78,7 @@ class Segment:
     @property
     def extent(self) -> float:
         """Length of what is left of it along σ."""
-        return self.scale * (1.0 - self.begin)
+        return self.scale * (self.finish - self.begin)
 
     @property
     def travels(self) -> bool:
@@ -144,3 +146,8 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -
 def is_circular(curve: Curve) -> bool:
     """Whether the curve's tangent has one length all along (an arc or helix of one radius)."""
     return isinstance(curve, ArcCurve) and abs(curve.end_radius - curve.start_radius) <= 1e-9 * curve.start_radius
+
+
+def columns_of(mask: int) -> NDArray[np.intp]:
+    """Columns whose bit is set."""
+    return np.array([bit for bit in range(mask.bit_length()) if mask >> bit & 1], dtype=np.intp)

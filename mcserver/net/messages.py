@@ -53,7 +53,6 @@ from mcserver.programs.reports import (
 PROTOCOL_VERSION = 1
 ENCODING = "application/msgpack"
 
-MAX_LINE_BYTES = 8192
 MAX_LINES_A_MESSAGE = 20_000
 
 ClientId = Annotated[str, Meta(pattern=r"^$|^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
@@ -154,15 +153,25 @@ class StreamLines(msgspec.Struct, frozen=True, array_like=True):
 
 
 class CloseRequest(Request, frozen=True, kw_only=True):
-    """No more lines will come; what is there runs to its end."""
+    """No more lines will come; what is there runs to its end.
+
+    ``last``: the last line that was sent; the program is only closed if it has been accepted.
+    """
 
     program: ProgramId
+    last: Annotated[int, Meta(ge=0)] | None = None
 
 
 class ProgramRequest(Request, frozen=True, kw_only=True):
-    """hold, resume, abort, step: one program, or every one (None; not for step)."""
+    """hold, resume, abort: one program, or every one (None)."""
 
     program: ProgramId | None = None
+
+
+class StepRequest(Request, frozen=True, kw_only=True):
+    """The next line of a program in single line mode."""
+
+    program: ProgramId
 
 
 class OverrideRequest(Request, frozen=True, kw_only=True):
@@ -350,7 +359,7 @@ class TelemetryInfo(msgspec.Struct, frozen=True):
 class LimitsInfo(msgspec.Struct, frozen=True):
     """Bounds of the service."""
 
-    max_line_bytes: int
+    max_line_length: int
     max_lines_a_message: int
     queue_lines: int
     programs_at_once: int

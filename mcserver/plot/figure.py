@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -26,7 +26,8 @@ def draw_png(scene: Scene, stream: BinaryIO) -> None:
 
 def compose(scene: Scene) -> Figure:
     """The figure with all its panels."""
-    with mpl.rc_context(dict(STYLE)):
+    style: Any = dict(STYLE)
+    with mpl.rc_context(style):
         return _compose(scene)
 
 
@@ -36,7 +37,9 @@ def _compose(scene: Scene) -> Figure:
     height = HEAD + sum(heights)
     figure = Figure(figsize=(WIDTH, height))
     FigureCanvasAgg(figure)
-    figure.set_layout_engine("constrained", rect=(0.005, 0.005, 0.99, 1.0 - HEAD / height), h_pad=0.08, w_pad=0.08)
+    figure.set_layout_engine(
+        "constrained", rect=(0.005, 0.005, 0.99, 1.0 - HEAD / height), h_pad=0.08, w_pad=0.08
+    )
     grid = figure.add_gridspec(len(heights), 6, height_ratios=heights)
     colours = colours_of(scene.line.tolist() + [each.line for each in scene.timed_lines])
 

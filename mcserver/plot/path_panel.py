@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -25,7 +26,7 @@ def runs_of(line: Lines) -> list[tuple[int, int, int]]:
         return []
     edges = np.flatnonzero(np.diff(line)) + 1
     bounds = [0, *edges.tolist(), len(line)]
-    return [(int(line[first]), first, end) for first, end in zip(bounds, bounds[1:], strict=False)]
+    return [(int(line[first]), first, end) for first, end in itertools.pairwise(bounds)]
 
 
 def draw_path(figure: Figure, place: SubplotSpec, scene: Scene, colours: Mapping[int, str]) -> None:

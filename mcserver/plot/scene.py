@@ -111,7 +111,7 @@ def build_scene(
 ) -> Scene:
     """Everything that a picture needs, from a recorded run.
 
-    The path is that of each tool whose tip moved; without tools, that of the linear axes among X Y Z that moved.
+    The path is that of each tool whose tip moved; without tools, that of the first linear axes that moved.
     """
     line = np.asarray(recording.line).astype(np.int64)
     traces = []

@@ -99,8 +99,8 @@ class Journal:
         if before:
             self.lines(program, 1, before)
         self._put(
-            "INSERT INTO programs(program, instance, client, name, axes, start_line, on_disconnect, resume_of,"
-            " opened_at, accepted, started, done) VALUES (?,?,?,?,?,?,?,?,?,?,?,?)",
+            "INSERT INTO programs(program, instance, client, name, axes, start_line, on_disconnect,"
+            " resume_of, opened_at, accepted, started, done) VALUES (?,?,?,?,?,?,?,?,?,?,?,?)",
             (
                 program,
                 instance,

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import cast
-
 from mcserver.executor.entries import Control, MotionSink
 from mcserver.motion.sampling import Rows
 
@@ -13,13 +11,14 @@ class Output:
     """Keeps the order between rows and control entries while the rings have no room.
 
     Control entries at u must be in the ring before the row that is played at u, so each is put when its
-    turn comes. The pipeline stops planning while anything waits here, so what waits is bounded by one
+    turn comes. ``last_u`` is where what has been handed over ends. The pipeline stops planning while anything waits here, so what waits is bounded by one
     piece of a plan.
     """
 
     def __init__(self, sink: MotionSink) -> None:
         self._sink = sink
         self._waiting: deque[Control | Rows] = deque()
+        self.last_u = 0.0
 
     def put(self, entry: Control | Rows) -> None:
         self._waiting.append(entry)
@@ -42,6 +41,7 @@ class Output:
                 if self._sink.control_room() < 1:
                     break
                 self._sink.put_control(entry)
+                self.last_u = max(self.last_u, entry.u)
                 self._waiting.popleft()
                 moved = True
                 continue
@@ -50,6 +50,7 @@ class Output:
                 break
             part = _head(entry, count)
             self._sink.put_rows(part.first, part.position, part.velocity, part.axes, part.line)
+            self.last_u = max(self.last_u, part.first + count - 1)
             moved = True
             if count < len(entry.line):
                 self._waiting[0] = _tail(entry, count)
@@ -59,14 +60,12 @@ class Output:
 
 
 def _head(rows: Rows, count: int) -> Rows:
-    return cast(
-        Rows,
-        Rows(rows.first, rows.position[:count], rows.velocity[:count], rows.axes[:count], rows.line[:count]),
+    return Rows(
+        rows.first, rows.position[:count], rows.velocity[:count], rows.axes[:count], rows.line[:count]
     )
 
 
 def _tail(rows: Rows, count: int) -> Rows:
-    return cast(
-        Rows,
-        Rows(rows.first + count, rows.position[count:], rows.velocity[count:], rows.axes[count:], rows.line[count:]),
+    return Rows(
+        rows.first + count, rows.position[count:], rows.velocity[count:], rows.axes[count:], rows.line[count:]
     )

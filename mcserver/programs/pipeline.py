@@ -134,6 +134,7 @@ class Pipeline:
         self._independent: set[int] = set()
         self._unsettled: frozenset[int] = frozenset()
         self._from_rest = False
+        self._tolerance = 0.0
         self._closed = False
         self._failed = False
         self._ended = False
@@ -178,6 +179,16 @@ class Pipeline:
     def finished(self) -> bool:
         """Whether everything, the program's end included, has been handed over."""
         return self._finishing and not self._output.blocked and self._source is None
+
+    @property
+    def waiting(self) -> bool:
+        """Whether planning waits for the executor to tell where axes are."""
+        return self._waiting_for is not None
+
+    @property
+    def handed_over_u(self) -> float:
+        """Up to where rows are in the ring or motion has ended, on the program's time axis [cycles]."""
+        return self._output.last_u
 
     @property
     def failed(self) -> bool:
@@ -429,7 +440,9 @@ class Pipeline:
         if not segment.travels:
             return False
         self._report(line)
-        self._planner.append(segment, from_rest=self._from_rest)
+        tolerance = min(self._tolerance, line.tolerance)
+        self._planner.append(segment, from_rest=self._from_rest, tolerance=tolerance)
+        self._tolerance = line.tolerance
         # with drives that follow in the same cycle an exact stop is a stop, and waits for nothing
         self._from_rest = line.exact_stop
         if line.exact_stop and not self._ideal.issuperset(group.axes):

@@ -11,6 +11,7 @@ import enum
 import logging
 import queue
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -64,14 +65,21 @@ class LinePipeline(Protocol):
 
 
 class PipelineRequest(msgspec.Struct, frozen=True):
-    """What a pipeline is made of, besides the sink."""
+    """What a pipeline is made of, besides the sink; ``modal`` is what `MakesPipelines.prepare` gave, or None."""
 
     program: str
     axes: frozenset[int]
-    before: Sequence[str]
+    modal: object = None
 
 
-MakePipeline = Callable[[PipelineRequest, MotionSink], LinePipeline]
+class MakesPipelines(Protocol):
+    """`mcserver.programs.pipeline_factory.PipelineFactory`."""
+
+    def prepare(self, before: Sequence[str]) -> object:
+        """Modal state after lines that are only read; from any thread. Raises ProgramRejected."""
+
+    def make(self, request: PipelineRequest, sink: MotionSink) -> LinePipeline:
+        """A program's pipeline, in the planner thread."""
 
 
 class Begin(msgspec.Struct, frozen=True):
@@ -165,23 +173,27 @@ class _Plan:
 class PlannerThread:
     """Runs until `stop`.
 
+    Attributes:
+        seen: when it was last at work [s of `time.monotonic`].
+
     Args:
-        port: the executor; its events, `begin` and `beat` are this thread's.
-        make_pipeline: makes a program's pipeline; called in this thread.
+        port: the executor; its events and `begin` are this thread's.
+        pipelines: makes a program's pipeline; called in this thread.
         deliver: takes what happened, in order; called in this thread.
     """
 
     def __init__(
-        self, port: MotionPort, make_pipeline: MakePipeline, deliver: Callable[[list[Outcome]], None]
+        self, port: MotionPort, pipelines: MakesPipelines, deliver: Callable[[list[Outcome]], None]
     ) -> None:
         self._port = port
-        self._make_pipeline = make_pipeline
+        self._pipelines = pipelines
         self._deliver = deliver
         self._inbox: queue.SimpleQueue[Begin | Lines | Order | None] = queue.SimpleQueue()
         self._plans: dict[str, _Plan] = {}
         # lines that came before their program had its lease
         self._early: dict[str, list[Lines | Order]] = {}
         self._outcomes: list[Outcome] = []
+        self.seen = time.monotonic()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="planner", daemon=True)
 
@@ -207,11 +219,12 @@ class PlannerThread:
             else:
                 wait_s = IDLE_POLL_S
             self._take_orders(wait_s)
-            self._port.beat()
+            self.seen = time.monotonic()
             self._take_events()
+            slots = self._port.slots()
             busy = False
             for plan in list(self._plans.values()):
-                busy = self._advance(plan) or busy
+                busy = self._advance(plan, slots[plan.slot].u) or busy
             if self._outcomes:
                 outcomes, self._outcomes = self._outcomes, []
                 self._deliver(outcomes)
@@ -251,7 +264,7 @@ class PlannerThread:
         name = order.request.program
         try:
             sink = self._port.begin(order.slot, order.request.axes, ratio=order.override, held=order.hold)
-            pipeline = self._make_pipeline(order.request, sink)
+            pipeline = self._pipelines.make(order.request, sink)
         except McError as error:
             self._outcomes.append(Broken(name, str(error)))
             return
@@ -278,12 +291,12 @@ class PlannerThread:
             except Exception as error:
                 self._break(plan, error)
             if event.kind in (EventKind.FINISHED, EventKind.STOPPED):
-                self._judge(plan)
+                self._judge(plan, float("inf"))
                 self._plans.pop(plan.program, None)
                 by_slot.pop(event.program, None)
         self._outcomes.append(Happened(events))
 
-    def _advance(self, plan: _Plan) -> bool:
+    def _advance(self, plan: _Plan, u: float) -> bool:
         if plan.ended:
             return False
         try:
@@ -291,14 +304,14 @@ class PlannerThread:
             if plan.closing and not plan.closed and not plan.pending:
                 plan.closed = True
                 plan.pipeline.close()
-            more = plan.pipeline.pump(self._port.playhead(plan.slot))
+            more = plan.pipeline.pump(u)
             reports = plan.pipeline.take_reports()
         except Exception as error:
             self._break(plan, error)
             return False
         if reports:
             self._report(plan, reports)
-        self._judge(plan)
+        self._judge(plan, u)
         return more or fed
 
     def _feed(self, plan: _Plan) -> bool:
@@ -343,12 +356,11 @@ class PlannerThread:
         if final:
             plan.closing = True
 
-    def _judge(self, plan: _Plan) -> None:
+    def _judge(self, plan: _Plan, u: float) -> None:
         through = plan.pipeline.planned_line
         if through > plan.judged:
             plan.judged = through
-            remaining_s = plan.pipeline.remaining_s(self._port.playhead(plan.slot))
-            self._outcomes.append(Judged(plan.program, through, remaining_s))
+            self._outcomes.append(Judged(plan.program, through, plan.pipeline.remaining_s(u)))
 
     def _break(self, plan: _Plan, error: Exception) -> None:
         log.error("the pipeline of %s failed", plan.program, exc_info=error)

@@ -74,8 +74,8 @@ class MotionPort(Protocol):
     def beat(self) -> None:
         """Says that the server is alive; without it motion stops within 100 ms."""
 
-    def playhead(self, slot: int) -> float:
-        """Where the slot's program is on its time axis [cycles]."""
+    def slots(self) -> Sequence[SlotView]:
+        """Where every slot's program is now."""
 
     def hold(self, slot: int) -> None:
         """Ramps the slot's rate to 0 along the path."""
@@ -88,6 +88,9 @@ class MotionPort(Protocol):
 
     def abort(self, slot: int) -> None:
         """Stops along the path, empties the rings and reports STOPPED."""
+
+    def stop_all(self) -> None:
+        """Aborts every program and stops every axis within its limits; axes stay energized."""
 
     def emergency_stop(self) -> None:
         """Stops every axis as its drive's emergency stop does; latched until `reset`."""

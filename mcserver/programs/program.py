@@ -55,7 +55,8 @@ class Program:
         self.opened_at = opened_at
         self.queue = queue
         self.state: ProgramState = "queued"
-        self.before: Sequence[str] = ()
+        # for the pipeline, until it begins
+        self.modal: object = None
         self.slot: int | None = None
         # counts rejections: what the planner says about lines of an earlier epoch no longer matters
         self.epoch = 0

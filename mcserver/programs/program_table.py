@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.programs.events import EventLog
 from mcserver.programs.faults import fault_of
+from mcserver.programs.heartbeat import Heartbeat
 from mcserver.programs.journal import Journal
 from mcserver.programs.lease import Grant, LeaseTable
 from mcserver.programs.planner_thread import (
@@ -23,7 +24,7 @@ from mcserver.programs.planner_thread import (
     Happened,
     Judged,
     Lines,
-    MakePipeline,
+    MakesPipelines,
     Order,
     Outcome,
     PipelineRequest,
@@ -33,7 +34,7 @@ from mcserver.programs.planner_thread import (
 )
 from mcserver.programs.port import MotionPort
 from mcserver.programs.program import Program, Verdict
-from mcserver.programs.reports import Ack, Event, Fault, ProgramState, wire_diagnostic
+from mcserver.programs.reports import Ack, AxisState, Event, Fault, ProgramState, wire_diagnostic
 from mcserver.programs.reports import EventKind as Kind
 from mcserver.programs.service_options import ServiceOptions
 
@@ -42,6 +43,8 @@ log = logging.getLogger(__name__)
 ENDED_PROGRAMS = 100
 TICK_S = 0.02
 LATCHED_FAULTS = 64
+# feedback may show the latch a moment after the event
+FAULT_SHOWN_S = 0.5
 
 
 class ProgramTable:
@@ -56,7 +59,7 @@ class ProgramTable:
     def __init__(
         self,
         port: MotionPort,
-        make_pipeline: MakePipeline,
+        pipelines: MakesPipelines,
         options: ServiceOptions,
         *,
         on_ack: Callable[[Ack], None],
@@ -78,7 +81,8 @@ class ProgramTable:
         self.journal = Journal(
             options.journal, on_commit=self._from_journal, on_failure=self._from_failed_journal
         )
-        self.planner = PlannerThread(port, make_pipeline, self._from_planner)
+        self.planner = PlannerThread(port, pipelines, self._from_planner)
+        self.heartbeat = Heartbeat(port.beat, lambda: self.planner.seen)
 
     def now(self) -> float:
         """Executor time [s]."""
@@ -151,13 +155,25 @@ class ProgramTable:
             self.faults.append(fault)
             self.journal.fault(fault, self.options.clock())
 
+    def forget_cleared(self, states: Mapping[int, AxisState]) -> bool:
+        """Drops faults that no axis has latched any more; True if none is left of some."""
+        since = self.now() - FAULT_SHOWN_S
+        kept = [
+            fault
+            for fault in self.faults
+            if fault.t > since or (fault.axis is not None and states.get(fault.axis) == "fault")
+        ]
+        cleared = bool(self.faults) and not kept
+        self.faults = kept
+        return cleared
+
     def _start(self, grants: Sequence[Grant]) -> None:
         for grant in grants:
             program = self.programs[grant.program]
             program.slot = grant.slot
-            request = PipelineRequest(program.program, grant.axes, program.before)
+            request = PipelineRequest(program.program, grant.axes, program.modal)
             self.planner.order(Begin(request, grant.slot, program.step, program.override, program.held))
-            program.before = ()
+            program.modal = None
             self.enter(program, "held" if program.held else "running")
             self.publish("program.started", program)
 

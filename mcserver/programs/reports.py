@@ -26,7 +26,9 @@ ProgramState = Literal[
     "interrupted",  # the server that ran it went away
 ]
 MachineState = Literal["ready", "fault", "estop"]
-AxisState = Literal["off", "released", "standstill", "moving", "speed", "torque", "stopping", "fault"]
+AxisState = Literal[
+    "off", "starting", "standstill", "moving", "speed", "torque", "stopping", "released", "fault"
+]
 Severity = Literal["error", "warning"]
 OnDisconnect = Literal["finish", "stop"]
 ENDED: frozenset[ProgramState] = frozenset({"finished", "aborted", "rejected", "faulted", "interrupted"})

@@ -7,7 +7,7 @@ callbacks, acknowledgements and events, and knows nothing of the network.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 
@@ -15,13 +15,13 @@ from mcserver.config import Machine
 from mcserver.errors import ServiceError
 from mcserver.programs.events import EventLog
 from mcserver.programs.journal_reader import read_lines_before, read_programs
-from mcserver.programs.planner_thread import MakePipeline, Order
+from mcserver.programs.planner_thread import MakesPipelines, Order
 from mcserver.programs.port import MotionPort
 from mcserver.programs.program import Program, Verdict
 from mcserver.programs.program_table import TICK_S, ProgramTable
 from mcserver.programs.queue import Gap, LineQueue
 from mcserver.programs.refusals import Refused, RejectedLines
-from mcserver.programs.reports import Ack, Event, Fault, MachineState, OnDisconnect, ProgramStatus
+from mcserver.programs.reports import Ack, AxisState, Event, Fault, MachineState, OnDisconnect, ProgramStatus
 from mcserver.programs.service_options import ServiceOptions
 
 OPEN_PROGRAMS = 64
@@ -36,7 +36,7 @@ class MachineService:
     Args:
         machine: its axes.
         port: the executor.
-        make_pipeline: makes a program's pipeline, in the planner thread.
+        pipelines: makes programs' pipelines.
         options: journal and instance.
         on_ack, on_event: called in the loop.
 
@@ -48,7 +48,7 @@ class MachineService:
         self,
         machine: Machine,
         port: MotionPort,
-        make_pipeline: MakePipeline,
+        pipelines: MakesPipelines,
         options: ServiceOptions,
         *,
         on_ack: Callable[[Ack], None],
@@ -59,7 +59,8 @@ class MachineService:
         self.options = options
         self.override = 1.0
         self._loop = asyncio.get_running_loop()
-        self._table = ProgramTable(port, make_pipeline, options, on_ack=on_ack, on_event=on_event)
+        self._table = ProgramTable(port, pipelines, options, on_ack=on_ack, on_event=on_event)
+        self._pipelines = pipelines
         self._counter = 0
         self._estop = False
         self._stopping = False
@@ -71,6 +72,7 @@ class MachineService:
         """Begins: what an earlier start left open counts as interrupted."""
         self._table.journal.server_started(self.options.instance, self.options.clock())
         self._table.planner.start()
+        self._table.heartbeat.start()
         self.events.publish("server.started", message=f"machine {self.machine.name}")
 
     async def stop(self) -> None:
@@ -84,6 +86,7 @@ class MachineService:
         deadline = self._loop.time() + STOP_LIMIT_S
         while self._chosen(None) and self._loop.time() < deadline:
             await asyncio.sleep(TICK_S)
+        self._table.heartbeat.stop()
         await asyncio.to_thread(self._table.planner.stop)
         await asyncio.to_thread(self.port.close)
         self._table.journal.server_stopped(self.options.instance, self.options.clock())
@@ -134,6 +137,7 @@ class MachineService:
                 f"{len(before)} lines before line {start_line}: lines 1 … {start_line - 1} are meant",
                 "give all of them, or none",
             )
+        modal = await asyncio.to_thread(self._pipelines.prepare, before) if before else None
         if sum(not program.ended for program in self._table.programs.values()) >= OPEN_PROGRAMS:
             raise Refused("MC508", f"{OPEN_PROGRAMS} programs are open", "close one", limit=OPEN_PROGRAMS)
         self._ready()
@@ -150,7 +154,7 @@ class MachineService:
             opened_at=self.options.clock(),
             queue=LineQueue(start_line),
         )
-        program.before = before
+        program.modal = modal
         program.held = hold
         program.override = self.override
         self._table.add(program, before)
@@ -251,6 +255,9 @@ class MachineService:
         chosen = self._chosen(program_id)
         for program in chosen:
             self._table.stop(program, "aborted", reason)
+        if program_id is None:
+            # axes that move by themselves too (G1020, G1030, G1040)
+            self.port.stop_all()
         return chosen
 
     def set_override(self, ratio: float, program_id: str | None) -> list[Program]:
@@ -289,7 +296,7 @@ class MachineService:
             return
         self._estop = True
         fault = Fault(
-            code="MC430",
+            code="MC400",
             message="emergency stop" + (f": {reason}" if reason else ""),
             hint="remove the cause, then reset",
             t=self.now(),
@@ -324,9 +331,30 @@ class MachineService:
     def faults(self) -> list[Fault]:
         return list(self._table.faults)
 
+    def refresh_faults(self, states: Mapping[int, AxisState]) -> None:
+        """Drops the faults of axes that a G1000 has cleared, and of lines that no axis has latched."""
+        if not self._estop and self._table.forget_cleared(states):
+            self.events.publish("reset", message="the latch is cleared")
+
     def holder(self, axis: int) -> str | None:
         """The program that may move ``axis`` now."""
         return self._table.leases.holder(axis)
+
+    def positions_si(self, positions: Mapping[str, float]) -> dict[int, float]:
+        """Positions by axis number as text [mm, deg], in SI.
+
+        Raises:
+            ServiceError: MC507 no such axis.
+        """
+        found = {}
+        for name, value in positions.items():
+            axis = self.machine.axis(int(name)) if name.isdecimal() else None
+            if axis is None:
+                raise Refused(
+                    "MC507", f"the machine {self.machine.name} has no axis {name!r}", "see `info`", axis=name
+                )
+            found[axis.index] = value * axis.type.si_per_unit
+        return found
 
     def program(self, program_id: str) -> Program:
         """Raises ServiceError MC503 where there is none."""
@@ -364,10 +392,10 @@ class MachineService:
     def _ready(self) -> None:
         if self._stopping:
             raise Refused("MC515", "the server is stopping", "wait for its next start")
-        if self._table.faults:
+        if self._estop:
             raise Refused(
                 "MC509",
-                f"{self._table.faults[0].message} ({self._table.faults[0].code}) is latched",
+                "the emergency stop is latched",
                 "remove the cause, then reset",
                 faults=[msgspec.to_builtins(fault) for fault in self._table.faults],
             )

@@ -16,7 +16,11 @@ ENTRY = "from mcserver.cli import main; main()"
 def command(*arguments: str, **options: Any) -> subprocess.CompletedProcess[bytes]:
     """``mcserver ARGUMENTS`` as a process, without colours and with its own standard streams."""
     environment = {**os.environ, "NO_COLOR": "1", "PYTHONPATH": str(ROOT), "COLUMNS": "100"}
-    streams: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    streams: dict[str, Any] = {
+        "stdin": subprocess.DEVNULL,
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+    }
     return subprocess.run(
         [sys.executable, "-c", ENTRY, *arguments],
         **{**streams, **options},

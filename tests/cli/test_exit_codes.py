@@ -52,7 +52,9 @@ def test_a_missing_machine_exits_3(verb: str, capfd: Capture) -> None:
     assert "error[MC001]" in capfd.readouterr().err
 
 
-def test_an_unknown_key_of_a_machine_file_exits_3_with_the_nearest_known_one(tmp_path: Path, capfd: Capture) -> None:
+def test_an_unknown_key_of_a_machine_file_exits_3_with_the_nearest_known_one(
+    tmp_path: Path, capfd: Capture
+) -> None:
     path = tmp_path / "m.toml"
     path.write_text('[machine]\nname = "m"\n[motion]\npath_tolerance = 0.1\n')
     assert run_command_line(["check", ARCS, "-m", str(path)]) == 3
@@ -82,7 +84,9 @@ def test_simulate_answers_in_its_own_form_where_nothing_was_simulated(capfd: Cap
         (["plot", ARCS, "-o", "no-such-folder/p.png"], "MC013"),
     ],
 )
-def test_an_output_that_cannot_be_meant_exits_2_at_once(arguments: list[str], code: str, capfd: Capture) -> None:
+def test_an_output_that_cannot_be_meant_exits_2_at_once(
+    arguments: list[str], code: str, capfd: Capture
+) -> None:
     assert run_command_line(arguments) == 2
     assert f"error[{code}]" in capfd.readouterr().err
 
@@ -126,7 +130,8 @@ def test_a_machine_is_explained(capfd: Capture) -> None:
 def test_doubts_about_a_machine_are_warnings_and_exit_0(tmp_path: Path, capfd: Capture) -> None:
     path = tmp_path / "m.toml"
     path.write_text(
-        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1.0\nmax_acceleration = 1e6\n'
+        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "rotary"\n'
+        "max_velocity = 1.0\nmax_acceleration = 1e6\n"
     )
     assert run_command_line(["machine", "check", str(path)]) == 0
     assert "warning[MC020]" in capfd.readouterr().err

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from mcserver.config import Machine, parse_machine
 from mcserver.plot.scene import Scene, build_scene
+from mcserver.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -24,24 +24,15 @@ max_acceleration = 1000.0
 SOURCE = ["G01 X100 ; there", "G01 Y50", "</script><b>\u2028&"]
 
 
-@dataclass(frozen=True)
-class Run:
-    time_s: Array
-    line: Array
-    axes: Array
-    setpoint: Array
-    actual: Array
-
-
 def machine(*types: str, jerk: str = "max_jerk = 50000.0") -> Machine:
     axes = "".join(AXIS.format(index=index, type=axis, jerk=jerk) for index, axis in enumerate(types))
     return parse_machine(f'[machine]\nname = "bench"\ncycle_hz = 1000\n{axes}')
 
 
-def run(columns: list[Array], line: Array | None = None) -> Run:
+def run(columns: list[Array], line: Array | None = None) -> Recording:
     setpoint = np.stack(columns, axis=1)
     count = len(setpoint)
-    return Run(
+    return Recording(
         time_s=np.arange(count) / 1000.0,
         line=np.ones(count) if line is None else line,
         axes=np.arange(setpoint.shape[1], dtype=float),

@@ -1,0 +1,100 @@
+"""How a program can end, as errors that say what was accepted, what was done and how to go on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mcclient.errors import (
+    MotionError,
+    NobodyAnswers,
+    ProgramAborted,
+    ProgramClosed,
+    ProgramFaulted,
+    ProgramInterrupted,
+    ProgramRejected,
+)
+from mcclient.types import Diagnostic, Fault
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """How far a program came."""
+
+    program: str
+    accepted: int
+    done: int
+
+
+def ending(
+    state: str, extent: Extent, fault: Fault | None, diagnostics: tuple[Diagnostic, ...]
+) -> MotionError | None:
+    """The error for a program that has ended in this state; None where it has ended well."""
+    if state == "finished":
+        return None
+    if state == "faulted":
+        return faulted(fault or Fault("MC400", "a fault of the machine ended the program"), extent)
+    if state == "rejected":
+        return rejected(diagnostics[0].line if diagnostics else extent.accepted + 1, extent, diagnostics)
+    if state == "interrupted":
+        return interrupted(extent)
+    return ProgramAborted(
+        "MC535",
+        f"the program was aborted; lines through {extent.done} are done",
+        "an operator did so, or the server saw this client's link go",
+        program=extent.program,
+        accepted=extent.accepted,
+        done=extent.done,
+    )
+
+
+def faulted(fault: Fault, extent: Extent) -> ProgramFaulted:
+    return ProgramFaulted(fault, program=extent.program, accepted=extent.accepted, done=extent.done)
+
+
+def rejected(line: int, extent: Extent, diagnostics: tuple[Diagnostic, ...]) -> ProgramRejected:
+    first = diagnostics[0] if diagnostics else Diagnostic("MC100", f"line {line} was rejected", line=line)
+    return ProgramRejected(
+        first.code,
+        first.message,
+        first.hint,
+        program=extent.program,
+        accepted=extent.accepted,
+        done=extent.done,
+        diagnostics=diagnostics or (first,),
+        line=line,
+    )
+
+
+def interrupted(extent: Extent) -> ProgramInterrupted:
+    following = extent.done + 1
+    return ProgramInterrupted(
+        "MC534",
+        f"the server that ran the program went away; lines through {extent.done} are done, "
+        f"line {following} may have begun",
+        "move the machine where it should be, then "
+        f"machine.resume_program({extent.program!r}, start_line={following})",
+        program=extent.program,
+        accepted=extent.accepted,
+        done=extent.done,
+    )
+
+
+def closed(state: str, extent: Extent) -> ProgramClosed:
+    return ProgramClosed(
+        "MC536",
+        f"the program takes no more lines: it is {state}",
+        "open another one with machine.program()",
+        program=extent.program,
+        accepted=extent.accepted,
+        done=extent.done,
+    )
+
+
+def gone(error: NobodyAnswers, extent: Extent) -> NobodyAnswers:
+    return NobodyAnswers(
+        error.code,
+        f"{error.message}; of program {extent.program} lines through {extent.accepted} were accepted "
+        f"and through {extent.done} done",
+        "once the server is back, mcctl programs tells how far it came",
+        details={"program": extent.program, "accepted": extent.accepted, "done": extent.done},
+    )

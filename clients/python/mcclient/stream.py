@@ -1,0 +1,325 @@
+"""Sends a program's lines and follows what the server says of them.
+
+One task a program sends within the credit and, when the server has been silent for too long or was away, asks how
+far it has come and sends again what it lacks.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+
+from mcclient import endings
+from mcclient.calls import Caller
+from mcclient.endings import Extent
+from mcclient.errors import MotionError, NobodyAnswers, ProgramRejected, RequestRefused
+from mcclient.keys import Keys
+from mcclient.transport import Arrived, Link
+from mcclient.types import ENDED, Ack, Diagnostic, Fault, OpenedProgram, ProgramStatus, SubmitReply
+from mcclient.window import LineWindow
+from mcclient.wire import decode, encode, from_wire, unpack
+
+log = logging.getLogger(__name__)
+
+# without an acknowledgement for so long, the server is asked; doubled up to the longest while it says nothing new
+FIRST_DOUBT_S = 0.25
+LONGEST_DOUBT_S = 2.0
+ACKS_LIMIT = 64
+VERDICT_ATTEMPT_S = 5.0
+
+
+class LineStream:
+    """Lines of one program on their way.
+
+    Attributes:
+        state: the program's, as last told.
+        done: lines through this number have ended.
+        failure: why it does not go on; None while it does.
+
+    Args:
+        patience_s: how long the server may be away before `NobodyAnswers`.
+    """
+
+    def __init__(
+        self, opened: OpenedProgram, *, link: Link, keys: Keys, caller: Caller, patience_s: float
+    ) -> None:
+        self.program = opened.program
+        self.window = LineWindow(opened.expected, opened.credit)
+        self.state = opened.state
+        self.done = opened.expected - 1
+        self.closed = False
+        self.failure: MotionError | None = None
+        self._told = False
+        # a line under judgement by `submit`: its reply tells of a rejection, not the acknowledgements
+        self._judging = False
+        # lines were rejected, and puts of theirs may be on their way
+        self._stragglers = False
+        self._link = link
+        self._keys = keys
+        self._caller = caller
+        self._patience_s = patience_s
+        self._changed = asyncio.Event()
+        self._wake = asyncio.Event()
+        self._clock = asyncio.get_running_loop().time
+        self._heard_at = self._clock()
+        self._subscription = link.subscribe(keys.ack(self.program), self._on_ack, limit=ACKS_LIMIT)
+        self._task = asyncio.get_running_loop().create_task(self._send_and_ask())
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ENDED
+
+    @property
+    def extent(self) -> Extent:
+        return Extent(self.program, self.window.accepted, self.done)
+
+    async def stop(self) -> None:
+        """Sends and hears nothing more."""
+        self._subscription.close()
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+    # ------------------------------------------------------------ lines and waiting
+
+    async def give(self, text: str) -> int:
+        """Appends a line, once there is room; returns its number."""
+        if not self.window.has_room:
+            self._wake.set()
+            await self.until(lambda: self.window.has_room)
+        elif self.failure is not None:
+            self.raise_failure()
+        return self.window.give(text)
+
+    async def accepted_all(self) -> None:
+        """Until no given line waits for its acceptance."""
+        self._wake.set()
+        await self.until(lambda: not self.window.pending)
+
+    async def until(self, condition: Callable[[], bool], *, past_rejection: bool = False) -> None:
+        """Until the condition holds; raises the failure where it no longer can.
+
+        Args:
+            past_rejection: what is before a rejected line is waited for all the same.
+        """
+        while not condition():
+            if not (past_rejection and isinstance(self.failure, ProgramRejected)):
+                self.raise_failure()
+            if self.ended and self.window.pending:
+                raise endings.closed(self.state, self.extent)
+            self._changed.clear()
+            self._wake.set()
+            await self._changed.wait()
+
+    def raise_failure(self) -> None:
+        """Raises it, where there is one; a rejection that was told does not stand in the way of mending it."""
+        if self.failure is None:
+            return
+        if self._told and isinstance(self.failure, ProgramRejected) and self.state != "rejected":
+            return
+        self._told = True
+        raise self.failure
+
+    async def submit(self, text: str) -> int:
+        """Sends one line and waits for the verdict on it; returns its number.
+
+        Raises:
+            ProgramRejected: it, or a line before it, is faulty. MotionError: as `Caller.call`.
+        """
+        number = self.window.give(text)
+        self._judging = True
+        try:
+            while self.window.accepted < number:
+                await self._submit_once(number, text)
+                if self.window.accepted < number:
+                    # no credit: what is before has to be consumed first
+                    await self._hear_of(FIRST_DOUBT_S)
+                    self.raise_failure()
+        finally:
+            self._judging = False
+            self._wake.set()
+        return number
+
+    async def settle_stragglers(self) -> None:
+        """After a rejection: lets puts that are on their way arrive, as gaps, before their numbers are used anew.
+
+        The question goes at the lines' own priority, so that it cannot overtake them.
+        """
+        self.raise_failure()
+        if not self._stragglers:
+            return
+        status = await self.ask_status(zenoh.Priority.DATA_HIGH)
+        self._stragglers = False
+        self.failure = None
+        if status is not None:
+            self.progress(status.state, status.done, status.fault, status.diagnostics)
+        self.raise_failure()
+
+    async def ask_status(
+        self, priority: zenoh.Priority = zenoh.Priority.INTERACTIVE_HIGH
+    ) -> ProgramStatus | None:
+        """The program as the server knows it; None: it knows no such program."""
+        try:
+            payload = await self._caller.call(
+                "programs", {"program": self.program}, deadline_s=self._patience_s, priority=priority
+            )
+        except RequestRefused as error:
+            if error.code == "MC503":
+                return None
+            raise
+        found = [from_wire(ProgramStatus, each) for each in unpack(payload).get("programs", [])]
+        return next((each for each in found if each.program == self.program), None)
+
+    async def translated(self, error: RequestRefused) -> MotionError:
+        """A refusal as what it means for the program: ended, interrupted, or itself."""
+        if error.code in ("MC503", "MC504", "MC510"):
+            await self._resynchronise()
+            if self.failure is not None:
+                return self.failure
+            if error.code == "MC510":
+                return endings.closed(self.state if self.ended else "closed", self.extent)
+        return error
+
+    # ------------------------------------------------------------ what the server says
+
+    def on_server_return(self) -> None:
+        """The server is there again, perhaps another start of it: what is known may be old."""
+        if isinstance(self.failure, NobodyAnswers):
+            self.failure = None
+        self._heard_at = float("-inf")
+        self._wake.set()
+
+    def progress(
+        self, state: str, done: int, fault: Fault | None = None, diagnostics: tuple[Diagnostic, ...] = ()
+    ) -> None:
+        """Takes the program's state; the first one that is an end stays."""
+        self.done = max(self.done, done)
+        if not self.ended:
+            self.state = state
+            if self.ended and (self.failure is None or state != "finished"):
+                self._fail(endings.ending(state, self.extent, fault, diagnostics))
+        self._changed.set()
+        self._wake.set()
+
+    def _on_ack(self, arrived: Arrived) -> None:
+        try:
+            ack = decode(Ack, arrived.payload)
+        except MotionError as error:
+            log.warning("an acknowledgement was not understood: %s", error)
+            return
+        self._take(ack.accepted, ack.credit, ack.expected)
+        if ack.rejected and ack.state not in ENDED:
+            self._reject(ack.rejected, ack.accepted, ack.diagnostics)
+        self.progress(ack.state, ack.done, ack.fault, ack.diagnostics)
+
+    def _take(self, accepted: int, credit: int, expected: int = 0) -> None:
+        self._heard_at = self._clock()
+        self.window.acknowledge(accepted, credit, expected=expected)
+
+    def _reject(self, line: int, accepted: int, diagnostics: tuple[Diagnostic, ...]) -> None:
+        """A streamed line is faulty: it and what follows is given up."""
+        if self._judging or self._stragglers or line > self.window.given or accepted != line - 1:
+            return
+        self.window.reject(line)
+        self._stragglers = True
+        self._fail(endings.rejected(line, self.extent, diagnostics))
+
+    def _fail(self, failure: MotionError | None) -> None:
+        self.failure = failure
+        self._told = False
+        self._changed.set()
+
+    # ------------------------------------------------------------ sending
+
+    async def _submit_once(self, number: int, text: str) -> None:
+        request = {"program": self.program, "first": number, "lines": [text]}
+        try:
+            payload = await self._caller.call(
+                "submit", request, deadline_s=self._patience_s, attempt_s=VERDICT_ATTEMPT_S, patient=True
+            )
+        except NobodyAnswers as error:
+            raise endings.gone(error, self.extent) from error
+        except RequestRefused as error:
+            if error.diagnostics or error.code == "MC505":
+                raise await self._rejection_of(number, error) from error
+            raise await self.translated(error) from error
+        reply = decode(SubmitReply, payload)
+        self._take(reply.accepted, reply.credit)
+        self.progress(self.state, reply.done)
+
+    async def _rejection_of(self, number: int, error: RequestRefused) -> MotionError:
+        """The line, or one before it that had been accepted, is faulty."""
+        details: dict[str, Any] = error.details
+        line = int(details.get("expected") or error.line or number)
+        diagnostics = error.diagnostics
+        if not diagnostics:
+            status = await self.ask_status()
+            diagnostics = status.diagnostics if status is not None else ()
+            if not diagnostics:
+                return error
+        self.window.reject(min(line, number))
+        if line < number:
+            # lines that were streamed may still be on their way
+            self._stragglers = True
+        if isinstance(details.get("accepted"), int) and isinstance(details.get("credit"), int):
+            self._take(details["accepted"], details["credit"])
+        self.progress(self.state, int(details.get("done") or 0))
+        return endings.rejected(line, self.extent, diagnostics)
+
+    async def _send_and_ask(self) -> None:
+        """The task: sends what may be sent, and asks the server when it has been silent for too long."""
+        doubt_s = FIRST_DOUBT_S
+        while True:
+            self._wake.clear()
+            chunk = None if self._judging or self.failure is not None else self.window.next_chunk()
+            if chunk is not None:
+                doubt_s = FIRST_DOUBT_S
+                await self._link.put(self._keys.lines_in(self.program), encode([chunk.first, chunk.lines]))
+                continue
+            if not self._in_doubt():
+                await self._wake.wait()
+                continue
+            ask_at = max(self._heard_at, self._clock() - doubt_s) + doubt_s
+            try:
+                await asyncio.wait_for(self._wake.wait(), max(0.001, ask_at - self._clock()))
+            except TimeoutError:
+                log.debug("program %s: no word for %s s", self.program, doubt_s)
+            if self._clock() - self._heard_at < doubt_s:
+                continue
+            try:
+                await self._resynchronise()
+            except MotionError as error:
+                self._fail(error)
+            doubt_s = min(2 * doubt_s, LONGEST_DOUBT_S)
+
+    def _in_doubt(self) -> bool:
+        """Whether something is awaited that a lost acknowledgement could have told."""
+        if self.ended or self._judging or not (self.failure is None or isinstance(self.failure, ProgramRejected)):
+            return False
+        return self.window.pending or self.closed or self.done < self.window.accepted
+
+    async def _resynchronise(self) -> None:
+        """Asks what the server has; what it lacks will be sent again."""
+        try:
+            status = await self.ask_status()
+        except NobodyAnswers as error:
+            raise endings.gone(error, self.extent) from error
+        if status is None:
+            self.progress("interrupted", 0)
+            return
+        self._take(status.accepted, status.credit)
+        if not self._judging:
+            self.window.rewind()
+        if status.rejected and status.state not in ENDED:
+            self._reject(status.rejected, status.accepted, status.diagnostics)
+        self.progress(status.state, status.done, status.fault, status.diagnostics)
+
+    async def _hear_of(self, timeout_s: float) -> None:
+        self._changed.clear()
+        try:
+            await asyncio.wait_for(self._changed.wait(), timeout_s)
+        except TimeoutError:
+            await self._resynchronise()

@@ -1,0 +1,113 @@
+"""Telemetry: the whole machine for dashboards, and every cycle as arrays."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcclient.errors import MotionError, ProtocolError
+from mcclient.feed import Feed, Queue
+from mcclient.transport import Arrived, Link
+from mcclient.types import Info, MachineStatus
+from mcclient.wire import decode, unpack
+
+log = logging.getLogger(__name__)
+
+STATES_LIMIT = 32
+SAMPLES_LIMIT = 4096
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Some cycles of every axis, in mm, deg and s.
+
+    Attributes:
+        seq: number of the first row's cycle; a jump means cycles lost on the way.
+        time_s: shape (N,), executor time [s].
+        axes: the K axes' numbers.
+        fields: by name (``setpoint``, ``position``, ``velocity``, ``torque``), shape (N, K) each.
+    """
+
+    seq: int
+    time_s: Array
+    axes: tuple[int, ...]
+    fields: dict[str, Array]
+
+    @property
+    def setpoint(self) -> Array:
+        """Shape (N, K) [mm, deg]."""
+        return self.fields["setpoint"]
+
+    @property
+    def actual(self) -> Array:
+        """The encoders' readings, shape (N, K) [mm, deg]."""
+        return self.fields["position"]
+
+    @property
+    def velocity(self) -> Array:
+        """Shape (N, K) [mm/s, deg/s]."""
+        return self.fields["velocity"]
+
+    @property
+    def torque(self) -> Array:
+        """Shape (N, K) [N·m]."""
+        return self.fields["torque"]
+
+
+def decode_samples(payload: bytes, info: Info) -> Samples:
+    """A message of ``tele/batch``, read as ``info`` says.
+
+    Raises:
+        ProtocolError: MC533 it is no such message.
+    """
+    block = unpack(payload)
+    axes, names = info.telemetry.axes, info.telemetry.fields
+    try:
+        seq, start_s, rows = block
+        values = np.frombuffer(rows, dtype="<f4").reshape(-1, len(axes), len(names)).astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise ProtocolError(
+            "MC533", f"the samples do not fit the machine's axes: {error}", "has its configuration changed?"
+        ) from error
+    time_s = float(start_s) + info.cycle_s * np.arange(len(values))
+    return Samples(int(seq), time_s, axes, {name: values[:, :, i] for i, name in enumerate(names)})
+
+
+class InfoHolder:
+    """The machine's info, which a new start of the server may change."""
+
+    def __init__(self, info: Info) -> None:
+        self.info = info
+
+
+def open_states(link: Link, key: str) -> tuple[Feed[MachineStatus], Queue[MachineStatus]]:
+    """A feed of the machine's states; a slow reader gets the newest ones."""
+    queue: Queue[MachineStatus] = Queue(STATES_LIMIT)
+
+    def on_sample(arrived: Arrived) -> None:
+        try:
+            queue.push(decode(MachineStatus, arrived.payload))
+        except MotionError as error:
+            log.warning("a state was not understood: %s", error)
+
+    subscription = link.subscribe(key, on_sample, limit=STATES_LIMIT)
+    return Feed(queue, subscription.close), queue
+
+
+def open_samples(link: Link, key: str, holder: InfoHolder) -> tuple[Feed[Samples], Queue[Samples]]:
+    """A feed of every cycle of every axis, some cycles at a time."""
+    queue: Queue[Samples] = Queue(SAMPLES_LIMIT)
+
+    def on_sample(arrived: Arrived) -> None:
+        try:
+            queue.push(decode_samples(arrived.payload, holder.info))
+        except MotionError as error:
+            log.warning("samples were not understood: %s", error)
+
+    subscription = link.subscribe(key, on_sample, limit=SAMPLES_LIMIT)
+    return Feed(queue, subscription.close), queue

@@ -1,0 +1,294 @@
+"""The one place that wraps Zenoh: a session in client mode, and the asyncio loop."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from mcclient.errors import ConfigurationError, NobodyAnswers
+from mcclient.inbox import Inbox
+from mcclient.wire import ENCODING
+
+log = logging.getLogger(__name__)
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+CLOSE_LIMIT_S = 2.0
+LEASE_MS = 2000
+REPLIES_LIMIT = 8192
+# below this a put is a copy into a batch; above it may have to wait for the link, which the loop must not
+LARGE_PUT_BYTES = 8 * 1024
+RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5}
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    """A sample: its key, its payload, and whether it tells that the key (a liveliness token) has gone."""
+
+    key: str
+    payload: bytes
+    gone: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """An answer to a query; ``ok`` is False for an error reply."""
+
+    key: str
+    payload: bytes
+    ok: bool
+
+
+Deliver = Callable[[Arrived], None]
+
+
+class Subscription:
+    """Delivers until it is closed."""
+
+    def __init__(self, inbox: Inbox[Arrived], undeclare: Callable[[], None]) -> None:
+        self._inbox = inbox
+        self._undeclare: Callable[[], None] | None = undeclare
+
+    @property
+    def dropped(self) -> int:
+        """Samples that came faster than they were taken."""
+        return self._inbox.dropped
+
+    def close(self) -> None:
+        """Ends it; again is no error."""
+        undeclare, self._undeclare = self._undeclare, None
+        if undeclare is None:
+            return
+        try:
+            undeclare()
+        except zenoh.ZError as error:
+            log.debug("undeclaring: %s", error)
+
+
+def configuration(endpoints: tuple[str, ...], timeout_s: float, config_file: Path | None) -> zenoh.Config:
+    """Client mode: connects within ``timeout_s`` at first, and for ever again after a loss.
+
+    Raises:
+        ConfigurationError: MC537 the file or an endpoint is not a Zenoh configuration.
+    """
+    settings: dict[str, object] = {
+        "mode": "client",
+        "connect/timeout_ms": max(1, round(timeout_s * 1000)),
+        "connect/exit_on_failure": True,
+        "connect/retry": RETRY,
+        "scouting/multicast/enabled": False,
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": LEASE_MS,
+    }
+    if endpoints or config_file is None:
+        settings["connect/endpoints"] = list(endpoints or (DEFAULT_ENDPOINT,))
+    try:
+        config = zenoh.Config.from_file(config_file) if config_file else zenoh.Config()
+        for key, value in settings.items():
+            config.insert_json5(key, json.dumps(value))
+    except (zenoh.ZError, OSError) as error:
+        raise ConfigurationError(
+            "MC537", f"Zenoh refuses the configuration: {error}", "endpoints look like tcp/127.0.0.1:7447"
+        ) from error
+    return config
+
+
+class Link:
+    """One Zenoh session; all of it is used from the loop that opened it."""
+
+    def __init__(self, session: zenoh.Session, loop: asyncio.AbstractEventLoop) -> None:
+        self._session = session
+        self._loop = loop
+        self._replies: Inbox[Callable[[], None]] = Inbox(loop, lambda act: act(), limit=REPLIES_LIMIT)
+        self._declared: list[Any] = []
+        self.closed = False
+
+    @classmethod
+    async def open(
+        cls, endpoints: tuple[str, ...], *, timeout_s: float, config_file: Path | None = None
+    ) -> Link:
+        """Connects.
+
+        Raises:
+            ConfigurationError: MC537.
+            NobodyAnswers: MC530 nothing listens at the endpoints.
+        """
+        config = configuration(endpoints, timeout_s, config_file)
+        try:
+            session = await asyncio.to_thread(zenoh.open, config)
+        except zenoh.ZError as error:
+            where = ", ".join(endpoints or (DEFAULT_ENDPOINT,))
+            raise NobodyAnswers(
+                "MC530",
+                f"nothing can be reached at {where}",
+                "start a server (mcserver run), or name its endpoint with --connect",
+                details={"reason": str(error)},
+            ) from error
+        return cls(session, asyncio.get_running_loop())
+
+    async def query(
+        self,
+        key: str,
+        payload: bytes | None,
+        *,
+        timeout_s: float,
+        priority: zenoh.Priority = zenoh.Priority.INTERACTIVE_HIGH,
+    ) -> list[Reply]:
+        """All replies; an empty list says nothing about whether the query arrived."""
+        gathered: list[Reply] = []
+        finished: asyncio.Future[None] = self._loop.create_future()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                one = Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), True)
+            elif reply.err is not None and str(reply.err.encoding) == ENCODING:
+                one = Reply(key, reply.err.payload.to_bytes(), False)
+            else:
+                # Zenoh's own error replies (a time-out on the way) are not the server's answer
+                return
+            self._replies.push(lambda: gathered.append(one))
+
+        def on_end() -> None:
+            self._replies.push(lambda: None if finished.done() else finished.set_result(None))
+
+        try:
+            self._session.get(
+                key,
+                zenoh.handlers.Callback(on_reply, on_end, indirect=False),
+                payload=payload,
+                encoding=ENCODING if payload is not None else None,
+                timeout=timeout_s,
+                target=zenoh.QueryTarget.BEST_MATCHING,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=priority,
+                express=priority is zenoh.Priority.INTERACTIVE_HIGH,
+            )
+        except zenoh.ZError as error:
+            log.debug("query %s: %s", key, error)
+            return []
+        await finished
+        return gathered
+
+    async def live_keys(self, key: str, *, timeout_s: float) -> list[str]:
+        """Keys of the liveliness tokens that are there now."""
+        gathered: list[str] = []
+        finished: asyncio.Future[None] = self._loop.create_future()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                live = str(reply.ok.key_expr)
+                self._replies.push(lambda: gathered.append(live))
+
+        def on_end() -> None:
+            self._replies.push(lambda: None if finished.done() else finished.set_result(None))
+
+        try:
+            self._session.liveliness().get(
+                key, zenoh.handlers.Callback(on_reply, on_end, indirect=False), timeout=timeout_s
+            )
+        except zenoh.ZError as error:
+            log.debug("liveliness %s: %s", key, error)
+            return []
+        await finished
+        return gathered
+
+    async def put(
+        self,
+        key: str,
+        payload: bytes,
+        *,
+        priority: zenoh.Priority = zenoh.Priority.DATA_HIGH,
+        express: bool = False,
+    ) -> None:
+        """Sends, blocking nobody but the caller where the link is full; what the link loses is not told."""
+
+        def send() -> None:
+            try:
+                self._session.put(
+                    key,
+                    payload,
+                    encoding=ENCODING,
+                    priority=priority,
+                    express=express,
+                    congestion_control=zenoh.CongestionControl.BLOCK,
+                )
+            except zenoh.ZError as error:
+                log.debug("put %s: %s", key, error)
+
+        if len(payload) < LARGE_PUT_BYTES and priority is not zenoh.Priority.REAL_TIME:
+            send()
+        else:
+            await self._loop.run_in_executor(None, send)
+
+    def subscribe(self, key: str, deliver: Deliver, *, limit: int) -> Subscription:
+        """Calls ``deliver`` in the loop with each sample; of those that wait, the newest ``limit`` are kept."""
+        inbox = Inbox(self._loop, deliver, limit=limit)
+        subscriber = self._session.declare_subscriber(key, _callback(inbox))
+        return Subscription(inbox, subscriber.undeclare)
+
+    def subscribe_recovering(self, key: str, deliver: Deliver, *, limit: int) -> Subscription:
+        """As `subscribe`, and what was lost on the way is fetched from the publisher's cache where it has one."""
+        inbox = Inbox(self._loop, deliver, limit=limit)
+        try:
+            subscriber: Any = zenoh.ext.declare_advanced_subscriber(
+                self._session,
+                key,
+                _callback(inbox),
+                recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+            )
+        except (zenoh.ZError, AttributeError) as error:
+            # an extension that older builds of Zenoh lack; the reader of events closes gaps by itself too
+            log.debug("advanced subscriber %s: %s", key, error)
+            return self.subscribe(key, deliver, limit=limit)
+        return Subscription(inbox, subscriber.undeclare)
+
+    def watch_tokens(self, key: str, deliver: Deliver, *, limit: int = 4096) -> Subscription:
+        """As liveliness tokens come and go, those already there too."""
+        inbox = Inbox(self._loop, deliver, limit=limit)
+        subscriber = self._session.liveliness().declare_subscriber(key, _callback(inbox), history=True)
+        return Subscription(inbox, subscriber.undeclare)
+
+    def declare_token(self, key: str) -> None:
+        """A liveliness token, until the link closes."""
+        self._declared.append(self._session.liveliness().declare_token(key))
+
+    async def close(self) -> None:
+        """Ends all that was declared, within `CLOSE_LIMIT_S`."""
+        if self.closed:
+            return
+        self.closed = True
+        ended = asyncio.Event()
+
+        def end() -> None:
+            try:
+                self._session.close()
+            except zenoh.ZError as error:
+                log.debug("closing: %s", error)
+            try:
+                self._loop.call_soon_threadsafe(ended.set)
+            except RuntimeError:
+                log.debug("the loop ended before the link")
+
+        # a thread of its own that may be left behind: closing has been seen to hang on a dead link
+        threading.Thread(target=end, name="mcclient-close", daemon=True).start()
+        try:
+            await asyncio.wait_for(ended.wait(), CLOSE_LIMIT_S)
+        except TimeoutError:
+            log.warning("Zenoh did not close within %s s", CLOSE_LIMIT_S)
+
+
+def _callback(inbox: Inbox[Arrived]) -> zenoh.handlers.Callback[zenoh.Sample]:
+    def on_sample(sample: zenoh.Sample) -> None:
+        inbox.push(
+            Arrived(str(sample.key_expr), sample.payload.to_bytes(), sample.kind == zenoh.SampleKind.DELETE)
+        )
+
+    return zenoh.handlers.Callback(on_sample, indirect=False)

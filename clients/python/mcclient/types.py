@@ -1,0 +1,283 @@
+"""What the server tells, as plain values (docs/keyspace.md).
+
+Positions are in mm (linear axes) or deg (rotary axes), velocities in mm/s or deg/s, torques in N·m, times in
+seconds since the executor's start, percentages in %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+ProgramState = Literal[
+    "queued",
+    "running",
+    "held",
+    "paused",
+    "ending",
+    "finished",
+    "aborted",
+    "rejected",
+    "faulted",
+    "interrupted",
+]
+OnDisconnect = Literal["finish", "stop"]
+ENDED: frozenset[str] = frozenset({"finished", "aborted", "rejected", "faulted", "interrupted"})
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One fault of a program, placed in its text; columns are code points from 1, the end exclusive."""
+
+    code: str
+    message: str
+    line: int = 0
+    column: int = 0
+    end_column: int = 0
+    hint: str = ""
+    severity: str = "error"
+    tool: int | None = None
+    residual_mm: float | None = None
+    axis: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What stopped motion; ``axis`` and ``line`` where they apply."""
+
+    code: str
+    message: str
+    hint: str = ""
+    axis: int | None = None
+    line: int = 0
+    program: str | None = None
+    t: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ack:
+    """Cumulative acknowledgement of a program's lines: the last one counts."""
+
+    program: str
+    accepted: int
+    done: int
+    credit: int
+    state: str
+    rejected: int = 0
+    diagnostics: tuple[Diagnostic, ...] = ()
+    fault: Fault | None = None
+    expected: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramStatus:
+    """One program; ``progress`` is the share of accepted lines that are done, ``eta_s`` may be unknown."""
+
+    program: str
+    state: str
+    client: str = ""
+    name: str = ""
+    axes: tuple[int, ...] = ()
+    start_line: int = 1
+    line: int = 0
+    accepted: int = 0
+    done: int = 0
+    credit: int = 0
+    closed: bool = False
+    override: float = 100.0
+    progress: float = 0.0
+    eta_s: float | None = None
+    fault: Fault | None = None
+    rejected: int = 0
+    diagnostics: tuple[Diagnostic, ...] = ()
+    resume_of: str | None = None
+    opened_at: float = 0.0
+    ended_at: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AxesStatus:
+    """All axes, column-wise: each tuple has one entry for each of ``index``."""
+
+    index: tuple[int, ...] = ()
+    position: tuple[float, ...] = ()
+    setpoint: tuple[float, ...] = ()
+    velocity: tuple[float, ...] = ()
+    torque: tuple[float, ...] = ()
+    state: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ToolPose:
+    """Where a tool's frame is: [x, y, z] in mm, [a, b, c] in deg."""
+
+    number: int
+    position: tuple[float, ...]
+    orientation: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MachineStatus:
+    """The whole machine; ``state`` is ``ready``, ``fault`` or ``estop``, the latter two latched until reset."""
+
+    seq: int
+    t: float
+    wall: float
+    instance: str
+    state: str
+    axes: AxesStatus
+    programs: tuple[ProgramStatus, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    override: float = 100.0
+    late_cycles: int = 0
+    tools: tuple[ToolPose, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LineReport:
+    """Time of one line that has ended; ``stretched_by`` is actual / requested, ``bound_by`` the limit at fault."""
+
+    line: int
+    start_s: float
+    end_s: float
+    requested_s: float | None = None
+    stretched_by: float | None = None
+    bound_by: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One event; ``kind`` says which fields are set (docs/keyspace.md, "Events")."""
+
+    seq: int
+    t: float
+    instance: str
+    kind: str
+    program: str | None = None
+    client: str | None = None
+    state: str | None = None
+    line: int = 0
+    lines: tuple[LineReport, ...] = ()
+    fault: Fault | None = None
+    diagnostics: tuple[Diagnostic, ...] = ()
+    reason: str = ""
+    message: str = ""
+    percent: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AxisInfo:
+    """One axis; limits in mm or deg and seconds, None where not limited."""
+
+    index: int
+    type: str
+    unit: str
+    max_velocity: float = 0.0
+    max_acceleration: float = 0.0
+    drive: str = ""
+    max_jerk: float | None = None
+    min_position: float | None = None
+    max_position: float | None = None
+    in_position: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ToolInfo:
+    """One tool of G01 … Tn."""
+
+    number: int
+    frame: str
+    axes: tuple[int, ...] = ()
+    orientation: bool = False
+    euler: str = "ZYX"
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetryInfo:
+    """Columns and fields of the samples."""
+
+    axes: tuple[int, ...] = ()
+    fields: tuple[str, ...] = ()
+    cycles_a_message: int = 10
+    state_hz: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsInfo:
+    """Bounds of the service."""
+
+    max_line_bytes: int = 8192
+    max_lines_a_message: int = 20_000
+    queue_lines: int = 0
+    programs_at_once: int = 0
+    open_programs: int = 0
+    remembered_answers: int = 0
+    remembered_answer_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Info:
+    """The machine and the service; ``instance`` is one start of the server, ``epoch`` the Unix time of t = 0."""
+
+    machine: str
+    server: str
+    protocol: tuple[int, ...]
+    instance: str
+    epoch: float
+    cycle_s: float
+    axes: tuple[AxisInfo, ...] = ()
+    tools: tuple[ToolInfo, ...] = ()
+    telemetry: TelemetryInfo = field(default_factory=TelemetryInfo)
+    limits: LimitsInfo = field(default_factory=LimitsInfo)
+    methods: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """Every fault of a text; ``ok``: there is no error among them."""
+
+    ok: bool
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class EventPage:
+    """Events again, by number; ``oldest`` is the first that the server still has."""
+
+    instance: str
+    oldest: int
+    newest: int
+    events: tuple[Event, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedProgram:
+    """Reply of ``open``."""
+
+    program: str
+    state: str
+    axes: tuple[int, ...]
+    expected: int
+    credit: int
+    instance: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SubmitReply:
+    """Reply of ``submit``, cumulative as `Ack`."""
+
+    program: str
+    accepted: int
+    done: int
+    credit: int
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorReply:
+    """Payload of an error reply."""
+
+    code: str
+    message: str
+    hint: str = ""
+    details: dict[str, Any] = field(default_factory=dict)
+    diagnostics: tuple[Diagnostic, ...] = ()

@@ -1,0 +1,283 @@
+"""All axes of the machine: what their drives are told, what they report, and which of them hold.
+
+Masks are bit masks over the machine's columns. An axis that is not under position or velocity control has its
+encoder's reading as setpoint, so that capturing it is no jump (D-40).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.config import Machine
+from mcserver.drives.bus import DriveBus, DriveMode, DriveState, Feedback, Setpoints
+from mcserver.executor.feedback import AxisCondition, FeedbackRow
+from mcserver.executor.headroom import Array
+
+_MASKS_KEPT = 4096
+
+
+class ColumnMasks:
+    """Boolean arrays and column lists of bit masks, made once for each mask."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._bools: dict[int, NDArray[np.bool_]] = {}
+        self._columns: dict[int, tuple[int, ...]] = {}
+
+    def bools(self, mask: int) -> NDArray[np.bool_]:
+        """Shape (K,); not to be changed."""
+        array = self._bools.get(mask)
+        if array is None:
+            if len(self._bools) >= _MASKS_KEPT:
+                self._bools.clear()
+            array = np.array([mask >> column & 1 for column in range(self._count)], np.bool_)
+            self._bools[mask] = array
+        return array
+
+    def columns(self, mask: int) -> tuple[int, ...]:
+        """Columns in the mask, ascending."""
+        columns = self._columns.get(mask)
+        if columns is None:
+            if len(self._columns) >= _MASKS_KEPT:
+                self._columns.clear()
+            columns = tuple(column for column in range(self._count) if mask >> column & 1)
+            self._columns[mask] = columns
+        return columns
+
+
+def mask_of(flags: NDArray[np.bool_]) -> int:
+    """Bit mask of a boolean array."""
+    return int.from_bytes(np.packbits(flags, bitorder="little").tobytes(), "little")
+
+
+@dataclass
+class _Port:
+    """A bus, with the arrays that go to and come from it."""
+
+    bus: DriveBus
+    index: NDArray[np.intp] | None  # None: the bus drives all columns
+    setpoints: Setpoints
+    feedback: Feedback
+
+
+class AxisBank:
+    """All axes and their buses.
+
+    Attributes:
+        row: setpoints and feedback of this cycle. torque: shape (K,), torque setpoints [N·m].
+        all: mask of all columns. exact: columns whose drives follow exactly.
+        energized: the drive holds in the mode that it was told. starting: told to, not yet there.
+        positioned: energized, or about to be, in position mode. speed, torque_mode: in these modes.
+        fault: latched. released, stopping, resetting: told so.
+        fresh: shape (K,), whether drives answered. states: shape (K,), `DriveState`. drive_fault: shape (K,).
+        failed: columns whose drive has newly gone into FAULT. dropped: columns whose drive has newly
+            de-energized by itself.
+    """
+
+    def __init__(self, machine: Machine, buses: Sequence[DriveBus], row: FeedbackRow) -> None:
+        count = len(machine.axes)
+        self.row = row
+        self.masks = ColumnMasks(count)
+        self.torque: Array = np.zeros(count)
+        self._mode = np.full(count, DriveMode.OFF, np.int8)
+        self.fresh = np.ones(count, np.bool_)
+        self.states = np.zeros(count, np.int8)
+        self.drive_fault = np.zeros(count, np.int32)
+        self._state_bytes = self.states.tobytes()
+        self._all_fresh = self.fresh.tobytes()
+        self.all = (1 << count) - 1
+        self.exact = 0
+        self.energized = self.starting = self.positioned = self.speed = self.torque_mode = 0
+        self.fault = self.released = self.stopping = self.resetting = 0
+        self.failed = self.dropped = 0
+        self._condition_key: tuple[int, ...] = ()
+        self._free = self.masks.bools(self.all)
+        self._any_free = True
+        self._ports: list[_Port] = []
+        for bus in buses:
+            self._attach(bus, count)
+
+    def _attach(self, bus: DriveBus, count: int) -> None:
+        feedback = bus.boot()
+        columns = bus.columns
+        row = self.row
+        if columns == tuple(range(count)):
+            own = Setpoints(self._mode, row.setpoint, row.velocity, self.torque)
+            port = _Port(bus, None, own, feedback)
+        else:
+            port = _Port(bus, np.array(columns, np.intp), Setpoints.of(len(columns)), feedback)
+        self._ports.append(port)
+        row.actual[list(columns)] = feedback.position
+        row.setpoint[list(columns)] = feedback.position
+        if bus.follows_exactly:
+            for column in columns:
+                self.exact |= 1 << column
+
+    def close(self) -> None:
+        """Gives the buses back, every drive de-energized."""
+        for port in self._ports:
+            port.bus.close()
+
+    @property
+    def buses(self) -> list[DriveBus]:
+        return [port.bus for port in self._ports]
+
+    # ------------------------------------------------------------------ the cycle
+
+    def exchange(self) -> None:
+        """One exchange with every bus; afterwards `failed`, `dropped` and the masks say what has changed."""
+        row = self.row
+        for port in self._ports:
+            index = port.index
+            if index is None:
+                feedback = port.bus.exchange(port.setpoints)
+                row.actual[:] = feedback.position
+                row.actual_velocity[:] = feedback.velocity
+                row.torque[:] = feedback.torque
+                self.states[:] = feedback.state
+                self.fresh[:] = feedback.fresh
+            else:
+                told = port.setpoints
+                np.take(self._mode, index, out=told.mode, mode="clip")
+                np.take(row.setpoint, index, out=told.position, mode="clip")
+                np.take(row.velocity, index, out=told.velocity, mode="clip")
+                np.take(self.torque, index, out=told.torque, mode="clip")
+                feedback = port.bus.exchange(told)
+                row.actual[index] = feedback.position
+                row.actual_velocity[index] = feedback.velocity
+                row.torque[index] = feedback.torque
+                self.states[index] = feedback.state
+                self.fresh[index] = feedback.fresh
+        if self._any_free:
+            np.copyto(row.setpoint, row.actual, where=self._free)
+        self.failed = self.dropped = 0
+        states = self.states.tobytes()
+        if states != self._state_bytes or self.starting or self.resetting or self.stopping:
+            self._state_bytes = states
+            self._note_states()
+
+    @property
+    def all_fresh(self) -> bool:
+        """Whether every drive answered in this cycle."""
+        return self.fresh.tobytes() == self._all_fresh
+
+    def _note_states(self) -> None:
+        energized = mask_of(self.states == DriveState.ENERGIZED)
+        faulty = mask_of(self.states == DriveState.FAULT)
+        off = mask_of(self.states == DriveState.OFF)
+        arrived = self.starting & energized
+        if arrived:
+            self.energized |= arrived
+            self.starting &= ~arrived
+            self._refresh()
+        self.failed = faulty & ~self.fault & ~self.resetting
+        self.dropped = self.energized & ~energized & ~faulty
+        if self.failed:
+            for port in self._ports:
+                columns = list(port.bus.columns)
+                self.drive_fault[columns] = port.feedback.fault
+        done = (self.resetting | self.stopping) & off
+        if done:
+            self.resetting &= ~done
+            self.stopping &= ~done
+            self._tell(done, DriveMode.OFF)
+
+    # ------------------------------------------------------------------ commands
+
+    def _tell(self, mask: int, mode: DriveMode) -> None:
+        self._mode[self.masks.bools(mask)] = mode
+
+    def _refresh(self) -> None:
+        """An axis that nothing controls shows where its encoder is."""
+        free = self.all & ~(self.energized & (self.positioned | self.speed))
+        self._free = self.masks.bools(free)
+        self._any_free = free != 0
+
+    def _release_all(self, mask: int) -> None:
+        for name in ("energized", "starting", "positioned", "speed", "torque_mode", "released", "stopping", "resetting"):
+            setattr(self, name, getattr(self, name) & ~mask)
+        bools = self.masks.bools(mask)
+        self.row.velocity[bools] = 0.0
+        self.torque[bools] = 0.0
+
+    def power(self, mask: int, mode: DriveMode) -> None:
+        """Energizes axes in a mode, or changes the mode of energized ones; ideal drives are there at once."""
+        new = mask & ~self.energized
+        self.released &= ~mask
+        self.stopping &= ~mask
+        self.resetting &= ~mask
+        self.positioned &= ~mask
+        self.speed &= ~mask
+        self.torque_mode &= ~mask
+        if mode is DriveMode.POSITION:
+            self.positioned |= mask
+        elif mode is DriveMode.VELOCITY:
+            self.speed |= mask
+        else:
+            self.torque_mode |= mask
+        self.starting |= new & ~self.exact
+        self.energized |= new & self.exact
+        self._tell(mask, mode)
+        if mode is not DriveMode.TORQUE:
+            self.torque[self.masks.bools(mask)] = 0.0
+        self._refresh()
+
+    def off(self, mask: int) -> None:
+        """De-energizes axes at once."""
+        self._release_all(mask)
+        self._tell(mask, DriveMode.OFF)
+        self._refresh()
+
+    def reset(self, mask: int) -> None:
+        """Clears fault latches; the axes are off afterwards."""
+        self._release_all(mask)
+        self.fault &= ~mask
+        self.resetting |= mask & ~self.exact
+        self._tell(mask, DriveMode.RESET)
+        self._refresh()
+
+    def stop(self, mask: int) -> None:
+        """Lets drives stop their axes by themselves and then de-energize; ends the capture."""
+        self._release_all(mask)
+        self.stopping |= mask & ~self.exact
+        self._tell(mask, DriveMode.STOP)
+        self._refresh()
+
+    def release(self, mask: int) -> None:
+        """Stops transmitting: the drives' heartbeat time-outs act."""
+        self._release_all(mask)
+        self.released |= mask
+        self._tell(mask, DriveMode.SILENT)
+        self._refresh()
+
+    def latch(self, mask: int) -> None:
+        """Faulted axes: off, until `reset`."""
+        self.off(mask)
+        self.fault |= mask
+
+    # ------------------------------------------------------------------ telemetry
+
+    def show_conditions(self, moving: int) -> None:
+        """Updates the feedback's conditions where anything has changed."""
+        key = (self.energized, self.starting, self.speed, self.torque_mode, self.fault, self.released, self.stopping, moving)
+        if key == self._condition_key:
+            return
+        self._condition_key = key
+        condition = self.row.condition
+        condition[:] = AxisCondition.OFF
+        for mask, value in (
+            (self.released, AxisCondition.RELEASED),
+            (self.starting, AxisCondition.STARTING),
+            (self.stopping, AxisCondition.STOPPING),
+            (self.energized, AxisCondition.HOLDING),
+            (self.energized & moving, AxisCondition.MOVING),
+            (self.energized & self.speed, AxisCondition.SPEED),
+            (self.energized & self.torque_mode, AxisCondition.TORQUE),
+            (self.fault, AxisCondition.FAULT),
+        ):
+            if mask:
+                condition[self.masks.bools(mask)] = value

@@ -1,0 +1,200 @@
+"""What a program's time axis can stand at: each barrier says when it is passed.
+
+A barrier is asked twice a cycle. Before the exchange with the drives it may be passed in the midst of the cycle, so
+that what needs no drive costs no cycle; after the exchange it sees fresh feedback.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from mcserver.executor.cycle import HISTORY, Cycle
+from mcserver.executor.faults import FaultCode
+
+# A drive that does not do as told within this time is at fault [s].
+DRIVE_TIMEOUT_S = 5.0
+NEAR_ZERO = 1e-12
+
+
+class BarrierFault(Exception):  # noqa: N818 - a fault in the field's sense, with its code
+    """The barrier cannot be passed: the program is at fault."""
+
+    def __init__(self, code: FaultCode, column: int, values: tuple[float, ...] = ()) -> None:
+        super().__init__(code.name)
+        self.code = code
+        self.column = column
+        self.values = values
+
+
+class Barrier(Protocol):
+    """One reason for u to stand."""
+
+    def before(self, left: float, held: bool) -> float | None:
+        """How much of the cycle is left once this is passed [cycles]; None: it stands.
+
+        Args:
+            left: what is left of the cycle at the moment from which the barrier counts.
+        """
+
+    def after(self, held: bool) -> bool:
+        """Whether it is passed, by fresh feedback.
+
+        Raises:
+            BarrierFault: it will never be.
+        """
+
+
+class Dwell:
+    """G04: time passes, but not in feed hold."""
+
+    def __init__(self, cycle: Cycle, seconds: float) -> None:
+        self._cycle = cycle
+        self._remaining = seconds
+
+    def before(self, left: float, held: bool) -> float | None:
+        if not held:
+            self._remaining -= left * self._cycle.cycle_s
+        if self._remaining > NEAR_ZERO:
+            return None
+        return min(left, max(0.0, -self._remaining / self._cycle.cycle_s))
+
+    def after(self, held: bool) -> bool:  # noqa: ARG002
+        return False
+
+
+class AtRest:
+    """Independent motion of some axes has ended; speeds that are held do not count."""
+
+    def __init__(self, cycle: Cycle, axes: int) -> None:
+        self._cycle = cycle
+        self._axes = axes
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        motions = self._cycle.motions
+        if motions.mask & ~motions.speeding & self._axes:
+            return None
+        return min(left, motions.end_left(self._axes))
+
+    def after(self, held: bool) -> bool:  # noqa: ARG002
+        motions = self._cycle.motions
+        return not motions.mask & ~motions.speeding & self._axes
+
+
+class ExactStop:
+    """Every axis is at rest and its encoder has been within tolerance for some cycles (D-34)."""
+
+    def __init__(self, cycle: Cycle, axes: int, timeout_s: float) -> None:
+        self._cycle = cycle
+        self._axes = axes
+        self._timeout = timeout_s
+        self._waited = 0.0
+        self._within = 0
+        self._rest = AtRest(cycle, axes)
+
+    def before(self, left: float, held: bool) -> float | None:
+        left_at_rest = self._rest.before(left, held)
+        bank = self._cycle.bank
+        if left_at_rest is None or self._axes & bank.positioned & ~bank.exact:
+            return None
+        return left_at_rest
+
+    def after(self, held: bool) -> bool:
+        cycle = self._cycle
+        bank, row = cycle.bank, cycle.row
+        if not self._rest.after(held):
+            self._within = 0
+            return False
+        worst, excess, settled = -1, 0.0, True
+        for column in bank.masks.columns(self._axes & bank.positioned):
+            axis = cycle.machine.axes[column]
+            distance = abs(float(row.actual[column] - row.setpoint[column]))
+            if distance == 0.0 and row.actual_velocity[column] == 0.0:
+                continue
+            if not distance <= axis.in_position:
+                settled = False
+                if not distance / axis.in_position <= excess:
+                    worst, excess = column, distance / axis.in_position
+            elif not self._was_within(column, axis.in_position):
+                settled = False
+                if worst < 0:
+                    worst = column
+        if settled:
+            return True
+        self._within += 1
+        if not held:
+            self._waited += cycle.cycle_s
+        if self._waited > self._timeout:
+            axis = cycle.machine.axes[worst]
+            distance = abs(float(row.actual[worst] - row.setpoint[worst]))
+            raise BarrierFault(FaultCode.EXACT_STOP_TIMEOUT, worst, (distance, axis.in_position))
+        return False
+
+    def _was_within(self, column: int, tolerance: float) -> bool:
+        """Whether the encoder has been within tolerance of the target for the configured cycles, this one included."""
+        cycle = self._cycle
+        needed = min(cycle.machine.exact_stop_cycles, HISTORY)
+        target = cycle.row.setpoint[column]
+        for back in range(needed):
+            if not abs(cycle.history[(cycle.number - back) % HISTORY, column] - target) <= tolerance:
+                return False
+        return True
+
+
+class Energized:
+    """Drives have energized their axes."""
+
+    def __init__(self, cycle: Cycle, axes: int) -> None:
+        self._cycle = cycle
+        self._axes = axes
+        self._waited = 0.0
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        return left if self._axes & ~self._cycle.bank.energized == 0 else None
+
+    def after(self, held: bool) -> bool:  # noqa: ARG002
+        missing = self._axes & ~self._cycle.bank.energized
+        if not missing:
+            return True
+        self._waited += self._cycle.cycle_s
+        if self._waited > DRIVE_TIMEOUT_S:
+            column = self._cycle.bank.masks.columns(missing)[0]
+            raise BarrierFault(FaultCode.NO_ENERGIZE, column, (self._waited, DRIVE_TIMEOUT_S))
+        return False
+
+
+class DrivesDone:
+    """Drives have come to rest after STOP, or have cleared their faults after RESET."""
+
+    def __init__(self, cycle: Cycle, axes: int) -> None:
+        self._cycle = cycle
+        self._axes = axes
+        self._waited = 0.0
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        bank = self._cycle.bank
+        return left if not self._axes & (bank.resetting | bank.stopping) else None
+
+    def after(self, held: bool) -> bool:  # noqa: ARG002
+        bank = self._cycle.bank
+        missing = self._axes & (bank.resetting | bank.stopping)
+        if not missing:
+            return True
+        self._waited += self._cycle.cycle_s
+        if self._waited > DRIVE_TIMEOUT_S:
+            column = bank.masks.columns(missing)[0]
+            raise BarrierFault(FaultCode.NO_RESET, column, (self._waited, DRIVE_TIMEOUT_S))
+        return False
+
+
+class Paused:
+    """M00, M01 and single line: until the counter of requests grows."""
+
+    def __init__(self, seen: int) -> None:
+        self.seen = seen
+        self.passed = False
+
+    def before(self, left: float, held: bool) -> float | None:
+        return left if self.passed and not held else None
+
+    def after(self, held: bool) -> bool:  # noqa: ARG002
+        return False

@@ -1,0 +1,62 @@
+"""What the parts of one executor share in a cycle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcserver.config import Machine
+from mcserver.executor.axes import AxisBank
+from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.events import EventRing
+from mcserver.executor.faults import FaultCode
+from mcserver.executor.headroom import Array
+from mcserver.executor.independent import IndependentMotions
+
+# Cycles of encoder readings that an exact stop may look back on.
+HISTORY = 16
+
+
+class Cycle:
+    """State of the running cycle, and the machine it is about.
+
+    Attributes:
+        time: executor time of the cycle [s].
+        estop: the emergency stop is latched.
+        history: shape (HISTORY, K), encoder readings; that of cycle n stands at n % HISTORY.
+        number: of the cycle.
+    """
+
+    def __init__(self, machine: Machine, bank: AxisBank, motions: IndependentMotions, events: EventRing) -> None:
+        self.machine = machine
+        self.cycle_s = machine.cycle_s
+        self.bank = bank
+        self.row = bank.row
+        self.motions = motions
+        self.time = 0.0
+        self.number = 0
+        self.estop = False
+        self.history: Array = np.full((HISTORY, len(machine.axes)), np.nan)
+        self._events = events
+
+    def emit(
+        self,
+        kind: EventKind,
+        program: int,
+        line: int,
+        left: float = 0.0,
+        *,
+        code: int = 0,
+        axis: int = -1,
+        token: int = 0,
+        values: tuple[float, ...] = (),
+    ) -> bool:
+        """Reports something that happened ``left`` cycles before the end of this cycle; False: no room."""
+        time = self.time - left * self.cycle_s
+        return self._events.put(ExecutorEvent(kind, program, line, time, code, axis, token, values))
+
+    def fault(
+        self, code: FaultCode, program: int, line: int, column: int = -1, values: tuple[float, ...] = ()
+    ) -> None:
+        """Reports a fault; ``column`` -1: of no axis."""
+        axis = self.machine.axes[column].index if column >= 0 else -1
+        self.emit(EventKind.FAULT, program, line, code=code, axis=axis, values=values)

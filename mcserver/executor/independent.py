@@ -1,0 +1,282 @@
+"""Independent motion: one Ruckig trajectory an axis, sampled each cycle (G00, G1020, G1030, stops).
+
+A trajectory is calculated once, from the axis's setpoint state at the exact moment of the command, so a command
+to a moving axis supersedes it within the axis's limits. Position motions pass time at the rate of feed hold and of
+overrides below 100 %; speed commands and stops do not.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Iterable
+
+from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
+
+from mcserver.config import Machine
+from mcserver.executor.feedback import FeedbackRow
+from mcserver.executor.rate import Slopes
+
+State = tuple[float, float, float]
+
+
+class TrajectoryError(ValueError):
+    """Ruckig finds no motion; ``column`` is the axis's."""
+
+    def __init__(self, column: int, result: object) -> None:
+        super().__init__(f"no trajectory for column {column}: {result}")
+        self.column = column
+
+
+class MotionKind(enum.Enum):
+    """What ends an independent motion."""
+
+    POSITION = enum.auto()  # at its target
+    SPEED = enum.auto()  # never: the speed is held
+    HALT = enum.auto()  # at standstill
+
+
+class Motion:
+    """One axis under way by itself.
+
+    Attributes:
+        slot: whose rate applies, -1: the machine's. elapsed: time on the trajectory [s].
+        final: position and velocity at the end of the trajectory.
+    """
+
+    __slots__ = ("column", "duration", "elapsed", "final", "kind", "slot", "trajectory")
+
+    def __init__(
+        self, column: int, slot: int, kind: MotionKind, trajectory: Trajectory, final: tuple[float, float]
+    ) -> None:
+        self.column = column
+        self.slot = slot
+        self.kind = kind
+        self.trajectory = trajectory
+        self.duration: float = trajectory.duration
+        self.elapsed = 0.0
+        self.final = final
+
+    def at(self, elapsed: float) -> State:
+        """Position, velocity and acceleration on the trajectory."""
+        if elapsed >= self.duration:
+            position, velocity = self.final
+            return position + velocity * (elapsed - self.duration), velocity, 0.0
+        position, velocity, acceleration = self.trajectory.at_time(max(elapsed, 0.0))
+        return position[0], velocity[0], acceleration[0]
+
+
+class IndependentMotions:
+    """All axes that move by themselves.
+
+    Attributes:
+        mask: their columns. speeding: those among them that hold a speed.
+        ended: columns that came to rest in this cycle. limited: columns that a soft limit stops since this cycle.
+    """
+
+    def __init__(self, machine: Machine, row: FeedbackRow) -> None:
+        self._cycle = machine.cycle_s
+        self._axes = machine.axes
+        self._row = row
+        self._ruckig = Ruckig(1)
+        self._motions: dict[int, Motion] = {}
+        self._left: dict[int, float] = {}
+        self.mask = 0
+        self.speeding = 0
+        self.ended = 0
+        self.limited: list[int] = []
+
+    # ------------------------------------------------------------------ commands
+
+    def move(self, column: int, slot: int, target: float, left: float, rate: float) -> None:
+        """To a position; ``left``: what is left of this cycle [cycles], ``rate``: the slot's rate."""
+        state = self.state(column, left, rate)
+        if column not in self._motions and state[0] == target:
+            return
+        self._start(column, slot, MotionKind.POSITION, self._to_position(column, state, target), target)
+        self._pass(self._motions[column], rate, left)
+
+    def speed(self, column: int, slot: int, velocity: float, left: float, rate: float) -> None:
+        """To a speed, within the axis's limit of speed; it is held until superseded."""
+        top = self._axes[column].max_velocity
+        velocity = max(-top, min(top, velocity))
+        state = self.state(column, left, rate)
+        trajectory = self._to_velocity(column, state, velocity, jerk=True)
+        self._start(column, slot, MotionKind.SPEED, trajectory, velocity)
+        self._guard(self._motions[column])
+        self._pass(self._motions[column], 1.0, left)
+
+    def halt(self, column: int, slot: int, left: float = 0.0, rate: float = 1.0, *, jerk: bool = True) -> None:
+        """To standstill as soon as the limits allow; without ``jerk`` at full deceleration at once."""
+        if column not in self._motions:
+            return
+        self.halt_from(column, slot, self.state(column, left, rate), left, jerk=jerk)
+
+    def halt_from(
+        self, column: int, slot: int, state: State, left: float = 0.0, *, jerk: bool = True
+    ) -> None:
+        """To standstill from a given state, for instance that of a captured axis that coasts."""
+        trajectory = self._to_velocity(column, state, 0.0, jerk=jerk)
+        self._start(column, slot, MotionKind.HALT, trajectory, 0.0)
+        self._pass(self._motions[column], 1.0, left)
+
+    def drop(self, mask: int) -> None:
+        """Forgets motions; the setpoints stay where they are."""
+        for column in list(self._motions):
+            if mask >> column & 1:
+                del self._motions[column]
+        self._remask()
+
+    def disown(self, slot: int) -> None:
+        """The program has ended; its axes go on at the machine's rate."""
+        for motion in self._motions.values():
+            if motion.slot == slot:
+                motion.slot = -1
+
+    # ------------------------------------------------------------------ states
+
+    def state(self, column: int, left: float, rate: float) -> State:
+        """The axis's setpoint state, ``left`` cycles before the end of this cycle."""
+        motion = self._motions.get(column)
+        if motion is None:
+            return self._row.setpoint[column], 0.0, 0.0
+        pace = rate if motion.kind is MotionKind.POSITION else 1.0
+        position, velocity, acceleration = motion.at(motion.elapsed - left * self._cycle * pace)
+        return position, velocity * pace, acceleration * pace * pace
+
+    def end_left(self, mask: int) -> float:
+        """How much of this cycle was left when the last of these axes came to rest [cycles]."""
+        if not mask & self.ended:
+            return 1.0
+        return min(left for column, left in self._left.items() if mask >> column & 1)
+
+    def owned_by(self, slot: int) -> int:
+        """Mask of the axes whose motion belongs to a slot."""
+        mask = 0
+        for motion in self._motions.values():
+            if motion.slot == slot:
+                mask |= 1 << motion.column
+        return mask
+
+    def slopes(self, slot: int, rate: float) -> Slopes:
+        """How fast the rate of a slot's position motions may fall and rise [1/s]."""
+        slopes = Slopes()
+        for motion in self._motions.values():
+            if motion.slot != slot or motion.kind is not MotionKind.POSITION:
+                continue
+            limit = self._axes[motion.column].max_acceleration
+            for ahead in (0.0, self._cycle * max(rate, 0.1)):
+                _, velocity, acceleration = motion.at(motion.elapsed + ahead)
+                slopes.limit(abs(velocity), math.copysign(1.0, velocity) * acceleration * rate * rate, limit)
+        return slopes
+
+    # ------------------------------------------------------------------ the cycle
+
+    def advance(self, rates: dict[int, float]) -> None:
+        """One cycle; ``rates``: of position motions, by slot."""
+        self.ended = 0
+        self._left.clear()
+        self.limited.clear()
+        for motion in tuple(self._motions.values()):
+            pace = rates[motion.slot] if motion.kind is MotionKind.POSITION else 1.0
+            if motion.kind is MotionKind.SPEED:
+                self._guard(motion)
+                motion = self._motions[motion.column]
+            self._pass(motion, pace, 1.0)
+
+    def _pass(self, motion: Motion, pace: float, share: float) -> None:
+        """Lets ``share`` of a cycle pass on a motion, and ends it where it is over."""
+        motion.elapsed += self._cycle * pace * share
+        column = motion.column
+        position, velocity, _ = motion.at(motion.elapsed)
+        row = self._row
+        if motion.elapsed >= motion.duration and motion.kind is not MotionKind.SPEED:
+            over = (motion.elapsed - motion.duration) / (self._cycle * pace) if pace > 0.0 else 0.0
+            row.setpoint[column] = motion.final[0]
+            row.velocity[column] = 0.0
+            del self._motions[column]
+            self.ended |= 1 << column
+            self._left[column] = min(over, share)
+            self._remask()
+            return
+        row.setpoint[column] = position
+        row.velocity[column] = velocity * pace
+
+    def _start(self, column: int, slot: int, kind: MotionKind, trajectory: Trajectory, goal: float) -> None:
+        """``goal``: the target of a position motion, else the velocity at the end."""
+        if kind is MotionKind.POSITION:
+            final = (goal, 0.0)
+        else:
+            final = (trajectory.at_time(trajectory.duration)[0][0], goal)
+        motion = Motion(column, slot, kind, trajectory, final)
+        self._motions[column] = motion
+        self.ended &= ~(1 << column)
+        self._left.pop(column, None)
+        self._remask()
+
+    def _remask(self) -> None:
+        self.mask = self.speeding = 0
+        for motion in self._motions.values():
+            self.mask |= 1 << motion.column
+            if motion.kind is MotionKind.SPEED:
+                self.speeding |= 1 << motion.column
+
+    # ------------------------------------------------------------------ trajectories
+
+    def _input(self, column: int, state: State, jerk: bool) -> InputParameter:
+        axis = self._axes[column]
+        wanted = InputParameter(1)
+        wanted.current_position = [state[0]]
+        wanted.current_velocity = [state[1]]
+        wanted.max_velocity = [axis.max_velocity]
+        wanted.max_acceleration = [axis.max_acceleration]
+        limited = jerk and math.isfinite(axis.max_jerk)
+        wanted.max_jerk = [axis.max_jerk if limited else math.inf]
+        # without a limit of jerk the acceleration of the start is none of the state
+        bound = axis.max_acceleration
+        wanted.current_acceleration = [max(-bound, min(bound, state[2])) if limited else 0.0]
+        return wanted
+
+    def _calculate(self, column: int, wanted: InputParameter) -> Trajectory:
+        trajectory = Trajectory(1)
+        result = self._ruckig.calculate(wanted, trajectory)
+        if result not in (Result.Working, Result.Finished):
+            # rounding in the start acceleration is the usual cause
+            wanted.current_acceleration = [0.0]
+            result = self._ruckig.calculate(wanted, trajectory)
+        if result not in (Result.Working, Result.Finished):
+            raise TrajectoryError(column, result)
+        return trajectory
+
+    def _to_position(self, column: int, state: State, target: float) -> Trajectory:
+        wanted = self._input(column, state, jerk=True)
+        wanted.target_position = [target]
+        return self._calculate(column, wanted)
+
+    def _to_velocity(self, column: int, state: State, velocity: float, *, jerk: bool) -> Trajectory:
+        wanted = self._input(column, state, jerk)
+        wanted.control_interface = ControlInterface.Velocity
+        wanted.target_velocity = [velocity]
+        return self._calculate(column, wanted)
+
+    def _guard(self, motion: Motion) -> None:
+        """Lets an axis that holds a speed stop on its soft limit, while it still can."""
+        axis = self._axes[motion.column]
+        state = motion.at(motion.elapsed)
+        ahead = motion.at(motion.elapsed + self._cycle)
+        direction = math.copysign(1.0, ahead[1] or motion.final[1])
+        limit = axis.max_position if direction > 0.0 else axis.min_position
+        if not math.isfinite(limit) or (ahead[1] == 0.0 and motion.final[1] == 0.0):
+            return
+        stop = self._to_velocity(motion.column, ahead, 0.0, jerk=True)
+        rest = stop.at_time(stop.duration)[0][0]
+        if (rest - limit) * direction <= 0.0:
+            return
+        self.limited.append(motion.column)
+        trajectory = self._to_position(motion.column, state, limit)
+        self._start(motion.column, motion.slot, MotionKind.HALT, trajectory, 0.0)
+        self._motions[motion.column].final = (limit, 0.0)
+
+    def columns(self) -> Iterable[int]:
+        """Columns under way."""
+        return self._motions.keys()

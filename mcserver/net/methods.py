@@ -1,0 +1,170 @@
+"""The remote methods of a machine: requests in, calls of the service, replies out."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any, Protocol
+
+from mcserver.errors import Diagnostic
+from mcserver.net import messages as wire
+from mcserver.net.rpc import Method
+from mcserver.net.status import EdgeUnits, machine_info, machine_status
+from mcserver.programs.jog import Jogging
+from mcserver.programs.program import Program
+from mcserver.programs.reports import wire_diagnostic
+from mcserver.programs.service import MachineService
+
+
+class Bench(Protocol):
+    """Runs whole programs beside the service: `mcserver.net.bench.ProgramBench`."""
+
+    async def check(self, text: str, positions: dict[int, float] | None) -> list[Diagnostic]:
+        """Every fault of a text; ``positions`` are in SI."""
+
+    async def simulate(self, text: str) -> dict[str, Any]:
+        """The object of ``mcserver simulate --json``."""
+
+
+class Methods:
+    """Binds messages to one machine's service.
+
+    Args:
+        service: the programs.
+        jogging: moves by hand.
+        bench: checks and simulations.
+    """
+
+    def __init__(self, service: MachineService, jogging: Jogging, bench: Bench) -> None:
+        self._service = service
+        self._jogging = jogging
+        self._bench = bench
+        self._units = EdgeUnits(service.machine)
+
+    def table(self) -> dict[str, Method]:
+        """All methods by name."""
+        changing: dict[str, tuple[type[wire.Request], Callable[[Any], Any]]] = {
+            "open": (wire.OpenRequest, self.open),
+            "submit": (wire.SubmitRequest, self.submit),
+            "close": (wire.CloseRequest, self.close),
+            "hold": (wire.ProgramRequest, self.hold),
+            "resume": (wire.ProgramRequest, self.resume),
+            "abort": (wire.ProgramRequest, self.abort),
+            "step": (wire.StepRequest, self.step),
+            "override": (wire.OverrideRequest, self.override),
+            "jog": (wire.JogRequest, self.jog),
+            "reset": (wire.ResetRequest, self.reset),
+            "estop": (wire.EstopRequest, self.estop),
+        }
+        reading: dict[str, tuple[type[wire.Request], Callable[[Any], Any]]] = {
+            "status": (wire.StatusRequest, self.status),
+            "programs": (wire.ProgramsRequest, self.programs),
+            "events": (wire.EventsRequest, self.events),
+            "check": (wire.CheckRequest, self.check),
+            "simulate": (wire.SimulateRequest, self.simulate),
+            "info": (wire.Request, self.info),
+        }
+        return {name: Method(request, call, True) for name, (request, call) in changing.items()} | {
+            name: Method(request, call, False) for name, (request, call) in reading.items()
+        }
+
+    async def open(self, request: wire.OpenRequest) -> wire.OpenReply:
+        program = await self._service.open(
+            request.client,
+            name=request.name,
+            axes=request.axes,
+            on_disconnect=request.on_disconnect,
+            start_line=request.start_line,
+            before=request.before,
+            resume_of=request.resume_of,
+            step=request.step,
+            hold=request.hold,
+        )
+        return wire.OpenReply(
+            program=program.program,
+            state=program.state,
+            axes=list(program.axes),
+            expected=program.queue.expected,
+            credit=program.credit,
+            instance=self._service.options.instance,
+        )
+
+    def submit(self, request: wire.SubmitRequest) -> Awaitable[wire.SubmitReply]:
+        return self._submit(request)
+
+    async def _submit(self, request: wire.SubmitRequest) -> wire.SubmitReply:
+        program = await self._service.submit(request.client, request.program, request.first, request.lines)
+        return wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
+
+    def close(self, request: wire.CloseRequest) -> wire.CloseReply:
+        program = self._service.close(request.client, request.program, request.last)
+        return wire.CloseReply(program.program, program.queue.accepted, program.done, program.state)
+
+    def hold(self, request: wire.ProgramRequest) -> wire.Done:
+        return _done(self._service.hold(request.program))
+
+    def resume(self, request: wire.ProgramRequest) -> wire.Done:
+        return _done(self._service.resume(request.program))
+
+    def abort(self, request: wire.ProgramRequest) -> wire.Done:
+        return _done(self._service.abort(request.program, f"aborted by {request.client}"))
+
+    def step(self, request: wire.StepRequest) -> wire.Done:
+        return _done([self._service.step(request.client, request.program)])
+
+    def override(self, request: wire.OverrideRequest) -> wire.OverrideReply:
+        programs = self._service.set_override(request.percent / 100.0, request.program)
+        return wire.OverrideReply(request.percent, [program.program for program in programs])
+
+    async def jog(self, request: wire.JogRequest) -> wire.JogReply:
+        program = await self._jogging.jog(
+            request.client,
+            request.axis,
+            distance=request.distance,
+            velocity=request.velocity,
+            hold_s=request.hold_s,
+            program_id=request.program,
+        )
+        return wire.JogReply(program)
+
+    def reset(self, request: wire.ResetRequest) -> wire.Done:
+        self._service.reset(request.axes)
+        return wire.Done()
+
+    def estop(self, request: wire.EstopRequest) -> wire.Done:
+        self._service.emergency_stop(request.client, request.reason)
+        return wire.Done()
+
+    def status(self, _request: wire.StatusRequest) -> wire.MachineStatus:
+        return machine_status(self._service, self._units, 0)
+
+    async def programs(self, request: wire.ProgramsRequest) -> wire.ProgramsReply:
+        return wire.ProgramsReply(
+            await self._service.known(program_id=request.program, ended=request.ended, limit=request.limit)
+        )
+
+    def events(self, request: wire.EventsRequest) -> wire.EventsReply:
+        log = self._service.events
+        return wire.EventsReply(
+            instance=self._service.options.instance,
+            oldest=log.oldest,
+            newest=log.newest,
+            events=log.since(request.since, request.limit),
+        )
+
+    async def check(self, request: wire.CheckRequest) -> wire.CheckReply:
+        positions = None
+        if request.positions is not None:
+            positions = self._service.positions_si(request.positions)
+        found = await self._bench.check(request.text, positions)
+        faulty = any(diagnostic.severity == "error" for diagnostic in found)
+        return wire.CheckReply(not faulty, [wire_diagnostic(diagnostic) for diagnostic in found])
+
+    async def simulate(self, request: wire.SimulateRequest) -> dict[str, Any]:
+        return await self._bench.simulate(request.text)
+
+    def info(self, _request: wire.Request) -> wire.Info:
+        return machine_info(self._service, list(self.table()))
+
+
+def _done(programs: list[Program]) -> wire.Done:
+    return wire.Done(programs=[program.program for program in programs])

@@ -1,0 +1,55 @@
+"""Publishes every message as JSON Schema: ``python -m mcserver.net.schemas docs/schemas``.
+
+MessagePack's types map to JSON's, but for ``bin``, which a schema can only call a base64 string.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from mcserver.net import messages
+from mcserver.net.keys import VERSION_CHUNK
+
+_ID = f"mc/{VERSION_CHUNK}"
+
+
+def message_types() -> dict[str, type[msgspec.Struct]]:
+    """Every message by name."""
+    return {
+        name: value
+        for name, value in sorted(vars(messages).items())
+        if isinstance(value, type) and issubclass(value, msgspec.Struct) and value is not msgspec.Struct
+    }
+
+
+def schemas() -> dict[str, str]:
+    """File name → text, one schema a message; those that it refers to stand in its ``$defs``."""
+    files = {}
+    for name, message in message_types().items():
+        (top,), definitions = msgspec.json.schema_components([message], ref_template="#/$defs/{name}")
+        body: dict[str, Any] = dict(definitions.pop(name, top))
+        schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"{_ID}/{name}", **body}
+        if definitions:
+            schema["$defs"] = dict(sorted(definitions.items()))
+        files[f"{name}.json"] = json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+    return files
+
+
+def write(folder: Path) -> None:
+    """Writes all schemas into ``folder`` and takes away those of messages that are gone."""
+    folder.mkdir(parents=True, exist_ok=True)
+    current = schemas()
+    for stale in folder.glob("*.json"):
+        if stale.name not in current:
+            stale.unlink()
+    for name, text in current.items():
+        (folder / name).write_text(text, "utf-8")
+
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1]))

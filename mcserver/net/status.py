@@ -1,0 +1,147 @@
+"""The machine in the units of its edges: mm, deg, seconds, N·m."""
+
+from __future__ import annotations
+
+import math
+from importlib import metadata
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.config import Axis, Machine
+from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
+from mcserver.net.messages import (
+    MAX_LINES_A_MESSAGE,
+    PROTOCOL_VERSION,
+    AxesStatus,
+    AxisInfo,
+    Info,
+    LimitsInfo,
+    MachineStatus,
+    TelemetryInfo,
+    ToolInfo,
+)
+from mcserver.programs.lease import EXECUTOR_SLOTS
+from mcserver.programs.planner_thread import MAX_LINE_LENGTH
+from mcserver.programs.port import Cycles
+from mcserver.programs.queue import QUEUE_LINES
+from mcserver.programs.service import OPEN_PROGRAMS, MachineService
+
+TELEMETRY_FIELDS = ("setpoint", "position", "velocity", "torque")
+CYCLES_A_MESSAGE = 10
+STATE_HZ = 20.0
+
+
+class EdgeUnits:
+    """Converts arrays over a machine's axes from SI to mm and deg.
+
+    Attributes:
+        scale: shape (K,), SI → mm or deg.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self.index = [axis.index for axis in machine.axes]
+        self.scale: NDArray[np.float64] = np.array([1.0 / axis.type.si_per_unit for axis in machine.axes])
+
+    def rows(self, cycles: Cycles) -> NDArray[np.float32]:
+        """Telemetry of some cycles: shape (n, K, 4), the fields of `TELEMETRY_FIELDS`."""
+        rows = np.empty((*cycles.setpoint.shape, len(TELEMETRY_FIELDS)), dtype="<f4")
+        rows[:, :, 0] = cycles.setpoint * self.scale
+        rows[:, :, 1] = cycles.position * self.scale
+        rows[:, :, 2] = cycles.velocity * self.scale
+        rows[:, :, 3] = cycles.torque
+        return rows
+
+
+def machine_status(service: MachineService, units: EdgeUnits, seq: int) -> MachineStatus:
+    """The whole machine now."""
+    snapshot = service.port.snapshot()
+    service.refresh_faults(dict(zip(units.index, snapshot.states, strict=True)))
+    axes = AxesStatus(
+        index=units.index,
+        position=(snapshot.position * units.scale).tolist(),
+        setpoint=(snapshot.setpoint * units.scale).tolist(),
+        velocity=(snapshot.velocity * units.scale).tolist(),
+        torque=snapshot.torque.tolist(),
+        state=list(snapshot.states),
+    )
+    return MachineStatus(
+        seq=seq,
+        t=snapshot.time,
+        wall=service.port.epoch + snapshot.time,
+        instance=service.options.instance,
+        state=service.state,
+        axes=axes,
+        programs=[program.status() for program in service.current()],
+        faults=service.faults,
+        override=100.0 * service.override,
+        late_cycles=snapshot.late_cycles,
+    )
+
+
+def machine_info(service: MachineService, methods: list[str]) -> Info:
+    """What does not change while the server runs."""
+    machine = service.machine
+    return Info(
+        machine=machine.name,
+        server=_version(),
+        protocol=[PROTOCOL_VERSION],
+        instance=service.options.instance,
+        epoch=service.port.epoch,
+        cycle_s=machine.cycle_s,
+        axes=[_axis_info(axis) for axis in machine.axes],
+        tools=[
+            ToolInfo(
+                number=tool.number,
+                frame=tool.frame,
+                axes=list(tool.axes),
+                orientation=tool.orientation,
+                euler=tool.euler,
+            )
+            for tool in machine.tools
+        ],
+        telemetry=TelemetryInfo(
+            axes=[axis.index for axis in machine.axes],
+            fields=list(TELEMETRY_FIELDS),
+            cycles_a_message=CYCLES_A_MESSAGE,
+            state_hz=STATE_HZ,
+        ),
+        limits=LimitsInfo(
+            max_line_length=MAX_LINE_LENGTH,
+            max_lines_a_message=MAX_LINES_A_MESSAGE,
+            queue_lines=QUEUE_LINES,
+            programs_at_once=EXECUTOR_SLOTS,
+            open_programs=OPEN_PROGRAMS,
+            remembered_answers=REMEMBERED_ANSWERS,
+            remembered_answer_s=REMEMBERED_S,
+        ),
+        methods=sorted(methods),
+    )
+
+
+def _version() -> str:
+    try:
+        return metadata.version("mcserver")
+    except metadata.PackageNotFoundError:
+        # run from a source tree that is not installed
+        return "0"
+
+
+def _axis_info(axis: Axis) -> AxisInfo:
+    scale = 1.0 / axis.type.si_per_unit
+
+    def limit(value: float) -> float | None:
+        return value * scale if math.isfinite(value) else None
+
+    return AxisInfo(
+        index=axis.index,
+        type=axis.type.value,
+        unit="mm" if axis.type.unit == "mm" else "deg",
+        max_velocity=axis.max_velocity * scale,
+        max_acceleration=axis.max_acceleration * scale,
+        drive=axis.drive.kind,
+        max_jerk=limit(axis.max_jerk),
+        min_position=limit(axis.min_position),
+        max_position=limit(axis.max_position),
+        in_position=axis.in_position * scale,
+    )

@@ -1,0 +1,130 @@
+"""The server: one machine, its executor, its service and its face on the network, from start to stop."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import secrets
+import signal
+import sys
+import time
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+import msgspec
+
+from mcserver.config import Machine
+from mcserver.errors import ServiceError
+from mcserver.net.face import MachineFace
+from mcserver.net.session import NetworkOptions
+from mcserver.programs.executor_port import ExecutorPort
+from mcserver.programs.jog import Jogging
+from mcserver.programs.offline import OfflineWorker
+from mcserver.programs.pipeline_factory import PipelineFactory
+from mcserver.programs.planner_thread import MakesPipelines
+from mcserver.programs.port import MotionPort
+from mcserver.programs.service import MachineService
+from mcserver.programs.service_options import ServiceOptions
+
+log = logging.getLogger(__name__)
+
+# The planner computes in Python beside the loop: with the default of 5 ms a message could wait that long for its turn.
+SWITCH_INTERVAL_S = 0.0005
+
+
+class ServerOptions(msgspec.Struct, frozen=True):
+    """How a server runs.
+
+    Attributes:
+        network: endpoints.
+        journal: the journal's file; None: the machine's own under the user's state folder.
+        on_ready: called once with the endpoints, when clients are answered.
+    """
+
+    network: NetworkOptions = NetworkOptions()
+    journal: Path | None = None
+    on_ready: Callable[[list[str]], None] | None = None
+
+
+def default_journal(machine: str) -> Path:
+    """``$STATE_DIRECTORY`` (systemd), else ``$XDG_STATE_HOME`` or ``~/.local/state``, + ``mcserver/{machine}.db``."""
+    service_folder = os.environ.get("STATE_DIRECTORY")
+    if service_folder:
+        return Path(service_folder.partition(":")[0]) / f"{machine}.db"
+    state = os.environ.get("XDG_STATE_HOME")
+    return (Path(state) if state else Path.home() / ".local" / "state") / "mcserver" / f"{machine}.db"
+
+
+@contextlib.asynccontextmanager
+async def running(
+    machine: Machine, options: ServerOptions, port: MotionPort, pipelines: MakesPipelines
+) -> AsyncIterator[tuple[MachineService, MachineFace]]:
+    """A server that answers inside the block, and is stopped in order at its end.
+
+    Raises:
+        ServiceError: MC520 the journal, MC521 or MC522 the network.
+    """
+    journal = options.journal or default_journal(machine.name)
+    try:
+        journal.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ServiceError(
+            "MC520", f"the journal's folder {journal.parent} cannot be made: {error}", "give --journal"
+        ) from error
+    instance = f"{int(time.time()):x}{secrets.token_hex(2)}"
+    async with contextlib.AsyncExitStack() as stack:
+        stack.callback(port.close)
+        face = await MachineFace.open(machine.name, options.network)
+        stack.push_async_callback(face.close)
+        service = MachineService(
+            machine,
+            port,
+            pipelines,
+            ServiceOptions(journal=journal, instance=instance),
+            on_ack=face.publish_ack,
+            on_event=face.publish_event,
+        )
+        stack.push_async_callback(service.stop)
+        offline = OfflineWorker(machine)
+        stack.callback(offline.close)
+        service.start()
+        face.serve(service, Jogging(service), offline)
+        yield service, face
+
+
+async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
+    """Runs until SIGTERM or SIGINT: then motion stops along its paths, axes are released, the journal is closed.
+
+    Raises:
+        ServiceError: MC518 the executor does not start or has died, MC520, MC521, MC522.
+    """
+    options = options or ServerOptions()
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    loop = asyncio.get_running_loop()
+    stopping = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stopping.set)
+    try:
+        port = await asyncio.to_thread(ExecutorPort.start, machine)
+        pipelines = PipelineFactory(machine, port)
+        async with running(machine, options, port, pipelines) as (_, face):
+            if options.on_ready is not None:
+                options.on_ready(await face.endpoints() or list(options.network.listen))
+            await _until_stopped(stopping, port)
+    finally:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            loop.remove_signal_handler(number)
+
+
+async def _until_stopped(stopping: asyncio.Event, port: MotionPort) -> None:
+    while not stopping.is_set():
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(stopping.wait(), 0.2)
+        if not port.alive():
+            raise ServiceError(
+                "MC518",
+                "the executor process has died; the drives stop by their own heartbeat time-out",
+                "start the server again; axes have to be captured anew",
+            )

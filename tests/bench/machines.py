@@ -1,0 +1,35 @@
+"""Machines of the comparisons: ideal drives, so that only the motion's own time counts."""
+
+from __future__ import annotations
+
+from mcserver.config import Machine, parse_machine
+
+AXIS = """
+[[axis]]
+index = {index}
+type = "linear"
+max_velocity = {velocity}
+max_acceleration = {acceleration}
+{jerk}
+[axis.drive]
+kind = "ideal"
+"""
+
+
+def ideal(
+    *,
+    axes: int = 3,
+    velocity: float = 200.0,
+    acceleration: float = 1000.0,
+    jerk: float | None = 50_000.0,
+    tolerance_mm: float = 0.0,
+) -> Machine:
+    """A machine of alike linear axes [mm, s]."""
+    written = "" if jerk is None else f"max_jerk = {jerk}"
+    sections = "".join(
+        AXIS.format(index=index, velocity=velocity, acceleration=acceleration, jerk=written)
+        for index in range(axes)
+    )
+    return parse_machine(
+        f'[machine]\nname = "bench"\n[motion]\npath_tolerance_mm = {tolerance_mm}\n{sections}'
+    )

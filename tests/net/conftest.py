@@ -1,0 +1,44 @@
+"""A server on a fake executor and a client of it, over Zenoh on the loopback."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from mcserver.net.session import NetworkOptions
+from mcserver.programs.service import MachineService
+from mcserver.server import ServerOptions, running
+from tests.net.client import WireClient
+from tests.programs.fakes import FakePipelines, FakePort, three_axes
+
+
+class Rig:
+    """A running server and what is behind it."""
+
+    def __init__(
+        self, service: MachineService, port: FakePort, pipelines: FakePipelines, endpoint: str
+    ) -> None:
+        self.service = service
+        self.port = port
+        self.pipelines = pipelines
+        self.endpoint = endpoint
+
+
+@pytest.fixture
+async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
+    machine = three_axes()
+    port, pipelines = FakePort(machine), FakePipelines()
+    options = ServerOptions(
+        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
+    )
+    async with running(machine, options, port, pipelines) as (service, face):
+        yield Rig(service, port, pipelines, (await face.endpoints())[0])
+
+
+@pytest.fixture
+async def client(rig: Rig) -> AsyncIterator[WireClient]:
+    made = WireClient(rig.endpoint, "bench")
+    yield made
+    await made.close()
