@@ -22,7 +22,7 @@ help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
 
 demo: $(VENV)/.for-demo  ## run the reference's arc program over Zenoh and draw the path really taken: out/demo.png
-	@$(BIN)/python -m mcserver.demo examples/arcs.gcode --output out/demo.png
+	@$(BIN)/python examples/demo.py examples/arcs.gcode --output out/demo.png
 
 test: $(VENV)/.for-development  ## run every test
 	$(BIN)/python -m pytest $(ARGS)
@@ -31,6 +31,7 @@ lint: $(VENV)/.for-development  ## ruff (rules and format) and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy examples/demo.py
 
 format: $(VENV)/.for-development  ## rewrite the sources in the one format
 	$(BIN)/ruff check --fix .

@@ -16,10 +16,10 @@ from kinematics.tool import LOOSE_SHARE, ToolModel
 TOLERANCE_SHARE = 0.2
 # where in each cell the tool is checked against its path
 CHECKED_SHARES = np.array([0.2, 0.5, 0.8])
-LARGEST_KNOT_COUNT = 20_000
+LARGEST_KNOT_COUNT = 200_000
 SMALLEST_CELL = 1e-7
 MOST_PIECES = 16
-ROUNDS = 24
+ROUNDS = 12
 
 
 @dataclass(frozen=True)

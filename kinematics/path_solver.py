@@ -19,10 +19,12 @@ from kinematics.trace import Trace, trace
 # joints that move this much faster than the tool (lengths over the reach) are wild: refused. A leg of two
 # equal parts that is stretched comes to this with its knee bent by 0.2°, 2 ppm short of its full length.
 LARGEST_GAIN = 1e3
+CLEAR_GAIN = 50.0
 # what is lost below this smallest singular value is lost to a singular position
 SINGULAR_BELOW = 0.03
 # a path is traced again this much finer where knots between the first ones are not found
 REFINEMENT = 16
+MOST_CELLS = 1 << 16
 # points of the rest of a path that are tried to see how far it leaves the reach, and what counts there [m]
 PROBES = 7
 MISSING_FLOOR = 1e-7
@@ -39,26 +41,32 @@ def solve_tool_path(tool: ToolModel, path: ToolPath, joints: Array) -> JointPath
     cells = targets.cells()
     followed, fitted = _follow(tool, targets, joints, cells)
     if fitted.failed_at is not None:
-        followed, fitted = _follow(tool, targets, joints, REFINEMENT * cells)
+        followed, fitted = _follow(tool, targets, joints, min(REFINEMENT * cells, MOST_CELLS))
         if fitted.failed_at is not None:
             raise _lost(tool, targets, followed, fitted.failed_at)
     _refuse_limits(tool, targets, fitted.knots, fitted.coefficients)
-    values = np.concatenate([fitted.coefficients[3], followed.joints[-1:]])
-    _refuse_singular(tool, targets, fitted.knots, values)
+    # slopes within the spline are the joints' own; where they are small nothing is singular
+    slopes = tool.joint_speed(fitted.coefficients[2])
+    if slopes.max() > CLEAR_GAIN * tool.tool_speed(targets.rates(fitted.knots)).max():
+        _refuse_singular(tool, targets, fitted.knots[:-1], fitted.coefficients[3])
     return JointPath(tool.chain.axes, fitted.knots, fitted.coefficients)
 
 
 def _follow(tool: ToolModel, targets: TargetPath, joints: Array, cells: int) -> tuple[Trace, Fit]:
     followed = trace(tool, targets, joints, cells)
+    # from a singular start both sides of it look the same, so that nothing beyond it is to be relied on;
+    # an end that is singular takes no spline to it
+    ends = [0, -1] if followed.complete else [0]
+    _refuse_singular(tool, targets, followed.s[ends], followed.joints[ends])
     if not followed.complete:
         raise _lost(tool, targets, followed, float(followed.s[-1]))
-    _refuse_singular(tool, targets, followed.s, followed.joints)
     return followed, fit(tool, targets, followed.s, followed.joints)
 
 
 def _refuse_singular(tool: ToolModel, targets: TargetPath, s: Array, joints: Array) -> None:
+    rates = targets.rates(s)
     jacobians = tool.linearise(joints, targets.at(s))[1]
-    bad = np.flatnonzero(tool.joint_gain(jacobians, targets.rates(s)) > LARGEST_GAIN)
+    bad = np.flatnonzero(tool.joint_gain(jacobians, rates) > LARGEST_GAIN)
     if len(bad):
         first = bad[:1]
         conditioning = float(tool.conditioning(jacobians[first])[0])

@@ -66,6 +66,12 @@ def search(
             break
         weighted = jacobian[rows] * scale[:, None] * unit
         gradient = (weighted.swapaxes(1, 2) @ (residual[rows] * scale)[..., None])[..., 0]
+        if limited:
+            # a joint at its limit that would go on beyond it is left out
+            blocked = (joints[rows] <= chain.lower) & (gradient < 0.0)
+            blocked |= (joints[rows] >= chain.upper) & (gradient > 0.0)
+            weighted = np.where(blocked[:, None, :], 0.0, weighted)
+            gradient = np.where(blocked, 0.0, gradient)
         normal = weighted.swapaxes(1, 2) @ weighted + damping[rows, None, None] * identity
         move = np.linalg.solve(normal, gradient[..., None])[..., 0]
         longest = np.abs(move).max(axis=1, keepdims=True)

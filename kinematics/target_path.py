@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinematics.errors import ModelError
+from kinematics.errors import KinematicsError, ModelError
 from kinematics.pose import Array, ToolPath
 from kinematics.rotation import euler_to_matrix, rotation_matrices, rotation_vectors
 from kinematics.text import degrees_text, millimetres_text
@@ -15,7 +15,7 @@ START_TOLERANCE = 1e-6
 # largest share by which the path may bend away from its chord's derivative in one cell of the grid
 GRID_CURVATURE = 0.06
 GRID_START = 8
-GRID_LIMIT = 1 << 16
+GRID_LIMIT = 1 << 14
 
 
 class TargetPath:
@@ -30,6 +30,7 @@ class TargetPath:
     """
 
     def __init__(self, tool: ToolModel, path: ToolPath, joints: Array) -> None:
+        self._number = tool.number
         self._path = path
         positions, rotations = tool.chain.forward(joints[None])
         self._shift = positions[0] - np.asarray(path.position(np.zeros(1)), dtype=float)[0]
@@ -87,9 +88,12 @@ class TargetPath:
 
         So a path that comes back to the same point in each cell (a circle of many turns) is not mistaken
         for one that stands still.
+
+        Raises:
+            KinematicsError: more than GRID_LIMIT would be needed.
         """
         cells = GRID_START
-        while cells < GRID_LIMIT:
+        while cells <= GRID_LIMIT:
             s = np.linspace(0.0, 1.0, cells + 1)
             points = np.asarray(self._path.position(s), dtype=float)
             velocity = np.asarray(self._path.derivative(s), dtype=float)
@@ -97,6 +101,10 @@ class TargetPath:
             bend = np.linalg.norm(points[1:] - points[:-1] - straight, axis=1).max()
             length = np.linalg.norm(velocity, axis=1).max() / cells
             if bend <= GRID_CURVATURE * length + 1e-9:
-                break
+                return cells
             cells *= 2
-        return cells
+        raise KinematicsError(
+            f"tool {self._number}: the path has too many bends to be solved as one",
+            "divide it into several lines, each of fewer turns",
+            tool=self._number,
+        )

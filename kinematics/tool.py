@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.chain import Chain
+from kinematics.errors import ModelError
 from kinematics.pose import Array, BoolArray, Pose
 from kinematics.rotation import euler_to_matrix, rotation_vectors
 
@@ -100,12 +101,25 @@ class ToolModel:
         the tool does not move in the direction that the chain loses.
         """
         left, values, _ = np.linalg.svd(_without_units(self.chain, jacobians), full_matrices=False)
+        scaled = self._without_lengths(rates)
+        along = (left.swapaxes(-1, -2) @ scaled[..., None])[..., : self.rank, 0]
+        speed = np.linalg.norm(along / np.maximum(values[:, : self.rank], 1e-12), axis=1)
+        fastest = float(self.tool_speed(rates).max())
+        return np.asarray(speed / fastest if fastest > 0.0 else np.zeros(len(rates)), dtype=np.float64)
+
+    def tool_speed(self, rates: Array) -> Array:
+        """Sizes of rates of the tool (n, rows) without units, shape (n,) [1]: lengths over the reach."""
+        return np.asarray(np.linalg.norm(self._without_lengths(rates), axis=1), dtype=np.float64)
+
+    def joint_speed(self, slopes: Array) -> Array:
+        """Sizes of rates of the joints (n, K) without units, shape (n,) [1]: lengths over the reach."""
+        unit = np.where(self.chain.revolute, 1.0, self.chain.reach)
+        return np.asarray(np.linalg.norm(slopes / unit, axis=1), dtype=np.float64)
+
+    def _without_lengths(self, rates: Array) -> Array:
         scaled = rates.copy()
         scaled[:, :3] /= self.chain.reach
-        along = (left.swapaxes(-1, -2) @ scaled[..., None])[..., : self.rank, 0]
-        speed = np.linalg.norm(along / np.maximum(values[:, : self.rank], 1e-300), axis=1)
-        fastest = float(np.linalg.norm(scaled, axis=1).max())
-        return np.asarray(speed / fastest if fastest > 0.0 else np.zeros(len(rates)), dtype=np.float64)
+        return scaled
 
 
 def singular_values(chain: Chain, jacobians: Array) -> Array:
@@ -124,12 +138,22 @@ def build_tool(
     tolerance: float,
     tolerance_angle: float,
 ) -> ToolModel:
-    """A tool over its chain; ``tolerance`` [m] and ``tolerance_angle`` [rad] as in D-54."""
+    """A tool over its chain; ``tolerance`` [m] and ``tolerance_angle`` [rad] as in D-54.
+
+    Raises:
+        ModelError: the chain cannot move the tool at all.
+    """
     seeds = _seeds(chain)
     rows = 6 if orientation else 3
     jacobians = chain.jacobian(seeds)[2][:, :rows]
     values = singular_values(chain, jacobians)
     rank = int((values > RANK_THRESHOLD * values[:, :1]).sum(axis=1).max())
+    if rank == 0:
+        raise ModelError(
+            f"tool {number}: no joint of its chain moves the point of {frame!r}",
+            "give the tool an offset from its joints' axes, or another frame",
+            tool=number,
+        )
     # a chain that cannot move freely meets a pose typed with a few decimals only nearly
     loose = rank < rows
     return ToolModel(

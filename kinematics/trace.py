@@ -78,7 +78,9 @@ def trace(tool: ToolModel, path: TargetPath, start: Array, cells: int) -> Trace:
         if stride < finest and at % (2 * stride) == 0:
             stride *= 2
     return Trace(
-        np.array([place.s for place in places]), np.array([place.joints for place in places]), at == last
+        np.array([place.s for place in places]),
+        np.array([place.joints for place in places]),
+        at == last,
     )
 
 

@@ -1,38 +1,18 @@
-"""What a run did, one row a cycle, and its forms: CSV and NPZ (interfaces: ``--output``)."""
+"""A recorded run as CSV and NPZ (interfaces: ``--output``)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import BinaryIO
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mcserver.simulation_record import Recorded
 
 _ROWS_AT_ONCE = 4096
 
 
-@dataclass(frozen=True)
-class Recording:
-    """Columns of a run over K axes and N cycles, in mm and degrees.
-
-    Attributes:
-        time_s: shape (N,), uniform [s].
-        line: shape (N,), the line that set the row, 0 where none runs.
-        axes: shape (K,), axis numbers.
-        setpoint, actual: shape (N, K) [mm, deg].
-    """
-
-    time_s: Array
-    line: Array
-    axes: Array
-    setpoint: Array
-    actual: Array
-
-
-def write_csv(recording: Recording, stream: BinaryIO) -> None:
+def write_csv(recording: Recorded, stream: BinaryIO) -> None:
     """Header ``time_s,line,setpoint_0,actual_0,…`` and one row a cycle; numbers read back exactly.
 
     msgspec writes the shortest decimal that gives the same double, some ten times as fast as formatting
@@ -56,7 +36,7 @@ def write_csv(recording: Recording, stream: BinaryIO) -> None:
         stream.write(rows[2:-2].replace(b"],[", b"\n").replace(b"null", b"nan") + b"\n")
 
 
-def write_npz(recording: Recording, stream: BinaryIO) -> None:
+def write_npz(recording: Recorded, stream: BinaryIO) -> None:
     """Arrays ``time_s``, ``line``, ``axes``, ``setpoint``, ``actual``, all float64."""
     np.savez(
         stream,

@@ -30,7 +30,7 @@ from mcserver.programs.service_options import ServiceOptions
 
 log = logging.getLogger(__name__)
 
-# The planner computes in Python beside the loop: with the default of 5 ms a message could wait that long for its turn.
+# The planner computes in Python beside the loop: with the default of 5 ms a message could wait so long.
 SWITCH_INTERVAL_S = 0.0005
 
 
@@ -49,7 +49,7 @@ class ServerOptions(msgspec.Struct, frozen=True):
 
 
 def default_journal(machine: str) -> Path:
-    """``$STATE_DIRECTORY`` (systemd), else ``$XDG_STATE_HOME`` or ``~/.local/state``, + ``mcserver/{machine}.db``."""
+    """The machine's journal in systemd's ``$STATE_DIRECTORY``, else in the user's state folder (XDG)."""
     service_folder = os.environ.get("STATE_DIRECTORY")
     if service_folder:
         return Path(service_folder.partition(":")[0]) / f"{machine}.db"
@@ -95,7 +95,8 @@ async def running(
 
 
 async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
-    """Runs until SIGTERM or SIGINT: then motion stops along its paths, axes are released, the journal is closed.
+    """Runs until SIGTERM or SIGINT: then motion stops along its paths, axes are released, the journal is
+    closed.
 
     Raises:
         ServiceError: MC518 the executor does not start or has died, MC520, MC521, MC522.

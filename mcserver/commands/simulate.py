@@ -18,7 +18,8 @@ from mcserver.commands.program_text import load_program
 from mcserver.commands.rejection import reject
 from mcserver.commands.simulation_report import NOTHING_SIMULATED, diagnostics_of, print_report
 from mcserver.config import load_machine
-from mcserver.recording import Recording, write_csv, write_npz
+from mcserver.recording import write_csv, write_npz
+from mcserver.simulation_record import Recorded
 
 OutputOption = Annotated[
     str | None,
@@ -68,7 +69,7 @@ def simulate_program(
         raise typer.Exit(simulation.exit_code)
 
 
-def write_recording(output: str, recording: Recording) -> None:
+def write_recording(output: str, recording: Recorded) -> None:
     """The recording as the file's suffix says."""
     write = write_csv if output.lower().endswith(".csv") else write_npz
     write_atomically(output, lambda stream: write(recording, stream))

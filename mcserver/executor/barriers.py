@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from mcserver.executor.cycle import HISTORY, Cycle
+from mcserver.executor.cycle import Cycle
 from mcserver.executor.faults import FaultCode
 
 # A drive that does not do as told within this time is at fault [s].
@@ -88,7 +88,6 @@ class ExactStop:
         self._axes = axes
         self._timeout = timeout_s
         self._waited = 0.0
-        self._within = 0
         self._rest = AtRest(cycle, axes)
 
     def before(self, left: float, held: bool) -> float | None:
@@ -102,7 +101,6 @@ class ExactStop:
         cycle = self._cycle
         bank, row = cycle.bank, cycle.row
         if not self._rest.after(held):
-            self._within = 0
             return False
         worst, excess, settled = -1, 0.0, True
         for column in bank.masks.columns(self._axes & bank.positioned):
@@ -120,7 +118,6 @@ class ExactStop:
                     worst = column
         if settled:
             return True
-        self._within += 1
         if not held:
             self._waited += cycle.cycle_s
         if self._waited > self._timeout:
@@ -132,12 +129,8 @@ class ExactStop:
     def _was_within(self, column: int, tolerance: float) -> bool:
         """Whether the encoder has been within tolerance of the target for the configured cycles, this one included."""
         cycle = self._cycle
-        needed = min(cycle.machine.exact_stop_cycles, HISTORY)
-        target = cycle.row.setpoint[column]
-        for back in range(needed):
-            if not abs(cycle.history[(cycle.number - back) % HISTORY, column] - target) <= tolerance:
-                return False
-        return True
+        distance = abs(cycle.history[:, column] - cycle.row.setpoint[column])
+        return bool((distance <= tolerance).all())
 
 
 class Energized:
@@ -198,3 +191,13 @@ class Paused:
 
     def after(self, held: bool) -> bool:  # noqa: ARG002
         return False
+
+
+class NextCycle:
+    """The entry is tried again in each cycle."""
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        return None
+
+    def after(self, held: bool) -> bool:  # noqa: ARG002
+        return True

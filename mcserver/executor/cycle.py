@@ -12,9 +12,6 @@ from mcserver.executor.faults import FaultCode
 from mcserver.executor.headroom import Array
 from mcserver.executor.independent import IndependentMotions
 
-# Cycles of encoder readings that an exact stop may look back on.
-HISTORY = 16
-
 
 class Cycle:
     """State of the running cycle, and the machine it is about.
@@ -22,8 +19,8 @@ class Cycle:
     Attributes:
         time: executor time of the cycle [s].
         estop: the emergency stop is latched.
-        history: shape (HISTORY, K), encoder readings; that of cycle n stands at n % HISTORY.
         number: of the cycle.
+        history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n % exact_stop_cycles.
     """
 
     def __init__(self, machine: Machine, bank: AxisBank, motions: IndependentMotions, events: EventRing) -> None:
@@ -35,7 +32,7 @@ class Cycle:
         self.time = 0.0
         self.number = 0
         self.estop = False
-        self.history: Array = np.full((HISTORY, len(machine.axes)), np.nan)
+        self.history: Array = np.full((machine.exact_stop_cycles, len(machine.axes)), np.nan)
         self._events = events
 
     def emit(

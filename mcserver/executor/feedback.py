@@ -150,6 +150,11 @@ class FeedbackRing:
         self._rows[written % self._cycles] = row
         self._counter[0] = written + 1
 
+    def newest_setpoint(self, axes: int) -> Array:
+        """Setpoints of the cycle before, for the writer; shape (K,). All 0 before the first."""
+        part: Array = self._rows[(self._counter[0] - 1) % self._cycles, _HEAD : _HEAD + axes]
+        return part
+
     @property
     def written(self) -> int:
         """How many cycles were put; the newest row has the sequence number below."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterable
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
 
@@ -70,7 +69,7 @@ class IndependentMotions:
     """All axes that move by themselves.
 
     Attributes:
-        mask: their columns. speeding: those among them that hold a speed.
+        mask: their columns. speeding: those among them that hold a speed. halting: those that come to a halt.
         ended: columns that came to rest in this cycle. limited: columns that a soft limit stops since this cycle.
     """
 
@@ -83,6 +82,7 @@ class IndependentMotions:
         self._left: dict[int, float] = {}
         self.mask = 0
         self.speeding = 0
+        self.halting = 0
         self.ended = 0
         self.limited: list[int] = []
 
@@ -215,11 +215,14 @@ class IndependentMotions:
         self._remask()
 
     def _remask(self) -> None:
-        self.mask = self.speeding = 0
+        self.mask = self.speeding = self.halting = 0
         for motion in self._motions.values():
-            self.mask |= 1 << motion.column
+            bit = 1 << motion.column
+            self.mask |= bit
             if motion.kind is MotionKind.SPEED:
-                self.speeding |= 1 << motion.column
+                self.speeding |= bit
+            elif motion.kind is MotionKind.HALT:
+                self.halting |= bit
 
     # ------------------------------------------------------------------ trajectories
 
@@ -276,7 +279,3 @@ class IndependentMotions:
         trajectory = self._to_position(motion.column, state, limit)
         self._start(motion.column, motion.slot, MotionKind.HALT, trajectory, 0.0)
         self._motions[motion.column].final = (limit, 0.0)
-
-    def columns(self) -> Iterable[int]:
-        """Columns under way."""
-        return self._motions.keys()

@@ -123,6 +123,8 @@ class CommandMailbox:
             words[at + _S_ROWS], words[at + _S_CONTROLS] = base
             words[at + _S_HOLD] = int(hold)
             words[at + _S_SINGLE] = 0
+            # requests count from the program's beginning, so that none made for another one is taken for its own
+            words[at + _S_ABORT] = words[at + _S_RESUME] = words[at + _S_STEP] = 0
             self._numbers[at + _S_OVERRIDE] = _bounded(override)
             words[at + _S_GENERATION] += 1
             words[_CHANGES] += 1

@@ -163,6 +163,16 @@ class Playback:
                 return Jump(column, distance, allowed)
         return None
 
+    def start_of(self, column: int) -> float:
+        """Where the axis was as its rows began."""
+        return float(self._start_position[column])
+
+    @property
+    def rests_at_end(self) -> bool:
+        """Whether the last row there is has no velocity."""
+        ring = self._ring
+        return not ring.velocity[(ring.rows_written - 1) % ring.rows].any()
+
     def _latest_start(self) -> float:
         columns = list(self._masks.columns(self._unchecked))
         return float(self._start_u[columns].max()) - NEAR_U

@@ -35,7 +35,6 @@ class PlacedArc(msgspec.Struct, frozen=True):
 
 def find_plane(draft: Draft, command: Command, words: Words) -> tuple[int, int] | None:
     """The plane's coordinates, or None and the faults that keep it from being found."""
-    span = draft.parsed.command_span(command)
     if words.radius is not None and words.offsets:
         draft.faults.add(
             "MC130",
@@ -46,14 +45,17 @@ def find_plane(draft: Draft, command: Command, words: Words) -> tuple[int, int] 
         return None
     if words.radius is None and not words.offsets:
         draft.faults.add(
-            "MC130", "the arc has neither R nor I J K", span, "give the radius by R or the centre by I J K"
+            "MC130",
+            "the arc has neither R nor I J K",
+            draft.span(command),
+            "give the radius by R or the centre by I J K",
         )
         return None
     endpoint = frozenset(placed.word.axis for placed in words.axes if 0 <= placed.word.axis <= 2)
     try:
         plane = choose_plane(draft.modal.plane, frozenset(words.offsets), endpoint)
     except NoPlane as fault:
-        draft.faults.add("MC132", fault.message, span, fault.hint)
+        draft.faults.add("MC132", fault.message, draft.span(command), fault.hint)
         return None
     outside = [offset for coordinate, offset in words.offsets.items() if coordinate not in PLANES[plane]]
     for offset in outside:
@@ -105,7 +107,6 @@ def find_arc(
     first, second = plane
     begin = (start[first], start[second])
     finish = (end[first], end[second])
-    span = draft.parsed.command_span(command)
     inch = draft.modal.inch
     if words.radius is not None:
         word = words.radius.word
@@ -158,7 +159,7 @@ def find_arc(
             "MC133",
             f"the start lies {shown_length(fault.start_radius, inch)} from the centre and the end "
             f"{shown_length(fault.end_radius, inch)}; they may differ by {shown_length(allowed, inch)}",
-            span,
+            draft.span(command),
             "I J K are increments from the start point, absolute mode or not; check them and the endpoint",
         )
     return None

@@ -84,10 +84,13 @@ class Draft:
         """Modal state with some fields changed."""
         self.modal = msgspec.structs.replace(self.modal, **fields)
 
-    def span(self, word: Word) -> Span:
-        return self.parsed.span(word.index)
+    def span(self, place: Word | Command) -> Span:
+        """Columns of a word or of a whole command; found only where a fault needs them."""
+        if isinstance(place, Word):
+            return self.parsed.span(place.index)
+        return self.parsed.command_span(place)
 
-    def usable_axis(self, index: int, span: Span) -> Axis | None:
+    def usable_axis(self, index: int, place: Word | Command) -> Axis | None:
         """The axis, or None and a fault: MC108 the machine lacks it, MC109 the lease does."""
         axis = self.setup.axes.get(index)
         if axis is None:
@@ -95,7 +98,7 @@ class Draft:
             self.faults.add(
                 "MC108",
                 f"the machine {self.setup.machine.name} has no axis {index}",
-                span,
+                self.span(place),
                 f"its axes are {known}",
                 axis=index,
             )
@@ -105,7 +108,7 @@ class Draft:
             self.faults.add(
                 "MC109",
                 f"axis {index} is not among the axes that this program has leased",
-                span,
+                self.span(place),
                 f"it has {known}; open the program with axis {index} too",
                 axis=index,
             )
@@ -114,18 +117,29 @@ class Draft:
 
     def claim(self, axes: Iterable[int], command: Command, words: Mapping[int, Word]) -> None:
         """Marks axes as moved by a command; a fault where an earlier one of the line moves them (D-02)."""
+        unnamed: list[int] = []
         for axis in axes:
             earlier = self.moved.get(axis)
-            if earlier is not None and earlier is not command:
-                word = words.get(axis)
-                self.faults.add(
-                    "MC114",
-                    f"axis {axis} is moved by two commands of one line",
-                    self.parsed.command_span(command) if word is None else self.span(word),
-                    "put the second command on a line of its own",
-                    axis=axis,
-                )
             self.moved[axis] = command
+            if earlier is None or earlier is command:
+                continue
+            word = words.get(axis)
+            if word is None:
+                unnamed.append(axis)
+            else:
+                self._moved_twice([axis], self.span(word))
+        if unnamed:
+            self._moved_twice(unnamed, self.span(command))
+
+    def _moved_twice(self, axes: list[int], span: Span) -> None:
+        names = ", ".join(str(axis) for axis in axes)
+        self.faults.add(
+            "MC114",
+            f"{'axis' if len(axes) == 1 else 'axes'} {names} would be moved by two commands of one line",
+            span,
+            "put the second command on a line of its own",
+            axis=axes[0],
+        )
 
     def end_at(self, axis: int, end: float) -> None:
         """A direct move's end: tools that use the axis have to look where they are (D-50)."""

@@ -54,7 +54,7 @@ def feed_group(draft: Draft, moves: list[FeedMove]) -> FeedGroup | None:
             "MC121",
             "the move has no feed rate: no F has been given since the program's start or the last change "
             "between G93 and G94",
-            draft.parsed.command_span(first.command),
+            draft.span(first.command),
             f"give F in {unit}",
         )
         draft.change(feed=ASSUMED_FEED)
@@ -116,6 +116,6 @@ def _no_speed(draft: Draft, move: FeedMove) -> None:
     draft.faults.add(
         "MC122",
         f"under G94 a speed of {what} is not defined",
-        draft.parsed.command_span(move.command),
+        draft.span(move.command),
         "use G93 (F in moves per minute), or move a tool by T",
     )

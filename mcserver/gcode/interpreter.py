@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-
-import msgspec
+from typing import NamedTuple
 
 from kinematics.pose import Kinematics
 from mcserver.config import Machine
@@ -146,7 +145,7 @@ class Interpreter:
                 commanded.starts[axis] = position
 
 
-class Resumption(msgspec.Struct, frozen=True):
+class Resumption(NamedTuple):
     """Where a program stands before one of its lines.
 
     Attributes:

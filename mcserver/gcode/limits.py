@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from mcserver.config import Axis
 from mcserver.gcode.draft import Draft
-from mcserver.gcode.faults import Span
 from mcserver.gcode.program_units import shown_position
+from mcserver.gcode.syntax import Command
+from mcserver.gcode.words import Word
 
 ROUNDING = 1e-9  # m or rad: units converted to SI need not meet a limit exactly
 
 
 def check_travel(
-    draft: Draft, axis: Axis, start: float, low: float, high: float, end: float, span: Span
+    draft: Draft, axis: Axis, start: float, low: float, high: float, end: float, place: Word | Command
 ) -> None:
     """A fault if a curve leaves the axis's travel.
 
@@ -35,7 +36,7 @@ def check_travel(
         "MC201",
         f"axis {axis.index} {where} {shown_position(beyond, axis.type, inch)}, beyond its {name} "
         f"of {shown_position(limit, axis.type, inch)}",
-        span,
+        draft.span(place),
         f"stay within {shown_position(axis.min_position, axis.type, inch)} … "
         f"{shown_position(axis.max_position, axis.type, inch)}",
         axis=axis.index,

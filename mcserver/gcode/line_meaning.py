@@ -34,6 +34,7 @@ class LineMeaning:
         self.groups: list[canonical.Group] = []
         self.after: list[Canonical] = []
         self.ended = False
+        self._asked = 0  # commands of the group that ask for a coordinated motion
 
     def read(self) -> None:
         """Walks the line; what follows M02 or M30 is not read (D-05)."""
@@ -61,12 +62,14 @@ class LineMeaning:
 
     def _group(self, group: Group) -> None:
         feed_moves: list[FeedMove] = []
+        self._asked = 0
         place = len(self.groups)
         for command in group:
             self._command(command, feed_moves)
             if self.ended:
                 break
-        if feed_moves:
+        # where a command of the group was refused, the rest says nothing about its time
+        if feed_moves and len(feed_moves) == self._asked:
             found = feed_group(self.draft, feed_moves)
             if found is not None:
                 self.groups.insert(place, found)
@@ -117,6 +120,7 @@ class LineMeaning:
         if not words.any:
             return
         self._exact_stop(always=number == 0)
+        self._asked += number != 0
         tool = draft.modal.tool
         if tool == ASSUMED_TOOL:
             return
@@ -177,7 +181,7 @@ class LineMeaning:
             draft.faults.add(
                 "MC118",
                 f"{name} names no axis",
-                draft.parsed.command_span(command),
+                draft.span(command),
                 "add axis words, such as X100",
             )
             return
@@ -188,7 +192,7 @@ class LineMeaning:
                 draft.faults.add(
                     "MC312",
                     f"{name} moves axes, but T{draft.modal.tool} is in force and takes their words",
-                    draft.parsed.command_span(command),
+                    draft.span(command),
                     "write G1050 before it, or move the tool by G00",
                     tool=draft.modal.tool,
                 )
@@ -210,7 +214,7 @@ class LineMeaning:
             draft.faults.add(
                 "MC118",
                 "G04 has no P: it does not say how long",
-                draft.parsed.command_span(command),
+                draft.span(command),
                 "give seconds, such as G04 P2.5",
             )
         elif word.value < 0.0:
@@ -237,7 +241,7 @@ class LineMeaning:
                     axis=None,
                 )
                 return
-            if draft.usable_axis(index, draft.span(word)) is None:
+            if draft.usable_axis(index, word) is None:
                 return
             axes = (index,)
         draft.commanded.lose(axes)

@@ -24,7 +24,7 @@ def rapid(draft: Draft, command: Command, words: Words, *, wait: bool) -> RapidG
     for target in targets:
         start = draft.commanded.positions[target.axis.index]
         low, high = min(start, target.end), max(start, target.end)
-        check_travel(draft, target.axis, start, low, high, target.end, draft.span(target.word))
+        check_travel(draft, target.axis, start, low, high, target.end, target.word)
     draft.claim((target.axis.index for target in targets), command, _words(targets))
     for target in targets:
         draft.end_at(target.axis.index, target.end)
@@ -41,9 +41,9 @@ def line(draft: Draft, command: Command, words: Words) -> FeedMove | None:
     targets = resolve_targets(draft, words.axes)
     starts = [draft.commanded.start(target.axis.index) for target in targets]
     for target, start in zip(targets, starts, strict=True):
-        if target.axis.index not in draft.commanded.assumed:
-            low, high = min(start, target.end), max(start, target.end)
-            check_travel(draft, target.axis, start, low, high, target.end, draft.span(target.word))
+        begin = target.end if target.axis.index in draft.commanded.assumed else start
+        low, high = min(begin, target.end), max(begin, target.end)
+        check_travel(draft, target.axis, begin, low, high, target.end, target.word)
     draft.claim((target.axis.index for target in targets), command, _words(targets))
     for target in targets:
         draft.end_at(target.axis.index, target.end)
@@ -121,19 +121,18 @@ def _arc(
 
 def _plane_axes(draft: Draft, command: Command, plane: tuple[int, int], by_axis: dict[int, Target]) -> bool:
     """Whether the plane's unnamed axes are there, leased and linear."""
-    span = draft.parsed.command_span(command)
     named = {item.axis for item in command.items if isinstance(item, Word)}
     usable = True
     for index in plane:
         if index in named:
             usable = usable and index in by_axis
             continue
-        axis = draft.usable_axis(index, span)
+        axis = draft.usable_axis(index, command)
         if axis is not None and axis.type is not AxisType.LINEAR:
             draft.faults.add(
                 "MC137",
                 f"the arc's plane needs axis {index}, which is rotary",
-                span,
+                draft.span(command),
                 "choose another plane by G17, G18 or G19, or a tool by T",
                 axis=index,
             )
@@ -148,8 +147,8 @@ def _check_arc_travel(draft: Draft, command: Command, curve: ArcCurve, by_axis: 
         start, end = curve.start[column], curve.end[column]
         least, greatest = (low[column], high[column]) if column < 2 else (min(start, end), max(start, end))
         target = by_axis.get(index)
-        span = draft.parsed.command_span(command) if target is None else draft.span(target.word)
-        check_travel(draft, draft.setup.axes[index], start, least, greatest, end, span)
+        place = command if target is None else target.word
+        check_travel(draft, draft.setup.axes[index], start, least, greatest, end, place)
 
 
 def transmit_speed(draft: Draft, command: Command, words: Words) -> SpeedGroup | None:
@@ -193,7 +192,7 @@ def _transmitted(draft: Draft, command: Command, words: Words) -> list[tuple[Wor
                 draft.span(word),
                 f"write {'XYZ'[word.axis]}",
             )
-        elif word.axis >= 0 and draft.usable_axis(word.axis, draft.span(word)) is not None:
+        elif word.axis >= 0 and draft.usable_axis(word.axis, word) is not None:
             draft.commanded.lose((word.axis,))
             draft.commanded.stale.update(draft.setup.tools_of[word.axis])
             if word.value == word.value:

@@ -12,6 +12,7 @@ from mcserver.gcode.commands import CommandSpec
 from mcserver.gcode.faults import FaultList, Span
 from mcserver.gcode.grammar import group_commands
 from mcserver.gcode.scanner import Scan, Token, scan, token_spans
+from mcserver.gcode.source import BOM
 from mcserver.gcode.syntax import Command, Group
 from mcserver.gcode.words import AXIS_LETTERS, LARGEST, MAX_AXIS, Word
 
@@ -199,6 +200,8 @@ def _plain(tokens: list[Token]) -> PlainMove | None:
 
 def scan_line(text: str, number: int) -> ParsedLine:
     """One line with its faults kept in `ParsedLine.faults`, for whoever reads on after a fault."""
+    if number == 1:
+        text = text.removeprefix(BOM)
     faults = FaultList(number)
     scanned = scan(text, faults)
     if not faults.found and scanned.spans is None:

@@ -13,6 +13,7 @@ from mcserver.gcode.mistakes import scan_faulty
 TOKEN = re.compile(
     r"([A-CFGI-KMNPRT-Z]|\[[ \t]*[0-9]{1,3}[ \t]*\])[ \t]*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|([^ \t])"
 )
+_OPENED = re.compile(r"[(;]")
 Token = tuple[str, str, str]
 
 
@@ -59,8 +60,7 @@ def blank_comments(text: str, faults: FaultList) -> str:
     """
     pieces: list[str] = []
     position = 0
-    opened = re.compile(r"[(;]")
-    while (match := opened.search(text, position)) is not None:
+    while (match := _OPENED.search(text, position)) is not None:
         start = match.start()
         pieces.append(text[position:start])
         if match[0] == ";":

@@ -139,7 +139,7 @@ def resolve_targets(draft: Draft, words: tuple[Placed, ...]) -> list[Target]:
         word = placed.word
         if word.axis < 0:
             continue
-        axis = draft.usable_axis(word.axis, draft.span(word))
+        axis = draft.usable_axis(word.axis, word)
         if axis is None:
             continue
         if word.value != word.value or (placed.incremental and word.axis in draft.commanded.assumed):

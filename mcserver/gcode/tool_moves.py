@@ -44,10 +44,8 @@ def tool_feed_move(draft: Draft, command: Command, words: Words, number: int) ->
     plane = None
     if number != 1:
         plane = find_plane(draft, command, words)
-        if plane is None:
-            return None
     found = _read_poses(draft, command, words)
-    if found is None:
+    if found is None or (plane is None and number != 1):
         return None
     tool, kinematics, start, end = found
     if plane is not None:
@@ -102,7 +100,7 @@ def _read_poses(draft: Draft, command: Command, words: Words) -> Found | None:
         return None
     usable = True
     for axis in setup.chains[tool]:
-        usable = draft.usable_axis(axis, draft.parsed.command_span(command)) is not None and usable
+        usable = draft.usable_axis(axis, command) is not None and usable
     if not kinematics.has_orientation(tool):
         for placed in words.axes:
             if placed.word.axis > 2:
@@ -204,7 +202,7 @@ def _report(draft: Draft, command: Command, tool: int, error: KinematicsError) -
     draft.faults.add(
         error.code,
         error.message,
-        draft.parsed.command_span(command),
+        draft.span(command),
         error.hint,
         axis=error.axis,
         tool=tool if error.tool is None else error.tool,

@@ -36,10 +36,11 @@ class Word(msgspec.Struct, frozen=True, gc=False):
     @property
     def shown(self) -> str:
         """As it is called in messages."""
-        name = f"[{self.axis}]" if self.letter == "[" else self.letter
         text = self.text if len(self.text) <= 24 else f"{self.text[:20]}…"
-        return name + text
+        return self.name + text
 
     @property
     def name(self) -> str:
-        return f"[{self.axis}]" if self.letter == "[" else self.letter
+        if self.letter != "[":
+            return self.letter
+        return f"[{self.axis}]" if self.axis >= 0 else "[?]"

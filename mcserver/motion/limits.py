@@ -176,6 +176,7 @@ class RunLimits:
 
     def __init__(self, demands: list[Demand], tops: Array, limits: AxisLimits) -> None:
         self._limits = limits
+        self._ladders: dict[tuple[int, int], list[Level]] = {}
         self._demand = Demand.stack(demands) if len(demands) > 1 else demands[0]
         counts = np.array([len(demand.spacing) for demand in demands])
         self._offset = np.concatenate([[0], np.cumsum(counts)])
@@ -205,6 +206,12 @@ class RunLimits:
         Low speeds leave nearly all of the acceleration to the way along the path, the top speed little: the
         ladder lets a start from rest use what is there.
         """
+        known = self._ladders.get((left, right))
+        if known is None:
+            known = self._ladders[left, right] = self._make_ladder(left, right)
+        return known
+
+    def _make_ladder(self, left: int, right: int) -> list[Level]:
         samples = slice(int(self._offset[left]), int(self._offset[right]))
         part = Demand(*(getattr(self._demand, name)[samples] for name in _DEMAND_FIELDS))
         ceiling = self._ceiling[samples]

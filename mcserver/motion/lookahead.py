@@ -25,7 +25,7 @@ from mcserver.motion.limits import (
 )
 from mcserver.motion.path import Array
 from mcserver.motion.profile import Phases, Profile, ProfileSolver, join, reachable_speed
-from mcserver.motion.ramps import exactly, fastest
+from mcserver.motion.ramps import exactly, fastest, reachable
 from mcserver.motion.segment import AxisLimits, Segment
 
 _SLACK = 1.0 + 1e-9
@@ -41,6 +41,7 @@ class Node:
         cap: greatest speed at its start, from the joint with the segment before.
         limit: greatest speed by the axes, and which one binds. top: with the feed too.
         demand: samples, with the vertices at both ends.
+        key: a plan had to bind its start; the next one begins with that.
     """
 
     segment: Segment
@@ -48,6 +49,7 @@ class Node:
     limit: SpeedLimit
     top: float
     demand: Demand
+    key: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,16 @@ class PlannedRun:
     bounds: Array
     phases: Phases
     times: Array
+    bound_by: list[Bound | None]
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Key nodes, their speeds, the profiles between them, and what stretched timed segments."""
+
+    keys: list[int]
+    speeds: dict[int, float]
+    stretches: list[list[Profile]]
     bound_by: list[Bound | None]
 
 
@@ -151,6 +163,7 @@ class Lookahead:
         self._run = RunLimits([node.demand for node in nodes], tops, self._limits)
         tops = self._run.tops
         caps[1:-1] = np.minimum(caps[1:-1], np.minimum(tops[:-1], tops[1:]))
+        hard = caps.copy()
         for index, node in enumerate(nodes):
             duration = node.segment.duration
             if duration is not None:
@@ -161,18 +174,67 @@ class Lookahead:
         keys = [0]
         for index in range(1, count):
             timed = nodes[index].segment.duration is not None or nodes[index - 1].segment.duration is not None
-            if timed or caps[index] <= 0.0:
+            if timed or caps[index] <= 0.0 or nodes[index].key:
                 keys.append(index)
         keys.append(count)
-        stretches, bound_by = self._settle(keys, bounds, caps)
-        phases = join([profile for stretch in stretches for profile in stretch])
+        solution = self._settle(keys, bounds, caps)
+        late = [index for index in range(count) if solution.bound_by[index] is not None]
+        if late and self._raise_speeds(late, solution.speeds, caps, hard):
+            solution = self._settle(keys, bounds, caps)
+        phases = join([profile for stretch in solution.stretches for profile in stretch])
         times = phases.time_at(bounds)
+        # at keys the solver's own durations are exact; where the motion rests, positions tell time poorly
+        ends = np.cumsum([sum(part.duration for part in stretch) for stretch in solution.stretches])
+        times[solution.keys] = np.concatenate([[0.0], ends])
+        bound_by = solution.bound_by
         self._feed_bounds(times, bound_by)
         return PlannedRun([node.segment for node in nodes], bounds, phases, times, bound_by)
 
-    def _settle(
-        self, keys: list[int], bounds: Array, caps: Array
-    ) -> tuple[list[list[Profile]], list[Bound | None]]:
+    def _raise_speeds(self, late: list[int], speeds: dict[int, float], caps: Array, hard: Array) -> bool:
+        """Raises speeds at the ends of timed segments that take longer than their T (D-33).
+
+        The speed at a joint of two timed segments is at first the lower of their means. A segment that cannot
+        keep its T so may with more speed at its ends, if the neighbours keep theirs. True if a cap was changed.
+        """
+        changed = False
+        now = dict(speeds)
+        for index in late:
+            for end, other in ((index, index - 1), (index + 1, index + 1)):
+                if end in (0, len(self.nodes)) or hard[end] <= now[end] * (1.0 + 1e-9):
+                    continue
+                if not self._timed_overrun(index, now):
+                    break
+                low, high = now[end], float(hard[end])
+                best = low
+                for share in (0.1, 0.25, 0.5, 0.75, 1.0):
+                    trial = {**now, end: low + share * (high - low)}
+                    if self._timed_overrun(other, trial) and not self._timed_overrun(other, now):
+                        break
+                    best = trial[end]
+                    if not self._timed_overrun(index, trial):
+                        break
+                if best > low:
+                    now[end] = best
+                    caps[end] = best
+                    changed = True
+        return changed
+
+    def _timed_overrun(self, index: int, speeds: dict[int, float]) -> bool:
+        """Whether a timed segment cannot keep its T between these speeds; False for one without T."""
+        segment = self.nodes[index].segment
+        if segment.duration is None:
+            return False
+        kept = exactly(
+            self._solver,
+            segment.extent,
+            speeds[index],
+            speeds[index + 1],
+            self._run.ladder(index, index + 1),
+            segment.duration,
+        )
+        return kept is None
+
+    def _settle(self, keys: list[int], bounds: Array, caps: Array) -> _Solution:
         """Adds keys until no stretch passes a cap; each round binds the lowest cap of each stretch that does."""
         solved: dict[tuple[int, int, float, float], list[Profile]] = {}
         bound_by: list[Bound | None] = [None] * len(self.nodes)
@@ -193,7 +255,9 @@ class Lookahead:
                     solved[question] = answer
                 result.append(answer)
             if not found:
-                return result, bound_by
+                return _Solution(keys, speeds, result, bound_by)
+            for index in found:
+                self.nodes[index].key = True
             keys = sorted({*keys, *found})
         raise PlanningError(self.nodes[0].segment.line)
 
@@ -222,9 +286,9 @@ class Lookahead:
         for order in (pairs, [(b, a) for a, b in pairs[::-1]]):
             for known, key in order:
                 if speeds[key] > speeds[known]:
-                    acceleration, jerk = self._run.weakest(min(known, key), max(known, key))
+                    ladder = self._run.ladder(min(known, key), max(known, key))
                     distance = abs(float(bounds[key] - bounds[known])) * (1.0 - 1e-9)
-                    speeds[key] = reachable_speed(speeds[known], distance, acceleration, jerk, speeds[key])
+                    speeds[key] = reachable(speeds[known], distance, ladder, speeds[key])
         if speeds[0] < self.entry * (1.0 - 1e-9):
             # the speed that is already there cannot be brought down by the limits assumed here
             raise PlanningError(self.nodes[0].segment.line)

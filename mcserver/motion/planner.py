@@ -9,6 +9,7 @@ stop on the path, and never stops where more lines are there in time.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -24,8 +25,10 @@ from mcserver.motion.sampling import CYCLE_ROUNDING, Rows, first_row, sample, wh
 from mcserver.motion.segment import AxisLimits, Segment, segment_of
 from mcserver.units import MM
 
-# Segments in the window: enough for any stopping distance made of short lines, few enough to plan quickly.
+# Segments that come into the window between two plans of a stream, and the most that it holds: enough for any
+# stopping distance made of short lines.
 WINDOW = 512
+LARGEST_WINDOW = 8192
 # Rows in one piece of output.
 PIECE = 500
 
@@ -93,6 +96,9 @@ class MotionPlanner:
         self.u = 0.0
         self._window = Lookahead(self._limits)
         self._plan: PlannedRun | None = None
+        # how what is left in the window was planned before the last segments came: it ends at rest
+        self._reserve: PlannedRun | None = None
+        self._left = WINDOW // 2
         self._active = 0
         self._announced = 0
 
@@ -103,7 +109,8 @@ class MotionPlanner:
 
     @property
     def full(self) -> bool:
-        return self.pending >= WINDOW
+        """Whether a plan is due: enough has come since the last one for its stop to lie well behind."""
+        return self.pending >= min(self._left + WINDOW // 2, LARGEST_WINDOW)
 
     @property
     def moving(self) -> bool:
@@ -115,7 +122,10 @@ class MotionPlanner:
         """Where all that is in the window ends [cycles]."""
         if not self._window.nodes:
             return self.u
-        return self.u + self._solved().phases.duration / self._cycle
+        try:
+            return self.u + self._solved().phases.duration / self._cycle
+        except PlanningError:
+            return self.u
 
     def segment(self, group: FeedGroup, line: int) -> Segment:
         """The segment of a group; the commanded position moves on to its end."""
@@ -194,7 +204,10 @@ class MotionPlanner:
         """
         if not self._window.nodes:
             return None
-        plan = self._solved()
+        try:
+            plan = self._solved()
+        except PlanningError:
+            return self._fall_back()
         moment = self._moment(plan, (want - self.u) * self._cycle)
         if moment <= 0.0:
             return None
@@ -208,19 +221,48 @@ class MotionPlanner:
             segment = kept[0].segment
             begin = segment.begin + (sigma - float(plan.bounds[index])) / segment.scale
             kept[0] = dataclasses.replace(kept[0], segment=dataclasses.replace(segment, begin=begin, opens=False))
+        self._reserve = PlannedRun(
+            segments=[node.segment for node in kept],
+            bounds=np.maximum(plan.bounds[index:] - sigma, 0.0),
+            phases=plan.phases.after(moment),
+            times=np.maximum(plan.times[index:] - moment, 0.0),
+            bound_by=plan.bound_by[index:],
+        )
         window = Lookahead(self._limits)
         window.nodes = kept
         window.entry = speed
+        self._left = max(len(kept), WINDOW // 2)
         origin, self.u = self.u, self.u + moment / self._cycle
         self._window = window
         self._plan = None
         return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
 
+    def _fall_back(self) -> Iterator[Piece]:
+        """Commits the stop that was planned before the last segments came; they go on from there.
+
+        Raises:
+            PlanningError: there is none: the motion stands, and its first segment cannot be planned.
+        """
+        plan = self._reserve
+        if plan is None:
+            raise PlanningError(self._window.nodes[0].segment.line)
+        window = Lookahead(self._limits)
+        window.nodes = self._window.nodes[len(plan.segments) :]
+        self._reserve = None
+        self._window = window
+        self._plan = None
+        origin, self.u = self.u, self.u + plan.phases.duration / self._cycle
+        return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)
+
     def close(self) -> Iterator[Piece]:
         """Commits all that is in the window, its stop included."""
         if not self._window.nodes:
             return iter(())
-        plan = self._solved()
+        try:
+            plan = self._solved()
+        except PlanningError:
+            return itertools.chain(self._fall_back(), self._close_rest())
+        self._reserve = None
         origin, end = self.u, self.u + plan.phases.duration / self._cycle
         # the row at the first whole cycle holds the target; what follows starts there
         self.u = float(whole_cycle(end))
@@ -229,6 +271,9 @@ class MotionPlanner:
         mask = self._active
         self._active = 0
         return self._closing(plan, origin, end, mask)
+
+    def _close_rest(self) -> Iterator[Piece]:
+        yield from self.close()
 
     def _closing(self, plan: PlannedRun, origin: float, end: float, mask: int) -> Iterator[Piece]:
         yield from self._output(plan, origin, whole_cycle(end), math.inf)

@@ -38,6 +38,28 @@ class Phases:
     jerk: Array
     end: float
 
+    def after(self, moment: float) -> Phases:
+        """What is left of the time law after ``moment`` [s], with time and coordinate counted from there."""
+        index = int(np.clip(np.searchsorted(self.start, moment, side="right") - 1, 0, len(self.start) - 1))
+        x = moment - float(self.start[index])
+        a, j = float(self.acceleration[index]), float(self.jerk[index])
+        v, p = float(self.velocity[index]), float(self.position[index])
+        here = p + x * (v + x * (a / 2.0 + x * j / 6.0))
+        start = self.start[index:] - moment
+        position = self.position[index:] - here
+        velocity, acceleration = self.velocity[index:].copy(), self.acceleration[index:].copy()
+        start[0], position[0] = 0.0, 0.0
+        velocity[0], acceleration[0] = v + x * (a + x * j / 2.0), a + x * j
+        return Phases(
+            start=start,
+            duration=self.duration - moment,
+            position=position,
+            velocity=velocity,
+            acceleration=acceleration,
+            jerk=self.jerk[index:],
+            end=self.end - here,
+        )
+
     def at(self, time: Array) -> tuple[Array, Array]:
         """Coordinate and speed at ``time`` (n,) [s]; before the start and after the end it rests."""
         t = np.clip(time, 0.0, self.duration)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mcserver.motion.limits import Level
-from mcserver.motion.profile import NO_DISTANCE, Profile, ProfileSolver, speed_change_distance
+from mcserver.motion.profile import NO_DISTANCE, Profile, ProfileSolver, reachable_speed, speed_change_distance
 
 
 def ramp(start: float, end: float, acceleration: float, jerk: float) -> Profile:
@@ -61,13 +61,37 @@ def fastest(
     """
     best: list[Profile] | None = None
     least = math.inf
-    for rungs in (ladder, ladder[1::2], ladder[-1:]) if len(ladder) > 1 else (ladder,):
+    for rungs in _choices(ladder):
         trial = _climb(solver, distance, entry, exit_, rungs)
         if trial is not None:
             total = sum(part.duration for part in trial)
             if total < least:
                 best, least = trial, total
     return best
+
+
+def _choices(ladder: list[Level]) -> tuple[list[Level], ...]:
+    return (ladder, ladder[1::2], ladder[-1:]) if len(ladder) > 2 else (ladder,)
+
+
+def reachable(low: float, distance: float, ladder: list[Level], cap: float) -> float:
+    """Greatest speed ≤ ``cap`` that `fastest` reaches from ``low`` within ``distance``."""
+    return max(_reach(low, distance, rungs, cap) for rungs in _choices(ladder))
+
+
+def _reach(low: float, distance: float, ladder: list[Level], cap: float) -> float:
+    speed, left = low, distance
+    for level in ladder:
+        if level.velocity <= speed:
+            continue
+        target = min(level.velocity, cap)
+        need = _distance(speed, target, level)
+        if need > left:
+            return reachable_speed(speed, left, level.acceleration, level.jerk, target)
+        speed, left = target, left - need
+        if speed >= cap:
+            break
+    return speed
 
 
 def _climb(

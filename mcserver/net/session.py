@@ -100,7 +100,7 @@ class ZenohSession:
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
-        self._advanced: list[zenoh.ext.AdvancedPublisher] = []
+        self._advanced: list[Publication] = []
         self._declared: list[Any] = []
 
     @classmethod
@@ -119,11 +119,6 @@ class ZenohSession:
                 "is the port taken by another server? see --listen",
             ) from error
         return cls(session)
-
-    @property
-    def zenoh(self) -> zenoh.Session:
-        """The session itself, for queries."""
-        return self._session
 
     def subscribe(self, key: str, on_sample: OnSample) -> None:
         """Calls ``on_sample`` in Zenoh's thread for each sample."""
@@ -195,12 +190,13 @@ class ZenohSession:
         """Ends all that was declared, advanced publishers first, within `CLOSE_LIMIT_S`."""
         loop = asyncio.get_running_loop()
         closed = asyncio.Event()
+        close: Callable[[], None] = self._session.close
 
         def end() -> None:
             try:
                 for publisher in self._advanced:
                     publisher.undeclare()
-                self._session.close()
+                close()
             except zenoh.ZError as error:
                 log.warning("Zenoh did not close cleanly: %s", error)
             loop.call_soon_threadsafe(closed.set)

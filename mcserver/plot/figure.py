@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from mcserver.plot.path_panel import draw_path
-from mcserver.plot.scene import Scene
+from mcserver.plot.scene import AxisTrace, Scene
 from mcserver.plot.theme import FAINT_INK, INK, STYLE, colours_of
 from mcserver.plot.time_panels import draw_against_limit, draw_speed, draw_times
 
@@ -19,20 +19,21 @@ HEAD, TOP, SPEED, AXIS_ROW = 0.75, 6.6, 2.3, 1.75
 DOTS_PER_INCH = 110
 
 
-def draw_png(scene: Scene, stream: BinaryIO) -> None:
-    """The picture as PNG: path, times, speed, and each moving axis against its limits."""
-    compose(scene).savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": "mcserver plot"})
+def draw_png(scene: Scene, stream: BinaryIO, *, limits: bool = True) -> None:
+    """The picture as PNG: path, times, speed, and (``limits``) each moving axis against its limits."""
+    compose(scene, limits=limits).savefig(
+        stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": "mcserver plot"}
+    )
 
 
-def compose(scene: Scene) -> Figure:
+def compose(scene: Scene, *, limits: bool = True) -> Figure:
     """The figure with all its panels."""
     style: Any = dict(STYLE)
     with mpl.rc_context(style):
-        return _compose(scene)
+        return _compose(scene, scene.axes[:MAX_AXIS_ROWS] if limits else ())
 
 
-def _compose(scene: Scene) -> Figure:
-    shown = scene.axes[:MAX_AXIS_ROWS]
+def _compose(scene: Scene, shown: tuple[AxisTrace, ...]) -> Figure:
     heights = [TOP, SPEED, *[AXIS_ROW] * len(shown)]
     height = HEAD + sum(heights)
     figure = Figure(figsize=(WIDTH, height))
@@ -52,13 +53,15 @@ def _compose(scene: Scene) -> Figure:
 
     left, top = 0.014, 1.0 - 0.28 / height
     figure.text(left, top, scene.title, fontsize=15, fontweight="bold", color=INK, va="center")
-    figure.text(left, top - 0.27 / height, _summary(scene), fontsize=9.5, color=FAINT_INK, va="center")
+    figure.text(
+        left, top - 0.27 / height, _summary(scene, len(shown)), fontsize=9.5, color=FAINT_INK, va="center"
+    )
     return figure
 
 
-def _summary(scene: Scene) -> str:
+def _summary(scene: Scene, shown: int) -> str:
     said = [f"{scene.duration_s:.3f} s", f"feed path {scene.feed_length_mm:,.1f} mm".replace(",", "\u2009")]
     said.append(f"{len(scene.timed_lines)} timed lines")
-    if len(scene.axes) > MAX_AXIS_ROWS:
-        said.append(f"the first {MAX_AXIS_ROWS} of {len(scene.axes)} moving axes are shown")
+    if 0 < shown < len(scene.axes):
+        said.append(f"the first {shown} of {len(scene.axes)} moving axes are shown")
     return "  ·  ".join(said)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kinematics.pose import Kinematics
 from mcserver.config import Axis, Machine
 from mcserver.machine_check import axis_name
-from mcserver.recording import Recording
+from mcserver.simulation_record import Recorded
 from mcserver.units import MM, AxisType
 
 Array = NDArray[np.float64]
@@ -104,7 +104,7 @@ class Scene(msgspec.Struct, frozen=True):
 def build_scene(
     title: str,
     machine: Machine,
-    recording: Recording,
+    recording: Recorded,
     report: Mapping[str, Any],
     source_lines: Sequence[str],
     kinematics: Kinematics | None = None,
@@ -164,7 +164,7 @@ def _axes_path(time: Array, line: Lines, traces: Sequence[AxisTrace]) -> tuple[P
 
 
 def _tool_paths(
-    machine: Machine, recording: Recording, line: Lines, kinematics: Kinematics
+    machine: Machine, recording: Recorded, line: Lines, kinematics: Kinematics
 ) -> tuple[PathTrace, ...]:
     columns = {int(number): column for column, number in enumerate(recording.axes)}
     si_per_unit = np.array([axis.type.si_per_unit for axis in machine.axes])

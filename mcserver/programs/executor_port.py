@@ -1,4 +1,4 @@
-"""The port over an executor's rings and mailbox, whether it runs in a process of its own or on a virtual clock."""
+"""The port over an executor's rings and mailbox, in a process of its own or on a virtual clock."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ class ExecutorPort:
         )
 
     def positions(self) -> dict[int, float]:
-        """Where motion starts from [m, rad]: the setpoint of an energized axis, else its encoder's reading."""
+        """Where motion starts from [m, rad]: the setpoint, or the encoder of an axis without energy."""
         latest = self._executor.feedback.latest()
         if latest is None:
             return {}

@@ -1,6 +1,7 @@
 """Checks and simulations of whole programs, in a process of their own.
 
-They compute for seconds and would hold the interpreter's lock all that time; the service beside them has to go on.
+They compute for seconds and would hold the interpreter's lock all that time; the service beside them has
+to go on.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Makes the pipelines of a machine's programs: its kinematics, where the axes are, and modal state rebuilt."""
+"""Makes the pipelines of a machine's programs: kinematics, where the axes are, modal state rebuilt."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from mcserver.config import Machine
 from mcserver.executor.entries import MotionSink
 from mcserver.gcode.interpreter import modal_before
 from mcserver.programs.executor_port import ExecutorPort
-from mcserver.programs.pipeline import Pipeline
 from mcserver.programs.planner_thread import PipelineRequest
+from mcserver.programs.service_pipeline import ServicePipeline
 
 
 class PipelineFactory:
@@ -48,9 +48,9 @@ class PipelineFactory:
                 positions=self._port.positions(),
             ).modal
 
-    def make(self, request: PipelineRequest, sink: MotionSink) -> Pipeline:
+    def make(self, request: PipelineRequest, sink: MotionSink) -> ServicePipeline:
         """A program's pipeline, in the planner thread."""
-        return Pipeline(
+        return ServicePipeline(
             self._machine,
             sink,
             kinematics=self._kinematics,

@@ -65,7 +65,7 @@ class LinePipeline(Protocol):
 
 
 class PipelineRequest(msgspec.Struct, frozen=True):
-    """What a pipeline is made of, besides the sink; ``modal`` is what `MakesPipelines.prepare` gave, or None."""
+    """What a pipeline is made of; ``modal`` is what `MakesPipelines.prepare` gave, or None."""
 
     program: str
     axes: frozenset[int]
@@ -342,7 +342,9 @@ class PlannerThread:
         return through > 0
 
     def _report(self, plan: _Plan, reports: Sequence[PlannedLine]) -> None:
-        self._outcomes.append(Planned(plan.program, reports))
+        timed = [report for report in reports if report.kind.value in ("planned", "bound")]
+        if timed:
+            self._outcomes.append(Planned(plan.program, timed))
         for report in reports:
             if report.kind.value == "rejected":
                 # a pipeline that still has room goes on with that line, mended; else the program ends there

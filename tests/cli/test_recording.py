@@ -11,13 +11,14 @@ import pytest
 
 from mcserver.commands.faults import OutputFault, UsageFault
 from mcserver.commands.output_file import check_output, write_atomically
-from mcserver.recording import Recording, write_csv, write_npz
+from mcserver.recording import write_csv, write_npz
+from mcserver.simulation_record import Recorded
 
 
 @pytest.fixture
-def run() -> Recording:
+def run() -> Recorded:
     numbers = np.random.default_rng(7)
-    return Recording(
+    return Recorded(
         time_s=np.arange(9000) / 1000.0,
         line=np.repeat([0.0, 4.0, 12.0], 3000),
         axes=np.array([0.0, 7.0]),
@@ -26,24 +27,24 @@ def run() -> Recording:
     )
 
 
-def _csv(run: Recording) -> bytes:
+def _csv(run: Recorded) -> bytes:
     stream = io.BytesIO()
     write_csv(run, stream)
     return stream.getvalue()
 
 
-def test_the_header_names_time_line_and_each_axis_of_the_machine(run: Recording) -> None:
+def test_the_header_names_time_line_and_each_axis_of_the_machine(run: Recorded) -> None:
     assert _csv(run).split(b"\n")[0] == b"time_s,line,setpoint_0,actual_0,setpoint_7,actual_7"
 
 
-def test_every_number_reads_back_exactly(run: Recording) -> None:
+def test_every_number_reads_back_exactly(run: Recorded) -> None:
     table = np.loadtxt(io.BytesIO(_csv(run)), delimiter=",", skiprows=1)
     assert np.array_equal(table[:, 0], run.time_s)
     assert np.array_equal(table[:, 2::2], run.setpoint)
     assert np.array_equal(table[:, 3::2], run.actual)
 
 
-def test_line_numbers_are_whole_and_each_cycle_has_one_row(run: Recording) -> None:
+def test_line_numbers_are_whole_and_each_cycle_has_one_row(run: Recorded) -> None:
     rows = _csv(run).decode().splitlines()[1:]
     assert len(rows) == 9000
     assert {row.split(",")[1] for row in rows} == {"0", "4", "12"}
@@ -52,12 +53,12 @@ def test_line_numbers_are_whole_and_each_cycle_has_one_row(run: Recording) -> No
 def test_an_empty_recording_is_a_header_alone() -> None:
     nothing = np.empty((0, 1))
     assert (
-        _csv(Recording(np.empty(0), np.empty(0), np.zeros(1), nothing, nothing))
+        _csv(Recorded(np.empty(0), np.empty(0), np.zeros(1), nothing, nothing))
         == b"time_s,line,setpoint_0,actual_0\n"
     )
 
 
-def test_npz_holds_float64_arrays_of_the_documented_shapes(run: Recording, tmp_path: Path) -> None:
+def test_npz_holds_float64_arrays_of_the_documented_shapes(run: Recorded, tmp_path: Path) -> None:
     path = tmp_path / "t.npz"
     write_atomically(str(path), lambda stream: write_npz(run, stream))
     with np.load(path) as arrays:
@@ -81,7 +82,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path)
     assert os.listdir(tmp_path) == ["t.csv"]
 
 
-def test_a_full_device_behind_a_link_is_a_coded_fault(tmp_path: Path, run: Recording) -> None:
+def test_a_full_device_behind_a_link_is_a_coded_fault(tmp_path: Path, run: Recorded) -> None:
     link = tmp_path / "t.csv"
     link.symlink_to("/dev/full")
     with pytest.raises(OutputFault, match="MC014"):

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+
 from kinematics.errors import JointLimit, Unreachable
 from kinematics.pose import JointPath, Pose, ToolPath, Triple
 from mcserver.config import Machine, load_machine, parse_machine
@@ -69,10 +70,10 @@ class Gantries:
         angles: Triple = (values[3], values[4], values[5]) if self.has_orientation(tool) else (0.0, 0.0, 0.0)
         return Pose((values[0], values[1], values[2]), angles)
 
-    def rotation_angle(self, tool: int, start: Triple, end: Triple) -> float:
+    def rotation_angle(self, tool: int, start: Triple, end: Triple) -> float:  # noqa: ARG002
         return max(abs(b - a) for a, b in zip(start, end, strict=True))
 
-    def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:
+    def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:  # noqa: ARG002
         self._refuse(tool, np.array([pose.position]))
         return pose.position + (pose.angles if self.has_orientation(tool) else ())
 
@@ -106,7 +107,9 @@ class Gantries:
 class Program:
     """An interpreter with short ways to feed and read it."""
 
-    def __init__(self, machine: Machine = CARTESIAN, kinematics: Gantries | None = None, **options: object) -> None:
+    def __init__(
+        self, machine: Machine = CARTESIAN, kinematics: Gantries | None = None, **options: object
+    ) -> None:
         self.interpreter = Interpreter(machine, kinematics=kinematics, **options)  # type: ignore[arg-type]
         self.line = 0
 
@@ -170,6 +173,8 @@ def feeding(*lines: str, machine: Machine = CARTESIAN) -> Program:
     return program
 
 
-def check(*lines: str, machine: Machine = CARTESIAN, kinematics: Gantries | None = None) -> list[tuple[int, str]]:
+def check(
+    *lines: str, machine: Machine = CARTESIAN, kinematics: Gantries | None = None
+) -> list[tuple[int, str]]:
     """(line, code) of every fault of a program."""
     return [(fault.line, fault.code) for fault in check_program("\n".join(lines), machine, kinematics)]

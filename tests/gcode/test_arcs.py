@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from mcserver.gcode.arc_geometry import arc_by_centre, arc_by_radius, plane_extrema
 from mcserver.motion.path import ArcCurve
-
 from tests.gcode.support import Program, feeding, machine_of
 
 QUARTER = math.pi / 2.0
@@ -118,7 +118,7 @@ def test_clockwise_is_seen_from_the_positive_normal() -> None:
         ("G02 X100 Y0 R30", ["MC104"]),
         ("G02 X10 Y11 I10 J0", ["MC133"]),
         ("G02 X10 Y10 [3]5 R10", ["MC137"]),
-        ("G02 A10 B10 R10", ["MC137", "MC137", "MC132"]),
+        ("G02 A10 B10 R10", ["MC132", "MC137", "MC137"]),
     ],
 )
 def test_arcs_that_are_not_defined_are_refused(text: str, codes: list[str]) -> None:
@@ -144,7 +144,7 @@ def test_a_chord_longer_by_less_than_the_radius_tolerance_is_a_half_circle() -> 
     arc = at().arc("G02 X20.004 Y0 R10")
     assert arc.sweep == pytest.approx(-math.pi)
     assert at().codes("G02 X20.02 Y0 R10") == ["MC104"]
-    assert at().arc("G02 X2001.5 Y0 R1000").centre == pytest.approx((1.00075, 0.0))
+    assert at().arc("G02 X2000.9 Y0 R1000").centre == pytest.approx((1.00045, 0.0))
 
 
 def test_radii_may_differ_by_5_micrometres_or_a_thousandth_of_the_start_radius() -> None:
@@ -214,7 +214,12 @@ def test_the_radius_form_has_that_radius_and_the_asked_size_of_arc(
 
 @settings(max_examples=150, deadline=None)
 @given(
-    st.floats(0.0, 6.28), st.floats(0.001, 6.28), st.booleans(), st.integers(1, 3), st.floats(0.001, 2.0), coordinate
+    st.floats(0.0, 6.28),
+    st.floats(0.001, 6.28),
+    st.booleans(),
+    st.integers(1, 3),
+    st.floats(0.001, 2.0),
+    coordinate,
 )
 def test_an_arc_ends_where_it_was_programmed_and_its_extrema_are_its_bounds(
     angle: float, turn: float, clockwise: bool, turns: int, radius: float, centre: float

@@ -1,9 +1,9 @@
 """Axis commands (D-40), and where positions come from after them (D-14, D-25)."""
 
 import pytest
+
 from mcserver.gcode.parser import parse_line
 from mcserver.motion.canonical import AxisLine, AxisOperation, MotionLine
-
 from tests.gcode.support import Gantries, Program, feeding, machine_of
 
 TOOLED = machine_of("0:linear 1:linear 2:linear 3:linear", "3:0,1,2")

@@ -1,10 +1,10 @@
 """Modal state (D-10 to D-15, D-05)."""
 
 import pytest
+
 from mcserver.gcode.interpreter import Interpreter, modal_before
 from mcserver.gcode.modal import INITIAL
 from mcserver.motion.canonical import EndLine, FeedGroup, MotionLine, PauseLine
-
 from tests.gcode.support import CARTESIAN, Program, feeding, machine_of
 
 ROUNDING = machine_of("0:linear 1:linear", motion="[motion]\npath_tolerance_mm = 0.25\n")
@@ -12,7 +12,12 @@ ROUNDING = machine_of("0:linear 1:linear", motion="[motion]\npath_tolerance_mm =
 
 def test_a_program_starts_in_g21_g90_g94_g64_with_nothing_else() -> None:
     modal = Interpreter(CARTESIAN).modal
-    assert (modal.inch, modal.incremental, modal.inverse_time, modal.exact_stop) == (False, False, False, False)
+    assert (modal.inch, modal.incremental, modal.inverse_time, modal.exact_stop) == (
+        False,
+        False,
+        False,
+        False,
+    )
     assert (modal.tool, modal.feed, modal.plane, modal.motion, modal.tolerance) == (None,) * 5
 
 
@@ -281,4 +286,3 @@ def test_several_feeds_of_a_line_are_in_force_in_reading_order() -> None:
     assert isinstance(second, FeedGroup)
     assert (first.speed, second.speed) == pytest.approx((0.01, 0.02))
     assert program.feed("G01 Z10").speed == pytest.approx(0.02)
-

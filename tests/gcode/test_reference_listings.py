@@ -4,34 +4,36 @@ import math
 
 import numpy as np
 import pytest
+
 from mcserver.gcode.interpreter import Interpreter
 from mcserver.gcode.parser import parse_line
 from mcserver.motion.canonical import AxisLine, AxisOperation, DwellGroup, FeedGroup, MotionLine, RapidGroup
 from mcserver.motion.path import ArcCurve, LineCurve, SampledCurve
-
 from tests.gcode.support import CARTESIAN, Gantries, Program, machine_of
 
 DOG = machine_of(" ".join(f"{n}:linear" for n in range(12)), "3:0,1,2 6:3,4,5 9:6,7,8 12:9,10,11")
-DOG_START = {2: 0.0, 5: 0.8, 8: -0.1, 11: -0.8} | {axis: -0.4 for axis in (1, 4, 7, 10)}
+DOG_START = {2: 0.0, 5: 0.8, 8: -0.1, 11: -0.8} | dict.fromkeys((1, 4, 7, 10), -0.4)
 
-ARCS = """G1010
-G94 F30000
-G00 X0 Y0
-G01 V1000
-G02 X1000 Y2000 R1000
-G01 U1000
-G02 X3000 Y1000 R1000
-G01 V-1000
-G02 X2000 Y-1000 I-1000 J0
-;G02 X2000 Y-1000 R1000
-G01 U-1000
-G02 X0 Y0 I0 J1000
-;G02 X0 Y0 R1000
-G01 U500 V500
-;Full Circle
-G02 X500 Y500 I1000 J0
-G04 P2.5
-G1011""".split("\n")
+ARCS = [
+    "G1010",
+    "G94 F30000",
+    "G00 X0 Y0",
+    "G01 V1000",
+    "G02 X1000 Y2000 R1000",
+    "G01 U1000",
+    "G02 X3000 Y1000 R1000",
+    "G01 V-1000",
+    "G02 X2000 Y-1000 I-1000 J0",
+    ";G02 X2000 Y-1000 R1000",
+    "G01 U-1000",
+    "G02 X0 Y0 I0 J1000",
+    ";G02 X0 Y0 R1000",
+    "G01 U500 V500",
+    ";Full Circle",
+    "G02 X500 Y500 I1000 J0",
+    "G04 P2.5",
+    "G1011",
+]
 
 
 def test_g01_listing_takes_the_times_of_its_comments() -> None:

@@ -1,6 +1,7 @@
 """Bytes to lines (D-01)."""
 
 import pytest
+
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.source import decode, split_lines
 

@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from mcserver.motion.canonical import DwellGroup, FeedGroup, RapidGroup, SpeedGroup, TorqueGroup
 
+from mcserver.motion.canonical import DwellGroup, FeedGroup, RapidGroup, SpeedGroup, TorqueGroup
 from tests.gcode.support import Program, feeding, machine_of
 
 MANY = machine_of("0:linear 1:linear 2:linear 3:rotary 4:rotary 6:linear 7:linear:-100:100 8:rotary:-90:90")
@@ -54,7 +54,14 @@ def test_one_rotary_axis_moves_in_degrees_per_minute() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["G01 [3]5 [4]5", "G01 X5 [3]5", "G01 X5 Y5 Z5 [6]5", "G01 X5 [3]0", "G01 [3]0 [4]0", "G01 [3]5 [4]5 G01 X5"],
+    [
+        "G01 [3]5 [4]5",
+        "G01 X5 [3]5",
+        "G01 X5 Y5 Z5 [6]5",
+        "G01 X5 [3]0",
+        "G01 [3]0 [4]0",
+        "G01 [3]5 [4]5 G01 X5",
+    ],
 )
 def test_g94_has_no_speed_for_other_mixes_travelling_or_not(text: str) -> None:
     (fault,) = many().faults(text)
@@ -185,4 +192,4 @@ def test_an_axis_that_stands_outside_its_travel_may_come_back() -> None:
 
 
 def test_several_faults_of_one_line_come_in_reading_order() -> None:
-    assert many().codes("G01 [7]200 [9]1 [8]91 F-5") == ["MC201", "MC108", "MC201", "MC120"]
+    assert many("G93").codes("G01 [7]200 [9]1 [8]91 F-5") == ["MC201", "MC108", "MC201", "MC120"]

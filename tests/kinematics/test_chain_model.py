@@ -173,3 +173,8 @@ def test_a_tool_that_is_not_there_lists_those_that_are(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="no tool 7") as caught:
         kinematics.axes(7)
     assert "T1" in caught.value.hint
+
+
+def test_a_tool_whose_point_no_joint_moves_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="no joint of its chain moves"):
+        MachineKinematics(chain_machine(tmp_path, [Joint("revolute", "0 0 0", Z)], tip="0 0 0.2"))

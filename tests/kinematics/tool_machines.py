@@ -52,7 +52,7 @@ def machine_text(
     start: Mapping[int, float] | None = None,
     limits: Mapping[int, tuple[float, float]] | None = None,
 ) -> str:
-    """A machine file; ``tools`` are the keys of each tool after its number; ``start`` and ``limits`` in mm, deg."""
+    """A machine file; ``tools``: each tool's keys but its number; ``start``, ``limits``: in mm, deg."""
     text = f'[machine]\nname = "cell"\n[kinematics]\nurdf = "{urdf}"\n'
     for number, tool in enumerate(tools, start=1):
         text += f"[[tool]]\nnumber = {number}\n{tool}\n"

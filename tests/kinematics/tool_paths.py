@@ -9,10 +9,12 @@ import numpy as np
 from kinematics.pose import Array, JointPath, ToolPath, Triple
 from kinematics.solver import MachineKinematics
 
+Point = Sequence[float] | Array
+
 
 def line(
-    start: Sequence[float],
-    end: Sequence[float],
+    start: Point,
+    end: Point,
     start_angles: Triple | None = None,
     end_angles: Triple | None = None,
 ) -> ToolPath:
@@ -27,9 +29,9 @@ def line(
 
 
 def circle(
-    centre: Sequence[float],
-    first: Sequence[float],
-    second: Sequence[float],
+    centre: Point,
+    first: Point,
+    second: Point,
     sweep: float,
     start_angles: Triple | None = None,
     end_angles: Triple | None = None,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mcserver.config import Machine, parse_machine
 from mcserver.plot.scene import Scene, build_scene
-from mcserver.recording import Recording
+from mcserver.simulation_record import Recorded
 
 Array = NDArray[np.float64]
 
@@ -29,10 +29,10 @@ def machine(*types: str, jerk: str = "max_jerk = 50000.0") -> Machine:
     return parse_machine(f'[machine]\nname = "bench"\ncycle_hz = 1000\n{axes}')
 
 
-def run(columns: list[Array], line: Array | None = None) -> Recording:
+def run(columns: list[Array], line: Array | None = None) -> Recorded:
     setpoint = np.stack(columns, axis=1)
     count = len(setpoint)
-    return Recording(
+    return Recorded(
         time_s=np.arange(count) / 1000.0,
         line=np.ones(count) if line is None else line,
         axes=np.arange(setpoint.shape[1], dtype=float),

@@ -1,8 +1,8 @@
 """Remote calls: request numbers, and repetition inside a deadline.
 
-An empty answer looks the same whether nobody is there, the server restarts, the caller has no right or the reply was
-lost. So the same request is sent again with the same number until the deadline; the server gives the same answer
-again and does nothing twice (docs/keyspace.md, "Remote calls").
+An empty answer looks the same whether nobody is there, the server restarts, the caller has no right or the
+reply was lost. So the same request is sent again with the same number until the deadline; the server gives
+the same answer again and does nothing twice (docs/keyspace.md, "Remote calls").
 """
 
 from __future__ import annotations
@@ -116,5 +116,3 @@ def _error_of(reply: Reply) -> RequestRefused | None:
     return RequestRefused(
         error.code, error.message, error.hint, details=error.details, diagnostics=error.diagnostics
     )
-
-

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
-from mcclient.errors import NobodyAnswers, SeveralMachines
+from mcclient.calls import Caller
+from mcclient.errors import MotionError, NobodyAnswers, SeveralMachines
 from mcclient.keys import ALL_MACHINES, Keys, machine_and_instance
-from mcclient.transport import Arrived, Link
+from mcclient.presence import Presence
+from mcclient.transport import Arrived, Link, endpoints_of
+from mcclient.types import Info
+from mcclient.wire import decode
 
-# a router may still be learning of tokens when the link has just come up
-SETTLE_S = 0.1
+CONNECT_S = 3.0
 
 
 async def machines(link: Link, *, timeout_s: float) -> list[str]:
@@ -36,7 +40,8 @@ async def find_machine(link: Link, name: str | None, *, timeout_s: float) -> str
 
     subscription = link.watch_tokens(Keys(name).live if name else ALL_MACHINES, on_token)
     try:
-        await asyncio.wait_for(arrived.wait(), timeout_s)
+        async with asyncio.timeout(timeout_s):
+            await arrived.wait()
     except TimeoutError:
         others = await machines(link, timeout_s=timeout_s) if name else []
         raise _nobody(name, others) from None
@@ -44,8 +49,7 @@ async def find_machine(link: Link, name: str | None, *, timeout_s: float) -> str
         subscription.close()
     if name:
         return name
-    # one has come: so have the others that the network knows
-    await asyncio.sleep(SETTLE_S)
+    # one has come; the query is answered with all that the network knows
     found.update(dict.fromkeys(await machines(link, timeout_s=timeout_s)))
     if len(found) > 1:
         names = sorted(found)
@@ -56,6 +60,31 @@ async def find_machine(link: Link, name: str | None, *, timeout_s: float) -> str
             details={"machines": names},
         )
     return next(iter(found))
+
+
+async def list_machines(
+    connect: str | Sequence[str] | None = None,
+    *,
+    timeout_s: float = CONNECT_S,
+    config_file: Path | None = None,
+) -> list[tuple[str, Info | MotionError]]:
+    """Every machine that is there, with its info or why it gave none.
+
+    Raises:
+        NobodyAnswers: MC530 the endpoint cannot be reached.
+    """
+    link = await Link.open(endpoints_of(connect), timeout_s=timeout_s, config_file=config_file)
+    try:
+        found: list[tuple[str, Info | MotionError]] = []
+        for name in await machines(link, timeout_s=timeout_s):
+            caller = Caller(link, Keys(name), "", Presence(name))
+            try:
+                found.append((name, decode(Info, await caller.call("info", deadline_s=timeout_s))))
+            except MotionError as error:
+                found.append((name, error))
+        return found
+    finally:
+        await link.close()
 
 
 def _nobody(name: str | None, others: Iterable[str]) -> NobodyAnswers:

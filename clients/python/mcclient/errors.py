@@ -17,8 +17,9 @@ The error tree, with the exit code that ``mcctl`` gives::
           +-- ProgramClosed       it takes no more lines: closed or ended (1)
 
 Codes MC100 to MC529 come from the server (docs/keyspace.md), MC530 to MC539 from here:
-MC530 nobody answers, MC531 several machines, MC532 no answer in time, MC533 not understood, MC534 interrupted,
-MC535 aborted, MC536 closed, MC537 configuration, MC538 a line that cannot be sent, MC539 the client is closed.
+MC530 nobody answers, MC531 several machines, MC532 no answer in time, MC533 not understood, MC534
+interrupted, MC535 aborted, MC536 closed, MC537 configuration, MC538 a line that cannot be sent, MC539 the
+client is closed.
 """
 
 from __future__ import annotations
@@ -77,7 +78,9 @@ class NobodyAnswers(MotionError):
 
 
 class NoAnswerInTime(NobodyAnswers):
-    """The machine is there, but the request got no answer within its deadline; it may have been carried out."""
+    """The machine is there, but the request got no answer within its deadline; it may have been carried
+    out.
+    """
 
 
 class SeveralMachines(MotionError):
@@ -158,8 +161,8 @@ class ProgramAborted(ProgramError):
 class ProgramInterrupted(ProgramError):
     """The server that ran the program went away.
 
-    Lines through ``done`` have surely ended, the one after may have begun. Axes have no energy. Move the machine
-    where it should be, then ``machine.resume_program(error.program, start_line=…)``.
+    Lines through ``done`` have surely ended, the one after may have begun. Axes have no energy. Move the
+    machine where it should be, then ``machine.resume_program(error.program, start_line=…)``.
     """
 
 

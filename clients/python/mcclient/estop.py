@@ -31,8 +31,8 @@ async def emergency_stop(
     """Stops every axis of the machine, and returns its name once the server has confirmed.
 
     Raises:
-        NobodyAnswers: MC530 the machine is not there; MC532 (`NoAnswerInTime`) no confirmation within the time:
-            use the machine's own circuit.
+        NobodyAnswers: MC530 the machine is not there; MC532 (`NoAnswerInTime`) no confirmation within the
+            time: use the machine's own circuit.
         SeveralMachines: MC531 none is named and more than one is there.
     """
     link = await Link.open(connect, timeout_s=timeout_s, config_file=config_file)
@@ -77,7 +77,8 @@ async def send_until_confirmed(link: Link, keys: Keys, *, client: str, reason: s
                 )
             await link.put(keys.emergency_stop, payload, priority=zenoh.Priority.REAL_TIME, express=True)
             try:
-                await asyncio.wait_for(confirmed.wait(), min(REPEAT_S, max(0.001, deadline - clock())))
+                async with asyncio.timeout(min(REPEAT_S, max(0.001, deadline - clock()))):
+                    await confirmed.wait()
             except TimeoutError:
                 continue
     finally:

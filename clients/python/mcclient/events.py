@@ -89,11 +89,26 @@ class EventOrder:
         return ready
 
 
-class _Reader:
-    """Feeds a queue from the subscription; asks for what is missing."""
+class EventReader:
+    """Takes samples of the subscription, passes events on in order, and asks for what is missing.
 
-    def __init__(self, queue: Queue[Event], fetch: FetchPage, *, from_start: bool) -> None:
-        self._queue = queue
+    Args:
+        pass_on: called with each event, in order. missed: called with a number of events that are lost for
+            good.
+        fetch: asks the server for events from a number on.
+        from_start: begin with the oldest that the server still has.
+    """
+
+    def __init__(
+        self,
+        pass_on: Callable[[Event], None],
+        missed: Callable[[int], None],
+        fetch: FetchPage,
+        *,
+        from_start: bool,
+    ) -> None:
+        self._pass_each_on = pass_on
+        self._missed = missed
         self._fetch = fetch
         self._order = EventOrder(from_start=from_start)
         self._fetching: asyncio.Task[None] | None = None
@@ -116,7 +131,7 @@ class _Reader:
 
     def _pass_on(self, events: list[Event]) -> None:
         for event in events:
-            self._queue.push(event)
+            self._pass_each_on(event)
 
     def _start_fetching(self, since: int) -> None:
         self._fetching = asyncio.get_running_loop().create_task(self._close_gap(since))
@@ -141,14 +156,20 @@ class _Reader:
             self._pass_on(self._order.give_up())
         finally:
             self._fetching = None
-            self._queue.missed += self._order.missed
+            self._missed(self._order.missed)
             self._order.missed = 0
 
 
 def open_events(link: Link, key: str, fetch: FetchPage, *, history: bool) -> tuple[Feed[Event], Queue[Event]]:
-    """A feed of events, and the queue to end it by; ``history``: those that the server still has come first."""
+    """A feed of events, and the queue to end it by; ``history``: those that the server still has come
+    first.
+    """
     queue: Queue[Event] = Queue(EVENTS_LIMIT)
-    reader = _Reader(queue, fetch, from_start=history)
+
+    def missed(count: int) -> None:
+        queue.missed += count
+
+    reader = EventReader(queue.push, missed, fetch, from_start=history)
     subscription = link.subscribe_recovering(key, reader.on_sample, limit=EVENTS_LIMIT)
 
     def release() -> None:

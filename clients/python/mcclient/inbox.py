@@ -1,7 +1,7 @@
 """From Zenoh's threads to the asyncio loop.
 
-A callback runs in a network thread that all traffic of the link waits for: it appends to a bounded deque and wakes
-the loop, no more.
+A callback runs in a network thread that all traffic of the link waits for: it appends to a bounded deque and
+wakes the loop, no more.
 """
 
 from __future__ import annotations

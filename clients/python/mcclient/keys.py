@@ -28,7 +28,9 @@ class Keys:
     def __post_init__(self) -> None:
         if _NAME.fullmatch(self.machine) is None:
             raise ConfigurationError(
-                "MC537", f"{self.machine!r} is no name of a machine", "names have letters, digits, '-', '_' and '.'"
+                "MC537",
+                f"{self.machine!r} is no name of a machine",
+                "names have letters, digits, '-', '_' and '.'",
             )
 
     @property

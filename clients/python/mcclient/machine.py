@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import secrets
-from collections.abc import AsyncIterator, Generator, Sequence
-from contextlib import asynccontextmanager
+import weakref
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from mcclient import discovery
 from mcclient.calls import DEADLINE_S, Caller
-from mcclient.errors import MotionError, ProtocolError, RequestRefused
-from mcclient.estop import emergency_stop, send_until_confirmed
+from mcclient.discovery import CONNECT_S, find_machine
+from mcclient.errors import ProtocolError
+from mcclient.estop import send_until_confirmed
 from mcclient.events import open_events
 from mcclient.feed import Feed, Queue
 from mcclient.keys import PROTOCOL_VERSION, Keys
 from mcclient.presence import Presence
 from mcclient.program import Program
-from mcclient.reports import Report, is_end, reports_of
+from mcclient.reports import Report, open_reports
+from mcclient.starting import Starting
 from mcclient.stream import LineStream
 from mcclient.telemetry import InfoHolder, Samples, open_samples, open_states
-from mcclient.transport import Link
+from mcclient.transport import Link, Subscription, endpoints_of
 from mcclient.types import (
     CheckResult,
     Event,
@@ -35,9 +35,356 @@ from mcclient.types import (
 )
 from mcclient.wire import decode, from_wire, unpack
 
-T = TypeVar("T")
-
-CONNECT_S = 3.0
 PATIENCE_S = 10.0
 LONG_JOB_S = 120.0
 EVENTS_A_PAGE = 1000
+
+
+class Machine:
+    """A connected machine.
+
+    Attributes:
+        name: the machine's.
+        client: this client's id.
+    """
+
+    def __init__(
+        self, link: Link, keys: Keys, client: str, presence: Presence, caller: Caller, patience_s: float
+    ) -> None:
+        self.name = keys.machine
+        self.client = client
+        self._link = link
+        self._keys = keys
+        self._presence = presence
+        self._caller = caller
+        self._patience_s = patience_s
+        self._holder: InfoHolder | None = None
+        self._watch: Subscription | None = None
+        self._token_declared = False
+        self._streams: weakref.WeakSet[LineStream] = weakref.WeakSet()
+        self._queues: weakref.WeakSet[Queue[Any]] = weakref.WeakSet()
+
+    @classmethod
+    def connect(
+        cls,
+        name: str | None = None,
+        connect: str | Sequence[str] | None = None,
+        *,
+        client: str = "py",
+        timeout_s: float = CONNECT_S,
+        patience_s: float = PATIENCE_S,
+        config_file: Path | None = None,
+    ) -> Starting[Machine]:
+        """Finds the machine and connects to it.
+
+        Args:
+            name: the machine's; None: the environment's MC_MACHINE, else the only one that is there.
+            connect: Zenoh endpoints of a server or router, such as ``tcp/10.0.0.5:7447``; None: MC_CONNECT,
+                else this computer.
+            client: what the client's id begins with.
+            timeout_s: how long to look for the machine.
+            patience_s: how long a program waits for a server that has gone away.
+            config_file: a Zenoh configuration (JSON5), for TLS and passwords.
+
+        Raises (when awaited or entered):
+            NobodyAnswers: MC530. SeveralMachines: MC531. ConfigurationError: MC537. ProtocolError: MC533.
+        """
+        named = name or os.environ.get("MC_MACHINE") or None
+        client_id = f"{client}-{secrets.token_hex(6)}"
+        endpoints = endpoints_of(connect)
+        return Starting(
+            lambda: cls._open(
+                named,
+                endpoints,
+                client_id,
+                timeout_s=timeout_s,
+                patience_s=patience_s,
+                config_file=config_file,
+            )
+        )
+
+    @classmethod
+    async def _open(
+        cls,
+        name: str | None,
+        endpoints: tuple[str, ...],
+        client: str,
+        *,
+        timeout_s: float,
+        patience_s: float,
+        config_file: Path | None,
+    ) -> Machine:
+        if name is not None:
+            # a name that cannot be one is told before anything is waited for
+            Keys(name)
+        link = await Link.open(endpoints, timeout_s=timeout_s, config_file=config_file)
+        try:
+            keys = Keys(await find_machine(link, name, timeout_s=timeout_s))
+            presence = Presence(keys.machine)
+            machine = cls(link, keys, client, presence, Caller(link, keys, client, presence), patience_s)
+            await machine._begin(timeout_s)
+        except BaseException:
+            await link.close()
+            raise
+        return machine
+
+    async def _begin(self, timeout_s: float) -> None:
+        self._watch = self._link.watch_tokens(self._keys.live, self._presence.on_token)
+        info = await self.refresh_info(deadline_s=max(timeout_s, DEADLINE_S))
+        if info.protocol and PROTOCOL_VERSION not in info.protocol:
+            raise ProtocolError(
+                "MC533",
+                f"{self.name} speaks protocol {list(info.protocol)}, this client {PROTOCOL_VERSION}",
+                "install the mcclient that belongs to the server",
+            )
+        self._presence.on_return(self._on_server_return)
+
+    def _on_server_return(self, _instance: str) -> None:
+        for stream in list(self._streams):
+            stream.on_server_return()
+
+    async def close(self) -> None:
+        """Ends the link; programs still open end as their ``on_disconnect`` says."""
+        for stream in list(self._streams):
+            await stream.stop()
+        if self._watch is not None:
+            self._watch.close()
+        for queue in list(self._queues):
+            queue.end()
+        await self._link.close()
+
+    async def __aenter__(self) -> Machine:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
+
+    # ------------------------------------------------------------ what it is and does
+
+    @property
+    def info(self) -> Info:
+        """Axes, limits, tools, units; as of the connection or the last `refresh_info`."""
+        assert self._holder is not None, "set before a machine is handed out"
+        return self._holder.info
+
+    @property
+    def online(self) -> bool:
+        """Whether the server is there now."""
+        return self._presence.online
+
+    async def refresh_info(self, *, deadline_s: float = DEADLINE_S) -> Info:
+        """Asks again, such as after the server was started anew."""
+        info = decode(Info, await self._caller.call("info", deadline_s=deadline_s))
+        if self._holder is None:
+            self._holder = InfoHolder(info)
+        self._holder.info = info
+        return info
+
+    async def status(self, *, deadline_s: float = DEADLINE_S) -> MachineStatus:
+        """The whole machine's state now."""
+        return decode(MachineStatus, await self._caller.call("status", deadline_s=deadline_s))
+
+    async def programs(
+        self, program: str | None = None, *, ended: bool = True, limit: int = 100
+    ) -> list[ProgramStatus]:
+        """The programs that the server knows, the newest first: running, queued, ended and interrupted."""
+        reply = await self._caller.call("programs", {"program": program, "ended": ended, "limit": limit})
+        return [from_wire(ProgramStatus, each) for each in unpack(reply)["programs"]]
+
+    # ------------------------------------------------------------ programs
+
+    def program(
+        self,
+        name: str = "",
+        axes: Sequence[int] | None = None,
+        *,
+        on_disconnect: OnDisconnect = "stop",
+        start_line: int = 1,
+        before: Sequence[str] = (),
+        step: bool = False,
+        hold: bool = False,
+    ) -> Starting[Program]:
+        """Opens a program: ``async with machine.program() as program``.
+
+        At the end of the block it is finished, or aborted when the block raises. ``await machine.program()``
+        opens it without a block.
+
+        Args:
+            name: for people: a file's name.
+            axes: the axes to lease; None: all of the machine. It waits in order for axes that others have.
+            on_disconnect: ``stop`` or ``finish`` what is accepted, when this client's link goes.
+            start_line: number of the first line.
+            before: the lines 1 … start_line - 1, read for their modal state only.
+            step: a line starts only when `Program.step` asks for it.
+            hold: begin held.
+        """
+        request = {
+            "name": name[:200],
+            "axes": None if axes is None else list(axes),
+            "on_disconnect": on_disconnect,
+            "start_line": start_line,
+            "before": list(before),
+            "step": step,
+            "hold": hold,
+        }
+        return Starting(lambda: self._open_program(request))
+
+    def resume_program(
+        self,
+        program: str,
+        *,
+        start_line: int,
+        axes: Sequence[int] | None = None,
+        on_disconnect: OnDisconnect = "stop",
+        hold: bool = False,
+    ) -> Starting[Program]:
+        """Goes on with an interrupted program from ``start_line``, its modal state rebuilt by the server.
+
+        The lines from ``start_line`` on have to be sent; the first one has that number. Otherwise as
+        `program`.
+        """
+        request = {
+            "resume_of": program,
+            "axes": None if axes is None else list(axes),
+            "on_disconnect": on_disconnect,
+            "start_line": start_line,
+            "hold": hold,
+        }
+        return Starting(lambda: self._open_program(request))
+
+    async def _open_program(self, request: dict[str, Any]) -> Program:
+        if not self._token_declared:
+            # before the first program: the server ends programs whose token has gone
+            self._link.declare_token(self._keys.client(self.client))
+            self._token_declared = True
+        opened = decode(OpenedProgram, await self._caller.call("open", request))
+        stream = LineStream(
+            opened, link=self._link, keys=self._keys, caller=self._caller, patience_s=self._patience_s
+        )
+        self._streams.add(stream)
+        return Program(
+            stream,
+            axes=opened.axes,
+            caller=self._caller,
+            open_reports=self._open_reports,
+            max_line_bytes=self.info.limits.max_line_bytes,
+            patience_s=self._patience_s,
+        )
+
+    # ------------------------------------------------------------ the operator's part
+
+    async def hold(self, program: str | None = None) -> list[str]:
+        """Feed hold along the path, of one program or all; returns those concerned."""
+        return await self._order("hold", program)
+
+    async def resume(self, program: str | None = None) -> list[str]:
+        """Ends a hold, M00 or M01."""
+        return await self._order("resume", program)
+
+    async def abort(self, program: str | None = None) -> list[str]:
+        """Stops along the path, then drops the rest."""
+        return await self._order("abort", program)
+
+    async def step(self, program: str) -> list[str]:
+        """Starts the next line of a program that this client opened with ``step=True``."""
+        return await self._order("step", program)
+
+    async def override(self, percent: float, program: str | None = None) -> float:
+        """Feed override of one program, or of all and those to come; returns the one now in force [%]."""
+        reply = await self._caller.call("override", {"percent": percent, "program": program})
+        return float(unpack(reply)["percent"])
+
+    async def jog(
+        self,
+        axis: int,
+        distance: float | None = None,
+        *,
+        velocity: float | None = None,
+        hold_s: float | None = None,
+        program: str | None = None,
+    ) -> str:
+        """Moves one axis by hand; returns the jog's program id.
+
+        Args:
+            distance: from where the axis is [mm, deg]; None: on, in the direction of ``velocity``, as long as
+                the same call with ``program`` = the id returned comes again within ``hold_s``.
+            velocity: [mm/s, deg/s]; None: a tenth of the axis's limit.
+            hold_s: the dead man's time [s].
+        """
+        request = {
+            "axis": axis,
+            "distance": distance,
+            "velocity": velocity,
+            "hold_s": hold_s,
+            "program": program,
+        }
+        return str(unpack(await self._caller.call("jog", request))["program"])
+
+    async def reset(self, axes: Sequence[int] | None = None) -> None:
+        """Clears a latched fault or emergency stop; axes stay without energy until captured (G1010)."""
+        await self._caller.call("reset", {"axes": None if axes is None else list(axes)})
+
+    async def estop(self, reason: str = "", *, timeout_s: float = 5.0) -> None:
+        """Emergency stop; returns once the server has confirmed. No safety function: see `mcclient.estop`.
+
+        Raises:
+            NoAnswerInTime: MC532.
+        """
+        await send_until_confirmed(
+            self._link, self._keys, client=self.client, reason=reason, timeout_s=timeout_s
+        )
+
+    async def _order(self, method: str, program: str | None) -> list[str]:
+        reply = await self._caller.call(method, {"program": program})
+        return [str(each) for each in unpack(reply).get("programs", [])]
+
+    # ------------------------------------------------------------ without motion
+
+    async def check(self, text: str, positions: dict[int, float] | None = None) -> CheckResult:
+        """Every fault of a program's text; ``positions`` start the axes there [mm, deg]."""
+        written = None if positions is None else {str(axis): value for axis, value in positions.items()}
+        request = {"text": text, "positions": written}
+        reply = await self._caller.call("check", request, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S)
+        return decode(CheckResult, reply)
+
+    async def simulate(self, text: str) -> dict[str, Any]:
+        """Runs a text on a virtual clock; the object of ``mcserver simulate --json``."""
+        reply = await self._caller.call(
+            "simulate", {"text": text}, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S
+        )
+        result: dict[str, Any] = unpack(reply)
+        return result
+
+    # ------------------------------------------------------------ what it tells
+
+    def telemetry(self) -> Feed[MachineStatus]:
+        """The whole machine some 20 times a second, for dashboards: ``async for state in
+        machine.telemetry()``.
+        """
+        feed, queue = open_states(self._link, self._keys.state)
+        self._queues.add(queue)
+        return feed
+
+    def samples(self) -> Feed[Samples]:
+        """Every cycle of every axis, some cycles at a time, as arrays."""
+        assert self._holder is not None, "set before a machine is handed out"
+        feed, queue = open_samples(self._link, self._keys.samples, self._holder)
+        self._queues.add(queue)
+        return feed
+
+    def events(self, *, history: bool = False) -> Feed[Event]:
+        """Events in order and without gap, from now on; ``history``: those that the server still has come
+        first.
+        """
+        feed, queue = open_events(self._link, self._keys.event, self._event_page, history=history)
+        self._queues.add(queue)
+        return feed
+
+    def _open_reports(self, program: str) -> Feed[Report]:
+        feed, queue = open_reports(self._link, self._keys.event, self._event_page, program)
+        self._queues.add(queue)
+        return feed
+
+    async def _event_page(self, since: int) -> EventPage:
+        reply = await self._caller.call("events", {"since": since, "limit": EVENTS_A_PAGE})
+        return decode(EventPage, reply)

@@ -49,7 +49,8 @@ class Presence:
         """Until a token comes or goes, or the time is over."""
         self._changed.clear()
         try:
-            await asyncio.wait_for(self._changed.wait(), timeout_s)
+            async with asyncio.timeout(timeout_s):
+                await self._changed.wait()
         except TimeoutError:
             return
 

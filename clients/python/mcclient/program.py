@@ -1,4 +1,6 @@
-"""A program: lines streamed within the server's credit, repeated after a loss, never lost and never run twice."""
+"""A program: lines streamed within the server's credit, repeated after a loss, never lost and never run
+twice.
+"""
 
 from __future__ import annotations
 
@@ -49,8 +51,8 @@ class Line:
 class Program:
     """One client's stream of lines, with modal state and axes of its own; made by `Machine.program`.
 
-    As a context manager it finishes at the end of the block and waits for its motion; when the block raises, the
-    program is aborted.
+    As a context manager it finishes at the end of the block and waits for its motion; when the block raises,
+    the program is aborted.
     """
 
     def __init__(
@@ -127,7 +129,8 @@ class Program:
     async def send_lines(self, lines: Iterable[str] | AsyncIterable[str]) -> int:
         """Streams lines as fast as the server takes them, with bounded memory; returns the last one's number.
 
-        It returns when all are accepted. A fault of a line that is judged later is raised by `done` and `finish`.
+        It returns when all are accepted. A fault of a line that is judged later is raised by `done` and
+        `finish`.
 
         Raises:
             ProgramRejected: a line has faults; the lines before it are taken.
@@ -182,14 +185,17 @@ class Program:
 
     async def finish(self) -> ProgramResult:
         """`close`, then waits until the program has ended; raises as `done`, once it has ended."""
+        rejection: ProgramRejected | None = None
         try:
             await self.close()
-        except ProgramRejected:
-            # raised again once what is before the rejected line has run
-            if not self.ended:
-                await self.close()
+        except ProgramRejected as error:
+            # told once what is before the rejected line has run
+            rejection = error
+            await self.close()
         await self._stream.until(lambda: self.ended, past_rejection=True)
         self._stream.raise_failure()
+        if rejection is not None:
+            raise rejection
         return ProgramResult(self.id, self.state, self.accepted_through, self.done_through)
 
     async def leave(self) -> None:
@@ -245,17 +251,21 @@ class Program:
         """
         status = await self._stream.ask_status()
         if status is None:
-            raise RequestRefused("MC503", f"the server knows no program {self.id}", "mcctl programs lists them")
+            raise RequestRefused(
+                "MC503", f"the server knows no program {self.id}", "mcctl programs lists them"
+            )
         return status
 
     def _checked(self, line: str) -> str:
         text = line.rstrip("\r\n")
         if "\n" in text or "\r" in text:
-            raise RequestRefused("MC538", "a line must not hold a line end", "use send_lines(text.splitlines())")
+            raise RequestRefused(
+                "MC538", "a line must not hold a line end", "use send_lines(text.splitlines())"
+            )
         if len(text) * 4 > self._max_line_bytes and len(text.encode()) > self._max_line_bytes:
             raise RequestRefused(
                 "MC538",
-                f"a line of {len(text.encode())} bytes is longer than the {self._max_line_bytes} that the server takes",
+                f"the line has {len(text.encode())} bytes, the server takes {self._max_line_bytes}",
                 "break it at a command",
                 line=self.given_through + 1,
             )

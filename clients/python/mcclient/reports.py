@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from mcclient.feed import Feed
+from mcclient.events import EVENTS_LIMIT, EventReader, FetchPage
+from mcclient.feed import Feed, Queue
+from mcclient.transport import Link
 from mcclient.types import Diagnostic, Event, Fault, LineReport
 
 ReportKind = Literal["started", "ended", "rejected", "program", "fault", "warning"]
@@ -17,8 +19,8 @@ class Report:
     """One thing that happened.
 
     Attributes:
-        kind: ``started`` and ``ended`` of a line, ``rejected`` with diagnostics, ``program`` for a change of state,
-            ``fault``, ``warning``.
+        kind: ``started`` and ``ended`` of a line, ``rejected`` with diagnostics, ``program`` for a change of
+            state, ``fault``, ``warning``.
         line: the line concerned; 0: none. For ``started`` the last one that has started.
         t: executor time [s].
         timing: for ``ended``: requested and actual time, and what bound it.
@@ -50,10 +52,32 @@ def reports_of(event: Event) -> list[Report]:
     if event.kind == "warning":
         return [Report("warning", event.line, event.t, message=event.message)]
     if event.kind.startswith("program."):
-        return [Report("program", event.line, event.t, state=event.state, fault=event.fault, message=event.reason)]
+        return [
+            Report("program", event.line, event.t, state=event.state, fault=event.fault, message=event.reason)
+        ]
     return []
 
 
-def is_end(event: Event) -> bool:
-    """Whether no more reports of the program will come."""
-    return event.kind == "program.ended"
+def open_reports(link: Link, key: str, fetch: FetchPage, program: str) -> tuple[Feed[Report], Queue[Report]]:
+    """A feed of one program's reports, which ends after the program has; and the queue to end it by."""
+    queue: Queue[Report] = Queue(EVENTS_LIMIT)
+
+    def pass_on(event: Event) -> None:
+        if event.program != program or queue.closed:
+            return
+        for report in reports_of(event):
+            queue.push(report)
+        if event.kind == "program.ended":
+            queue.end()
+
+    def missed(count: int) -> None:
+        queue.missed += count
+
+    reader = EventReader(pass_on, missed, fetch, from_start=False)
+    subscription = link.subscribe_recovering(key, reader.on_sample, limit=EVENTS_LIMIT)
+
+    def release() -> None:
+        subscription.close()
+        reader.stop()
+
+    return Feed(queue, release), queue

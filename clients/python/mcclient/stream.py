@@ -1,7 +1,7 @@
 """Sends a program's lines and follows what the server says of them.
 
-One task a program sends within the credit and, when the server has been silent for too long or was away, asks how
-far it has come and sends again what it lacks.
+One task a program sends within the credit and, when the server has been silent for too long or was away, asks
+how far it has come and sends again what it lacks.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from mcclient.wire import decode, encode, from_wire, unpack
 
 log = logging.getLogger(__name__)
 
-# without an acknowledgement for so long, the server is asked; doubled up to the longest while it says nothing new
+# without an acknowledgement for so long, the server is asked; doubled up to the longest while it says nothing
+# new
 FIRST_DOUBT_S = 0.25
 LONGEST_DOUBT_S = 2.0
 ACKS_LIMIT = 64
@@ -115,7 +116,9 @@ class LineStream:
             await self._changed.wait()
 
     def raise_failure(self) -> None:
-        """Raises it, where there is one; a rejection that was told does not stand in the way of mending it."""
+        """Raises it, where there is one; a rejection that was told does not stand in the way of mending
+        it.
+        """
         if self.failure is None:
             return
         if self._told and isinstance(self.failure, ProgramRejected) and self.state != "rejected":
@@ -144,7 +147,8 @@ class LineStream:
         return number
 
     async def settle_stragglers(self) -> None:
-        """After a rejection: lets puts that are on their way arrive, as gaps, before their numbers are used anew.
+        """After a rejection: lets puts that are on their way arrive, as gaps, before their numbers are used
+        anew.
 
         The question goes at the lines' own priority, so that it cannot overtake them.
         """
@@ -284,7 +288,8 @@ class LineStream:
                 continue
             ask_at = max(self._heard_at, self._clock() - doubt_s) + doubt_s
             try:
-                await asyncio.wait_for(self._wake.wait(), max(0.001, ask_at - self._clock()))
+                async with asyncio.timeout(max(0.001, ask_at - self._clock())):
+                    await self._wake.wait()
             except TimeoutError:
                 log.debug("program %s: no word for %s s", self.program, doubt_s)
             if self._clock() - self._heard_at < doubt_s:
@@ -297,7 +302,11 @@ class LineStream:
 
     def _in_doubt(self) -> bool:
         """Whether something is awaited that a lost acknowledgement could have told."""
-        if self.ended or self._judging or not (self.failure is None or isinstance(self.failure, ProgramRejected)):
+        if (
+            self.ended
+            or self._judging
+            or not (self.failure is None or isinstance(self.failure, ProgramRejected))
+        ):
             return False
         return self.window.pending or self.closed or self.done < self.window.accepted
 
@@ -320,6 +329,7 @@ class LineStream:
     async def _hear_of(self, timeout_s: float) -> None:
         self._changed.clear()
         try:
-            await asyncio.wait_for(self._changed.wait(), timeout_s)
+            async with asyncio.timeout(timeout_s):
+                await self._changed.wait()
         except TimeoutError:
             await self._resynchronise()

@@ -74,7 +74,7 @@ def decode_samples(payload: bytes, info: Info) -> Samples:
         raise ProtocolError(
             "MC533", f"the samples do not fit the machine's axes: {error}", "has its configuration changed?"
         ) from error
-    time_s = float(start_s) + info.cycle_s * np.arange(len(values))
+    time_s: Array = float(start_s) + info.cycle_s * np.arange(len(values), dtype=np.float64)
     return Samples(int(seq), time_s, axes, {name: values[:, :, i] for i, name in enumerate(names)})
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,15 @@ class Reply:
 
 
 Deliver = Callable[[Arrived], None]
+
+
+def endpoints_of(connect: str | Sequence[str] | None) -> tuple[str, ...]:
+    """Endpoints given, else those of the environment variable MC_CONNECT, separated by commas."""
+    if connect is None:
+        connect = os.environ.get("MC_CONNECT", "")
+    if isinstance(connect, str):
+        connect = connect.split(",")
+    return tuple(endpoint.strip() for endpoint in connect if endpoint.strip())
 
 
 class Subscription:
@@ -229,13 +239,17 @@ class Link:
             await self._loop.run_in_executor(None, send)
 
     def subscribe(self, key: str, deliver: Deliver, *, limit: int) -> Subscription:
-        """Calls ``deliver`` in the loop with each sample; of those that wait, the newest ``limit`` are kept."""
+        """Calls ``deliver`` in the loop with each sample; of those that wait, the newest ``limit`` are
+        kept.
+        """
         inbox = Inbox(self._loop, deliver, limit=limit)
         subscriber = self._session.declare_subscriber(key, _callback(inbox))
         return Subscription(inbox, subscriber.undeclare)
 
     def subscribe_recovering(self, key: str, deliver: Deliver, *, limit: int) -> Subscription:
-        """As `subscribe`, and what was lost on the way is fetched from the publisher's cache where it has one."""
+        """As `subscribe`, and what was lost on the way is fetched from the publisher's cache where it has
+        one.
+        """
         inbox = Inbox(self._loop, deliver, limit=limit)
         try:
             subscriber: Any = zenoh.ext.declare_advanced_subscriber(
@@ -269,7 +283,7 @@ class Link:
 
         def end() -> None:
             try:
-                self._session.close()
+                self._session.close()  # type: ignore[no-untyped-call]
             except zenoh.ZError as error:
                 log.debug("closing: %s", error)
             try:
@@ -280,7 +294,8 @@ class Link:
         # a thread of its own that may be left behind: closing has been seen to hang on a dead link
         threading.Thread(target=end, name="mcclient-close", daemon=True).start()
         try:
-            await asyncio.wait_for(ended.wait(), CLOSE_LIMIT_S)
+            async with asyncio.timeout(CLOSE_LIMIT_S):
+                await ended.wait()
         except TimeoutError:
             log.warning("Zenoh did not close within %s s", CLOSE_LIMIT_S)
 

@@ -118,7 +118,9 @@ class ToolPose:
 
 @dataclass(frozen=True, slots=True)
 class MachineStatus:
-    """The whole machine; ``state`` is ``ready``, ``fault`` or ``estop``, the latter two latched until reset."""
+    """The whole machine; ``state`` is ``ready``, ``fault`` or ``estop``, the latter two latched until
+    reset.
+    """
 
     seq: int
     t: float
@@ -135,7 +137,9 @@ class MachineStatus:
 
 @dataclass(frozen=True, slots=True)
 class LineReport:
-    """Time of one line that has ended; ``stretched_by`` is actual / requested, ``bound_by`` the limit at fault."""
+    """Time of one line that has ended; ``stretched_by`` is actual / requested, ``bound_by`` the limit at
+    fault.
+    """
 
     line: int
     start_s: float
@@ -217,7 +221,9 @@ class LimitsInfo:
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """The machine and the service; ``instance`` is one start of the server, ``epoch`` the Unix time of t = 0."""
+    """The machine and the service; ``instance`` is one start of the server, ``epoch`` the Unix time of t =
+    0.
+    """
 
     machine: str
     server: str

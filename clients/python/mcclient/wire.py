@@ -1,4 +1,6 @@
-"""MessagePack to and from the values of `mcclient.types`: unknown keys are skipped, missing ones get the default."""
+"""MessagePack to and from the values of `mcclient.types`: unknown keys are skipped, missing ones get the
+default.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +8,10 @@ import dataclasses
 import functools
 import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypeVar
 
-import msgpack
+import msgpack  # type: ignore[import-untyped]
 
 from mcclient.errors import ProtocolError
 
@@ -38,13 +40,15 @@ def unpack(payload: bytes) -> Any:
     try:
         return msgpack.unpackb(payload)
     except (ValueError, msgpack.exceptions.UnpackException) as error:
-        raise ProtocolError("MC533", f"the payload is no MessagePack: {error}", "is it a motion server?") from error
+        raise ProtocolError(
+            "MC533", f"the payload is no MessagePack: {error}", "is it a motion server?"
+        ) from error
 
 
 def from_wire(kind: type[T], value: object) -> T:
     """Raises ProtocolError (MC533) where a field is missing or of another shape."""
     try:
-        return typing.cast(T, _converter(kind)(value))
+        return typing.cast(T, _converter(typing.cast(Hashable, kind))(value))
     except (TypeError, ValueError, AttributeError) as error:
         raise ProtocolError(
             "MC533", f"the message is no {kind.__name__}: {error}", "client and server differ in version"
@@ -52,7 +56,7 @@ def from_wire(kind: type[T], value: object) -> T:
 
 
 @functools.cache
-def _converter(kind: Any) -> Convert:
+def _converter(kind: Hashable) -> Convert:
     """What makes a value of this type from its wire form."""
     if dataclasses.is_dataclass(kind):
         return _message(typing.cast(type, kind))
@@ -87,7 +91,9 @@ def _message(kind: type) -> Convert:
     def convert(value: Any) -> Any:
         if not isinstance(value, Mapping):
             raise TypeError(f"{type(value).__name__} is no map")
-        known = {name: convert_field(value[name]) for name, convert_field in converters.items() if name in value}
+        known = {
+            name: convert_field(value[name]) for name, convert_field in converters.items() if name in value
+        }
         return kind(**known)
 
     return convert

@@ -1,0 +1,81 @@
+"""Client of the open motion server.
+
+::
+
+    async with Machine.connect() as machine:
+        async with machine.program() as program:
+            await program.send("G01 X10 F600")
+
+`mcclient.sync` has the same without ``async``; docs/sdk.md is the guide; `mcclient.errors` draws the error
+tree.
+"""
+
+from mcclient.discovery import list_machines
+from mcclient.errors import (
+    ConfigurationError,
+    MotionError,
+    NoAnswerInTime,
+    NobodyAnswers,
+    ProgramAborted,
+    ProgramClosed,
+    ProgramError,
+    ProgramFaulted,
+    ProgramInterrupted,
+    ProgramRejected,
+    ProtocolError,
+    RequestRefused,
+    SeveralMachines,
+)
+from mcclient.estop import emergency_stop
+from mcclient.feed import Feed
+from mcclient.machine import Machine
+from mcclient.program import Line, Program, ProgramResult
+from mcclient.reports import Report
+from mcclient.telemetry import Samples
+from mcclient.types import (
+    AxisInfo,
+    CheckResult,
+    Diagnostic,
+    Event,
+    Fault,
+    Info,
+    LineReport,
+    MachineStatus,
+    ProgramStatus,
+    ToolInfo,
+)
+
+__all__ = [
+    "AxisInfo",
+    "CheckResult",
+    "ConfigurationError",
+    "Diagnostic",
+    "Event",
+    "Fault",
+    "Feed",
+    "Info",
+    "Line",
+    "LineReport",
+    "Machine",
+    "MachineStatus",
+    "MotionError",
+    "NoAnswerInTime",
+    "NobodyAnswers",
+    "Program",
+    "ProgramAborted",
+    "ProgramClosed",
+    "ProgramError",
+    "ProgramFaulted",
+    "ProgramInterrupted",
+    "ProgramRejected",
+    "ProgramResult",
+    "ProgramStatus",
+    "ProtocolError",
+    "Report",
+    "RequestRefused",
+    "Samples",
+    "SeveralMachines",
+    "ToolInfo",
+    "emergency_stop",
+    "list_machines",
+]

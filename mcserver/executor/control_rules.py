@@ -1,0 +1,312 @@
+"""What each kind of control entry does as u passes it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from mcserver.drives.bus import DriveMode
+from mcserver.executor.barriers import AtRest, Barrier, BarrierFault, DrivesDone, Dwell, Energized, ExactStop, NextCycle, Paused
+from mcserver.executor.entries import Control, ControlKind, EventKind
+from mcserver.executor.faults import FaultCode
+from mcserver.executor.feedback import SlotState
+from mcserver.executor.holding import hold_position
+from mcserver.executor.independent import TrajectoryError
+from mcserver.motion.canonical import AxisOperation
+
+if TYPE_CHECKING:
+    from mcserver.executor.slot import ProgramSlot
+
+_OPERATIONS = tuple(AxisOperation)
+# An axis that moves faster than this share of what it can stop from in a cycle is braked as it is captured.
+STANDING_SHARE = 1.0
+
+
+def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool = False) -> Barrier | None:
+    """Does what an entry asks, ``left`` cycles before the exchange.
+
+    Args:
+        waited: the barrier that an earlier call for this entry put up has been passed.
+
+    Returns:
+        A barrier at which u stands first; None: the entry is done.
+
+    Raises:
+        BarrierFault: the entry cannot be done; the program is at fault.
+    """
+    try:
+        return _RULES[control.kind](slot, control, left, waited)
+    except TrajectoryError as error:
+        raise BarrierFault(FaultCode.NO_TRAJECTORY, error.column) from error
+
+
+def _line_start(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
+    slot.line = control.line
+    slot.shown_line = control.line
+    slot.cycle.emit(EventKind.LINE_START, slot.index, control.line, left)
+    return None
+
+
+def _line_end(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
+    if waited:
+        slot.step_seen = slot.orders.step if slot.orders is not None else 0
+        return None
+    if slot.line == control.line:
+        slot.line = 0
+    slot.cycle.emit(EventKind.LINE_END, slot.index, control.line, left)
+    orders = slot.orders
+    if orders is None or not orders.single_line or slot.state is SlotState.STOPPING:
+        return None
+    if orders.step != slot.step_seen:
+        slot.step_seen = orders.step
+        return None
+    slot.cycle.emit(EventKind.PAUSED, slot.index, control.line, left)
+    return Paused(orders.step)
+
+
+def _check_lease(slot: ProgramSlot, axes: int) -> None:
+    foreign = axes & ~slot.axes
+    if foreign:
+        raise BarrierFault(FaultCode.AXIS_NOT_LEASED, slot.cycle.bank.masks.columns(foreign)[0])
+
+
+def _check_power(slot: ProgramSlot, axes: int) -> None:
+    """Raises where axes may not be energized now."""
+    cycle = slot.cycle
+    _check_lease(slot, axes)
+    if cycle.estop:
+        raise BarrierFault(FaultCode.EMERGENCY_STOP, -1)
+    latched = axes & cycle.bank.fault
+    if latched:
+        raise BarrierFault(FaultCode.AXIS_LATCHED, cycle.bank.masks.columns(latched)[0])
+
+
+def _begin(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
+    bank = slot.cycle.bank
+    _check_lease(slot, control.axes)
+    latched = control.axes & bank.fault
+    if latched:
+        raise BarrierFault(FaultCode.AXIS_LATCHED, bank.masks.columns(latched)[0])
+    missing = control.axes & ~bank.energized
+    if missing:
+        raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
+    busy = control.axes & (slot.cycle.motions.mask | bank.speed | bank.torque_mode)
+    if busy:
+        raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
+    slot.playback.begin(control.axes, control.u)
+    return None
+
+
+def _end(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
+    slot.playback.end(control.axes, control.u, control.values)
+    return None
+
+
+def _wait(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+    if waited:
+        return None
+    timeout = control.seconds if control.seconds > 0.0 else slot.cycle.machine.exact_stop_timeout
+    return ExactStop(slot.cycle, control.axes, timeout)
+
+
+def _dwell(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+    return None if waited else Dwell(slot.cycle, control.seconds)
+
+
+def _energize(slot: ProgramSlot, axes: int, mode: DriveMode) -> Barrier | None:
+    """Energizes what is not energized yet; None: all of it is."""
+    bank = slot.cycle.bank
+    missing = axes & ~bank.energized
+    if not missing:
+        return None
+    _check_power(slot, missing)
+    bank.power(missing, mode)
+    return Energized(slot.cycle, axes)
+
+
+def _brake_captured(slot: ProgramSlot, axes: int, left: float) -> None:
+    """Axes that coasted while they were captured come to rest within their limits."""
+    cycle = slot.cycle
+    for column in cycle.bank.masks.columns(axes & cycle.bank.positioned & ~cycle.motions.mask):
+        velocity = float(cycle.row.actual_velocity[column])
+        limit = cycle.machine.axes[column].max_acceleration * cycle.cycle_s * STANDING_SHARE
+        if abs(velocity) > limit:
+            state = (float(cycle.row.setpoint[column]), velocity, 0.0)
+            cycle.motions.halt_from(column, slot.index, state, left)
+
+
+def _rapid(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
+    cycle, bank, motions = slot.cycle, slot.cycle.bank, slot.cycle.motions
+    assert control.values is not None
+    targets = control.values
+    if not waited:
+        _check_power(slot, control.axes)
+        busy = control.axes & slot.playback.active
+        if busy:
+            raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
+        for column in bank.masks.columns(control.axes):
+            _check_target(slot, column, targets[column])
+        barrier = _energize(slot, control.axes, DriveMode.POSITION)
+        if barrier is not None:
+            slot.captured = control.axes & bank.starting
+            return barrier
+    _brake_captured(slot, slot.captured, left)
+    slot.captured = 0
+    hold_position(cycle, control.axes & (bank.speed | bank.torque_mode), slot.index, left)
+    for column in bank.masks.columns(control.axes):
+        motions.move(column, slot.index, targets[column], left, slot.rapid_ramp.rate)
+    cycle.row.velocity[bank.masks.bools(control.axes & ~motions.mask)] = 0.0
+    return None
+
+
+def _check_target(slot: ProgramSlot, column: int, target: float) -> None:
+    axis = slot.cycle.machine.axes[column]
+    low, high = axis.min_position - axis.in_position, axis.max_position + axis.in_position
+    if not (math.isfinite(target) and low <= target <= high):
+        limit = axis.max_position if target > 0.5 * (low + high) else axis.min_position
+        raise BarrierFault(FaultCode.SOFT_LIMIT, column, (target, limit))
+
+
+def _speed(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
+    bank = slot.cycle.bank
+    assert control.values is not None
+    if not waited:
+        _check_power(slot, control.axes)
+        barrier = _energize(slot, control.axes, DriveMode.VELOCITY)
+        if barrier is not None:
+            return barrier
+    turning = control.axes & bank.torque_mode
+    for column in bank.masks.columns(turning):
+        hold_position(slot.cycle, 1 << column, slot.index, left)
+    bank.power(control.axes, DriveMode.VELOCITY)
+    for column in bank.masks.columns(control.axes):
+        slot.cycle.motions.speed(column, slot.index, control.values[column], left, slot.rapid_ramp.rate)
+    return None
+
+
+def _torque(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+    cycle, bank = slot.cycle, slot.cycle.bank
+    assert control.values is not None
+    if not waited:
+        _check_power(slot, control.axes)
+        for column in bank.masks.columns(control.axes):
+            bank.torque[column] = 0.0
+        barrier = _energize(slot, control.axes, DriveMode.TORQUE)
+        if barrier is not None:
+            return barrier
+    cycle.motions.drop(control.axes)
+    cycle.row.velocity[bank.masks.bools(control.axes)] = 0.0
+    bank.power(control.axes, DriveMode.TORQUE)
+    for column in bank.masks.columns(control.axes):
+        bank.torque[column] = control.values[column]
+    return None
+
+
+def _axis(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
+    """D-40: acts once the motion before it has ended, in two or three steps."""
+    cycle, bank, motions = slot.cycle, slot.cycle.bank, slot.cycle.motions
+    axes = control.axes
+    operation = _OPERATIONS[control.operation]
+    if not waited:
+        _check_lease(slot, axes)
+        slot.acted = False
+        slot.captured = 0
+        busy = axes & slot.playback.active
+        if busy:
+            raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
+        if motions.mask & ~motions.speeding & axes:
+            return AtRest(cycle, axes)
+    if not slot.acted:
+        slot.acted = True
+        barrier = _act(slot, axes, operation)
+        if barrier is not None:
+            return barrier
+    if operation is AxisOperation.CAPTURE:
+        _brake_captured(slot, slot.captured, left)
+    slot.captured = 0
+    cycle.emit(EventKind.AXIS_DONE, slot.index, control.line, left)
+    return None
+
+
+def _act(slot: ProgramSlot, axes: int, operation: AxisOperation) -> Barrier | None:
+    cycle, bank = slot.cycle, slot.cycle.bank
+    if operation is AxisOperation.CAPTURE:
+        slot.captured = axes & ~bank.energized
+        return _energize(slot, axes, DriveMode.POSITION)
+    cycle.motions.drop(axes)
+    if operation is AxisOperation.RESET:
+        bank.reset(axes)
+        return DrivesDone(cycle, axes)
+    # a latched axis is off already, and stays latched
+    healthy = axes & ~bank.fault
+    if operation is AxisOperation.OFF:
+        bank.off(healthy)
+    elif operation is AxisOperation.STOP:
+        bank.stop(healthy)
+        return DrivesDone(cycle, healthy)
+    else:
+        bank.release(healthy)
+    return None
+
+
+def _halt(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
+    cycle, bank, motions = slot.cycle, slot.cycle.bank, slot.cycle.motions
+    if waited:
+        return None
+    _check_lease(slot, control.axes)
+    axes = control.axes & bank.energized
+    hold_position(cycle, axes & (bank.speed | bank.torque_mode), slot.index, left)
+    for column in bank.masks.columns(axes & motions.mask):
+        if not motions.halting >> column & 1:
+            motions.halt(column, slot.index, left, slot.rapid_ramp.rate)
+    return AtRest(cycle, control.axes)
+
+
+def _pause(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
+    if waited or slot.orders is None:
+        return None
+    slot.cycle.emit(EventKind.PAUSED, slot.index, control.line, left)
+    return Paused(slot.orders.resume)
+
+
+def _settle(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
+    cycle, bank, row = slot.cycle, slot.cycle.bank, slot.cycle.row
+    if not waited:
+        return AtRest(cycle, control.axes)
+    setpoints = row.setpoint.tolist()
+    encoders = row.actual.tolist()
+    for column in bank.masks.columns(bank.exact & bank.energized & bank.positioned):
+        encoders[column] = setpoints[column]
+    values = (*setpoints, *encoders)
+    if cycle.emit(EventKind.SETTLED, slot.index, control.line, left, token=control.token, values=values):
+        return None
+    # the planner waits for this report: it is made again as soon as there is room
+    return NextCycle()
+
+
+def _finish(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
+    slot.finish(control.line, left)
+    return None
+
+
+_Rule = Callable[["ProgramSlot", Control, float, bool], Barrier | None]
+_RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
+    {
+        ControlKind.LINE_START: _line_start,
+        ControlKind.LINE_END: _line_end,
+        ControlKind.BEGIN: _begin,
+        ControlKind.END: _end,
+        ControlKind.WAIT: _wait,
+        ControlKind.DWELL: _dwell,
+        ControlKind.RAPID: _rapid,
+        ControlKind.SPEED: _speed,
+        ControlKind.TORQUE: _torque,
+        ControlKind.AXIS: _axis,
+        ControlKind.HALT_AXES: _halt,
+        ControlKind.PAUSE: _pause,
+        ControlKind.FINISH: _finish,
+        ControlKind.SETTLE: _settle,
+    }
+)

@@ -1,0 +1,227 @@
+"""The executor: one call is one cycle, on whatever clock.
+
+In a cycle: the mailbox is read; every program's time axis advances and sets its axes' setpoints; drives are exchanged
+with; faults are looked for; barriers see the fresh feedback; the cycle is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mcserver.config import Machine
+from mcserver.drives.bus import DriveBus
+from mcserver.executor.axes import AxisBank
+from mcserver.executor.cycle import Cycle
+from mcserver.executor.events import EventRing
+from mcserver.executor.faults import FaultCode
+from mcserver.executor.feedback import CYCLE, ESTOP, LATE, LINE, LOST_EVENTS, TIME, FeedbackRing, FeedbackRow, SlotState
+from mcserver.executor.holding import stop_independent
+from mcserver.executor.independent import IndependentMotions
+from mcserver.executor.mailbox import CommandMailbox
+from mcserver.executor.rate import RateRamp
+from mcserver.executor.rings import ProgramRing
+from mcserver.executor.slot import ProgramSlot
+from mcserver.executor.supervision import Supervision
+
+
+class Executor:
+    """Plays programs on drives.
+
+    Args:
+        machine: its axes are the columns of all arrays.
+        buses: together they drive every column once; `boot` is called here.
+        rings: one for each slot, as their reader.
+        mailbox, feedback, events: as the executor's side.
+
+    Attributes:
+        time: executor time of the latest cycle [s]. late_cycles: cycles that were missed, set by the clock.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        buses: Sequence[DriveBus],
+        rings: Sequence[ProgramRing],
+        mailbox: CommandMailbox,
+        feedback: FeedbackRing,
+        events: EventRing,
+    ) -> None:
+        self.machine = machine
+        self._row = FeedbackRow(len(machine.axes), len(rings))
+        self.bank = AxisBank(machine, buses, self._row)
+        self.motions = IndependentMotions(machine, self._row)
+        self._cycle = Cycle(machine, self.bank, self.motions, events)
+        self._slots = tuple(ProgramSlot(index, ring, self._cycle) for index, ring in enumerate(rings))
+        self._supervision = Supervision(self._cycle, self._slots, feedback)
+        self._mailbox = mailbox
+        self._feedback = feedback
+        self._events = events
+        self._changes = -1
+        self._stop_seen = self._reset_seen = 0
+        self._estop_seen = mailbox.estop
+        self._reset_wanted = 0
+        self._hold = False
+        self._override = 1.0
+        # position motions that outlive their program
+        self._orphans = RateRamp(machine.cycle_s)
+        self._rates: dict[int, float] = {}
+        self.late_cycles = 0
+
+    @property
+    def time(self) -> float:
+        return self._cycle.time
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing is commanded to move: no program runs, and no axis moves to a position by itself."""
+        running = any(slot.running for slot in self._slots)
+        return not running and not self.motions.mask & ~self.motions.speeding and not self.bank.starting
+
+    def line(self) -> int:
+        """The line that set the latest cycle's row; 0: none."""
+        for slot in self._slots:
+            if slot.shown_line:
+                return slot.shown_line
+        return 0
+
+    @property
+    def row(self) -> FeedbackRow:
+        """Setpoints and feedback of the latest cycle."""
+        return self._row
+
+    def cycle(self, time: float) -> None:
+        """Exactly one cycle; ``time``: executor time [s]."""
+        cycle, row = self._cycle, self._row
+        cycle.time = time
+        self._read_mailbox()
+        self._advance()
+        self._supervision.before_exchange()
+        self.bank.exchange()
+        cycle.history[cycle.number % len(cycle.history)] = row.actual
+        self._supervision.after_exchange()
+        for slot in self._slots:
+            if slot.barrier is not None:
+                slot.settle()
+        if cycle.estop or self._reset_wanted:
+            self._care_for_latches()
+        self._report()
+        cycle.number += 1
+
+    def stop_all(self, code: FaultCode) -> None:
+        """Stops all motion within its limits and reports why; axes stay energized."""
+        self._cycle.fault(code, -1, 0)
+        self._stop(SlotState.FAULTED)
+
+    def close(self) -> None:
+        """Every drive de-energized, buses given back."""
+        self.bank.close()
+
+    def release(self) -> None:
+        """Lets go of the rings' buffers."""
+        for slot in self._slots:
+            slot.playback.release()
+
+    # ------------------------------------------------------------------ orders
+
+    def _read_mailbox(self) -> None:
+        mailbox = self._mailbox
+        estop = mailbox.estop
+        if estop != self._estop_seen:
+            self._estop_seen = estop
+            self._latch_estop()
+        changes = mailbox.changes
+        if changes == self._changes:
+            return
+        self._changes = changes
+        machine = mailbox.machine_orders()
+        self._hold, self._override = machine.hold, machine.override
+        for slot in self._slots:
+            orders = mailbox.slot_orders(slot.index)
+            if orders.generation != slot.generation:
+                taken = 0
+                for other in self._slots:
+                    if other.running:
+                        taken |= other.axes
+                if slot.running or taken & orders.axes or orders.axes & ~self.bank.all:
+                    slot.refuse(orders)
+                    continue
+                slot.open(orders)
+            if slot.running:
+                slot.obey(orders, machine)
+        if machine.stop != self._stop_seen:
+            self._stop_seen = machine.stop
+            self._stop(SlotState.STOPPED)
+        if machine.reset != self._reset_seen:
+            self._reset_seen = machine.reset
+            self._reset_wanted |= machine.reset_mask & self.bank.all or 1 << 63
+
+    def _stop(self, state: SlotState) -> None:
+        owned = 0
+        for slot in self._slots:
+            if slot.running:
+                owned |= slot.axes
+                slot.stop(state)
+        stop_independent(self._cycle, self.bank.all & ~owned, -1, self._orphans.rate)
+
+    def _latch_estop(self) -> None:
+        if self._cycle.estop:
+            return
+        self._cycle.estop = True
+        self._cycle.fault(FaultCode.EMERGENCY_STOP, -1, 0)
+        for slot in self._slots:
+            if slot.running:
+                slot.fault(FaultCode.EMERGENCY_STOP, slot.line)
+        self._stop(SlotState.FAULTED)
+
+    def _care_for_latches(self) -> None:
+        """De-energizes what has come to rest in an emergency stop; then resets what was asked to be."""
+        bank = self.bank
+        stopping = 0
+        for slot in self._slots:
+            if slot.running:
+                stopping |= slot.axes
+        if self._cycle.estop:
+            still = (bank.energized | bank.starting) & ~stopping & ~self.motions.mask
+            if still:
+                bank.off(still)
+        if self._reset_wanted and not (self._cycle.estop and (stopping or self.motions.mask)):
+            mask = self._reset_wanted & bank.fault
+            self._reset_wanted = 0
+            self._cycle.estop = False
+            if mask:
+                bank.reset(mask)
+
+    # ------------------------------------------------------------------ the cycle
+
+    def _advance(self) -> None:
+        rates = self._rates
+        for slot in self._slots:
+            slot.prepare()
+            rates[slot.index] = slot.rapid_ramp.rate
+        if self.motions.mask:
+            orphans = self._orphans
+            wanted = 0.0 if self._hold else min(1.0, self._override)
+            if orphans.rate != wanted:
+                orphans.step(wanted, self.motions.slopes(-1, orphans.rate))
+            rates[-1] = orphans.rate
+        self.motions.advance(rates)
+        for slot in self._slots:
+            slot.advance()
+
+    def _report(self) -> None:
+        cells = self._row.cells
+        active = self.motions.mask
+        for slot in self._slots:
+            active |= slot.playback.active
+            if slot.generation:
+                self._row.set_slot(slot.index, slot.u, slot.ramp.rate, slot.state, slot.generation)
+        self.bank.show_conditions(active)
+        cells[TIME] = self._cycle.time
+        cells[CYCLE] = self._cycle.number
+        cells[LATE] = self.late_cycles
+        cells[LOST_EVENTS] = self._events.lost
+        cells[LINE] = self.line()
+        cells[ESTOP] = self._cycle.estop
+        self._feedback.put(self._row.row)
+        self._mailbox.beat_executor()
+

@@ -1,0 +1,444 @@
+"""One program in the executor: its time axis u, its control entries, its rate.
+
+A cycle lets u pass by the rate. Control entries on the way are passed at their exact moments; one that has to wait
+puts up a barrier, and u stands there. ``left`` is always what remains of the cycle at the moment in question, in
+cycles: 1 at its beginning, 0 at the exchange with the drives.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from mcserver.executor.barriers import Barrier, BarrierFault, Paused
+from mcserver.executor.control_rules import pass_control
+from mcserver.executor.cycle import Cycle
+from mcserver.executor.entries import Control, ControlKind, EventKind
+from mcserver.executor.faults import FaultCode
+from mcserver.executor.feedback import SlotState
+from mcserver.executor.holding import stop_independent
+from mcserver.executor.mailbox import MachineOrders, SlotOrders
+from mcserver.executor.playback import NEAR_U, Playback
+from mcserver.executor.rate import RateRamp
+from mcserver.executor.rings import ProgramRing
+
+# Control entries taken out of the ring in a cycle.
+DECODED_A_CYCLE = 64
+# This close to an edge u is put onto it [cycles].
+LANDING = 2e-3
+# A rate below this is standstill [1].
+STANDSTILL = 1e-6
+# The first row of a motion may be this many cycles of the axis's greatest velocity away, plus in_position.
+JUMP_CYCLES = 1.5
+
+_ALWAYS = (ControlKind.LINE_END, ControlKind.END)
+_WAITING = (
+    ControlKind.WAIT,
+    ControlKind.DWELL,
+    ControlKind.AXIS,
+    ControlKind.PAUSE,
+    ControlKind.SETTLE,
+    ControlKind.HALT_AXES,
+)
+
+
+class ProgramSlot:
+    """One slot and the program in it.
+
+    Attributes:
+        index: of the slot. axes: mask of the columns that the program may move.
+        u: on the program's time axis [cycles]. state: for feedback.
+        line: of the line under way, 0 for none. shown_line: the line that set this cycle's row.
+        step_seen: steps of single-line mode that were used up.
+    """
+
+    def __init__(self, index: int, ring: ProgramRing, cycle: Cycle) -> None:
+        machine = cycle.machine
+        jump = np.array(
+            [axis.max_velocity * cycle.cycle_s * JUMP_CYCLES + axis.in_position for axis in machine.axes]
+        )
+        acceleration = np.array([axis.max_acceleration for axis in machine.axes])
+        self.index = index
+        self.cycle = cycle
+        self.ring = ring
+        self.playback = Playback(ring, cycle.row, cycle.bank.masks, acceleration, jump, cycle.cycle_s)
+        self.ramp = RateRamp(cycle.cycle_s)
+        self.rapid_ramp = RateRamp(cycle.cycle_s)
+        self.axes = 0
+        self.u = 0.0
+        self.state = SlotState.IDLE
+        self.line = 0
+        self.shown_line = 0
+        self.generation = 0
+        self.orders: SlotOrders | None = None
+        self.step_seen = 0
+        self._waiting: deque[Control] = deque()
+        self._decoded = 0
+        self._begin(0)
+
+    def _begin(self, base: int) -> None:
+        self._waiting.clear()
+        self._decoded = base
+        self._tail_open = 0
+        self._tail_end = -1.0
+        self._stops: deque[float] = deque()
+        self._line_stops: deque[float] = deque()
+        self._last_control_u = 0.0
+        self.barrier: Barrier | None = None
+        self.pending: Control | None = None
+        self._started = False
+        self._left = -1.0
+        self._mean_rate = 0.0
+        # columns that an entry under way energizes; whether it has acted on the drives
+        self.captured = 0
+        self.acted = False
+        self._starved = False
+        self._held = False
+        self._stop_state = SlotState.STOPPED
+        self._stop_line = 0
+        self._override = 1.0
+        self._hold = False
+
+    # ------------------------------------------------------------------ opening and orders
+
+    @property
+    def running(self) -> bool:
+        """Whether the slot plays, or stops, a program."""
+        return not self.state.free
+
+    def open(self, orders: SlotOrders) -> None:
+        """A new program; nothing that was put for another one is played."""
+        self._begin(orders.controls_base)
+        self.playback.open(orders.rows_base)
+        self.ring.free_rows(orders.rows_base)
+        self.ring.free_controls(orders.controls_base)
+        self.axes = orders.axes
+        self.generation = orders.generation
+        self.u = 0.0
+        self.line = self.shown_line = 0
+        self.step_seen = 0
+        self.orders = None
+        self.state = SlotState.RUNNING
+
+    def refuse(self, orders: SlotOrders) -> None:
+        """The program cannot be opened: it is at fault before it began."""
+        self.generation = orders.generation
+        self._decoded = orders.controls_base
+        self.playback.open(orders.rows_base)
+        self.axes = 0
+        self.state = SlotState.FAULTED
+        self.cycle.fault(FaultCode.SLOT_REFUSED, self.index, 0)
+        self.cycle.emit(EventKind.STOPPED, self.index, 0)
+
+    def obey(self, orders: SlotOrders, machine: MachineOrders) -> None:
+        """The newest orders for this generation."""
+        seen = self.orders
+        self.orders = orders
+        self._hold = orders.hold or machine.hold
+        self._override = orders.override * machine.override
+        if not self._started:
+            self.ramp.jump(self._wanted(1.0))
+            self.rapid_ramp.jump(self._wanted(1.0))
+        if orders.abort != (seen.abort if seen else 0):
+            self.stop(SlotState.STOPPED)
+        barrier = self.barrier
+        if isinstance(barrier, Paused):
+            control = self.pending
+            single = control is not None and control.kind is ControlKind.LINE_END
+            requests = orders.step if single else orders.resume
+            if requests != barrier.seen or (single and not orders.single_line):
+                barrier.passed = True
+
+    def _wanted(self, most: float) -> float:
+        if self._hold or self.state is SlotState.STOPPING:
+            return 0.0
+        return min(self._override, most)
+
+    # ------------------------------------------------------------------ stopping
+
+    def stop(self, state: SlotState) -> None:
+        """Ramps down along the path; then all that is left is dropped and the slot is in ``state``."""
+        if not self.running:
+            return
+        if self.state is not SlotState.STOPPING:
+            self.state = SlotState.STOPPING
+            self._stop_line = self.line
+            self._stop_state = state
+            self.barrier = None
+            self.pending = None
+            mask = self.cycle.motions.owned_by(self.index) | self.axes & ~self.cycle.motions.mask
+            stop_independent(self.cycle, mask, self.index, self.rapid_ramp.rate)
+        elif state is SlotState.FAULTED:
+            self._stop_state = state
+
+    def fault(self, code: FaultCode, line: int, column: int = -1, values: tuple[float, ...] = ()) -> None:
+        """Reports a fault and stops the program."""
+        self.cycle.fault(code, self.index, line, column, values)
+        self.stop(SlotState.FAULTED)
+
+    def lose(self, column: int) -> None:
+        """An axis of this program has faulted; it takes no part any more."""
+        self.playback.leave(1 << column)
+        self.cycle.motions.drop(1 << column)
+
+    def _finish_stop(self) -> None:
+        cycle = self.cycle
+        if cycle.motions.mask & cycle.motions.owned_by(self.index) or self.playback.active:
+            return
+        if cycle.estop:
+            cycle.bank.off(self.axes & ~cycle.bank.fault)
+        self.state = self._stop_state
+        self.line = 0
+        self._drop()
+        cycle.emit(EventKind.STOPPED, self.index, self._stop_line)
+
+    def _drop(self) -> None:
+        self.playback.drop()
+        self._waiting.clear()
+        self._decoded = self.ring.controls_written
+        self.ring.free_controls(self._decoded)
+
+    # ------------------------------------------------------------------ the cycle
+
+    def prepare(self) -> None:
+        """New entries and the rates of this cycle; before independent motion advances."""
+        self._mean_rate = 0.0
+        if not self.running:
+            return
+        self._decode()
+        self._left = 1.0
+        if not self._started:
+            if not self._waiting and self.playback.empty:
+                self._left = -1.0
+                return
+            # the first cycle plays u = 0
+            self._started = True
+            self._left = 0.0
+        self._mean_rate = self._step_rate()
+
+    def advance(self) -> None:
+        """Up to the exchange with the drives."""
+        self.shown_line = self.line
+        if not self.running or self._left < 0.0:
+            return
+        self._run(self._left, self._mean_rate)
+        if self.playback.active:
+            self.playback.play(self.u, self.ramp.rate)
+            self.shown_line = self.playback.line or self.line
+            if self.playback.unchecked:
+                self._check_first_row()
+            if self.state is SlotState.STOPPING and self.ramp.rate <= STANDSTILL:
+                self.playback.leave(self.playback.active)
+        elif self.line:
+            self.shown_line = self.line
+        if self.state is SlotState.STOPPING:
+            self._finish_stop()
+        elif self.running:
+            self._note_state()
+
+    def finish(self, line: int, left: float) -> None:
+        """The program has ended; axes that move by themselves go on."""
+        self.state = SlotState.FINISHED
+        self.line = 0
+        self.cycle.motions.disown(self.index)
+        self._drop()
+        self.cycle.emit(EventKind.FINISHED, self.index, line, left)
+
+    def settle(self) -> None:
+        """After the exchange: barriers see fresh feedback."""
+        barrier = self.barrier
+        if barrier is None or not self.running:
+            return
+        try:
+            if not barrier.after(self._held):
+                return
+        except BarrierFault as fault:
+            self.fault(fault.code, self.pending.line if self.pending else self.line, fault.column, fault.values)
+            return
+        self._clear_barrier(0.0)
+        self._run(0.0, 0.0)
+
+    def _run(self, left: float, rate: float) -> None:
+        """Lets what is left of the cycle pass: control entries on the way, then u."""
+        start = self.u
+        reach = self._reach(start + rate * left)
+        while True:
+            barrier = self.barrier
+            if barrier is not None:
+                rest = barrier.before(left, self._held)
+                if rest is None:
+                    return
+                self._clear_barrier(rest)
+                if rest != left:
+                    left = rest
+                    reach = self._reach(self.u + rate * left)
+                continue
+            if not self.running:
+                return
+            if not self._waiting:
+                break
+            control = self._waiting[0]
+            if control.u > reach + NEAR_U or not self._may_pass(control):
+                break
+            if control.u > self.u:
+                if rate > 0.0:
+                    left = max(0.0, left - (control.u - self.u) / rate)
+                self.u = control.u
+            self._waiting.popleft()
+            self.ring.free_controls(self._decoded - len(self._waiting))
+            self._leave_stops(control)
+            if self.state is SlotState.STOPPING and control.kind not in (*_ALWAYS, ControlKind.LINE_START):
+                continue
+            self._pass(control, left)
+            # a motion that begins or ends in this cycle changes how far u may go
+            if control.kind in (ControlKind.BEGIN, ControlKind.END):
+                reach = self._reach(self.u + rate * left)
+        if reach > self.u:
+            whole = round(reach)
+            self.u = float(whole) if abs(reach - whole) < NEAR_U else reach
+
+    def _leave_stops(self, control: Control) -> None:
+        stops = self._line_stops if control.kind is ControlKind.LINE_END else self._stops
+        if control.kind is ControlKind.LINE_END or control.kind in _WAITING:
+            while stops and stops[0] <= control.u + NEAR_U:
+                stops.popleft()
+
+    def _pass(self, control: Control, left: float) -> None:
+        try:
+            barrier = pass_control(self, control, left)
+        except BarrierFault as fault:
+            self.fault(fault.code, control.line, fault.column, fault.values)
+            return
+        if barrier is not None:
+            self.barrier = barrier
+            self.pending = control
+
+    def _clear_barrier(self, left: float) -> None:
+        control, self.barrier, self.pending = self.pending, None, None
+        if control is None:
+            return
+        try:
+            self.barrier = pass_control(self, control, left, waited=True)
+        except BarrierFault as fault:
+            self.fault(fault.code, control.line, fault.column, fault.values)
+            return
+        if self.barrier is not None:
+            self.pending = control
+
+    def _may_pass(self, control: Control) -> bool:
+        """In feed hold nothing new begins; inside a stop only what ends."""
+        if self.state is SlotState.STOPPING:
+            return self.playback.active != 0
+        return not self._held or control.kind in _ALWAYS
+
+    def _check_first_row(self) -> None:
+        jump = self.playback.jump()
+        if jump is None:
+            return
+        row, start = self.cycle.row, self.playback.start_of(jump.column)
+        row.setpoint[jump.column] = start
+        row.velocity[jump.column] = 0.0
+        self.playback.leave(1 << jump.column)
+        self.fault(FaultCode.SETPOINT_JUMP, self.line, jump.column, (jump.distance, jump.allowed))
+
+    # ------------------------------------------------------------------ how far and how fast
+
+    def _decode(self) -> None:
+        """Takes new control entries out of the ring and notes where motion has to be able to end."""
+        ring = self.ring
+        written = ring.controls_written
+        if written == self._decoded:
+            return
+        for number in range(self._decoded, min(written, self._decoded + DECODED_A_CYCLE)):
+            control = ring.control(number)
+            self._waiting.append(control)
+            kind = control.kind
+            if kind is ControlKind.BEGIN:
+                self._tail_open |= control.axes
+            elif kind is ControlKind.END:
+                self._tail_open &= ~control.axes
+                self._tail_end = control.u
+            elif self._tail_open and kind is ControlKind.LINE_END:
+                self._line_stops.append(control.u)
+            elif self._tail_open and kind in _WAITING:
+                self._stops.append(control.u)
+            self._last_control_u = control.u
+            self._decoded = number + 1
+
+    def _edge(self) -> float | None:
+        """Before which u the motion under way has to be able to stop; None: it ends by itself before that."""
+        edge: float | None = None
+        last = self.playback.last_u
+        if self._tail_open or (last < self._tail_end - 1.0 + NEAR_U and not self.playback.rests_at_end):
+            edge = last
+        stops = self._stops
+        while stops and stops[0] < self.u - NEAR_U:
+            stops.popleft()
+        if stops:
+            edge = stops[0] if edge is None else min(edge, stops[0])
+        lines = self._line_stops
+        while lines and lines[0] < self.u - NEAR_U:
+            lines.popleft()
+        if lines and self.orders is not None and self.orders.single_line:
+            edge = lines[0] if edge is None else min(edge, lines[0])
+        return edge
+
+    def _step_rate(self) -> float:
+        """Rates of this cycle; returns the mean of the old and new rate, by which u passes."""
+        rapid = self.rapid_ramp
+        wanted = self._wanted(1.0)
+        if rapid.rate != wanted:
+            rapid.step(wanted, self.cycle.motions.slopes(self.index, rapid.rate))
+        ramp = self.ramp
+        before = ramp.rate
+        if self.barrier is not None and self.playback.active:
+            # u stands in the midst of a motion, which came to rest there
+            ramp.jump(0.0)
+        elif not self.playback.active:
+            if before != wanted:
+                ramp.jump(wanted)
+                before = wanted
+        else:
+            wanted = self._wanted(2.0)
+            edge = self._edge()
+            limit = wanted
+            if edge is not None or wanted > 1.0:
+                self.playback.seek(self.u)
+                limit = self.playback.fastest(self.u, before, wanted, edge)
+            if before != limit:
+                ramp.step(limit, self.playback.slopes(before))
+            self._note_starved(edge, wanted)
+        self._held = (self._hold or self._override <= 0.0) and ramp.rate <= STANDSTILL
+        return 0.5 * (before + ramp.rate)
+
+    def _note_starved(self, edge: float | None, wanted: float) -> None:
+        if self.ramp.rate > STANDSTILL:
+            self._starved = False
+        elif wanted > 0.0 and edge is not None and not self._starved and edge >= self.playback.last_u:
+            self._starved = True
+            self.cycle.emit(EventKind.STARVED, self.index, self.line)
+
+    def _reach(self, goal: float) -> float:
+        """How far u may go towards ``goal``: never past the rows of a motion, nor past all that is known."""
+        playback = self.playback
+        last = playback.last_u
+        if not playback.active:
+            return max(self.u, min(goal, max(self._last_control_u, last)))
+        edge = self._edge()
+        if edge is None:
+            return max(self.u, min(goal, max(self._last_control_u, last)))
+        if goal >= edge - LANDING:
+            goal = edge
+            self.ramp.jump(0.0)
+        return max(self.u, goal)
+
+    def _note_state(self) -> None:
+        if isinstance(self.barrier, Paused):
+            self.state = SlotState.PAUSED
+        elif self._held and self.rapid_ramp.rate <= STANDSTILL:
+            self.state = SlotState.HELD
+        elif self._starved:
+            self.state = SlotState.STARVED
+        else:
+            self.state = SlotState.RUNNING

@@ -1,0 +1,130 @@
+"""What must not happen on any axis, looked at in every cycle: limits, following errors, drives that fail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mcserver.executor.axes import mask_of
+from mcserver.executor.cycle import Cycle
+from mcserver.executor.faults import FaultCode, code_of_drive_fault
+from mcserver.executor.feedback import FeedbackRing
+from mcserver.executor.slot import ProgramSlot
+
+# A drive that has not answered for this time is lost [s].
+SILENCE_S = 0.01
+
+
+class Supervision:
+    """Looks for faults and stops the programs that they concern."""
+
+    def __init__(self, cycle: Cycle, slots: Sequence[ProgramSlot], feedback: FeedbackRing) -> None:
+        machine = cycle.machine
+        count = len(machine.axes)
+        self._cycle = cycle
+        self._slots = slots
+        self._feedback = feedback
+        self._low = np.array([axis.min_position - axis.in_position for axis in machine.axes])
+        self._high = np.array([axis.max_position + axis.in_position for axis in machine.axes])
+        self._limited = bool(np.isfinite(self._low).any() or np.isfinite(self._high).any())
+        self._greatest_error = np.array([axis.max_following_error for axis in machine.axes])
+        self._error = np.zeros(count)
+        self._within = np.ones(count, np.bool_)
+        self._above = np.ones(count, np.bool_)
+        self._silent = np.zeros(count, np.int64)
+        self._any_silent = False
+        self._patience = max(3, round(SILENCE_S / cycle.cycle_s))
+
+    # ------------------------------------------------------------------ setpoints
+
+    def before_exchange(self) -> None:
+        """No setpoint leaves the axis's travel; one that would is refused."""
+        if not self._limited:
+            return
+        setpoint = self._cycle.row.setpoint
+        np.less_equal(setpoint, self._high, out=self._within)
+        np.greater_equal(setpoint, self._low, out=self._above)
+        if b"\x00" in self._within.tobytes() or b"\x00" in self._above.tobytes():
+            self._refuse_setpoints()
+
+    def _refuse_setpoints(self) -> None:
+        bank, row = self._cycle.bank, self._cycle.row
+        before = self._feedback.newest_setpoint(len(row.setpoint))
+        outside = mask_of(~(self._within & self._above)) & bank.energized & bank.positioned
+        for column in bank.masks.columns(outside):
+            low, high = float(self._low[column]), float(self._high[column])
+            wanted, old = float(row.setpoint[column]), float(before[column])
+            excess = max(wanted - high, low - wanted)
+            old_excess = max(old - high, low - old)
+            if old_excess > 0.0 and excess <= old_excess:
+                # it was captured outside, and does not go further
+                continue
+            row.setpoint[column] = min(max(wanted, low), high) if old_excess <= 0.0 else old
+            row.velocity[column] = 0.0
+            limit = high if wanted > high else low
+            slot = self._slot_of(column)
+            if slot is None:
+                self._cycle.motions.drop(1 << column)
+                self._cycle.fault(FaultCode.SOFT_LIMIT, -1, 0, column, (wanted, limit))
+            else:
+                slot.lose(column)
+                slot.fault(FaultCode.SOFT_LIMIT, slot.shown_line, column, (wanted, limit))
+
+    # ------------------------------------------------------------------ feedback
+
+    def after_exchange(self) -> None:
+        """Drives that failed or are lost, axes that do not follow, axes that a soft limit stops."""
+        cycle = self._cycle
+        bank, row = cycle.bank, cycle.row
+        if self._any_silent or not bank.all_fresh:
+            self._count_silence()
+        if bank.failed or bank.dropped:
+            for column in bank.masks.columns(bank.failed):
+                code = int(bank.drive_fault[column])
+                self._latch(column, code_of_drive_fault(code), (float(code), 0.0))
+            for column in bank.masks.columns(bank.dropped):
+                self._latch(column, FaultCode.DRIVE_STATE_LOST, ())
+        np.subtract(row.setpoint, row.actual, out=self._error)
+        np.abs(self._error, out=self._error)
+        np.less_equal(self._error, self._greatest_error, out=self._within)
+        if b"\x00" in self._within.tobytes():
+            lost = mask_of(~self._within & bank.fresh) & bank.energized & bank.positioned
+            for column in bank.masks.columns(lost):
+                values = (float(self._error[column]), float(self._greatest_error[column]))
+                self._latch(column, FaultCode.FOLLOWING_ERROR, values)
+        for column in cycle.motions.limited:
+            slot = self._slot_of(column)
+            index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)
+            axis = cycle.machine.axes[column]
+            limit = axis.max_position if row.velocity[column] > 0.0 else axis.min_position
+            cycle.fault(FaultCode.SOFT_LIMIT, index, line, column, (float(row.setpoint[column]), limit))
+
+    def _count_silence(self) -> None:
+        bank = self._cycle.bank
+        self._silent[bank.fresh] = 0
+        self._silent[~bank.fresh] += 1
+        self._any_silent = bool(self._silent.any())
+        lost = mask_of(self._silent >= self._patience) & (bank.energized | bank.starting)
+        for column in bank.masks.columns(lost):
+            seconds = float(self._silent[column]) * self._cycle.cycle_s
+            self._latch(column, FaultCode.DRIVE_SILENT, (seconds, SILENCE_S))
+
+    def _latch(self, column: int, code: FaultCode, values: tuple[float, ...]) -> None:
+        """An axis has failed: it is off and latched, and what moves with it stops."""
+        cycle = self._cycle
+        slot = self._slot_of(column)
+        cycle.bank.latch(1 << column)
+        if slot is None:
+            cycle.motions.drop(1 << column)
+            cycle.fault(code, -1, 0, column, values)
+        else:
+            line = slot.shown_line
+            slot.lose(column)
+            slot.fault(code, line, column, values)
+
+    def _slot_of(self, column: int) -> ProgramSlot | None:
+        for slot in self._slots:
+            if slot.running and slot.axes >> column & 1:
+                return slot
+        return None

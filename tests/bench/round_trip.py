@@ -1,0 +1,98 @@
+"""From submitting a line to its acknowledgement, beside a Zenoh get that does nothing."""
+
+from __future__ import annotations
+
+import queue
+import subprocess
+import sys
+import time
+
+import msgspec
+import zenoh
+
+from tests.bench.figures import Figure, percentile
+from tests.bench.server import Server, client_config, free_port, server
+
+CALLS = 1000
+
+
+def measure() -> list[Figure]:
+    """Raw gets, status calls and submitted lines, each in the same way from the same kind of session."""
+    raw = raw_latencies()
+    with server() as reached:
+        key = f"mc/@v1/{reached.machine}/@rpc/status"
+        status = latencies(reached.session, key, [b""] * CALLS)
+        submit = submitted(reached)
+    figures = []
+    for share in (0.5, 0.99):
+        name, floor = f"p{100 * share:g}", percentile(raw, share)
+        figures += [
+            Figure(f"status {name}", percentile(status, share), "µs", floor, "a raw get"),
+            Figure(
+                f"submit → acknowledgement {name}",
+                percentile(submit, share),
+                "µs",
+                floor,
+                "a raw get; the journal's disk is in it",
+                "≤ 1.5" if share == 0.5 else "",
+            ),
+        ]
+    return figures
+
+
+def submitted(reached: Server) -> list[float]:
+    """One line a call, each with a number of its own."""
+    opened = reached.ask("@rpc/open", client="bench", request=1)
+    requests = [
+        msgspec.msgpack.encode(
+            {
+                "client": "bench",
+                "request": 1 + n,
+                "program": opened["program"],
+                "first": n,
+                "lines": ["G04 P0"],
+            }
+        )
+        for n in range(1, CALLS + 1)
+    ]
+    return latencies(reached.session, f"mc/@v1/{reached.machine}/@rpc/submit", requests)
+
+
+def raw_latencies() -> list[float]:
+    """The floor [µs]."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.bench.raw_queryable", endpoint],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        process.stdout.readline()
+        with zenoh.open(client_config(endpoint)) as session:
+            return latencies(session, "bench/raw", [b""] * CALLS)
+    finally:
+        process.communicate(timeout=20)
+
+
+def latencies(session: zenoh.Session, key: str, payloads: list[bytes]) -> list[float]:
+    """Time of each call, one after another [µs], without the first ones."""
+    answers: queue.SimpleQueue[zenoh.Reply] = queue.SimpleQueue()
+    handler = zenoh.handlers.Callback(answers.put, indirect=False)
+    taken = []
+    for payload in payloads:
+        start = time.perf_counter()
+        session.get(
+            key,
+            handler,
+            payload=payload,
+            timeout=5.0,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            express=True,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
+        answers.get(timeout=6.0)
+        taken.append(1e6 * (time.perf_counter() - start))
+    return taken[50:]

@@ -1,0 +1,597 @@
+"""A server that keeps the key space minimally, over real Zenoh, and that can be made to fail.
+
+It moves nothing: a line that is accepted has ended as soon as `FakeServer.runs_by_itself` or `run_lines` says so.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgpack
+import zenoh
+
+ENCODING = "application/msgpack"
+ENDED = ("finished", "aborted", "rejected", "faulted", "interrupted")
+QUEUE_LINES = 5000
+
+
+@dataclass
+class FakeProgram:
+    """Bookkeeping of one program."""
+
+    program: str
+    client: str
+    name: str
+    axes: list[int]
+    start_line: int
+    on_disconnect: str
+    step: bool
+    state: str = "running"
+    accepted: int = 0
+    done: int = 0
+    started: int = 0
+    closed: bool = False
+    rejected: int = 0
+    diagnostics: list[dict[str, Any]] = field(default_factory=list)
+    fault: dict[str, Any] | None = None
+    override: float = 100.0
+    resume_of: str | None = None
+    texts: dict[int, str] = field(default_factory=dict)
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ENDED
+
+
+class Refusal(Exception):
+    """Becomes an error reply."""
+
+    def __init__(self, code: str, message: str, **more: Any) -> None:
+        super().__init__(code)
+        self.reply = {"code": code, "message": message, **more}
+
+
+class FakeServer:
+    """One machine on a port of its own.
+
+    Attributes:
+        executed: (program, line number, text) of each line in the order of its execution.
+        lose: how many of what to lose: ``"reply:submit"``, ``"query:open"``, ``"put"``, ``"ack"``, ``"event"``.
+        calls: how often each method was carried out; ``asked``: how often it was asked.
+    """
+
+    def __init__(self, name: str = "cell", *, axes: int = 3, runs_by_itself: bool = True) -> None:
+        self.name = name
+        self.runs_by_itself = runs_by_itself
+        self.credit_limit = QUEUE_LINES
+        self.executed: list[tuple[str, int, str]] = []
+        self.lose: Counter[str] = Counter()
+        self.calls: Counter[str] = Counter()
+        self.asked: Counter[str] = Counter()
+        self.programs: dict[str, FakeProgram] = {}
+        self.requests: list[tuple[str, dict[str, Any]]] = []
+        self.state = "ready"
+        self.override = 100.0
+        self.confirm_estop = True
+        self.estops = 0
+        self.check_diagnostics: list[dict[str, Any]] = []
+        self.events: list[dict[str, Any]] = []
+        self.axis_count = axes
+        self.endpoint = ""
+        self.instance = ""
+        self._answers: dict[tuple[str, int], tuple[bool, bytes]] = {}
+        self._clients: set[str] = set()
+        self._lock = threading.RLock()
+        self._session: zenoh.Session | None = None
+        self._declared: list[Any] = []
+        self._ids = itertools.count(1)
+        self._instances = itertools.count(1)
+        self._seq = itertools.count(0)
+        self._states = itertools.count(0)
+        self._cycle = 0
+        self._changed = threading.Condition(self._lock)
+
+    # ------------------------------------------------------------ life
+
+    def start(self) -> FakeServer:
+        """Listens: on a free port the first time, then on the same one again."""
+        config = zenoh.Config()
+        settings: dict[str, object] = {
+            "mode": "peer",
+            "listen/endpoints": [self.endpoint or "tcp/127.0.0.1:0"],
+            "scouting/multicast/enabled": False,
+            "timestamping/enabled": True,
+            "adminspace/enabled": True,
+        }
+        for key, value in settings.items():
+            config.insert_json5(key, json.dumps(value))
+        session = zenoh.open(config)
+        self._session = session
+        self.instance = f"i{next(self._instances)}"
+        if not self.endpoint:
+            for reply in session.get(f"@/{session.zid()}/*", timeout=2.0):
+                if reply.ok is not None:
+                    self.endpoint = json.loads(reply.ok.payload.to_bytes())["locators"][0]
+        root = f"mc/@v1/{self.name}"
+        here = zenoh.handlers.Callback
+        self._events = zenoh.ext.declare_advanced_publisher(
+            session,
+            f"{root}/event",
+            cache=zenoh.ext.CacheConfig(1000),
+            sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=0.5, sporadic_heartbeat=None),
+            publisher_detection=True,
+        )
+        live = session.liveliness()
+        self._declared = [
+            session.declare_queryable(f"{root}/@rpc/*", here(self._on_query, indirect=False)),
+            session.declare_queryable(f"{root}/info", here(self._on_query, indirect=False)),
+            session.declare_subscriber(f"{root}/in/*", here(self._on_lines, indirect=False)),
+            session.declare_subscriber(f"{root}/estop", here(self._on_estop, indirect=False)),
+            live.declare_subscriber(
+                f"{root}/client/*", here(self._on_client, indirect=False), history=True
+            ),
+            live.declare_token(f"{root}/live/{self.instance}"),
+        ]
+        return self
+
+    def go_away(self) -> None:
+        """Ends at once, as a killed process: programs are left as they are."""
+        session, self._session = self._session, None
+        if session is not None:
+            self._events.undeclare()
+            session.close()
+        self._declared = []
+
+    def come_back(self) -> None:
+        """A new start: programs that had not ended are interrupted, answers are forgotten."""
+        with self._lock:
+            for program in self.programs.values():
+                if not program.ended:
+                    program.state = "interrupted"
+            self._answers.clear()
+            self._seq = itertools.count(0)
+            self.events = []
+        self.start()
+
+    def lose_link(self) -> None:
+        """The link goes and comes again; the server itself has not noticed and its programs live."""
+        instance = self.instance
+        self.go_away()
+        self.start()
+        self.instance = instance
+
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
+        """Blocks until the condition holds after something has happened; fails after the time."""
+        deadline = time.monotonic() + timeout_s
+        with self._changed:
+            while not condition():
+                if not self._changed.wait(deadline - time.monotonic()):
+                    raise AssertionError("what was waited for has not happened")
+
+    # ------------------------------------------------------------ what tests do to it
+
+    def run_lines(self, program: str, through: int | None = None) -> None:
+        """Lines through this number, or all accepted, have ended."""
+        with self._lock:
+            one = self.programs[program]
+            self._run(one, one.accepted if through is None else through)
+            self._acknowledge(one)
+
+    def end(self, program: str, state: str, fault: dict[str, Any] | None = None) -> None:
+        with self._lock:
+            one = self.programs[program]
+            one.fault = fault
+            self._end(one, state)
+            self._acknowledge(one)
+
+    def reject(self, program: str, line: int) -> None:
+        """A line that was accepted turns out faulty."""
+        with self._lock:
+            one = self.programs[program]
+            self._reject(one, line)
+            self._acknowledge(one)
+
+    def publish_event(self, kind: str, **fields: Any) -> None:
+        with self._lock:
+            event = {"seq": next(self._seq), "t": 0.0, "instance": self.instance, "kind": kind, **fields}
+            self.events.append(event)
+            if self._lost("event"):
+                return
+            self._events.put(msgpack.packb(event), encoding=ENCODING)
+
+    def publish_state(self) -> None:
+        self._put("tele/state", self._status())
+
+    def publish_samples(self, rows: bytes, cycles: int) -> None:
+        self._put("tele/batch", [self._cycle, self._cycle * 0.001, rows])
+        self._cycle += cycles
+
+    # ------------------------------------------------------------ queries
+
+    def _on_query(self, query: zenoh.Query) -> None:
+        with self._changed, query:
+            method = str(query.key_expr).rpartition("/")[2]
+            self.asked[method] += 1
+            self._changed.notify_all()
+            if self._lost(f"query:{method}"):
+                return
+            payload = query.payload
+            request = msgpack.unpackb(payload.to_bytes()) if payload is not None else {}
+            number = (request.get("client", ""), request.get("request", 0))
+            answer = self._answers.get(number)
+            if answer is None:
+                self.calls[method] += 1
+                self.requests.append((method, request))
+                try:
+                    answer = True, msgpack.packb(getattr(self, f"_do_{method}")(request))
+                except Refusal as refusal:
+                    answer = False, msgpack.packb(refusal.reply)
+                self._answers[number] = answer
+            if self._lost(f"reply:{method}"):
+                return
+            ok, reply = answer
+            if ok:
+                query.reply(query.key_expr, reply, encoding=ENCODING)
+            else:
+                query.reply_err(reply, encoding=ENCODING)
+
+    def _lost(self, what: str) -> bool:
+        if self.lose[what] <= 0:
+            return False
+        self.lose[what] -= 1
+        return True
+
+    def _program(self, request: dict[str, Any]) -> FakeProgram:
+        program = self.programs.get(request["program"])
+        if program is None:
+            raise Refusal("MC503", f"no program {request['program']}")
+        return program
+
+    def _chosen(self, request: dict[str, Any]) -> list[FakeProgram]:
+        if request.get("program") is not None:
+            return [self._program(request)]
+        return [program for program in self.programs.values() if not program.ended]
+
+    def _do_info(self, _: dict[str, Any]) -> dict[str, Any]:
+        axes = [
+            {
+                "index": index,
+                "type": "linear",
+                "unit": "mm",
+                "max_velocity": 1000.0,
+                "max_acceleration": 10000.0,
+                "drive": "simulated",
+                "added_later": 1,
+            }
+            for index in range(self.axis_count)
+        ]
+        return {
+            "machine": self.name,
+            "server": "0.1.0",
+            "protocol": [1],
+            "instance": self.instance,
+            "epoch": 0.0,
+            "cycle_s": 0.001,
+            "axes": axes,
+            "tools": [],
+            "telemetry": {
+                "axes": list(range(self.axis_count)),
+                "fields": ["setpoint", "position", "velocity", "torque"],
+                "cycles_a_message": 10,
+                "state_hz": 20.0,
+            },
+            "limits": {"max_line_bytes": 8192, "max_lines_a_message": 20000, "queue_lines": QUEUE_LINES},
+            "methods": ["open"],
+        }
+
+    def _do_open(self, request: dict[str, Any]) -> dict[str, Any]:
+        start = request.get("start_line", 1)
+        axes = request.get("axes")
+        if axes and max(axes) >= self.axis_count:
+            raise Refusal("MC507", f"the machine has no axis {max(axes)}", details={"axis": max(axes)})
+        program = FakeProgram(
+            f"p{next(self._ids)}",
+            request["client"],
+            request.get("name", ""),
+            list(range(self.axis_count)) if axes is None else axes,
+            start,
+            request.get("on_disconnect", "stop"),
+            request.get("step", False),
+            accepted=start - 1,
+            done=start - 1,
+            resume_of=request.get("resume_of"),
+            state="held" if request.get("hold") else "running",
+        )
+        self.programs[program.program] = program
+        self.publish_event("program.opened", program=program.program, state=program.state)
+        return {
+            "program": program.program,
+            "state": program.state,
+            "axes": program.axes,
+            "expected": start,
+            "credit": self.credit_limit,
+            "instance": self.instance,
+        }
+
+    def _do_submit(self, request: dict[str, Any]) -> dict[str, Any]:
+        program = self._program(request)
+        if program.ended or program.closed:
+            raise Refusal("MC510", "takes no more lines", details={"state": program.state})
+        told = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
+        if request["first"] > program.accepted + 1:
+            raise Refusal("MC505", "a gap", details={"expected": program.accepted + 1, **told})
+        before = program.rejected
+        self._take(program, request["first"], request["lines"])
+        self._acknowledge(program)
+        told = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
+        if program.rejected and (program.rejected != before or program.accepted < request["first"]):
+            raise Refusal(
+                program.diagnostics[0]["code"],
+                program.diagnostics[0]["message"],
+                details={"expected": program.accepted + 1, **told},
+                diagnostics=program.diagnostics,
+            )
+        return {"program": program.program, **told}
+
+    def _do_close(self, request: dict[str, Any]) -> dict[str, Any]:
+        program = self._program(request)
+        if program.state == "interrupted":
+            raise Refusal("MC510", "interrupted", details={"state": program.state})
+        program.closed = True
+        self._end_when_done(program)
+        self._acknowledge(program)
+        return {
+            "program": program.program,
+            "accepted": program.accepted,
+            "done": program.done,
+            "state": program.state,
+        }
+
+    def _do_status(self, _: dict[str, Any]) -> dict[str, Any]:
+        return self._status()
+
+    def _do_programs(self, request: dict[str, Any]) -> dict[str, Any]:
+        wanted = request.get("program")
+        if wanted is not None and wanted not in self.programs:
+            raise Refusal("MC503", f"no program {wanted}")
+        chosen = [program for program in self.programs.values() if wanted in (None, program.program)]
+        return {"programs": [self._program_status(program) for program in reversed(chosen)]}
+
+    def _do_hold(self, request: dict[str, Any]) -> dict[str, Any]:
+        return self._set_state(request, "held", "program.held")
+
+    def _do_resume(self, request: dict[str, Any]) -> dict[str, Any]:
+        return self._set_state(request, "running", "program.resumed")
+
+    def _set_state(self, request: dict[str, Any], state: str, kind: str) -> dict[str, Any]:
+        chosen = self._chosen(request)
+        for program in chosen:
+            program.state = state
+            self.publish_event(kind, program=program.program, state=state)
+            self._acknowledge(program)
+        return {"programs": [program.program for program in chosen]}
+
+    def _do_step(self, request: dict[str, Any]) -> dict[str, Any]:
+        program = self._program(request)
+        self._run(program, program.done + 1)
+        self._acknowledge(program)
+        return {"programs": [program.program]}
+
+    def _do_abort(self, request: dict[str, Any]) -> dict[str, Any]:
+        chosen = [program for program in self._chosen(request) if not program.ended]
+        for program in chosen:
+            self._end(program, "aborted")
+            self._acknowledge(program)
+        return {"programs": [program.program for program in chosen]}
+
+    def _do_override(self, request: dict[str, Any]) -> dict[str, Any]:
+        if not 0.0 <= request["percent"] <= 200.0:
+            raise Refusal("MC511", "the override goes from 0 to 200 %")
+        chosen = self._chosen(request)
+        for program in chosen:
+            program.override = request["percent"]
+        self.override = request["percent"]
+        return {"percent": request["percent"], "programs": [program.program for program in chosen]}
+
+    def _do_jog(self, request: dict[str, Any]) -> dict[str, Any]:
+        if request["axis"] >= self.axis_count:
+            raise Refusal("MC507", f"the machine has no axis {request['axis']}")
+        return {"program": request.get("program") or f"j{next(self._ids)}"}
+
+    def _do_reset(self, _: dict[str, Any]) -> dict[str, Any]:
+        self.state = "ready"
+        self.publish_event("reset", message="cleared")
+        return {"ok": True}
+
+    def _do_check(self, _: dict[str, Any]) -> dict[str, Any]:
+        return {"ok": not self.check_diagnostics, "diagnostics": self.check_diagnostics}
+
+    def _do_simulate(self, _: dict[str, Any]) -> dict[str, Any]:
+        return {"ok": True, "duration_s": 1.0, "lines": [], "diagnostics": []}
+
+    def _do_events(self, request: dict[str, Any]) -> dict[str, Any]:
+        told = [event for event in self.events if event["seq"] >= request["since"]][: request["limit"]]
+        return {
+            "instance": self.instance,
+            "oldest": self.events[0]["seq"] if self.events else 0,
+            "newest": self.events[-1]["seq"] if self.events else 0,
+            "events": told,
+        }
+
+    # ------------------------------------------------------------ lines
+
+    def _on_lines(self, sample: zenoh.Sample) -> None:
+        with self._changed:
+            self.asked["in"] += 1
+            self._changed.notify_all()
+            if self._lost("put"):
+                return
+            program = self.programs.get(str(sample.key_expr).rpartition("/")[2])
+            if program is None:
+                return
+            first, lines = msgpack.unpackb(sample.payload.to_bytes())
+            gap = first > program.accepted + 1
+            if not gap and not program.ended and not program.closed:
+                self._take(program, first, lines)
+            self._acknowledge(program, expected=program.accepted + 1 if gap else 0)
+
+    def _credit(self, program: FakeProgram) -> int:
+        return max(0, self.credit_limit - (program.accepted - program.done))
+
+    def _take(self, program: FakeProgram, first: int, lines: list[str]) -> None:
+        new = lines[program.accepted + 1 - first :][: self._credit(program)]
+        for text in new:
+            number = program.accepted + 1
+            if text.startswith("BAD"):
+                self._reject(program, number)
+                return
+            program.rejected = 0
+            program.accepted = number
+            program.texts[number] = text
+        if self.runs_by_itself and not program.step and program.state == "running":
+            self._run(program, program.accepted)
+
+    def _reject(self, program: FakeProgram, line: int) -> None:
+        program.accepted = line - 1
+        program.rejected = line
+        program.diagnostics = [
+            {
+                "code": "MC101",
+                "message": "an unknown code",
+                "line": line,
+                "column": 1,
+                "end_column": 4,
+                "hint": "use a known one",
+            }
+        ]
+        self.publish_event(
+            "line.rejected", program=program.program, line=line, diagnostics=program.diagnostics
+        )
+        self._end_when_done(program)
+
+    def _run(self, program: FakeProgram, through: int) -> None:
+        ended = []
+        while program.done < min(through, program.accepted) and not program.ended:
+            number = program.done + 1
+            text = program.texts.pop(number)
+            if text.startswith("FAULT"):
+                program.fault = {"code": "MC401", "message": "axis 2 has a fault", "line": number, "axis": 2}
+                self._end(program, "faulted")
+                break
+            self.executed.append((program.program, number, text))
+            program.started = program.done = number
+            ended.append({"line": number, "start_s": 0.1 * number, "end_s": 0.1 * number + 0.1})
+            if text.startswith("M02"):
+                program.closed = True
+                program.done = program.accepted
+        if ended:
+            self.publish_event("lines.started", program=program.program, line=program.started)
+            self.publish_event("lines.ended", program=program.program, lines=ended)
+        self._end_when_done(program)
+        self._changed.notify_all()
+
+    def _end_when_done(self, program: FakeProgram) -> None:
+        if program.closed and not program.ended and program.done >= program.accepted:
+            self._end(program, "finished")
+
+    def _end(self, program: FakeProgram, state: str) -> None:
+        program.state = state
+        self.publish_event("program.ended", program=program.program, state=state, line=program.done)
+        self._changed.notify_all()
+
+    def _acknowledge(self, program: FakeProgram, expected: int = 0) -> None:
+        if self._lost("ack"):
+            return
+        ack: dict[str, Any] = {
+            "program": program.program,
+            "accepted": program.accepted,
+            "done": program.done,
+            "credit": self._credit(program),
+            "state": program.state,
+        }
+        if program.rejected:
+            ack |= {"rejected": program.rejected, "diagnostics": program.diagnostics}
+        if program.fault is not None:
+            ack["fault"] = program.fault
+        if expected:
+            ack["expected"] = expected
+        self._put(f"ack/{program.program}", ack)
+
+    # ------------------------------------------------------------ the rest
+
+    def _on_client(self, sample: zenoh.Sample) -> None:
+        with self._changed:
+            client = str(sample.key_expr).rpartition("/")[2]
+            if sample.kind == zenoh.SampleKind.PUT:
+                self._clients.add(client)
+            else:
+                self._clients.discard(client)
+                for program in self.programs.values():
+                    if program.client == client and not program.ended and self._session is not None:
+                        self._end(program, "aborted" if program.on_disconnect == "stop" else "finished")
+            self._changed.notify_all()
+
+    @property
+    def clients(self) -> set[str]:
+        with self._lock:
+            return set(self._clients)
+
+    def _on_estop(self, _: zenoh.Sample) -> None:
+        with self._changed:
+            self.estops += 1
+            if self.confirm_estop and self.estops > 1:
+                self.state = "estop"
+                self.publish_event("estop", reason="asked")
+            self._changed.notify_all()
+
+    def _program_status(self, program: FakeProgram) -> dict[str, Any]:
+        return {
+            "program": program.program,
+            "state": program.state,
+            "client": program.client,
+            "name": program.name,
+            "axes": program.axes,
+            "start_line": program.start_line,
+            "line": program.started,
+            "accepted": program.accepted,
+            "done": program.done,
+            "credit": self._credit(program),
+            "closed": program.closed,
+            "override": program.override,
+            "rejected": program.rejected,
+            "diagnostics": program.diagnostics if program.rejected else [],
+            "fault": program.fault,
+        }
+
+    def _status(self) -> dict[str, Any]:
+        count = self.axis_count
+        return {
+            "seq": next(self._states),
+            "t": 1.0,
+            "wall": 2.0,
+            "instance": self.instance,
+            "state": self.state,
+            "axes": {
+                "index": list(range(count)),
+                "position": [1.5] * count,
+                "setpoint": [1.5] * count,
+                "velocity": [0] * count,
+                "torque": [0.0] * count,
+                "state": ["standstill"] * count,
+            },
+            "programs": [self._program_status(program) for program in self.programs.values()],
+            "faults": [],
+            "override": self.override,
+            "late_cycles": 0,
+        }
+
+    def _put(self, key: str, message: Any) -> None:
+        if self._session is not None:
+            self._session.put(f"mc/@v1/{self.name}/{key}", msgpack.packb(message), encoding=ENCODING)

@@ -1,0 +1,210 @@
+"""Programs over real Zenoh."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+from fake_server import FakeServer
+from mcclient import (
+    Machine,
+    ProgramAborted,
+    ProgramClosed,
+    ProgramFaulted,
+    ProgramRejected,
+    RequestRefused,
+)
+
+
+async def test_lines_are_executed_in_order_and_the_block_waits_for_their_end(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program("job") as program:
+        line = await program.send("G01 X10")
+        assert line.number == 1
+        last = await program.send_lines(f"G01 X{n}" for n in range(2000))
+        assert last == 2001
+    assert [number for _, number, _ in server.executed] == list(range(1, 2002))
+    assert server.programs["p1"].state == "finished"
+
+
+async def test_done_waits_for_the_lines_end_and_not_only_for_acceptance(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        await program.send_lines(["G01 X1", "G01 X2"])
+        waiting = asyncio.create_task(program.done())
+        await program.status()
+        assert not waiting.done()
+        server.run_lines(program.id)
+        await waiting
+        assert program.done_through == 2
+
+
+async def test_a_rejected_line_is_told_with_its_place_and_can_be_mended(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        await program.send("G01 X1")
+        with pytest.raises(ProgramRejected) as caught:
+            await program.send("BAD X2")
+        assert (caught.value.line, caught.value.column, caught.value.code) == (2, 1, "MC101")
+        assert caught.value.hint == "use a known one"
+        await program.send("G01 X2")
+    assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2"]
+
+
+async def test_a_rejected_line_of_a_stream_ends_the_stream_and_its_number_is_used_again(
+    server: FakeServer,
+) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        with pytest.raises(ProgramRejected) as caught:
+            await program.send_lines(["G01 X1", "BAD", *["G01 X9"] * 5000])
+        assert caught.value.line == 2
+        assert await program.send_lines(["G01 X2", "G01 X3"]) == 3
+    assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2", "G01 X3"]
+
+
+async def test_a_line_found_faulty_after_its_acceptance_is_told_by_done(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    async with Machine.connect(connect=server.endpoint) as machine:
+        program = await machine.program()
+        await program.send_lines(["G01 X1", "G01 X2", "G01 X3"])
+        server.reject(program.id, 2)
+        with pytest.raises(ProgramRejected) as caught:
+            await program.done()
+        assert caught.value.line == 2
+        server.run_lines(program.id)
+        assert (await program.finish()).done == 1
+
+
+async def test_finish_tells_a_rejection_only_after_the_lines_before_it_have_run(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    async with Machine.connect(connect=server.endpoint) as machine:
+        program = await machine.program()
+        await program.send_lines(["G01 X1", "G01 X2"])
+        finishing = asyncio.create_task(program.finish())
+        server.reject(program.id, 2)
+        await program.status()
+        assert not finishing.done()
+        server.run_lines(program.id)
+        with pytest.raises(ProgramRejected):
+            await finishing
+        assert program.done_through == 1
+
+
+async def test_a_fault_ends_the_program_and_names_axis_and_line(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine:
+        with pytest.raises(ProgramFaulted) as caught:
+            async with machine.program() as program:
+                await program.send_lines(["G01 X1", "FAULT"])
+                await program.done()
+    assert (caught.value.code, caught.value.line, caught.value.fault.axis) == ("MC401", 2, 2)
+    assert caught.value.done == 1
+
+
+async def test_an_exception_in_the_block_aborts_the_program(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    async with Machine.connect(connect=server.endpoint) as machine:
+        with pytest.raises(KeyError):
+            async with machine.program() as program:
+                await program.send("G01 X1")
+                raise KeyError
+    assert server.programs["p1"].state == "aborted"
+    assert server.executed == []
+
+
+async def test_an_operators_abort_is_raised_with_what_was_done(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    async with Machine.connect(connect=server.endpoint) as machine:
+        program = await machine.program()
+        await program.send_lines(["G01 X1", "G01 X2"])
+        server.run_lines(program.id, 1)
+        assert await machine.abort() == [program.id]
+        with pytest.raises(ProgramAborted) as caught:
+            await program.finish()
+        assert (caught.value.accepted, caught.value.done) == (2, 1)
+        with pytest.raises(ProgramAborted):
+            await program.send("G01 X3")
+
+
+async def test_lines_after_the_end_of_the_program_are_not_waited_for(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine:
+        program = await machine.program()
+        await program.send_lines(["G01 X1", "M02", "(never read)"])
+        await program.done()
+        assert (await program.finish()).state == "finished"
+        with pytest.raises(ProgramClosed):
+            await program.send("G01 X1")
+
+
+async def test_a_stream_waits_for_credit_and_does_not_exceed_it(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    server.credit_limit = 10
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        streaming = asyncio.create_task(program.send_lines(["G01 X1"] * 35))
+        for through in range(10, 36, 5):
+            await asyncio.to_thread(
+                server.wait_until, lambda n=through: server.programs[program.id].accepted >= n
+            )
+            assert server.programs[program.id].accepted - server.programs[program.id].done <= 10
+            server.run_lines(program.id, through)
+        await streaming
+        server.run_lines(program.id)
+    assert len(server.executed) == 35
+
+
+async def test_single_lines_wait_for_credit_too(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    server.credit_limit = 1
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        await program.send("G01 X1")
+        second = asyncio.create_task(program.send("G01 X2"))
+        await asyncio.to_thread(server.wait_until, lambda: server.asked["submit"] >= 2)
+        server.run_lines(program.id)
+        assert (await second).number == 2
+        server.run_lines(program.id)
+
+
+async def test_reports_tell_the_start_and_end_of_lines_and_end_with_the_program(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        reports = program.reports
+        await program.send("G01 X1")
+        await program.send("G01 X2")
+        await program.finish()
+        seen = [(report.kind, report.line) async for report in reports]
+    assert seen == [("started", 1), ("ended", 1), ("started", 2), ("ended", 2), ("program", 2)]
+
+
+async def test_a_line_with_a_line_end_is_refused_before_it_is_sent(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        with pytest.raises(RequestRefused, match="MC538"):
+            await program.send("G01 X1\nG01 X2")
+        with pytest.raises(RequestRefused, match="MC538"):
+            await program.send("(" + "x" * 9000 + ")")
+        await program.send("G01 X1\r\n")
+    assert [text for _, _, text in server.executed] == ["G01 X1"]
+
+
+async def test_a_program_is_resumed_from_a_line_with_the_numbers_of_the_file(server: FakeServer) -> None:
+    async with (
+        Machine.connect(connect=server.endpoint) as machine,
+        machine.resume_program("p0", start_line=7) as program,
+    ):
+        assert (await program.send("G01 X7")).number == 7
+    assert server.programs["p1"].resume_of == "p0"
+
+
+async def test_lines_may_come_from_an_asynchronous_source(server: FakeServer) -> None:
+    async def lines() -> object:
+        for number in range(3):
+            yield f"G01 X{number}"
+
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        assert await program.send_lines(lines()) == 3  # type: ignore[arg-type]
+    assert len(server.executed) == 3
+
+
+async def test_a_program_in_single_line_mode_goes_on_with_step(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program(step=True) as program:
+        await program.send_lines(["G01 X1", "G01 X2"])
+        assert server.executed == []
+        await program.step()
+        await program.wait_done(1)
+        assert len(server.executed) == 1
+        await program.step()
