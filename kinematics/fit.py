@@ -20,6 +20,8 @@ LARGEST_KNOT_COUNT = 200_000
 SMALLEST_CELL = 1e-7
 MOST_PIECES = 16
 ROUNDS = 12
+# rounds without the error falling to a half after which more knots are no help
+STALLED_ROUNDS = 2
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ def fit(tool: ToolModel, path: TargetPath, s: Array, joints: Array) -> Fit:
     failed = ~ok
     if failed.any():
         return Fit(knots, coefficients, float(knots[1:][failed][0]))
+    stalled, last = 0, np.inf
     for _ in range(ROUNDS):
         at, between = evaluate_cells(knots, coefficients, CHECKED_SHARES)
         excess = _excess(tool, path, at, between)
@@ -57,6 +60,10 @@ def fit(tool: ToolModel, path: TargetPath, s: Array, joints: Array) -> Fit:
         if not len(bad):
             return Fit(knots, coefficients, None)
         worst = float(knots[bad[0]])
+        stalled = stalled + 1 if excess.max() > 0.5 * last else 0
+        last = float(excess.max())
+        if stalled == STALLED_ROUNDS:
+            return Fit(knots, coefficients, worst)
         width = np.diff(knots)[bad]
         pieces = np.ceil(np.minimum(1.2 * excess[bad] ** 0.25, MOST_PIECES)).astype(int).clip(2)
         if width.min() < SMALLEST_CELL or len(knots) + int(pieces.sum()) > LARGEST_KNOT_COUNT:

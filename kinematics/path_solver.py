@@ -48,29 +48,29 @@ def solve_tool_path(tool: ToolModel, path: ToolPath, joints: Array) -> JointPath
     # slopes within the spline are the joints' own; where they are small nothing is singular
     slopes = tool.joint_speed(fitted.coefficients[2])
     if slopes.max() > CLEAR_GAIN * tool.tool_speed(targets.rates(fitted.knots)).max():
-        _refuse_singular(tool, targets, fitted.knots[:-1], fitted.coefficients[3])
+        knots = Trace(fitted.knots[:-1], fitted.coefficients[3], True)
+        _refuse_singular(tool, targets, knots, list(range(len(knots.s))))
     return JointPath(tool.chain.axes, fitted.knots, fitted.coefficients)
 
 
 def _follow(tool: ToolModel, targets: TargetPath, joints: Array, cells: int) -> tuple[Trace, Fit]:
     followed = trace(tool, targets, joints, cells)
-    # from a singular start both sides of it look the same, so that nothing beyond it is to be relied on;
-    # an end that is singular takes no spline to it
-    ends = [0, -1] if followed.complete else [0]
-    _refuse_singular(tool, targets, followed.s[ends], followed.joints[ends])
+    # from a singular start both sides of it look the same, so that nothing beyond it is to be relied on
+    _refuse_singular(tool, targets, Trace(followed.s[:1], followed.joints[:1], False), [0])
     if not followed.complete:
         raise _lost(tool, targets, followed, float(followed.s[-1]))
+    # no spline comes to an end that is singular
+    _refuse_singular(tool, targets, followed, [-1])
     return followed, fit(tool, targets, followed.s, followed.joints)
 
 
-def _refuse_singular(tool: ToolModel, targets: TargetPath, s: Array, joints: Array) -> None:
-    rates = targets.rates(s)
-    jacobians = tool.linearise(joints, targets.at(s))[1]
-    bad = np.flatnonzero(tool.joint_gain(jacobians, rates) > LARGEST_GAIN)
-    if len(bad):
-        first = bad[:1]
-        conditioning = float(tool.conditioning(jacobians[first])[0])
-        raise refusal.singular(tool, conditioning, targets.at(s[first]).positions[0], float(s[first[0]]))
+def _refuse_singular(tool: ToolModel, targets: TargetPath, followed: Trace, rows: list[int]) -> None:
+    """Refuses a path whose joints are wild at one of these rows of the trace."""
+    s = followed.s[rows]
+    jacobians = tool.linearise(followed.joints[rows], targets.at(s))[1]
+    wild = tool.joint_gain(jacobians, targets.rates(s)) > LARGEST_GAIN
+    if wild.any():
+        raise _lost(tool, targets, followed, float(s[wild][0]))
 
 
 def _refuse_limits(tool: ToolModel, targets: TargetPath, knots: Array, coefficients: Array) -> None:
@@ -136,11 +136,14 @@ def _furthest(tool: ToolModel, targets: TargetPath, s: float, joints: Array) -> 
         pose = targets.at(np.array([s + (1.0 - s) * share]))
         return missing(tool, pose, joints)
 
-    def weigh(residual: Array) -> float:
-        return float(np.linalg.norm(residual[:3]) + tool.chain.reach * np.linalg.norm(residual[3:]))
-
     end = missing_at(1.0)
-    if weigh(end) > MISSING_FLOOR:
+    if _size(tool, end) > MISSING_FLOOR:
         return end
-    worst = max((missing_at(float(share)) for share in np.linspace(0.0, 1.0, PROBES + 2)[1:-1]), key=weigh)
-    return worst if weigh(worst) > MISSING_FLOOR else None
+    between = [missing_at(float(share)) for share in np.linspace(0.0, 1.0, PROBES + 2)[1:-1]]
+    worst = max(between, key=lambda residual: _size(tool, residual))
+    return worst if _size(tool, worst) > MISSING_FLOOR else None
+
+
+def _size(tool: ToolModel, residual: Array) -> float:
+    """A residual as one length: a turn counts as its arc at the chain's reach [m]."""
+    return float(np.linalg.norm(residual[:3]) + tool.chain.reach * np.linalg.norm(residual[3:]))

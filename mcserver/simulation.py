@@ -124,6 +124,7 @@ class _Run:
         self._faults: list[Diagnostic] = []
         self._recorder = Recorder(machine, record)
         self._executor.recorder = self._recorder
+        self._seen_u = -1.0
 
     def run(self, warnings: list[Diagnostic]) -> Simulation:
         idle = 0
@@ -132,10 +133,10 @@ class _Run:
             while self._pipeline.pump():
                 self._supply()
             self._take_reports()
-            before = self._executor.cycle
-            self._executor.step(self._burst())
+            cycles = self._burst()
+            self._executor.step(cycles)
             self._take_events()
-            idle = 0 if self._moved() else idle + self._executor.cycle - before
+            idle = 0 if self._moved() else idle + cycles
             if idle > STUCK:
                 raise RuntimeError("the simulation makes no progress")
             if self._progress is not None:
@@ -165,14 +166,15 @@ class _Run:
         """Cycles up to which nothing can run dry: motion that is handed over is played before the next look."""
         if self._pipeline.waiting:
             return 1
-        return max(1, min(BURST, int(self._pipeline.handed_over_u - self._executor.u(SLOT))))
+        return max(1, min(BURST, int(self._pipeline.handed_over_u - self._u())))
+
+    def _u(self) -> float:
+        return self._executor.u(SLOT)
 
     def _moved(self) -> bool:
-        moved = self._executor.u(SLOT) != self._seen_u
-        self._seen_u = self._executor.u(SLOT)
+        moved = self._u() != self._seen_u
+        self._seen_u = self._u()
         return moved
-
-    _seen_u = -1.0
 
     def _take_reports(self) -> None:
         for report in self._pipeline.take_reports():
@@ -223,7 +225,7 @@ class _Run:
         """Runs on until every positioned axis is at rest (G1020 too); G1030 and G1040 axes do not hold the run."""
         moving = False
         for _ in range(STUCK):
-            if not self._executor.positioning:
+            if self._executor.at_rest:
                 break
             moving = True
             self._executor.step(1)

@@ -28,7 +28,11 @@ def narration() -> Console:
 
 def results() -> Console:
     """The console for results: standard output."""
-    return Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, soft_wrap=True)
+    if not console.is_terminal:
+        # a file or a pipe has no width: tables need not be squeezed
+        console.width = max(console.width, 140)
+    return console
 
 
 def write_json(answer: object) -> None:

@@ -16,7 +16,8 @@ NOTHING_SIMULATED: Mapping[str, Any] = MappingProxyType(
     {"ok": False, "duration_s": 0.0, "feed_length_mm": 0.0, "lines": [], "axes": {}, "diagnostics": []}
 )
 MAX_SHOWN_LINES = 60
-MAX_SHOWN_SOURCE = 44
+MAX_SHOWN_SOURCE = 60
+TIMES_WIDTH = 50
 
 
 def diagnostics_of(report: Mapping[str, Any]) -> list[Diagnostic]:
@@ -33,7 +34,7 @@ def print_report(report: Mapping[str, Any], source_lines: Sequence[str], name: s
         most_stretched = sorted(lines, key=lambda each: -(each["stretched_by"] or 0.0))[:MAX_SHOWN_LINES]
         shown = sorted(most_stretched, key=lambda each: float(each["start_s"]))
     if shown:
-        console.print(_table_of_lines(shown, source_lines))
+        console.print(_table_of_lines(shown, source_lines, console.width))
     if len(shown) < len(lines):
         console.print(f"the {len(shown)} most stretched of {len(lines)} lines; --json gives all")
     moved = {index: axis for index, axis in report["axes"].items() if axis["max"] > axis["min"]}
@@ -46,12 +47,17 @@ def print_report(report: Mapping[str, Any], source_lines: Sequence[str], name: s
     )
 
 
-def _table_of_lines(lines: Sequence[Mapping[str, Any]], source_lines: Sequence[str]) -> Table:
+def _table_of_lines(
+    lines: Sequence[Mapping[str, Any]], source_lines: Sequence[str], width: int
+) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("line", "start s", "end s", "asked s", "×"):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("bound by", no_wrap=True)
-    table.add_column("program", no_wrap=True, overflow="ellipsis", max_width=MAX_SHOWN_SOURCE)
+    # the numbers come whole; a narrow terminal costs the program's text
+    bound = max(8, *(len(each["bound_by"] or "") for each in lines))
+    room = max(8, width - TIMES_WIDTH - bound)
+    table.add_column("program", no_wrap=True, overflow="ellipsis", max_width=min(room, MAX_SHOWN_SOURCE))
     for each in lines:
         number = int(each["line"])
         source = source_lines[number - 1].strip() if 0 < number <= len(source_lines) else ""

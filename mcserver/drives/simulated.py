@@ -163,9 +163,9 @@ class SimulatedBus:
         self._free = ~self._following
         self._any_free = bool(self._free.any())
         self._simple = self._is_simple()
-        self._changing = bool(((state == DriveState.STARTING) | (state == DriveState.STOPPING)).any()) or bool(
-            (silent & ~expired).any()
-        )
+        self._changing = bool(
+            ((state == DriveState.STARTING) | (state == DriveState.STOPPING)).any()
+        ) or bool((silent & ~expired).any())
 
     def _is_simple(self) -> bool:
         """Whether every axis either follows a position that is transmitted, or stands without its drive."""
@@ -211,7 +211,9 @@ class SimulatedBus:
         # an axis that is too fast already is not braked harder than its torque allows
         limited = np.where(np.abs(old) > model.speed_limit, old + step, limited)
         saturated = limited != velocity
-        moved = np.where(saturated, self._position + 0.5 * (old + limited) * self._cycle, reference + self._result[0])
+        moved = np.where(
+            saturated, self._position + 0.5 * (old + limited) * self._cycle, reference + self._result[0]
+        )
         self._position = np.where(self._jammed, self._position, moved)
         velocity[:] = np.where(self._jammed, 0.0, limited)
         np.copyto(change, limited - old)
@@ -253,7 +255,9 @@ class SimulatedBus:
         stopping = (self._true_state == DriveState.STOPPING) | (off & self._brake)
         slowing = np.where(stopping, np.maximum(model.braking, model.friction), model.friction) * self._cycle
         applied = np.where(
-            (self._mode == DriveMode.TORQUE) & ~off, np.clip(torque, -model.torque_limit, model.torque_limit), 0.0
+            (self._mode == DriveMode.TORQUE) & ~off,
+            np.clip(torque, -model.torque_limit, model.torque_limit),
+            0.0,
         )
         pushed = velocity + applied * model.acceleration_per_torque * self._cycle
         # friction takes speed away and never turns it round
@@ -281,7 +285,9 @@ class SimulatedBus:
         self._past.append((position, self._loop[1].copy(), self._change * self._model.torque_per_step))
         shown = self._past[max(0, len(self._past) - 1 - self._delay)]
         answering = self._mute == 0
-        for target, source in zip((feedback.position, feedback.velocity, feedback.torque), shown, strict=True):
+        for target, source in zip(
+            (feedback.position, feedback.velocity, feedback.torque), shown, strict=True
+        ):
             np.copyto(target, source, where=answering)
         feedback.fresh[:] = answering
         self._mute[self._mute > 0] -= 1

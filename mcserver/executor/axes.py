@@ -198,7 +198,16 @@ class AxisBank:
         self._any_free = free != 0
 
     def _release_all(self, mask: int) -> None:
-        for name in ("energized", "starting", "positioned", "speed", "torque_mode", "released", "stopping", "resetting"):
+        for name in (
+            "energized",
+            "starting",
+            "positioned",
+            "speed",
+            "torque_mode",
+            "released",
+            "stopping",
+            "resetting",
+        ):
             setattr(self, name, getattr(self, name) & ~mask)
         bools = self.masks.bools(mask)
         self.row.velocity[bools] = 0.0
@@ -263,7 +272,16 @@ class AxisBank:
 
     def show_conditions(self, moving: int) -> None:
         """Updates the feedback's conditions where anything has changed."""
-        key = (self.energized, self.starting, self.speed, self.torque_mode, self.fault, self.released, self.stopping, moving)
+        key = (
+            self.energized,
+            self.starting,
+            self.speed,
+            self.torque_mode,
+            self.fault,
+            self.released,
+            self.stopping,
+            moving,
+        )
         if key == self._condition_key:
             return
         self._condition_key = key

@@ -16,7 +16,7 @@ DRIVE_TIMEOUT_S = 5.0
 NEAR_ZERO = 1e-12
 
 
-class BarrierFault(Exception):  # noqa: N818 - a fault in the field's sense, with its code
+class BarrierFault(Exception):
     """The barrier cannot be passed: the program is at fault."""
 
     def __init__(self, code: FaultCode, column: int, values: tuple[float, ...] = ()) -> None:

@@ -8,7 +8,17 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from mcserver.drives.bus import DriveMode
-from mcserver.executor.barriers import AtRest, Barrier, BarrierFault, DrivesDone, Dwell, Energized, ExactStop, NextCycle, Paused
+from mcserver.executor.barriers import (
+    AtRest,
+    Barrier,
+    BarrierFault,
+    DrivesDone,
+    Dwell,
+    Energized,
+    ExactStop,
+    NextCycle,
+    Paused,
+)
 from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.faults import FaultCode
 from mcserver.executor.feedback import SlotState

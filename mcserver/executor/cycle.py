@@ -23,7 +23,9 @@ class Cycle:
         history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n % exact_stop_cycles.
     """
 
-    def __init__(self, machine: Machine, bank: AxisBank, motions: IndependentMotions, events: EventRing) -> None:
+    def __init__(
+        self, machine: Machine, bank: AxisBank, motions: IndependentMotions, events: EventRing
+    ) -> None:
         self.machine = machine
         self.cycle_s = machine.cycle_s
         self.bank = bank

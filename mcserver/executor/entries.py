@@ -25,13 +25,17 @@ class ControlKind(enum.IntEnum):
     LINE_END = 2  # line has ended at u
     BEGIN = 3  # rows for ``axes`` follow: all must be energized (D-27), independent motion on them must have ended
     END = 4  # rows for ``axes`` end at u: the axes hold their last setpoint
-    WAIT = 5  # u stops here until ``axes`` have ended independent motion and are in position (exact stop, D-34)
+    WAIT = (
+        5  # u stops here until ``axes`` have ended independent motion and are in position (exact stop, D-34)
+    )
     DWELL = 6  # u stops here for ``seconds``, which pass at the rate of holds (not of overrides)
     RAPID = 7  # independent motion of ``axes`` to ``values`` [m, rad] at the axes' own limits; energizes
     SPEED = 8  # velocity mode [m/s, rad/s]; ``values`` per axis
     TORQUE = 9  # torque mode [N·m]; ``values`` per axis
     AXIS = 10  # axis operation ``operation`` on ``axes`` (D-40)
-    HALT_AXES = 11  # bring independent motion, speed or torque on ``axes`` to rest in position mode, then u goes on
+    HALT_AXES = (
+        11  # bring independent motion, speed or torque on ``axes`` to rest in position mode, then u goes on
+    )
     PAUSE = 12  # M00, M01: u stops here until resumed
     FINISH = 13  # the program has ended; its slot is free once this is passed
     SETTLE = 14  # u stops here until the planner was told of positions (sync): acknowledged by ``token``
@@ -71,7 +75,12 @@ class MotionSink(Protocol):
         """How many control entries fit now."""
 
     def put_rows(
-        self, first_u: int, position: Array, velocity: Array, axes: NDArray[np.uint64], line: NDArray[np.int64]
+        self,
+        first_u: int,
+        position: Array,
+        velocity: Array,
+        axes: NDArray[np.uint64],
+        line: NDArray[np.int64],
     ) -> None:
         """Rows at u = first_u, first_u + 1, …
 

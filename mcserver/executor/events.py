@@ -55,7 +55,9 @@ class EventRing:
         count = len(event.values)
         large = count > _INLINE
         payload = counters[_PAYLOADS_WRITTEN]
-        if written - counters[_READ] >= self._events or (large and payload - counters[_PAYLOADS_READ] >= PAYLOADS):
+        if written - counters[_READ] >= self._events or (
+            large and payload - counters[_PAYLOADS_READ] >= PAYLOADS
+        ):
             counters[_LOST] += 1
             return False
         if large:
@@ -101,9 +103,3 @@ class EventRing:
     def lost(self) -> int:
         """How many reports found no room since the start."""
         return self._counters[_LOST]
-
-    def release(self) -> None:
-        """Lets go of the buffer; the object is dead then."""
-        self._payloads = np.empty((0, 0))
-        self._counters.release()
-        self._buffer.release()

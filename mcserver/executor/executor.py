@@ -14,7 +14,17 @@ from mcserver.executor.axes import AxisBank
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.events import EventRing
 from mcserver.executor.faults import FaultCode
-from mcserver.executor.feedback import CYCLE, ESTOP, LATE, LINE, LOST_EVENTS, TIME, FeedbackRing, FeedbackRow, SlotState
+from mcserver.executor.feedback import (
+    CYCLE,
+    ESTOP,
+    LATE,
+    LINE,
+    LOST_EVENTS,
+    TIME,
+    FeedbackRing,
+    FeedbackRow,
+    SlotState,
+)
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.mailbox import CommandMailbox
@@ -77,6 +87,10 @@ class Executor:
         running = any(slot.running for slot in self._slots)
         return not running and not self.motions.mask & ~self.motions.speeding and not self.bank.starting
 
+    def u(self, slot: int) -> float:
+        """Where the program in a slot is on its time axis [cycles]."""
+        return self._slots[slot].u
+
     def line(self) -> int:
         """The line that set the latest cycle's row; 0: none."""
         for slot in self._slots:
@@ -107,19 +121,24 @@ class Executor:
         self._report()
         cycle.number += 1
 
-    def stop_all(self, code: FaultCode) -> None:
-        """Stops all motion within its limits and reports why; axes stay energized."""
+    def stop_all(self, code: FaultCode | None = None) -> None:
+        """Stops all motion within its limits, and reports why; axes stay energized."""
+        if code is not None:
+            self.warn(code)
+        self._stop(SlotState.STOPPED if code is None else SlotState.FAULTED)
+
+    def warn(self, code: FaultCode) -> None:
+        """Reports something about the machine as a whole."""
         self._cycle.fault(code, -1, 0)
-        self._stop(SlotState.FAULTED)
+
+    @property
+    def standing(self) -> bool:
+        """Whether no program runs and nothing is commanded to move, speeds included."""
+        return not self.motions.mask and not any(slot.running for slot in self._slots)
 
     def close(self) -> None:
         """Every drive de-energized, buses given back."""
         self.bank.close()
-
-    def release(self) -> None:
-        """Lets go of the rings' buffers."""
-        for slot in self._slots:
-            slot.playback.release()
 
     # ------------------------------------------------------------------ orders
 
@@ -224,4 +243,3 @@ class Executor:
         cells[ESTOP] = self._cycle.estop
         self._feedback.put(self._row.row)
         self._mailbox.beat_executor()
-

@@ -60,8 +60,14 @@ def remedy_of(code: int, axis: int) -> tuple[str, str]:
 
 _RESET_HINT = "find the cause, then clear the latch with G1000 P{axis} and energize with G1010 P{axis}"
 _TEXT: dict[int, tuple[str, str]] = {
-    FaultCode.EMERGENCY_STOP: ("the emergency stop is latched", "clear it with a reset, then energize with G1010"),
-    FaultCode.NOT_ENERGIZED: ("axis {axis} is not energized", "energize it with G1010 P{axis} before this line"),
+    FaultCode.EMERGENCY_STOP: (
+        "the emergency stop is latched",
+        "clear it with a reset, then energize with G1010",
+    ),
+    FaultCode.NOT_ENERGIZED: (
+        "axis {axis} is not energized",
+        "energize it with G1010 P{axis} before this line",
+    ),
     FaultCode.EXACT_STOP_TIMEOUT: (
         "axis {axis} did not reach its target within the exact-stop time-out",
         "look for friction or a blocked axis, or widen in_position or exact_stop_timeout_s in the machine file",
@@ -74,7 +80,10 @@ _TEXT: dict[int, tuple[str, str]] = {
         "axis {axis} would leave min_position … max_position",
         "keep the motion inside the axis's travel, or correct the limits in the machine file",
     ),
-    FaultCode.NO_ENERGIZE: ("the drive of axis {axis} does not energize", "look at the drive's supply and enable input"),
+    FaultCode.NO_ENERGIZE: (
+        "the drive of axis {axis} does not energize",
+        "look at the drive's supply and enable input",
+    ),
     FaultCode.NO_RESET: (
         "the drive of axis {axis} does not come to rest or clear its fault",
         "remove the cause of the fault at the drive, then reset again with G1000 P{axis}",
@@ -89,7 +98,10 @@ _TEXT: dict[int, tuple[str, str]] = {
         "this is a mistake of the planner: report it with the program",
     ),
     FaultCode.DRIVE_FAULT: ("the drive of axis {axis} reports a fault", _RESET_HINT),
-    FaultCode.DRIVE_SILENT: ("the drive of axis {axis} does not answer", "check its cable and supply; " + _RESET_HINT),
+    FaultCode.DRIVE_SILENT: (
+        "the drive of axis {axis} does not answer",
+        "check its cable and supply; " + _RESET_HINT,
+    ),
     FaultCode.AXIS_LATCHED: ("axis {axis} is latched in a fault", "clear it with G1000 P{axis} first"),
     FaultCode.SERVER_LOST: ("the server's heartbeat stopped; motion was stopped", "restart the server"),
     FaultCode.NO_REALTIME: (
@@ -100,7 +112,10 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.OVER_CURRENT: ("the drive of axis {axis} reports too much current", _RESET_HINT),
     FaultCode.VOLTAGE: ("the drive of axis {axis} reports a wrong supply voltage", _RESET_HINT),
     FaultCode.ENCODER: ("the drive of axis {axis} reports a fault of its encoder", _RESET_HINT),
-    FaultCode.AXIS_NOT_LEASED: ("axis {axis} does not belong to this program", "open the program with that axis"),
+    FaultCode.AXIS_NOT_LEASED: (
+        "axis {axis} does not belong to this program",
+        "open the program with that axis",
+    ),
     FaultCode.DRIVE_STATE_LOST: ("the drive of axis {axis} de-energized by itself", _RESET_HINT),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +101,7 @@ class FeedbackRow:
 
     def __init__(self, axes: int, slots: int) -> None:
         self.row: Array = np.zeros(row_width(axes, slots))
-        self.cells = memoryview(self.row)
+        self.cells: Any = memoryview(self.row)  # type: ignore[arg-type]
         views = [self.row[_HEAD + block * axes : _HEAD + (block + 1) * axes] for block in range(_BLOCKS)]
         self.setpoint, self.velocity, self.actual, self.actual_velocity, self.torque, self.condition = views
         self._slots_at = _HEAD + _BLOCKS * axes
@@ -208,7 +209,8 @@ class FeedbackRing:
     def state_of(self, row: Array) -> FeedbackState:
         """A row as a value."""
         blocks = [
-            row[_HEAD + block * self._axes : _HEAD + (block + 1) * self._axes].copy() for block in range(_BLOCKS)
+            row[_HEAD + block * self._axes : _HEAD + (block + 1) * self._axes].copy()
+            for block in range(_BLOCKS)
         ]
         slots_at = _HEAD + _BLOCKS * self._axes
         slots = []
@@ -230,9 +232,3 @@ class FeedbackRing:
             condition=blocks[5].astype(np.int8),
             slots=tuple(slots),
         )
-
-    def release(self) -> None:
-        """Lets go of the buffer; the object is dead then."""
-        self._rows = np.empty((0, 0))
-        self._counter.release()
-        self._buffer.release()

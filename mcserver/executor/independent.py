@@ -106,7 +106,9 @@ class IndependentMotions:
         self._guard(self._motions[column])
         self._pass(self._motions[column], 1.0, left)
 
-    def halt(self, column: int, slot: int, left: float = 0.0, rate: float = 1.0, *, jerk: bool = True) -> None:
+    def halt(
+        self, column: int, slot: int, left: float = 0.0, rate: float = 1.0, *, jerk: bool = True
+    ) -> None:
         """To standstill as soon as the limits allow; without ``jerk`` at full deceleration at once."""
         if column not in self._motions:
             return

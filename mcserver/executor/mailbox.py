@@ -14,7 +14,7 @@ from dataclasses import dataclass
 SLOTS = 8
 
 _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _EXECUTOR_BEAT = range(9)
-_EXECUTOR_STATE, _QUIT = 9, 10
+_EXECUTOR_STATE, _QUIT, _EPOCH = 9, 10, 11
 _HEAD = 16
 _S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_STEP, _S_SINGLE, _S_GENERATION = range(7)
 _S_AXES, _S_ROWS, _S_CONTROLS = 7, 8, 9
@@ -189,6 +189,11 @@ class CommandMailbox:
         """A word that the executor's process sets (see `mcserver.executor.process`)."""
         return self._words[_EXECUTOR_STATE]
 
+    @property
+    def epoch(self) -> float:
+        """Unix time of executor time 0 [s]; 0 before the executor runs."""
+        return self._numbers[_EPOCH]
+
     # ------------------------------------------------------------------ the executor's side
 
     @property
@@ -215,6 +220,9 @@ class CommandMailbox:
     def set_executor_state(self, state: int) -> None:
         self._words[_EXECUTOR_STATE] = state
 
+    def set_epoch(self, unix_time: float) -> None:
+        self._numbers[_EPOCH] = unix_time
+
     def machine_orders(self) -> MachineOrders:
         words = self._words
         # the counter first: a newer mask with an older counter is read again, the other way round it would be missed
@@ -239,12 +247,6 @@ class CommandMailbox:
             rows_base=words[at + _S_ROWS],
             controls_base=words[at + _S_CONTROLS],
         )
-
-    def release(self) -> None:
-        """Lets go of the buffer; the object is dead then."""
-        self._words.release()
-        self._numbers.release()
-        self._buffer.release()
 
 
 def _bounded(ratio: float) -> float:

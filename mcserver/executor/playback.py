@@ -12,7 +12,7 @@ from mcserver.executor.axes import ColumnMasks
 from mcserver.executor.feedback import FeedbackRow
 from mcserver.executor.headroom import CAP, FULL, HALF, OWN, SLOPE_MAX, Array
 from mcserver.executor.rate import FLOOR_SHARE, SMOOTHING_S, USED_SHARE, Slopes
-from mcserver.executor.rings import ProgramRing
+from mcserver.executor.rings import ProgramRing, scalar_view
 
 # Two values of u that are closer are the same [cycles].
 NEAR_U = 1e-7
@@ -36,7 +36,13 @@ class Playback:
     """
 
     def __init__(
-        self, ring: ProgramRing, row: FeedbackRow, masks: ColumnMasks, acceleration: Array, jump: Array, cycle_s: float
+        self,
+        ring: ProgramRing,
+        row: FeedbackRow,
+        masks: ColumnMasks,
+        acceleration: Array,
+        jump: Array,
+        cycle_s: float,
     ) -> None:
         """``jump``: shape (K,), how far the first row of a motion may be from the axis's setpoint."""
         self._ring = ring
@@ -46,10 +52,10 @@ class Playback:
         self._jump = jump
         self._cycle = cycle_s
         count = ring.axes
-        self._u_cells = memoryview(ring.row_u)
-        self._mask_cells = memoryview(ring.row_mask)
-        self._line_cells = memoryview(ring.row_line)
-        self._headroom = memoryview(ring.headroom)
+        self._u_cells = scalar_view(ring.row_u)
+        self._mask_cells = scalar_view(ring.row_mask)
+        self._line_cells = scalar_view(ring.row_line)
+        self._headroom = scalar_view(ring.headroom)
         self._scratch = np.zeros(count)
         self._difference = np.zeros(count)
         self._start_position = np.zeros(count)
@@ -64,11 +70,6 @@ class Playback:
         self._fresh = 0
         self._unchecked = 0
         self.line = 0
-
-    def release(self) -> None:
-        """Lets go of the ring's buffer."""
-        for cells in (self._u_cells, self._mask_cells, self._line_cells, self._headroom):
-            cells.release()
 
     # ------------------------------------------------------------------ rows
 
@@ -229,7 +230,13 @@ class Playback:
         if joined:
             first = before % ring.rows
             self._hermite(
-                ring.position[first], ring.velocity[first], at, u - (after_u - 1), 1.0, rate, self._masks.bools(joined)
+                ring.position[first],
+                ring.velocity[first],
+                at,
+                u - (after_u - 1),
+                1.0,
+                rate,
+                self._masks.bools(joined),
             )
         for column in self._masks.columns(driven & ~joined):
             self._lead_in(column, at, after_u, u, rate)
@@ -258,12 +265,23 @@ class Playback:
         target, speed = float(ring.position[at, column]), float(ring.velocity[at, column])
         seconds = span * self._cycle
         rise = share * share * (3.0 - 2.0 * share)
-        row.setpoint[column] = origin + rise * (target - origin) + seconds * speed * share * share * (share - 1.0)
-        slope = 6.0 * share * (1.0 - share) * (target - origin) / seconds + share * (3.0 * share - 2.0) * speed
+        row.setpoint[column] = (
+            origin + rise * (target - origin) + seconds * speed * share * share * (share - 1.0)
+        )
+        slope = (
+            6.0 * share * (1.0 - share) * (target - origin) / seconds + share * (3.0 * share - 2.0) * speed
+        )
         row.velocity[column] = slope * rate
 
     def _hermite(
-        self, start: Array, speed: Array, at: int, share: float, span: float, rate: float, where: NDArray[np.bool_]
+        self,
+        start: Array,
+        speed: Array,
+        at: int,
+        share: float,
+        span: float,
+        rate: float,
+        where: NDArray[np.bool_],
     ) -> None:
         """Cubic from (start, speed) to the row at ``at``, ``share`` of the way; span in cycles."""
         ring, row = self._ring, self._row
@@ -289,7 +307,9 @@ class Playback:
         ring = self._ring
         before = max(self._next - 1, self._first)
         last = ring.rows_written - 1
-        numbers = [min(max(before + step, self._first), max(last, self._first)) % ring.rows for step in range(4)]
+        numbers = [
+            min(max(before + step, self._first), max(last, self._first)) % ring.rows for step in range(4)
+        ]
         if last < self._first:
             return Slopes()
         where = self._masks.bools(self.active)
@@ -333,7 +353,10 @@ class Playback:
         ahead, part = self._row_before(u + way)
         own = self._headroom_at(ahead, part, OWN)
         last = ring.rows_written - 1 if edge is None else max(self._row_before(edge)[0], after)
-        w = min(self._least(after, max(min(ahead, last), after), near=True), self._least(ahead, max(ahead, last), near=False) - own)
+        w = min(
+            self._least(after, max(min(ahead, last), after), near=True),
+            self._least(ahead, max(ahead, last), near=False) - own,
+        )
         if edge is not None:
             w = min(w, self._headroom_at(*self._row_before(edge), OWN) - own)
         return max(1.0, min(target, math.sqrt(max(w, 0.0))))

@@ -9,6 +9,7 @@ enough; other architectures would need a barrier here. A full ring has no room, 
 from __future__ import annotations
 
 import struct
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,13 @@ _ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ = range(4)
 _CONTROL = struct.Struct("<qdqQdqqq")
 
 Buffer = bytearray | memoryview
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+def scalar_view(array: NDArray[Any]) -> Any:
+    """An array's elements as Python numbers; reading one takes 20 ns, through numpy it takes 90."""
+    view: Any = memoryview(array)  # type: ignore[arg-type]
+    return view
 
 
 def program_ring_size(rows: int, controls: int, axes: int) -> int:
@@ -78,8 +86,8 @@ class ProgramRing:
         self._last_u = -1
         self._last_control_u = 0.0
 
-    def _words(self, kind: type, count: int) -> NDArray[np.generic]:
-        array = np.frombuffer(self._buffer, kind, count, self._offset)
+    def _words(self, kind: type[_Scalar], count: int) -> NDArray[_Scalar]:
+        array: NDArray[_Scalar] = np.frombuffer(self._buffer, kind, count, self._offset)
         self._offset += 8 * count
         return array
 
@@ -106,7 +114,12 @@ class ProgramRing:
         return self.controls - (self._counters[_CONTROLS_WRITTEN] - self._counters[_CONTROLS_READ])
 
     def put_rows(
-        self, first_u: int, position: Array, velocity: Array, axes: NDArray[np.uint64], line: NDArray[np.int64]
+        self,
+        first_u: int,
+        position: Array,
+        velocity: Array,
+        axes: NDArray[np.uint64],
+        line: NDArray[np.int64],
     ) -> None:
         """Rows at u = first_u, first_u + 1, … (see `MotionSink`).
 
@@ -200,12 +213,3 @@ class ProgramRing:
         )
         values = tuple(self._values[at].tolist()) if has_values else None
         return Control(ControlKind(kind), u, line, axes, values, seconds, operation, token)
-
-    def release(self) -> None:
-        """Lets go of the buffer, so that shared memory can be closed; the object is dead then."""
-        empty = np.empty(0)
-        self.position = self.velocity = self.headroom = self._values = empty
-        self.row_u = self.row_line = empty.astype(np.int64)
-        self.row_mask = empty.astype(np.uint64)
-        self._counters.release()
-        self._buffer.release()

@@ -254,7 +254,9 @@ class ProgramSlot:
             if not barrier.after(self._held):
                 return
         except BarrierFault as fault:
-            self.fault(fault.code, self.pending.line if self.pending else self.line, fault.column, fault.values)
+            self.fault(
+                fault.code, self.pending.line if self.pending else self.line, fault.column, fault.values
+            )
             return
         self._clear_barrier(0.0)
         self._run(0.0, 0.0)

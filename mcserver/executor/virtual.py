@@ -52,7 +52,9 @@ class VirtualExecutor:
         self.executor = Executor(machine, self.buses, self._rings, self.mailbox, self._feedback, self._events)
         self._cycles = 0
 
-    def open_slot(self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False) -> ProgramRing:
+    def open_slot(
+        self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
+    ) -> ProgramRing:
         """Begins a program in a free slot; without a mask on all axes.
 
         Returns:
@@ -66,6 +68,10 @@ class VirtualExecutor:
     def sink(self, slot: int) -> ProgramRing:
         """Where the program in a slot puts its rows and control entries."""
         return self._rings[slot]
+
+    def u(self, slot: int) -> float:
+        """Where the program in a slot is on its time axis [cycles]."""
+        return self.executor.u(slot)
 
     def step(self, cycles: int = 1) -> None:
         """Lets cycles pass."""

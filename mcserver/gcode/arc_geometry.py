@@ -19,7 +19,11 @@ RADIUS_TOLERANCE = 0.005 * MM
 RADIUS_TOLERANCE_SHARE = 0.001
 
 
-class ChordTooLong(Exception):
+class ArcFault(Exception):
+    """Base of what keeps an arc from being defined."""
+
+
+class ChordTooLong(ArcFault):
     """The chord is longer than 2|R| by more than the radius tolerance."""
 
     def __init__(self, chord: float) -> None:
@@ -27,11 +31,11 @@ class ChordTooLong(Exception):
         self.chord = chord
 
 
-class SamePoint(Exception):
+class SamePoint(ArcFault):
     """Start and end are within 0.001 mm, so that R fixes no centre."""
 
 
-class RadiusMismatch(Exception):
+class RadiusMismatch(ArcFault):
     """The radii at start and end differ by more than the radius tolerance."""
 
     def __init__(self, start_radius: float, end_radius: float) -> None:
@@ -40,7 +44,7 @@ class RadiusMismatch(Exception):
         self.end_radius = end_radius
 
 
-class ZeroRadius(Exception):
+class ZeroRadius(ArcFault):
     """The centre lies on the start or the end point."""
 
 

@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
-from typing import Final
-
-import msgspec
-
 from mcserver.errors import Diagnostic
 from mcserver.gcode.commands import CommandSpec
 from mcserver.gcode.faults import FaultList, Span
 from mcserver.gcode.grammar import group_commands
+from mcserver.gcode.plain_words import Plain, read_plain
 from mcserver.gcode.scanner import Scan, Token, scan, token_spans
 from mcserver.gcode.source import BOM
 from mcserver.gcode.syntax import Command, Group
 from mcserver.gcode.words import AXIS_LETTERS, LARGEST, MAX_AXIS, Word
-
-_G01: Final = frozenset(("1", "01", "001"))
-_PLAIN_AXES: Final = MappingProxyType({letter: AXIS_LETTERS[letter] for letter in "XYZABC"})
-
-
-class PlainMove(msgspec.Struct, frozen=True, gc=False):
-    """A line that is nothing but ``G01`` (or no code), different axes by letter or number, and perhaps F.
-
-    Attributes:
-        coded: whether G01 is written.
-        axes, values: axis numbers and numbers as written, in reading order.
-        feed: F, above zero, or None.
-    """
-
-    coded: bool
-    axes: tuple[int, ...]
-    values: tuple[float, ...]
-    feed: float | None
 
 
 class ParsedLine:
@@ -41,13 +19,13 @@ class ParsedLine:
     Attributes:
         number: of the line, from 1.
         text: as written.
-        plain: what the line says in short if it is as simple as `PlainMove`, else None.
+        plain: what the line says in short if it is as simple as `Plain`, else None.
         faults: what is wrong with it as far as text and grammar go; empty from `parse_line`.
     """
 
     __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "plain", "text")
 
-    def __init__(self, number: int, text: str, scanned: Scan, plain: PlainMove | None) -> None:
+    def __init__(self, number: int, text: str, scanned: Scan, plain: Plain | None) -> None:
         self.number = number
         self.text = text
         self.plain = plain
@@ -156,48 +134,6 @@ class ParsedLine:
             faults.add("MC117", f"{word.shown} is not a whole number from 0", self.span(0))
 
 
-def _plain(tokens: list[Token]) -> PlainMove | None:
-    """The short form, or None for lines that are not so simple or might have a fault."""
-    if not tokens:
-        return None
-    name, text, _ = tokens[0]
-    coded = False
-    start = 0
-    if name == "G":
-        if text not in _G01:
-            return None
-        coded = True
-        start = 1
-    axes: list[int] = []
-    values: list[float] = []
-    feed: float | None = None
-    for name, text, _ in tokens[start:]:
-        axis = _PLAIN_AXES.get(name)
-        if axis is not None:
-            axes.append(axis)
-        elif name == "F":
-            if feed is not None:
-                return None
-            feed = float(text)
-            if not 0.0 < feed <= LARGEST:
-                return None
-            continue
-        elif name[:1] == "[":
-            axis = int(name[1:-1])
-            if axis > MAX_AXIS:
-                return None
-            axes.append(axis)
-        else:
-            return None
-        value = float(text)
-        if not -LARGEST <= value <= LARGEST:
-            return None
-        values.append(value)
-    if not axes or len(set(axes)) != len(axes):
-        return None
-    return PlainMove(coded, tuple(axes), tuple(values), feed)
-
-
 def scan_line(text: str, number: int) -> ParsedLine:
     """One line with its faults kept in `ParsedLine.faults`, for whoever reads on after a fault."""
     if number == 1:
@@ -205,7 +141,7 @@ def scan_line(text: str, number: int) -> ParsedLine:
     faults = FaultList(number)
     scanned = scan(text, faults)
     if not faults.found and scanned.spans is None:
-        plain = _plain(scanned.tokens)
+        plain = read_plain(scanned.tokens)
         if plain is not None:
             return ParsedLine(number, text, scanned, plain)
     parsed = ParsedLine(number, text, scanned, None)
@@ -231,4 +167,4 @@ def parse_line(text: str, number: int) -> ParsedLine:
     return parsed
 
 
-__all__ = ["Command", "CommandSpec", "Group", "ParsedLine", "PlainMove", "Word", "parse_line", "scan_line"]
+__all__ = ["Command", "CommandSpec", "Group", "ParsedLine", "Word", "parse_line", "scan_line"]

@@ -30,6 +30,7 @@ LEAST_FREE = 0.01
 CRAWL = 10.0
 
 _TINY = 1e-300
+_HUGE = 1e100
 
 
 @dataclass(frozen=True)
@@ -163,6 +164,8 @@ def _free(demand: Demand, limits: AxisLimits, speed: Array) -> tuple[Array, Arra
         acceleration = np.minimum(acceleration, allowed)
         left = left - coupling * np.maximum(acceleration, 0.0)[:, None]
     jerk: Array = (left / slope).min(axis=1)
+    # an axis that does not move limits nothing: its quotient is huge, not infinite
+    jerk[jerk > _HUGE] = math.inf
     return acceleration, jerk
 
 

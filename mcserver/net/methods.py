@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from mcserver.errors import Diagnostic
 from mcserver.net import messages as wire
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
+from mcserver.programs.deferred import Deferred
 from mcserver.programs.jog import Jogging
 from mcserver.programs.program import Program
 from mcserver.programs.reports import wire_diagnostic
@@ -88,12 +89,20 @@ class Methods:
             instance=self._service.options.instance,
         )
 
-    def submit(self, request: wire.SubmitRequest) -> Awaitable[wire.SubmitReply]:
-        return self._submit(request)
+    def submit(self, request: wire.SubmitRequest) -> Deferred[wire.SubmitReply]:
+        reply: Deferred[wire.SubmitReply] = Deferred()
 
-    async def _submit(self, request: wire.SubmitRequest) -> wire.SubmitReply:
-        program = await self._service.submit(request.client, request.program, request.first, request.lines)
-        return wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
+        def answer(program: Program | None, error: Exception | None) -> None:
+            if program is None:
+                assert error is not None
+                reply.fail(error)
+            else:
+                reply.resolve(
+                    wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
+                )
+
+        self._service.submit(request.client, request.program, request.first, request.lines).listen(answer)
+        return reply
 
     def close(self, request: wire.CloseRequest) -> wire.CloseReply:
         program = self._service.close(request.client, request.program, request.last)

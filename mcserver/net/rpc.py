@@ -15,6 +15,7 @@ from mcserver.errors import McError, ProgramRejected, ServiceError
 from mcserver.net.answers import Answer, AnswerMemory
 from mcserver.net.keys import Keys, is_wild
 from mcserver.net.messages import ENCODING, ErrorReply, Request
+from mcserver.programs.deferred import Deferred
 from mcserver.programs.refusals import Refused
 from mcserver.programs.reports import wire_diagnostic
 
@@ -23,13 +24,15 @@ log = logging.getLogger(__name__)
 IN_FLIGHT = 512
 LARGE_REPLY_BYTES = 32 * 1024
 
+Settle = Callable[[object, BaseException | None], None]
+
 
 class Method(msgspec.Struct, frozen=True):
     """One remote method.
 
     Attributes:
         request: the message's type, a `Request`.
-        call: gives the reply's message, at once or as an awaitable; errors as `McError`.
+        call: gives the reply's message, at once, as a `Deferred` or as an awaitable; errors as `McError`.
         changes: whether it changes anything: then it is idempotent by request number, and takes no wildcard.
     """
 
@@ -76,6 +79,7 @@ class RpcServer:
         self._decoders = {name: msgspec.msgpack.Decoder(method.request) for name, method in methods.items()}
         self._own_keys = {(keys.info if name == "info" else keys.rpc(name)): name for name in methods}
         self._answers = AnswerMemory(time.monotonic)
+        self._under_way = 0
         self._tasks: set[asyncio.Task[None]] = set()
 
     def on_query(self, query: zenoh.Query) -> None:
@@ -113,7 +117,7 @@ class RpcServer:
         def answer(result: Answer) -> None:
             self._send(query, name, result)
 
-        if len(self._tasks) >= IN_FLIGHT:
+        if self._under_way >= IN_FLIGHT:
             raise Refused(
                 "MC508", f"{IN_FLIGHT} requests are being worked on", "send it again later", limit=IN_FLIGHT
             )
@@ -131,17 +135,25 @@ class RpcServer:
             def finish(result: Answer) -> None:
                 self._answers.finish(request.client, request.request, result)
 
+        self._under_way += 1
+
+        def settle(reply: object, error: BaseException | None) -> None:
+            self._under_way -= 1
+            finish(Answer(True, self._encode(reply)) if error is None else self._failed(name, error))
+
         try:
             reply = method.call(request)
         except Exception as error:
-            finish(self._failed(name, error))
+            settle(None, error)
             return
-        if isinstance(reply, Awaitable):
-            task = asyncio.ensure_future(self._finish_later(name, reply, finish))
+        if isinstance(reply, Deferred):
+            reply.listen(settle)
+        elif isinstance(reply, Awaitable):
+            task = asyncio.ensure_future(self._await(reply, settle))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
         else:
-            finish(Answer(True, self._encode(reply)))
+            settle(reply, None)
 
     def _decode(self, query: zenoh.Query, name: str, method: Method) -> Request:
         payload = query.payload
@@ -156,22 +168,17 @@ class RpcServer:
                 f"see docs/schemas/{method.request.__name__}.json",
             ) from error
 
-    async def _finish_later(
-        self, name: str, reply: Awaitable[object], finish: Callable[[Answer], None]
-    ) -> None:
+    async def _await(self, reply: Awaitable[object], settle: Settle) -> None:
         try:
-            finish(Answer(True, self._encode(await reply)))
+            value = await reply
         except asyncio.CancelledError:
-            finish(
-                Answer(
-                    False,
-                    encode_error(ServiceError("MC515", "the server is stopping", "wait for its next start")),
-                )
-            )
+            settle(None, ServiceError("MC515", "the server is stopping", "wait for its next start"))
         except Exception as error:
-            finish(self._failed(name, error))
+            settle(None, error)
+        else:
+            settle(value, None)
 
-    def _failed(self, name: str, error: Exception) -> Answer:
+    def _failed(self, name: str, error: BaseException) -> Answer:
         if not isinstance(error, McError):
             log.error("method %s failed", name, exc_info=error)
         return Answer(False, encode_error(error))

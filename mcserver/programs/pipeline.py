@@ -19,6 +19,7 @@ from mcserver.config import Machine
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent, MotionSink
 from mcserver.gcode.interpreter import Interpreter
+from mcserver.gcode.modal import INITIAL, ModalState
 from mcserver.gcode.parser import parse_line
 from mcserver.motion.canonical import (
     AxisLine,
@@ -113,13 +114,13 @@ class Pipeline:
         kinematics: Kinematics | None = None,
         energized: frozenset[int] = frozenset(),
         lease: frozenset[int] | None = None,
-        modal: Any = None,
+        modal: ModalState | None = None,
     ) -> None:
         self._machine = machine
         self._width = len(machine.axes)
         self._slots = {axis.index: column for column, axis in enumerate(machine.axes)}
         self._interpreter = Interpreter(
-            machine, kinematics=kinematics, positions=positions, lease=lease, modal=modal
+            machine, kinematics=kinematics, positions=positions, lease=lease, modal=modal or INITIAL
         )
         start = np.array([positions[axis.index] for axis in machine.axes])
         self._planner = MotionPlanner(machine, start)

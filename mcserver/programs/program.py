@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
 
+from mcserver.programs.deferred import Deferred
 from mcserver.programs.progress import LineProgress
 from mcserver.programs.queue import LineQueue
 from mcserver.programs.reports import (
@@ -77,7 +77,7 @@ class Program:
         self.told_credit = queue.limit
         self.told_started = 0
         self.told_done = start_line - 1
-        self._waiting: deque[tuple[int, asyncio.Future[Verdict]]] = deque()
+        self._waiting: deque[tuple[int, Deferred[Verdict]]] = deque()
 
     @property
     def ended(self) -> bool:
@@ -139,9 +139,9 @@ class Program:
             ended_at=self.ended_at,
         )
 
-    def wait_for(self, through: int, future: asyncio.Future[Verdict]) -> None:
-        """``future`` is resolved once lines through this number are taken for good, or one is rejected."""
-        self._waiting.append((through, future))
+    def wait_for(self, through: int, verdict: Deferred[Verdict]) -> None:
+        """``verdict`` comes once lines through this number are taken for good, or one is rejected."""
+        self._waiting.append((through, verdict))
         self.settle()
 
     def settle(self) -> None:
@@ -150,9 +150,7 @@ class Program:
         if self.state not in ("queued", "ending") and not self.step and not self.ended:
             judged = min(judged, self.judged)
         while self._waiting and self._waiting[0][0] <= judged:
-            future = self._waiting.popleft()[1]
-            if not future.done():
-                future.set_result(Verdict.TAKEN)
+            self._waiting.popleft()[1].resolve(Verdict.TAKEN)
 
     def reject(self, line: int, diagnostics: list[WireDiagnostic]) -> None:
         """Line ``line`` is faulty; it is the next one expected again."""
@@ -168,6 +166,4 @@ class Program:
     def dismiss(self, verdict: Verdict) -> None:
         """Answers all that still wait."""
         while self._waiting:
-            future = self._waiting.popleft()[1]
-            if not future.done():
-                future.set_result(verdict)
+            self._waiting.popleft()[1].resolve(verdict)

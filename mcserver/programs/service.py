@@ -13,6 +13,7 @@ import msgspec
 
 from mcserver.config import Machine
 from mcserver.errors import ServiceError
+from mcserver.programs.deferred import Deferred
 from mcserver.programs.events import EventLog
 from mcserver.programs.journal_reader import read_lines_before, read_programs
 from mcserver.programs.planner_thread import MakesPipelines, Order
@@ -160,29 +161,31 @@ class MachineService:
         self._table.add(program, before)
         return program
 
-    async def submit(self, client: str, program_id: str, first: int, lines: Sequence[str]) -> Program:
-        """Takes lines and waits until they are journaled and, within a limit, their words are judged.
+    def submit(self, client: str, program_id: str, first: int, lines: Sequence[str]) -> Deferred[Program]:
+        """Takes lines; the result comes once they are journaled and, within a limit, judged.
 
         Raises:
-            ServiceError: MC503, MC504, MC505 a gap, MC509, MC510 closed.
-            RejectedLines: a line is faulty; those before it are taken.
+            ServiceError: MC503, MC504, MC505 a gap, MC509, MC510 closed. The result may be `RejectedLines`: a
+                line is faulty; those before it are taken.
         """
         program = self._owned(client, program_id)
         self._take(program, first, lines)
-        through = min(first + len(lines) - 1, program.queue.accepted)
-        future: asyncio.Future[Verdict] = self._loop.create_future()
-        program.wait_for(through, future)
-        if not future.done():
-            limit = self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, future)
-            try:
-                verdict = await future
-            finally:
-                limit.cancel()
-        else:
-            verdict = future.result()
-        if verdict is Verdict.REJECTED and program.rejected <= first + len(lines) - 1:
-            raise RejectedLines(program.diagnostics, **self._numbers(program))
-        return program
+        last = first + len(lines) - 1
+        through = min(last, program.queue.accepted)
+        result: Deferred[Program] = Deferred()
+        verdict: Deferred[Verdict] = Deferred()
+
+        def judged(value: Verdict | None, _error: Exception | None) -> None:
+            limit.cancel()
+            if value is Verdict.REJECTED and program.rejected <= last:
+                result.fail(RejectedLines(program.diagnostics, **self._numbers(program)))
+            else:
+                result.resolve(program)
+
+        limit = self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
+        verdict.listen(judged)
+        program.wait_for(through, verdict)
+        return result
 
     def stream(self, program_id: str, first: int, lines: Sequence[str]) -> None:
         """Takes lines that were put without asking; whatever happens is told by an acknowledgement."""
@@ -476,10 +479,9 @@ class MachineService:
             return
         self._table.lines(program, taken.first, taken.lines)
 
-    def _stop_waiting(self, program: Program, through: int, future: asyncio.Future[Verdict]) -> None:
-        if not future.done():
-            if program.journaled >= through:
-                future.set_result(Verdict.TAKEN)
-            else:
-                # only what is journaled is ever acknowledged
-                self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, future)
+    def _stop_waiting(self, program: Program, through: int, verdict: Deferred[Verdict]) -> None:
+        if program.journaled >= through:
+            verdict.resolve(Verdict.TAKEN)
+        elif not verdict.done:
+            # only what is journaled is ever acknowledged
+            self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)

@@ -18,7 +18,7 @@ SQUARE = str(EXAMPLES / "square.gcode")
 @pytest.fixture
 def short(tmp_path: Path) -> str:
     path = tmp_path / "short.gcode"
-    path.write_text("G1010\nG94 F6000\nG01 X10\nG01 Y5\nG1011\n")
+    path.write_text("G1010\nG94 F6000\nG01 X10\nG01 Y5\n")
     return str(path)
 
 

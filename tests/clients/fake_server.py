@@ -134,9 +134,7 @@ class FakeServer:
             session.declare_queryable(f"{root}/info", here(self._on_query, indirect=False)),
             session.declare_subscriber(f"{root}/in/*", here(self._on_lines, indirect=False)),
             session.declare_subscriber(f"{root}/estop", here(self._on_estop, indirect=False)),
-            live.declare_subscriber(
-                f"{root}/client/*", here(self._on_client, indirect=False), history=True
-            ),
+            live.declare_subscriber(f"{root}/client/*", here(self._on_client, indirect=False), history=True),
             live.declare_token(f"{root}/live/{self.instance}"),
         ]
         return self
@@ -159,6 +157,11 @@ class FakeServer:
             self._seq = itertools.count(0)
             self.events = []
         self.start()
+
+    def declare_another(self, name: str) -> None:
+        """A token of another machine, which answers nothing."""
+        assert self._session is not None
+        self._declared.append(self._session.liveliness().declare_token(f"mc/@v1/{name}/live/i1"))
 
     def lose_link(self) -> None:
         """The link goes and comes again; the server itself has not noticed and its programs live."""

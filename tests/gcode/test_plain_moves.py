@@ -15,12 +15,24 @@ MACHINE = machine_of(
 number = st.decimals(-60, 60, places=3).map(str)
 axis_word = st.tuples(st.sampled_from(["X", "Y", "Z", "A", "B", "[6]", "[0]", "x", "C"]), number).map("".join)
 move = st.tuples(
-    st.sampled_from(["G01 ", "G1", "g001 ", "", "G90 G01 ", "G02 "]),
+    st.sampled_from(["G01 ", "G1", "N7 g001 ", "", "G90 G01 ", "G02 "]),
     st.lists(axis_word, min_size=1, max_size=4).map(" ".join),
     st.sampled_from(["", "", " F100", " F0", " F2.5"]),
 ).map("".join)
+arc = st.tuples(
+    st.sampled_from(["G02 ", "G3", "g002 ", "", "G01 "]),
+    st.lists(axis_word, max_size=3).map(" ".join),
+    st.sampled_from([" R20", " R-30", " I5 J5", " I5", "J-5", " K5 I0", " K3", " R5 I1", " R0", " I0.001"]),
+    st.sampled_from(["", " F100", " F0"]),
+).map("".join)
+circle = st.tuples(
+    st.sampled_from(["G02 ", "G03", ""]),
+    st.sampled_from(["X1 Y2", "Z3", "X4", "Y5 Z-3", "X2 Z2 Y9", "X8 Z1", "X49 Y3"]),
+    st.sampled_from(["R20", "R-30", "R6", "I4 J1", "I-5 K2", "J3"]),
+).map(" ".join)
 setting = st.sampled_from(
-    ["G20", "G21", "G91", "G90", "G93 F30", "G94 F600", "G61", "G64", "G09", "F50", "G1010 P0"]
+    ["G20", "G21", "G91", "G90", "G93 F30", "G94 F600", "G61", "G64", "G09", "F50"]
+    + ["G1010 P0", "G17", "G18", "G19", "G02"]
 )
 
 
@@ -32,7 +44,7 @@ def outcome(interpreter: Interpreter, parsed: ParsedLine) -> object:
 
 
 @settings(max_examples=250, deadline=None)
-@given(st.lists(st.one_of(move, move, setting), max_size=12))
+@given(st.lists(st.one_of(move, move, setting, arc, circle), max_size=12))
 def test_plain_and_general_interpretation_are_equal(lines: list[str]) -> None:
     quick, general = Interpreter(MACHINE), Interpreter(MACHINE)
     for line_number, text in enumerate(["F600", "G01 X0", *lines], start=1):
@@ -45,9 +57,11 @@ def test_plain_and_general_interpretation_are_equal(lines: list[str]) -> None:
 
 
 def test_plain_lines_are_seen_as_such() -> None:
-    for text in ("G01 X1 Y2", "X1 F5", "g1[6]3", "N"):
+    for text in ("G01 X1 Y2", "X1 F5", "g1[6]3", "G02 X1 Y1 R1", "X1 I5 J0", "N5 G03 I5 J0", "N"):
         assert (scan_line(text, 1).plain is not None) == (text != "N")
-    for text in ("G02 X1 Y1 R1", "G01 U1", "G01 X1 X2", "G01 X1, Y1", "N5 X1", "F100", "G01 X1 F0"):
+    for text in ("G02 X1 Y1 P2 R1", "G01 X1 R1", "G02 X1 R1 I2", "G01 U1", "G01 X1 X2", "G01 X1, Y1"):
+        assert scan_line(text, 1).plain is None
+    for text in ("N5.5 X1", "X1 N5", "F100", "G01", "G01 X1 F0", "I5 J0", "G02 R5"):
         assert scan_line(text, 1).plain is None
 
 

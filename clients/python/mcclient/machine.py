@@ -342,7 +342,7 @@ class Machine:
 
     async def check(self, text: str, positions: dict[int, float] | None = None) -> CheckResult:
         """Every fault of a program's text; ``positions`` start the axes there [mm, deg]."""
-        written = None if positions is None else {str(axis): value for axis, value in positions.items()}
+        written = None if positions is None else {str(axis): at for axis, at in positions.items()}
         request = {"text": text, "positions": written}
         reply = await self._caller.call("check", request, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S)
         return decode(CheckResult, reply)

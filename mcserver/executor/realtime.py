@@ -1,0 +1,53 @@
+"""What Linux offers a thread that must be on time; each refusal is named, none is fatal."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import time
+
+PRIORITY = 80
+
+_MCL_CURRENT_AND_FUTURE = 3
+_TIMER_ABSTIME = 1
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+class MonotonicClock:
+    """CLOCK_MONOTONIC, with sleep to an absolute deadline (clock_nanosleep, TIMER_ABSTIME)."""
+
+    def __init__(self) -> None:
+        self._sleep = ctypes.CDLL(None, use_errno=True).clock_nanosleep
+        self._sleep.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.POINTER(_Timespec), ctypes.c_void_p)
+        self._sleep.restype = ctypes.c_int
+        self._deadline = _Timespec()
+        self._pointer = ctypes.pointer(self._deadline)
+
+    def now(self) -> int:
+        """[ns]."""
+        return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+
+    def sleep_until(self, deadline: int) -> None:
+        """Returns at or after ``deadline`` [ns], not before, signals or not."""
+        self._deadline.seconds, self._deadline.nanoseconds = divmod(deadline, 1_000_000_000)
+        while self._sleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, self._pointer, None) == errno.EINTR:
+            pass
+
+
+def take_realtime_priority(priority: int = PRIORITY) -> bool:
+    """Puts this thread under SCHED_FIFO; False without the right to."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        return False
+    return True
+
+
+def lock_memory() -> bool:
+    """Keeps all pages of this process in memory, also those to come; False without the right to."""
+    locked: int = ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE)
+    return locked == 0

@@ -1,0 +1,176 @@
+"""The executor's process: ``python -m mcserver.executor.realtime_loop``, with its machine on standard input.
+
+One thread, nothing else. It wakes at absolute deadlines; a wake-up that is a whole cycle late or more is counted and
+the missed cycles are left out, so motion is delayed by them and never jumps or bursts.
+"""
+
+from __future__ import annotations
+
+import enum
+import gc
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import msgspec
+
+from mcserver.config import Machine
+from mcserver.drives.registry import create_buses
+from mcserver.executor.executor import Executor
+from mcserver.executor.faults import FaultCode
+from mcserver.executor.mailbox import CommandMailbox
+from mcserver.executor.realtime import PRIORITY, MonotonicClock, lock_memory, take_realtime_priority
+from mcserver.executor.shared import SharedParts, map_block
+
+# Without a beat of the server for this time motion is stopped [s].
+SERVER_TIMEOUT_S = 0.1
+# How long axes are held after that stop before they are de-energized [s].
+HOLD_AFTER_STOP_S = 1.0
+# Motion that has not come to rest in this time, while ending, is cut off [s].
+STOP_TIMEOUT_S = 10.0
+# How often it is looked whether the parent process is still there [cycles].
+PARENT_CYCLES = 64
+
+
+class ProcessState(enum.IntEnum):
+    """State of the executor's process, in the mailbox."""
+
+    STARTING = 0
+    RUNNING = 1
+    SERVER_LOST = 2
+    ENDED = 3
+
+
+class ExitCode(enum.IntEnum):
+    """How the process ends by itself."""
+
+    ASKED = 0
+    BROKEN = 1
+    SERVER_LOST = 3
+    DRIVES = 4
+
+
+class Start(msgspec.Struct, frozen=True):
+    """What the process is told on standard input, as MessagePack."""
+
+    machine: Machine
+    descriptor: int
+    slots: int
+    parent: int
+    priority: int = PRIORITY
+
+
+class Clock(Protocol):
+    """A clock with absolute sleep [ns]."""
+
+    def now(self) -> int: ...
+    def sleep_until(self, deadline: int) -> None: ...
+
+
+class ServerWatch:
+    """Whether the server lives, by its beats. Counted in executed cycles, so that a stall of the whole computer,
+    server included, is no loss."""
+
+    def __init__(self, mailbox: CommandMailbox, cycle_s: float, parent: int) -> None:
+        self._mailbox = mailbox
+        self._patience = max(1, round(SERVER_TIMEOUT_S / cycle_s))
+        self._parent = parent
+        self._beat = mailbox.server_beat
+        self._without = 0
+        self._beating = False
+        self._cycles = 0
+
+    def lost(self) -> bool:
+        """Once a cycle."""
+        beat = self._mailbox.server_beat
+        self._cycles += 1
+        if beat != self._beat:
+            self._beat = beat
+            self._without = 0
+            self._beating = True
+            return False
+        self._without += 1
+        if self._beating and self._without >= self._patience:
+            return True
+        return self._cycles % PARENT_CYCLES == 0 and os.getppid() != self._parent
+
+
+def run_loop(
+    executor: Executor, mailbox: CommandMailbox, clock: Clock, parent: int, asked: Callable[[], bool]
+) -> ExitCode:
+    """Cycles until the server asks for the end or is lost; axes are at rest then where that was possible.
+
+    Args:
+        asked: whether something else than the mailbox asks for the end.
+    """
+    cycle_s = executor.machine.cycle_s
+    period = round(cycle_s * 1e9)
+    watch = ServerWatch(mailbox, cycle_s, parent)
+    result: ExitCode | None = None
+    ending_since = 0
+    number = 0
+    standing_since: int | None = None
+    deadline = clock.now() + period
+    mailbox.set_epoch(time.time() + period * 1e-9)
+    while True:
+        clock.sleep_until(deadline)
+        missed = (clock.now() - deadline) // period
+        if missed > 0:
+            executor.late_cycles += missed
+            number += missed
+            deadline += missed * period
+        executor.cycle(number * cycle_s)
+        number += 1
+        deadline += period
+        if result is None:
+            if watch.lost():
+                result = ExitCode.SERVER_LOST
+                mailbox.set_executor_state(ProcessState.SERVER_LOST)
+                executor.stop_all(FaultCode.SERVER_LOST)
+                ending_since = number
+            elif mailbox.quitting or asked():
+                result = ExitCode.ASKED
+                executor.stop_all()
+                ending_since = number
+            continue
+        if executor.standing and standing_since is None:
+            standing_since = number
+        hold = 0.0 if result is ExitCode.ASKED else HOLD_AFTER_STOP_S
+        if standing_since is not None and (number - standing_since) * cycle_s >= hold:
+            return result
+        if (number - ending_since) * cycle_s > STOP_TIMEOUT_S:
+            return result
+
+
+def main() -> int:
+    """Runs the process; returns its exit code."""
+    start = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Start)
+    terminated: list[int] = []
+    # an interrupt from the keyboard goes to the server too, which ends this process in order
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda number, _frame: terminated.append(number))
+    parts: SharedParts = map_block(start.descriptor, start.machine, start.slots)
+    os.close(start.descriptor)
+    machine, mailbox = start.machine, parts.mailbox
+    executor = Executor(machine, create_buses(machine), parts.rings, mailbox, parts.feedback, parts.events)
+    code = ExitCode.BROKEN
+    try:
+        locked = lock_memory()
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        if not (take_realtime_priority(start.priority) and locked):
+            executor.warn(FaultCode.NO_REALTIME)
+        mailbox.set_executor_state(ProcessState.RUNNING)
+        code = run_loop(executor, mailbox, MonotonicClock(), start.parent, lambda: bool(terminated))
+    finally:
+        executor.close()
+        mailbox.set_executor_state(ProcessState.ENDED)
+    return int(code)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
