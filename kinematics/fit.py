@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.newton import joint_step, newton
+from kinematics.newton import joint_slope, newton
 from kinematics.pose import Array
 from kinematics.spline import clamped_spline, evaluate_cells
 from kinematics.target_path import TargetPath
@@ -36,8 +36,10 @@ class Fit:
     failed_at: float | None
 
 
-def fit(tool: ToolModel, path: TargetPath, s: Array, joints: Array) -> Fit:
+def fit(tool: ToolModel, path: TargetPath, s: Array, joints: Array, aside: float = 0.0) -> Fit:
     """Spline through rough positions ``joints`` (n, K) at ``s`` (n,), the first of them exact.
+
+    ``aside``: as in `joint_slope`, the same as the positions were found with.
 
     Knots are added where the tool would leave its path by more than TOLERANCE_SHARE of its tolerance. The
     error of a cubic spline falls with the fourth power of the distance of its knots.
@@ -47,7 +49,7 @@ def fit(tool: ToolModel, path: TargetPath, s: Array, joints: Array) -> Fit:
     targets = path.at(knots[1:])
     solved, ok = newton(tool, joints[1:], targets)
     values = np.concatenate([start[None], solved])
-    slopes = _end_slopes(tool, path, values)
+    slopes = _end_slopes(tool, path, values, aside)
     coefficients = clamped_spline(knots, values, *slopes)
     failed = ~ok
     if failed.any():
@@ -98,8 +100,9 @@ def _excess(tool: ToolModel, path: TargetPath, at: Array, joints: Array) -> Arra
     return worst
 
 
-def _end_slopes(tool: ToolModel, path: TargetPath, values: Array) -> tuple[Array, Array]:
+def _end_slopes(tool: ToolModel, path: TargetPath, values: Array, aside: float) -> tuple[Array, Array]:
     ends = np.array([0.0, 1.0])
-    jacobians = tool.linearise(values[[0, -1]], path.at(ends))[1]
-    start, end = joint_step(tool, jacobians, path.rates(ends))
+    joints = values[[0, -1]]
+    jacobians = tool.linearise(joints, path.at(ends))[1]
+    start, end = joint_slope(tool, joints, jacobians, path.rates(ends), aside)
     return start, end

@@ -44,6 +44,23 @@ def joint_step(tool: ToolModel, jacobians: Array, rates: Array) -> Array:
     return damped
 
 
+def joint_slope(tool: ToolModel, joints: Array, jacobians: Array, rates: Array, aside: float) -> Array:
+    """Joint velocities along a path: J⁺·rate, and of a chain with joints to spare a motion of those.
+
+    Args:
+        joints: shape (n, K). jacobians: shape (n, rows, K). rates: shape (n, rows), of the tool.
+        aside: how strongly the joints are moved away from their limits where that does not move the tool
+            (Liégeois); 0: not at all.
+
+    Returns:
+        Shape (n, K).
+    """
+    if aside == 0.0:
+        return joint_step(tool, jacobians, rates)
+    spare = aside * tool.tool_speed(rates)[:, None] * tool.limit_gradient(joints)
+    return joint_step(tool, jacobians, rates - (jacobians @ spare[..., None])[..., 0]) + spare
+
+
 def newton(
     tool: ToolModel, joints: Array, targets: Targets, *, iterations: int = 10
 ) -> tuple[Array, BoolArray]:

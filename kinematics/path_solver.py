@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinematics import refusal
-from kinematics.errors import KinematicsError
+from kinematics.errors import JointLimit, KinematicsError
 from kinematics.fit import Fit, fit
 from kinematics.newton import newton
 from kinematics.pose import Array, JointPath, ToolPath
@@ -25,6 +25,8 @@ SINGULAR_BELOW = 0.03
 # a path is traced again this much finer where knots between the first ones are not found
 REFINEMENT = 16
 MOST_CELLS = 1 << 16
+# how strongly a chain with joints to spare moves them away from limits, once one would be passed
+ASIDE = 4.0
 # points of the rest of a path that are tried to see how far it leaves the reach, and what counts there [m]
 PROBES = 7
 MISSING_FLOOR = 1e-7
@@ -38,10 +40,23 @@ def solve_tool_path(tool: ToolModel, path: ToolPath, joints: Array) -> JointPath
         Unreachable, JointLimit, Singular, BranchJump: as their names say; nothing is clipped.
     """
     targets = TargetPath(tool, path, joints)
+    try:
+        return _solve(tool, targets, joints, 0.0)
+    except JointLimit:
+        if tool.chain.size == tool.rank:
+            raise
+        try:
+            return _solve(tool, targets, joints, ASIDE)
+        except KinematicsError:
+            pass
+        raise
+
+
+def _solve(tool: ToolModel, targets: TargetPath, joints: Array, aside: float) -> JointPath:
     cells = targets.cells()
-    followed, fitted = _follow(tool, targets, joints, cells)
+    followed, fitted = _follow(tool, targets, joints, cells, aside)
     if fitted.failed_at is not None:
-        followed, fitted = _follow(tool, targets, joints, min(REFINEMENT * cells, MOST_CELLS))
+        followed, fitted = _follow(tool, targets, joints, min(REFINEMENT * cells, MOST_CELLS), aside)
         if fitted.failed_at is not None:
             raise _lost(tool, targets, followed, fitted.failed_at)
     _refuse_limits(tool, targets, fitted.knots, fitted.coefficients)
@@ -53,15 +68,17 @@ def solve_tool_path(tool: ToolModel, path: ToolPath, joints: Array) -> JointPath
     return JointPath(tool.chain.axes, fitted.knots, fitted.coefficients)
 
 
-def _follow(tool: ToolModel, targets: TargetPath, joints: Array, cells: int) -> tuple[Trace, Fit]:
-    followed = trace(tool, targets, joints, cells)
+def _follow(
+    tool: ToolModel, targets: TargetPath, joints: Array, cells: int, aside: float
+) -> tuple[Trace, Fit]:
+    followed = trace(tool, targets, joints, cells, aside)
     # from a singular start both sides of it look the same, so that nothing beyond it is to be relied on
     _refuse_singular(tool, targets, Trace(followed.s[:1], followed.joints[:1], False), [0])
     if not followed.complete:
         raise _lost(tool, targets, followed, float(followed.s[-1]))
     # no spline comes to an end that is singular
     _refuse_singular(tool, targets, followed, [-1])
-    return followed, fit(tool, targets, followed.s, followed.joints)
+    return followed, fit(tool, targets, followed.s, followed.joints, aside)
 
 
 def _refuse_singular(tool: ToolModel, targets: TargetPath, followed: Trace, rows: list[int]) -> None:

@@ -85,8 +85,7 @@ def _least(found: Found, *, point_weight: float = 1.0, turn_weight: float = 1.0)
 
 
 def _travel(tool: ToolModel, joints: Array, start: Array) -> float:
-    unit = np.where(tool.chain.revolute, 1.0, tool.chain.reach)
-    return float(np.linalg.norm((joints - start) / unit))
+    return float(np.linalg.norm((joints - start) / tool.unit))
 
 
 def _nearest(tool: ToolModel, found: Found, joints: Array) -> Array | None:
@@ -105,7 +104,7 @@ def _refusal(tool: ToolModel, target: Targets, free: Found, bounded: Found, join
     if not free.reached.any():
         return refusal.unreachable(tool, missing(tool, target, joints), place, None)
     chain = tool.chain
-    unit = np.where(chain.revolute, 1.0, chain.reach)
+    unit = tool.unit
     solutions = unwind(tool, free.joints[free.reached], joints)
     excess = np.maximum(chain.lower - solutions, solutions - chain.upper) / unit
     least = int(np.argmin(excess.max(axis=1)))

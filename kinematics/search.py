@@ -51,7 +51,7 @@ def search(
         np.repeat(target.positions, count, axis=0),
         None if target.rotations is None else np.repeat(target.rotations, count, axis=0),
     )
-    unit = np.where(chain.revolute, 1.0, chain.reach)
+    unit = tool.unit
     scale = np.full(tool.rows, turn_weight)
     scale[:3] = point_weight / chain.reach
     damping = np.full(count, 1e-3)

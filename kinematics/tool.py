@@ -64,6 +64,11 @@ class ToolModel:
         """Numbers that a pose has for this tool: 6 with orientation, else 3."""
         return 6 if self.orientation else 3
 
+    @property
+    def unit(self) -> Array:
+        """What each joint's travel is measured in, shape (K,): 1 rad, or the reach [m]."""
+        return np.where(self.chain.revolute, 1.0, self.chain.reach)
+
     def target(self, pose: Pose) -> Targets:
         """A single pose as targets of length 1."""
         rotations = euler_to_matrix(pose.angles, self.euler)[None] if self.orientation else None
@@ -107,14 +112,27 @@ class ToolModel:
         fastest = float(self.tool_speed(rates).max())
         return np.asarray(speed / fastest if fastest > 0.0 else np.zeros(len(rates)), dtype=np.float64)
 
+    def limit_gradient(self, joints: Array) -> Array:
+        """Where to move joints (n, K) away from their limits, shape (n, K) [rad or m].
+
+        Zero in the middle half of a joint's range and without limits, half the range at a limit.
+        """
+        chain = self.chain
+        half = 0.5 * (chain.upper - chain.lower)
+        limited = np.isfinite(half)
+        middle = np.where(limited, 0.5 * (chain.upper + chain.lower), 0.0)
+        half = np.where(limited, half, 0.0)
+        share = np.where(limited, (joints - middle) / np.where(limited, half, 1.0), 0.0)
+        beyond = np.clip(2.0 * np.abs(share) - 1.0, 0.0, 1.5)
+        return np.asarray(-np.sign(share) * half * beyond, dtype=np.float64)
+
     def tool_speed(self, rates: Array) -> Array:
         """Sizes of rates of the tool (n, rows) without units, shape (n,) [1]: lengths over the reach."""
         return np.asarray(np.linalg.norm(self._without_lengths(rates), axis=1), dtype=np.float64)
 
     def joint_speed(self, slopes: Array) -> Array:
         """Sizes of rates of the joints (n, K) without units, shape (n,) [1]: lengths over the reach."""
-        unit = np.where(self.chain.revolute, 1.0, self.chain.reach)
-        return np.asarray(np.linalg.norm(slopes / unit, axis=1), dtype=np.float64)
+        return np.asarray(np.linalg.norm(slopes / self.unit, axis=1), dtype=np.float64)
 
     def _without_lengths(self, rates: Array) -> Array:
         scaled = rates.copy()

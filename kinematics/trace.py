@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.newton import joint_step
+from kinematics.newton import joint_slope, joint_step
 from kinematics.pose import Array
 from kinematics.target_path import TargetPath
 from kinematics.tool import Targets, ToolModel
@@ -44,15 +44,16 @@ class _Place:
     slope: Array
 
 
-def trace(tool: ToolModel, path: TargetPath, start: Array, cells: int) -> Trace:
+def trace(tool: ToolModel, path: TargetPath, start: Array, cells: int, aside: float = 0.0) -> Trace:
     """Rough joint positions along the path from ``start``, shape (K,), as far as they can be followed.
 
-    ``cells``: steps of 1/cells are the longest.
+    ``cells``: steps of 1/cells are the longest. ``aside``: as in `joint_slope`.
     """
     grid = np.linspace(0.0, 1.0, cells + 1)
     targets, rates = path.at(grid), path.rates(grid)
-    unit = np.where(tool.chain.revolute, 1.0, tool.chain.reach)
-    slope = joint_step(tool, tool.linearise(start[None], targets.rows(slice(0, 1)))[1], rates[:1])[0]
+    unit = tool.unit
+    jacobian = tool.linearise(start[None], targets.rows(slice(0, 1)))[1]
+    slope = joint_slope(tool, start[None], jacobian, rates[:1], aside)[0]
     here, before = _Place(0.0, start, slope), None
     places = [here]
     # steps are counted in the finest ones, so that halving and doubling are exact
@@ -66,7 +67,10 @@ def trace(tool: ToolModel, path: TargetPath, start: Array, cells: int) -> Trace:
             target, rate = path.at(s), path.rates(s)
         else:
             target, rate = targets.rows(slice(cell, cell + 1)), rates[cell : cell + 1]
-        reached = _correct(tool, _predict(tool, here, before, ahead / last), target, rate, here, unit)
+        guess = _predict(tool, here, before, ahead / last)
+        reached = None
+        if np.abs((guess - here.joints) / unit).max() <= LARGEST_STEP:
+            reached = _correct(tool, guess, target, rate, aside)
         if reached is None:
             stride //= 2
             if stride == 0:
@@ -104,15 +108,18 @@ def _predict(tool: ToolModel, here: _Place, before: _Place | None, s: float) -> 
 
 
 def _correct(
-    tool: ToolModel, guess: Array, target: Targets, rate: Array, here: _Place, unit: Array
+    tool: ToolModel, guess: Array, target: Targets, rate: Array, aside: float
 ) -> tuple[Array, Array] | None:
     """The joints at a target and their slope, from a guess; None if the guess is not safely near."""
-    if np.abs((guess - here.joints) / unit).max() > LARGEST_STEP:
-        return None
+    unit = tool.unit
     joints = guess[None]
     for _ in range(CORRECTIONS):
         residual, jacobian = tool.linearise(joints, target)
-        step, slope = joint_step(tool, jacobian, np.concatenate([residual, rate]))
+        if aside == 0.0:
+            step, slope = joint_step(tool, jacobian, np.concatenate([residual, rate]))
+        else:
+            step = joint_step(tool, jacobian, residual)[0]
+            slope = joint_slope(tool, joints, jacobian, rate, aside)[0]
         joints = joints + step
         if np.abs((joints[0] - guess) / unit).max() > LARGEST_CORRECTION:
             return None

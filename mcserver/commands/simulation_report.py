@@ -47,9 +47,7 @@ def print_report(report: Mapping[str, Any], source_lines: Sequence[str], name: s
     )
 
 
-def _table_of_lines(
-    lines: Sequence[Mapping[str, Any]], source_lines: Sequence[str], width: int
-) -> Table:
+def _table_of_lines(lines: Sequence[Mapping[str, Any]], source_lines: Sequence[str], width: int) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("line", "start s", "end s", "asked s", "×"):
         table.add_column(title, justify="right", no_wrap=True)

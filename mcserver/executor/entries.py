@@ -49,7 +49,8 @@ class Control(msgspec.Struct, frozen=True):
         u: where on the program's time axis [cycles], not below the entry before.
         line: number of the G-code line that it belongs to.
         axes: bit mask over the machine's columns (bit 0 = first axis of the machine).
-        values: shape (K,) for RAPID, SPEED and TORQUE, else None.
+        values: shape (K,) for RAPID, SPEED and TORQUE; for END optionally the final positions (without them the
+            axes hold the row at or right after u); else None.
         seconds: for DWELL; for WAIT the time-out.
         operation: for AXIS: index of the operation in ``list(AxisOperation)``.
         token: for SETTLE: a number that the executor reports back with the positions.

@@ -84,7 +84,7 @@ class Playback:
         written = self._ring.rows_written
         if written == self._first:
             return -1.0
-        return self._u_cells[(written - 1) % self._ring.rows]
+        return float(self._u_cells[(written - 1) % self._ring.rows])
 
     def seek(self, u: float) -> None:
         """Lets the row at or before u be the current one, and frees those before it."""

@@ -236,7 +236,7 @@ def _unled(word: Word, faults: FaultList, span: SpanOf) -> None:
 
 
 def _check_line(groups: tuple[Group, ...], faults: FaultList, span: SpanOf) -> None:
-    """What a line may hold together: axis commands no motion (D-01a), M codes at its ends only."""
+    """What a line may hold together: axis commands no motion (D-01a), a pause at its ends only."""
     everything = [command for group in groups for command in group]
     acts = [
         place
@@ -254,7 +254,7 @@ def _check_line(groups: tuple[Group, ...], faults: FaultList, span: SpanOf) -> N
                 span(command.first, command.last),
                 "put it on a line of its own",
             )
-        elif command.spec.kind is Kind.PROGRAM and acts[0] < place < acts[-1]:
+        elif command.spec.name in ("M00", "M01") and acts[0] < place < acts[-1]:
             faults.add(
                 "MC115",
                 f"{command.spec.name} cannot stand between motions that start together",

@@ -126,7 +126,8 @@ class _Reading:
             end = after_name
             controls = _CONTROLS.match(code, begin)
             if controls is None:  # the control character has a fault of its own
-                self._fault("MC102", f"{shown} has no number", start, end, f"write {shown}0 if zero is meant")
+                hint = f"write {shown}0 if zero is meant" if name not in "GMNTFP" else ""
+                self._fault("MC102", f"{shown} has no number", start, end, hint)
             run = _UNKNOWN
         else:
             hint = "write a number such as 5, -1.5 or .25"

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.motion.path import Array, LineCurve, PolynomialCurve, SampledCurve
 from mcserver.motion.segment import AxisLimits, Segment
@@ -173,16 +174,20 @@ class RunLimits:
     """Limits of all segments of a run, prepared once for many questions about stretches of it.
 
     Args:
-        demands: one for each segment. tops: their greatest speeds (n,); lowered where a speed would leave
-            hardly any acceleration or jerk to get to it.
+        demands: one for each segment. starts: first segments of the groups that questions are about, (n,).
+        tops: greatest speeds of the groups (n,); lowered where a speed would leave hardly any acceleration
+            or jerk to get to it.
     """
 
-    def __init__(self, demands: list[Demand], tops: Array, limits: AxisLimits) -> None:
+    def __init__(
+        self, demands: list[Demand], starts: NDArray[np.intp], tops: Array, limits: AxisLimits
+    ) -> None:
         self._limits = limits
         self._ladders: dict[tuple[int, int], list[Level]] = {}
         self._demand = Demand.stack(demands) if len(demands) > 1 else demands[0]
-        counts = np.array([len(demand.spacing) for demand in demands])
-        self._offset = np.concatenate([[0], np.cumsum(counts)])
+        ends = np.concatenate([[0], np.cumsum([len(demand.spacing) for demand in demands])])
+        self._offset = ends[np.append(starts, len(demands))]
+        counts = np.diff(self._offset)
         first = self._offset[:-1]
         rest, rest_jerk = _free(self._demand, limits, np.zeros(int(self._offset[-1])))
         full = np.minimum.reduceat(rest, first)

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.motion.limits import (
     Demand,
@@ -31,6 +32,9 @@ from mcserver.motion.segment import AxisLimits, Segment
 _SLACK = 1.0 + 1e-9
 # Cycles below which a segment's own top speed is that of its joints.
 SHORT = 5.0
+# Cycles that a group of segments may last, and how alike their speeds have to be.
+GROUP = 4.0
+SAME = 0.9
 
 
 @dataclass
@@ -94,6 +98,7 @@ class Lookahead:
         self._limits = limits
         self._solver = ProfileSolver()
         self._run: RunLimits
+        self._starts: NDArray[np.intp]
         self.nodes: list[Node] = []
         self.entry = 0.0
 
@@ -140,7 +145,7 @@ class Lookahead:
     def enter_fast(self) -> None:
         """Sets the entry to the speed that the first segment could have reached from rest in its own length."""
         first = self.nodes[0]
-        run = RunLimits([first.demand], np.array([first.top]), self._limits)
+        run = RunLimits([first.demand], np.zeros(1, np.intp), np.array([first.top]), self._limits)
         acceleration, jerk = run.weakest(0, 1)
         whole = first.segment.scale
         self.entry = 0.5 * reachable_speed(0.0, whole, acceleration, jerk, float(run.tops[0]))
@@ -160,35 +165,86 @@ class Lookahead:
         joints = np.maximum(caps[:-1], caps[1:])
         short = np.diff(bounds) < SHORT * self._limits.cycle * joints
         tops[short] = np.minimum(tops[short], joints[short])
-        self._run = RunLimits([node.demand for node in nodes], tops, self._limits)
+        inner = np.minimum(caps[1:-1], np.minimum(tops[:-1], tops[1:]))
+        caps[1:-1] = inner
+        starts = self._groups(bounds, caps, tops)
+        # from here on everything is about groups of segments
+        self._starts = starts
+        caps = np.append(caps[starts], 0.0)
+        self._run = RunLimits([node.demand for node in nodes], starts, self._tops_of(starts, tops, inner), self._limits)
+        edges = bounds[np.append(starts, count)]
         tops = self._run.tops
         caps[1:-1] = np.minimum(caps[1:-1], np.minimum(tops[:-1], tops[1:]))
         hard = caps.copy()
-        for index, node in enumerate(nodes):
-            duration = node.segment.duration
+        groups = len(starts)
+        for group, index in enumerate(starts.tolist()):
+            duration = nodes[index].segment.duration
             if duration is not None:
-                nominal = node.segment.extent / duration
-                for end in (index, index + 1):
-                    if 0 < end < count:
+                nominal = nodes[index].segment.extent / duration
+                for end in (group, group + 1):
+                    if 0 < end < groups:
                         caps[end] = min(caps[end], nominal)
         keys = [0]
-        for index in range(1, count):
-            timed = nodes[index].segment.duration is not None or nodes[index - 1].segment.duration is not None
-            if timed or caps[index] <= 0.0 or nodes[index].key:
-                keys.append(index)
-        keys.append(count)
-        solution = self._settle(keys, bounds, caps)
-        late = [index for index in range(count) if solution.bound_by[index] is not None]
+        for group in range(1, groups):
+            node = nodes[starts[group]]
+            timed = node.segment.duration is not None or nodes[starts[group - 1]].segment.duration is not None
+            if timed or caps[group] <= 0.0 or node.key:
+                keys.append(group)
+        keys.append(groups)
+        solution = self._settle(keys, edges, caps)
+        late = [group for group in range(groups) if solution.bound_by[group] is not None]
         if late and self._raise_speeds(late, solution.speeds, caps, hard):
-            solution = self._settle(keys, bounds, caps)
+            solution = self._settle(keys, edges, caps)
         phases = join([profile for stretch in solution.stretches for profile in stretch])
         times = phases.time_at(bounds)
         # at keys the solver's own durations are exact; where the motion rests, positions tell time poorly
         ends = np.cumsum([sum(part.duration for part in stretch) for stretch in solution.stretches])
-        times[solution.keys] = np.concatenate([[0.0], ends])
-        bound_by = solution.bound_by
+        times[np.append(starts, count)[solution.keys]] = np.concatenate([[0.0], ends])
+        bound_by: list[Bound | None] = [None] * count
+        for group, index in enumerate(starts.tolist()):
+            bound_by[index] = solution.bound_by[group]
         self._feed_bounds(times, bound_by)
         return PlannedRun([node.segment for node in nodes], bounds, phases, times, bound_by)
+
+    def _groups(self, bounds: Array, caps: Array, tops: Array) -> NDArray[np.intp]:
+        """First segments of groups that are planned as one: short ones under nearly the same speed.
+
+        A group is passed at the lowest of its caps; its segments together last few cycles, so hardly anything
+        is lost, and a curve made of very short lines is planned in steps of milliseconds.
+        """
+        starts = [0]
+        span = GROUP * self._limits.cycle
+        low = high = float(tops[0])
+        lengths = np.diff(bounds).tolist()
+        length = lengths[0]
+        inner, own = caps.tolist(), tops.tolist()
+        for index in range(1, len(lengths)):
+            node = self.nodes[index]
+            least = min(low, inner[index], own[index])
+            most = max(high, own[index])
+            alone = (
+                node.key
+                or node.segment.duration is not None
+                or self.nodes[starts[-1]].segment.duration is not None
+                or least < SAME * most
+                or length + lengths[index] > span * least
+            )
+            if alone:
+                starts.append(index)
+                low = high = own[index]
+                length = lengths[index]
+            else:
+                low, high = least, most
+                length += lengths[index]
+        return np.array(starts, dtype=np.intp)
+
+    @staticmethod
+    def _tops_of(starts: NDArray[np.intp], tops: Array, inner: Array) -> Array:
+        """Top speeds of groups: the lowest of their segments and of the joints between these."""
+        joints = np.append(np.inf, inner)
+        joints[starts] = np.inf
+        result: Array = np.minimum.reduceat(np.minimum(tops, joints), starts)
+        return result
 
     def _raise_speeds(self, late: list[int], speeds: dict[int, float], caps: Array, hard: Array) -> bool:
         """Raises speeds at the ends of timed segments that take longer than their T (D-33).
@@ -200,7 +256,7 @@ class Lookahead:
         now = dict(speeds)
         for index in late:
             for end, other in ((index, index - 1), (index + 1, index + 1)):
-                if end in (0, len(self.nodes)) or hard[end] <= now[end] * (1.0 + 1e-9):
+                if end in (0, len(self._starts)) or hard[end] <= now[end] * (1.0 + 1e-9):
                     continue
                 if not self._timed_overrun(index, now):
                     break
@@ -221,7 +277,7 @@ class Lookahead:
 
     def _timed_overrun(self, index: int, speeds: dict[int, float]) -> bool:
         """Whether a timed segment cannot keep its T between these speeds; False for one without T."""
-        segment = self.nodes[index].segment
+        segment = self.nodes[self._starts[index]].segment
         if segment.duration is None:
             return False
         kept = exactly(
@@ -237,9 +293,9 @@ class Lookahead:
     def _settle(self, keys: list[int], bounds: Array, caps: Array) -> _Solution:
         """Adds keys until no stretch passes a cap; each round binds the lowest cap of each stretch that does."""
         solved: dict[tuple[int, int, float, float], list[Profile]] = {}
-        bound_by: list[Bound | None] = [None] * len(self.nodes)
+        bound_by: list[Bound | None] = [None] * len(self._starts)
         split: set[int] = set()
-        for _ in range(4 * len(self.nodes) + 8):
+        for _ in range(4 * len(self._starts) + 8):
             speeds = self._key_speeds(keys, bounds, caps)
             found: list[int] = []
             result: list[list[Profile]] = []
@@ -247,7 +303,7 @@ class Lookahead:
                 question = (left, right, speeds[left], speeds[right])
                 answer = solved.get(question)
                 if answer is None:
-                    if self.nodes[left].segment.duration is not None:
+                    if self.nodes[self._starts[left]].segment.duration is not None:
                         answer, bound_by[left] = self._timed(left, speeds[left], speeds[right])
                     else:
                         answer = self._stretch(left, right, speeds[left], speeds[right], bounds)
@@ -257,7 +313,7 @@ class Lookahead:
             if not found:
                 return _Solution(keys, speeds, result, bound_by)
             for index in found:
-                self.nodes[index].key = True
+                self.nodes[self._starts[index]].key = True
             keys = sorted({*keys, *found})
         raise PlanningError(self.nodes[0].segment.line)
 
@@ -296,7 +352,7 @@ class Lookahead:
 
     def _timed(self, index: int, entry: float, exit_: float) -> tuple[list[Profile], Bound | None]:
         """One G93 segment: T to the rounding error where the limits allow it, else as short as they allow."""
-        node = self.nodes[index]
+        node = self.nodes[self._starts[index]]
         duration = node.segment.duration
         assert duration is not None
         ladder = self._run.ladder(index, index + 1)
@@ -340,7 +396,7 @@ class Lookahead:
             top = max(entry, exit_, float(self._run.tops[left:right].min()))
             solved = fastest(self._solver, distance, entry, exit_, [Level(top, acceleration, jerk)])
         if solved is None:
-            raise PlanningError(self.nodes[left].segment.line)
+            raise PlanningError(self.nodes[self._starts[left]].segment.line)
         return solved
 
     def _worst(self, i: int, j: int, profiles: list[Profile], bounds: Array, caps: Array) -> int | None:

@@ -45,7 +45,7 @@ class MachineFace:
         self._encode = msgspec.msgpack.Encoder().encode
         self._lines_decoder = msgspec.msgpack.Decoder(StreamLines)
         self._events: Publication = session.recoverable_publisher(keys.event, event_qos())
-        self._acks: dict[str, zenoh.Publisher] = {}
+        self._acks: dict[str, Publication] = {}
         self._rpc: RpcServer | None = None
         self._telemetry: asyncio.Task[None] | None = None
 

@@ -54,6 +54,13 @@ class Publication(Protocol):
     def undeclare(self) -> None: ...
 
 
+class MatchedPublication(Publication, Protocol):
+    """A declared publisher that knows whether someone subscribes."""
+
+    @property
+    def matching_status(self) -> bool: ...
+
+
 def configuration(
     options: NetworkOptions, *, listen: Sequence[str], connect: Sequence[str], mode: str = "peer"
 ) -> zenoh.Config:
@@ -146,7 +153,7 @@ class ZenohSession:
             )
         )
 
-    def publisher(self, key: str, qos: Qos) -> zenoh.Publisher:
+    def publisher(self, key: str, qos: Qos) -> MatchedPublication:
         return self._session.declare_publisher(
             key,
             encoding=ENCODING,

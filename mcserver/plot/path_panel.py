@@ -18,6 +18,8 @@ from mcserver.plot.scene import AxisTrace, Lines, PathTrace, Scene
 from mcserver.plot.theme import ACTUAL, FAINT_INK, INK, PAPER
 
 MAX_LABELS = 24
+# a stroke shorter than this share of the whole picture is a drive settling, not a motion
+LEAST_STROKE = 1e-3
 
 
 def runs_of(line: Lines) -> list[tuple[int, int, int]]:
@@ -46,10 +48,9 @@ def _strokes(path: PathTrace) -> list[tuple[int, NDArray[np.float64]]]:
 
 
 def _moving(path: PathTrace) -> list[tuple[int, NDArray[np.float64]]]:
+    least = LEAST_STROKE * float(np.ptp(path.setpoint, axis=0).max())
     return [
-        (number, points)
-        for number, points in _strokes(path)
-        if len(points) > 1 and np.ptp(points, axis=0).max() > 0
+        (number, points) for number, points in _strokes(path) if float(np.ptp(points, axis=0).max()) > least
     ]
 
 
@@ -134,8 +135,10 @@ def _draw_space(axes: Any, paths: Sequence[PathTrace], colours: Mapping[int, str
     for axis, centre, width in zip("xyz", middle, span, strict=True):
         getattr(axes, f"set_{axis}lim")(centre - width / 2.0, centre + width / 2.0)
         getattr(axes, f"{axis}axis").set_pane_color((0.965, 0.973, 0.98, 1.0))
+    # what is long lies down: the feet of a robot walk along Z
+    upright = "y" if span[2] > 2.0 * max(span[0], span[1]) else "z"
+    axes.view_init(elev=24, azim=-56, vertical_axis=upright)
     axes.set_box_aspect(span, zoom=1.1)
-    axes.view_init(elev=24, azim=-56)
     for axis, name in zip("xyz", paths[0].names, strict=True):
         getattr(axes, f"set_{axis}label")(f"{name} [mm]", labelpad=8)
         getattr(axes, f"{axis}axis").set_major_locator(MaxNLocator(nbins=4))

@@ -29,6 +29,8 @@ class AxisTrace(msgspec.Struct, frozen=True):
     Attributes:
         setpoint, actual: shape (N,) [mm or deg].
         limits: of velocity, acceleration and jerk [mm, deg; s]; infinite where not limited.
+        readings: shape (N,), True where the setpoint is the encoder's reading: the axis is at rest, or not
+            energized.
     """
 
     index: int
@@ -38,13 +40,17 @@ class AxisTrace(msgspec.Struct, frozen=True):
     setpoint: Array
     actual: Array
     limits: tuple[float, float, float]
+    readings: NDArray[np.bool_]
 
     def derivatives(self, cycle_s: float) -> tuple[Array, Array, Array]:
         """Velocity, acceleration and jerk of the setpoint as differences of whole cycles, shape (N,) each.
 
-        Differences, not smoothed derivatives: limits are judged on setpoints at the cycle rate (D-36).
+        Differences, not smoothed derivatives: limits are judged on setpoints at the cycle rate (D-36). Where
+        an axis is not energized its setpoint is the encoder's reading, which obeys no limit: that counts as
+        rest.
         """
         velocity = np.diff(self.setpoint, prepend=self.setpoint[:1]) / cycle_s
+        velocity[self.readings] = 0.0
         acceleration = np.diff(velocity, prepend=0.0) / cycle_s
         jerk = np.diff(acceleration, prepend=0.0) / cycle_s
         return velocity, acceleration, jerk
@@ -144,6 +150,8 @@ def _axis_trace(axis: Axis, setpoint: Array, actual: Array) -> AxisTrace:
         setpoint=setpoint,
         actual=actual,
         limits=(axis.max_velocity / scale, axis.max_acceleration / scale, axis.max_jerk / scale),
+        # an ideal drive's encoder always shows the setpoint, and nothing jumps when it is released
+        readings=(setpoint == actual) & (axis.drive.kind != "ideal"),
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
 from mcserver.plot.path_panel import runs_of
@@ -61,6 +62,7 @@ def draw_against_limit(axes: Any, scene: Scene, trace: AxisTrace, order: int) ->
         said = f"peak {peak:,.0f} {unit}, not limited"
     axes.set_title(f"{trace.name} {QUANTITIES[order]}")
     axes.set_title(said.replace(",", "\u2009"), loc="right", fontsize=8, fontweight="normal", color=FAINT_INK)
+    axes.yaxis.set_major_formatter(EngFormatter(sep="\u2009"))
     axes.margins(x=0.01)
 
 
@@ -78,7 +80,10 @@ def draw_times(axes: Any, scene: Scene, colours: Mapping[int, str]) -> None:
         if each.requested_s is not None:
             axes.plot([each.requested_s] * 2, [place - 0.4, place + 0.4], color=INK, linewidth=2.0)
         said = f"{length:.3f} s" + (f", {each.bound_by}" if each.bound_by else "")
-        axes.text(0.015 * longest, place, said, va="center", fontsize=7.5, color=INK)
+        # at the bar's left, but where the mark would cut the text
+        crossed = 0.0 < (each.requested_s or 0.0) < 0.25 * longest
+        left = max(length, each.requested_s or 0.0) + 0.01 * longest if crossed else 0.015 * longest
+        axes.text(left, place, said, va="center", fontsize=7.5, color=INK)
     axes.set_yticks(places, [f"{each.line}" for each in shown])
     axes.set_ylim(max(len(shown), LEAST_BARS) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)

@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
 from mcserver.config import Machine
 from mcserver.executor.entries import ExecutorEvent, MotionSink
-from mcserver.executor.events import EventRing
-from mcserver.executor.feedback import AxisCondition, FeedbackRing
+from mcserver.executor.feedback import AxisCondition, FeedbackRing, FeedbackState
 from mcserver.executor.mailbox import CommandMailbox
-from mcserver.executor.rings import ProgramRing
+from mcserver.executor.process import ExecutorProcess
 from mcserver.programs.port import Cycles, SlotView, Snapshot
-from mcserver.programs.refusals import Refused
 from mcserver.programs.reports import AxisState
-
-FIRST_CYCLE_LIMIT_S = 10.0
-# the executor's counter has to grow within this time
-ALIVE_S = 1.0
 
 _STATES: tuple[AxisState, ...] = (
     "off",
@@ -46,17 +38,24 @@ ENERGIZED = frozenset(
 
 
 class ExecutorFaces(Protocol):
-    """What an executor shares with the server."""
+    """What an executor offers its server: `mcserver.executor.process.ExecutorProcess`."""
 
-    @property
-    def rings(self) -> Sequence[ProgramRing]: ...
     @property
     def mailbox(self) -> CommandMailbox: ...
     @property
-    def events(self) -> EventRing: ...
+    def feedback(self) -> FeedbackState: ...
     @property
-    def feedback(self) -> FeedbackRing: ...
-    def close(self) -> None: ...
+    def history(self) -> FeedbackRing: ...
+    @property
+    def epoch(self) -> float: ...
+    @property
+    def alive(self) -> bool: ...
+    def events(self) -> list[ExecutorEvent]: ...
+    def open_slot(
+        self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
+    ) -> MotionSink: ...
+    def beat(self) -> None: ...
+    def stop(self) -> object: ...
 
 
 class ExecutorPort:
@@ -70,33 +69,34 @@ class ExecutorPort:
     def __init__(self, machine: Machine, executor: ExecutorFaces) -> None:
         self._executor = executor
         self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
-        self._closed = threading.Lock()
-        self._beat = executor.mailbox.executor_beat
-        self._beat_seen = time.monotonic()
-        latest = executor.feedback.latest()
-        if latest is None:
-            raise Refused("MC518", "the executor has not run a cycle", "see its log")
-        self._epoch = time.time() - latest.time
+        self._closing = threading.Lock()
+
+    @classmethod
+    def start(cls, machine: Machine) -> ExecutorPort:
+        """Starts the executor's process; blocks until it runs cycles.
+
+        Raises:
+            RuntimeFault: MC422 it did not come up. ConfigurationError: a drive that does not fit.
+        """
+        executor = ExecutorProcess(machine)
+        executor.start()
+        return cls(machine, executor)
 
     @property
     def epoch(self) -> float:
-        return self._epoch
+        return self._executor.epoch
 
     def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> MotionSink:
-        ring = self._executor.rings[slot]
-        self._executor.mailbox.open_slot(slot, self._mask(axes), ring.restart(), override=ratio, hold=held)
-        return ring
-
-    def poll_events(self) -> list[ExecutorEvent]:
-        return self._executor.events.take()
-
-    def beat(self) -> None:
-        self._executor.mailbox.beat()
+        return self._executor.open_slot(slot, self._mask(axes), override=ratio, hold=held)
 
     def slots(self) -> list[SlotView]:
-        latest = self._executor.feedback.latest()
-        assert latest is not None, "there was feedback when the port was made"
-        return [SlotView(slot.u, slot.rate) for slot in latest.slots]
+        return [SlotView(slot.u, slot.rate) for slot in self._executor.feedback.slots]
+
+    def poll_events(self) -> list[ExecutorEvent]:
+        return self._executor.events()
+
+    def beat(self) -> None:
+        self._executor.beat()
 
     def hold(self, slot: int) -> None:
         self._executor.mailbox.set_hold(True, slot)
@@ -120,8 +120,7 @@ class ExecutorPort:
         self._executor.mailbox.reset(self._mask(axes))
 
     def snapshot(self) -> Snapshot:
-        latest = self._executor.feedback.latest()
-        assert latest is not None, "there was feedback when the port was made"
+        latest = self._executor.feedback
         return Snapshot(
             time=latest.time,
             setpoint=latest.setpoint,
@@ -134,50 +133,41 @@ class ExecutorPort:
         )
 
     def cycles_since(self, cycle: int, limit: int) -> Cycles | None:
-        feedback = self._executor.feedback
+        history = self._executor.history
         if cycle < 0:
-            cycle = max(0, feedback.written - limit)
-        if feedback.written - cycle < limit:
+            cycle = max(0, history.written - limit)
+        if history.written - cycle < limit:
             # a whole message or none
             return None
-        first, rows = feedback.since(cycle, limit)
+        first, rows = history.since(cycle, limit)
         if len(rows) == 0:
             return None
-        block = feedback.block
         return Cycles(
             first=first,
-            start=float(feedback.time_of(rows)[0]),
-            setpoint=block(rows, "setpoint"),
-            position=block(rows, "actual"),
-            velocity=block(rows, "actual_velocity"),
-            torque=block(rows, "torque"),
+            start=float(history.time_of(rows)[0]),
+            setpoint=history.block(rows, "setpoint"),
+            position=history.block(rows, "actual"),
+            velocity=history.block(rows, "actual_velocity"),
+            torque=history.block(rows, "torque"),
         )
 
     def alive(self) -> bool:
-        beat = self._executor.mailbox.executor_beat
-        now = time.monotonic()
-        if beat != self._beat:
-            self._beat, self._beat_seen = beat, now
-        return now - self._beat_seen < ALIVE_S
+        return self._executor.alive
 
     def close(self) -> None:
-        if self._closed.acquire(blocking=False):
-            self._executor.close()
+        if self._closing.acquire(blocking=False):
+            self._executor.stop()
 
     def energized(self) -> frozenset[int]:
         """Axes that hold a position or move."""
-        latest = self._executor.feedback.latest()
-        if latest is None:
-            return frozenset()
+        condition = self._executor.feedback.condition
         return frozenset(
-            index for index, column in self._columns.items() if int(latest.condition[column]) in ENERGIZED
+            index for index, column in self._columns.items() if int(condition[column]) in ENERGIZED
         )
 
     def positions(self) -> dict[int, float]:
         """Where motion starts from [m, rad]: the setpoint, or the encoder of an axis without energy."""
-        latest = self._executor.feedback.latest()
-        if latest is None:
-            return {}
+        latest = self._executor.feedback
         live = np.isin(latest.condition, [int(condition) for condition in ENERGIZED])
         start = np.where(live, latest.setpoint, latest.actual)
         return {index: float(start[column]) for index, column in self._columns.items()}

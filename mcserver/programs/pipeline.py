@@ -20,7 +20,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent, MotionSink
 from mcserver.gcode.interpreter import Interpreter
 from mcserver.gcode.modal import INITIAL, ModalState
-from mcserver.gcode.parser import parse_line
+from mcserver.gcode.parser import ParsedLine, scan_line
 from mcserver.motion.canonical import (
     AxisLine,
     AxisOperation,
@@ -128,7 +128,7 @@ class Pipeline:
         self._source: Iterator[Piece | Control] | None = None
         self._queue: deque[tuple[int, str]] = deque()
         self._canonical: deque[Canonical | _InPosition] = deque()
-        self._held: Any = None
+        self._held: ParsedLine | None = None
         self._energized = set(energized)
         self._ideal = frozenset(axis.index for axis in machine.axes if axis.drive.kind == "ideal")
         # axes that G1020 may still be moving
@@ -363,7 +363,7 @@ class Pipeline:
         if self._held is None:
             number, text = self._queue.popleft()
             self._last_line = number
-            self._held = parse_line(text, number)
+            self._held = scan_line(text, number)
         parsed = self._held
         unknown = self._interpreter.encoder_axes(parsed)
         if unknown:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.faults import FaultCode
 from mcserver.programs.events import EventLog
 from mcserver.programs.faults import fault_of
 from mcserver.programs.heartbeat import Heartbeat
@@ -43,6 +44,7 @@ log = logging.getLogger(__name__)
 ENDED_PROGRAMS = 100
 TICK_S = 0.02
 LATCHED_FAULTS = 64
+WARNINGS = frozenset({FaultCode.NO_REALTIME})
 # feedback may show the latch a moment after the event
 FAULT_SHOWN_S = 0.5
 
@@ -313,6 +315,9 @@ class ProgramTable:
         elif event.kind is EventKind.LINE_END:
             program.progress.line_ended(event.line, event.time)
             self._has_moved(program)
+        elif event.kind is EventKind.AXIS_DONE:
+            program.progress.ended(event.line)
+            self._has_moved(program)
         elif event.kind is EventKind.PAUSED:
             self.enter(program, "paused")
             self.publish("program.paused", program, line=event.line)
@@ -324,6 +329,12 @@ class ProgramTable:
 
     def _fault(self, event: ExecutorEvent, program: Program | None) -> None:
         fault = fault_of(event, None if program is None else program.program)
+        if event.code in WARNINGS:
+            self.events.publish("warning", reason=fault.code, message=f"{fault.message}: {fault.hint}")
+            return
+        if event.code == FaultCode.EMERGENCY_STOP:
+            # latched and told by whoever asked for it
+            return
         self.latch(fault)
         self.events.publish(
             "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message

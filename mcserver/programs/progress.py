@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 from collections import deque
 from collections.abc import Iterable
 from typing import Protocol
@@ -12,6 +13,8 @@ from mcserver.programs.reports import LineReport
 class PlannedTime(Protocol):
     """What planning says about a line; later reports of a line complete earlier ones."""
 
+    @property
+    def kind(self) -> enum.Enum: ...
     @property
     def line(self) -> int: ...
     @property
@@ -38,15 +41,16 @@ class LineProgress:
         self._requested: dict[int, float] = {}
         self._bound_by: dict[int, str] = {}
         self._running: dict[int, float] = {}
-        # lines that will report their end, in order, and those of them that already have
+        # lines that will report their end, in order, and how many reports each still owes
         self._open: deque[int] = deque()
-        self._closed: set[int] = set()
+        self._owed: dict[int, int] = {}
         self._ended: list[LineReport] = []
 
     def planned(self, reports: Iterable[PlannedTime]) -> None:
-        """Takes what planning found; lines named here run and will report their end."""
+        """Takes what planning found; each report ``planned`` will be followed by an end of its line."""
         for report in reports:
-            self._expect(report.line)
+            if report.kind.value == "planned":
+                self._expect(report.line)
             if report.requested_s is not None:
                 self._requested[report.line] = report.requested_s
             if report.bound_by is not None:
@@ -60,7 +64,6 @@ class LineProgress:
     def line_started(self, line: int, time_s: float) -> None:
         self.started = max(self.started, line)
         self._running[line] = time_s
-        self._expect(line)
 
     def line_ended(self, line: int, time_s: float) -> None:
         """The line's report is in the next `take_ended`."""
@@ -77,13 +80,18 @@ class LineProgress:
                 bound_by=self._bound_by.pop(line, None),
             )
         )
-        self._closed.add(line)
+        self.ended(line)
+
+    def ended(self, line: int) -> None:
+        """One of the things that the line does has ended."""
+        if line in self._owed:
+            self._owed[line] -= 1
         self._advance()
 
     def finished(self, through: int) -> None:
         """The program has ended by itself: whatever it took is done."""
         self._open.clear()
-        self._closed.clear()
+        self._owed.clear()
         self.done = max(self.done, through)
 
     def take_ended(self) -> list[LineReport]:
@@ -92,11 +100,14 @@ class LineProgress:
         return ended
 
     def _expect(self, line: int) -> None:
-        if line > self.done and line not in self._closed and (not self._open or line > self._open[-1]):
+        if line in self._owed:
+            self._owed[line] += 1
+        elif line > self.done:
             self._open.append(line)
+            self._owed[line] = 1
 
     def _advance(self) -> None:
-        while self._open and self._open[0] in self._closed:
-            self._closed.discard(self._open.popleft())
+        while self._open and self._owed[self._open[0]] <= 0:
+            del self._owed[self._open.popleft()]
         through = self._open[0] - 1 if self._open else self._planned_through
         self.done = max(self.done, min(through, self._planned_through))

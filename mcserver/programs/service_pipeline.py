@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mcserver.errors import ProgramRejected
+from mcserver.motion.canonical import AxisLine
 from mcserver.programs.pipeline import Pipeline, Report, ReportKind
 
 
@@ -19,6 +20,11 @@ class ServicePipeline(Pipeline):
         if self._canonical:
             return self._canonical[0].line - 1
         return self._last_line - 1 if self._held is not None else self._last_line
+
+    def _axis_line(self, line: AxisLine) -> None:
+        # the executor says when it is done, as it does of motion
+        self._reports.append(Report(ReportKind.PLANNED, line.line))
+        super()._axis_line(line)
 
     def _interpret(self) -> bool:
         try:

@@ -1,6 +1,7 @@
 """A server that keeps the key space minimally, over real Zenoh, and that can be made to fail.
 
-It moves nothing: a line that is accepted has ended as soon as `FakeServer.runs_by_itself` or `run_lines` says so.
+It moves nothing: a line that is accepted has ended as soon as `FakeServer.runs_by_itself` or `run_lines` says
+so.
 """
 
 from __future__ import annotations
@@ -63,7 +64,8 @@ class FakeServer:
 
     Attributes:
         executed: (program, line number, text) of each line in the order of its execution.
-        lose: how many of what to lose: ``"reply:submit"``, ``"query:open"``, ``"put"``, ``"ack"``, ``"event"``.
+        lose: how many of what to lose: ``"reply:submit"``, ``"query:open"``, ``"put"``, ``"ack"``,
+            ``"event"``.
         calls: how often each method was carried out; ``asked``: how often it was asked.
     """
 

@@ -26,9 +26,12 @@ def test_lines_are_sent_and_waited_for(server: FakeServer) -> None:
 
 
 def test_an_exception_in_the_block_aborts_and_a_rejection_is_raised(server: FakeServer) -> None:
-    with Machine.connect(connect=server.endpoint) as machine:
-        with pytest.raises(ProgramRejected), machine.program() as program:
-            program.send("BAD")
+    with (
+        Machine.connect(connect=server.endpoint) as machine,
+        pytest.raises(ProgramRejected),
+        machine.program() as program,
+    ):
+        program.send("BAD")
     assert server.programs["p1"].state == "aborted"
 
 

@@ -34,6 +34,8 @@ def test_what_follows_the_end_is_not_read() -> None:
     program = Program()
     assert program.run("M30", "G01 X10", "F-1") == [EndLine(1)]
     assert program.run("M30 G01 X10") == []
+    values = feeding().run("G01 X1 M30 G01 Y5")
+    assert [type(value) for value in values] == [MotionLine, EndLine]
 
 
 def test_two_programs_do_not_share_modal_state() -> None:

@@ -71,3 +71,12 @@ def test_a_recording_without_a_row_gives_an_empty_scene() -> None:
     drawn = build_scene("p", machine("linear", "linear"), run([nothing, nothing], nothing), report(0), [])
     assert drawn.axes == ()
     assert drawn.paths == ()
+
+
+def test_a_reading_of_an_axis_without_energy_is_no_motion() -> None:
+    described = machine("linear", "linear")
+    recorded = run([smooth(400, 50.0), smooth(400, 50.0)])
+    recorded.actual[-10:] = recorded.setpoint[-10:] = 49.0
+    drawn = build_scene("p", described, recorded, report(400), [])
+    assert peaks(drawn)[0, 0] < 2.0
+    assert drawn.axes[0].derivatives(0.001)[0][-10:].tolist() == [0.0] * 10

@@ -52,6 +52,7 @@ def three_axes(name: str = "bench") -> Machine:
 
 class Kind(enum.Enum):
     PLANNED = "planned"
+    BOUND = "bound"
     REJECTED = "rejected"
 
 

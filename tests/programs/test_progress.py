@@ -39,13 +39,23 @@ def test_a_line_that_ends_before_an_earlier_one_does_not_count_yet() -> None:
 def test_a_report_holds_times_and_the_limit_that_stretched_the_line() -> None:
     progress = LineProgress(1)
     progress.planned([FakeReport(Kind.PLANNED, 1, requested_s=1.0)])
-    progress.planned([FakeReport(Kind.PLANNED, 1, bound_by="axis 2 acceleration")])
+    progress.planned([FakeReport(Kind.BOUND, 1, bound_by="axis 2 acceleration")])
     progress.line_started(1, 10.0)
     progress.line_ended(1, 11.5)
     (report,) = progress.take_ended()
     assert (report.start_s, report.end_s, report.requested_s) == (10.0, 11.5, 1.0)
     assert (report.stretched_by, report.bound_by) == (1.5, "axis 2 acceleration")
     assert progress.take_ended() == []
+
+
+def test_a_line_of_two_commands_is_done_with_the_second() -> None:
+    progress = LineProgress(1)
+    progress.planned(planned(1, 1))
+    progress.planned_through(1)
+    progress.ended(1)
+    assert progress.done == 0
+    progress.ended(1)
+    assert progress.done == 1
 
 
 def test_a_line_without_a_requested_time_has_no_stretch() -> None:

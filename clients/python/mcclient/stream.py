@@ -93,6 +93,7 @@ class LineStream:
             await self.until(lambda: self.window.has_room)
         elif self.failure is not None:
             self.raise_failure()
+        self._wake.set()
         return self.window.give(text)
 
     async def accepted_all(self) -> None:

@@ -1,0 +1,194 @@
+"""A machine, a virtual executor and a writer of small programs for the tests of the executor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.config import Machine, parse_machine
+from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
+from mcserver.executor.rings import ProgramRing
+from mcserver.executor.virtual import VirtualExecutor
+from mcserver.motion.canonical import AxisOperation
+
+Array = NDArray[np.float64]
+
+CYCLE_S = 1e-3
+_OPERATIONS = list(AxisOperation)
+
+
+def machine(
+    axes: int = 2,
+    *,
+    drive: str = "ideal",
+    velocity: float = 1000.0,
+    acceleration: float = 10000.0,
+    jerk: float | None = None,
+    travel: float | None = 1000.0,
+    axis: str = "",
+    drive_keys: str = "",
+    motion: str = "",
+) -> Machine:
+    """Linear axes, in mm; ``axis``, ``drive_keys`` and ``motion`` are further TOML lines."""
+    text = f'[machine]\nname = "rig"\n[motion]\n{motion}\n'
+    for index in range(axes):
+        text += f'[[axis]]\nindex = {index}\ntype = "linear"\n'
+        text += f"max_velocity = {velocity}\nmax_acceleration = {acceleration}\n"
+        text += "" if jerk is None else f"max_jerk = {jerk}\n"
+        text += "" if travel is None else f"min_position = {-travel}\nmax_position = {travel}\n"
+        text += f'{axis}\n[axis.drive]\nkind = "{drive}"\n{drive_keys}\n'
+    return parse_machine(text)
+
+
+@dataclass
+class Rig:
+    """An executor with one program in slot 0, and what it did."""
+
+    machine: Machine
+    executor: VirtualExecutor = field(init=False)
+    program: Program = field(init=False)
+    events: list[ExecutorEvent] = field(default_factory=list)
+    setpoints: list[Array] = field(default_factory=list)
+    actuals: list[Array] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.executor = VirtualExecutor(self.machine, recorder=self._record)
+        self.program = self.open(0)
+
+    def open(self, slot: int, mask: int | None = None) -> Program:
+        return Program(self.executor.open_slot(slot, mask), len(self.machine.axes))
+
+    def _record(self, _time: float, line: int, setpoint: Array, actual: Array) -> None:
+        self.lines.append(line)
+        self.setpoints.append(setpoint.copy())
+        self.actuals.append(actual.copy())
+
+    def step(self, cycles: int = 1) -> None:
+        self.executor.step(cycles)
+        self.events += self.executor.events()
+
+    def run(self, limit: int = 20000) -> int:
+        """Until nothing is commanded to move; returns the number of cycles."""
+        for cycle in range(limit):
+            self.step()
+            if self.executor.at_rest:
+                return cycle + 1
+        raise AssertionError(f"not at rest after {limit} cycles")
+
+    def run_until(self, kind: EventKind, limit: int = 20000) -> ExecutorEvent:
+        for _ in range(limit):
+            before = len(self.events)
+            self.step()
+            for event in self.events[before:]:
+                if event.kind is kind:
+                    return event
+        raise AssertionError(f"no {kind!r} in {limit} cycles; {self.events}")
+
+    def of(self, kind: EventKind) -> list[ExecutorEvent]:
+        return [event for event in self.events if event.kind is kind]
+
+    def time_of(self, kind: EventKind, line: int) -> float:
+        (event,) = [event for event in self.of(kind) if event.line == line]
+        return event.time
+
+    @property
+    def setpoint(self) -> Array:
+        """Shape (cycles, K)."""
+        return np.array(self.setpoints)
+
+    @property
+    def actual(self) -> Array:
+        return np.array(self.actuals)
+
+    def acceleration(self, column: int = 0) -> Array:
+        """Second differences of the setpoints [m/s²]."""
+        return np.diff(self.setpoint[:, column], 2) / CYCLE_S**2
+
+
+class Program:
+    """Writes entries and rows, u going on by itself."""
+
+    def __init__(self, ring: ProgramRing, width: int) -> None:
+        self.ring = ring
+        self.width = width
+        self.u = 0.0
+        self.line = 0
+        self.position = np.zeros(width)
+
+    def control(self, kind: ControlKind, **more: object) -> None:
+        self.ring.put_control(Control(kind, self.u, self.line, **more))  # type: ignore[arg-type]
+
+    def start_line(self, line: int) -> None:
+        self.line = line
+        self.control(ControlKind.LINE_START)
+
+    def end_line(self) -> None:
+        self.control(ControlKind.LINE_END)
+
+    def axis(self, operation: AxisOperation, mask: int | None = None) -> None:
+        everything = (1 << self.width) - 1
+        index = _OPERATIONS.index(operation)
+        self.control(ControlKind.AXIS, axes=everything if mask is None else mask, operation=index)
+
+    def capture(self, mask: int | None = None) -> None:
+        self.axis(AxisOperation.CAPTURE, mask)
+
+    def rapid(self, targets: dict[int, float]) -> None:
+        self.control(ControlKind.RAPID, axes=mask_of(targets), values=self._values(targets))
+
+    def speed(self, speeds: dict[int, float]) -> None:
+        self.control(ControlKind.SPEED, axes=mask_of(speeds), values=self._values(speeds))
+
+    def torque(self, torques: dict[int, float]) -> None:
+        self.control(ControlKind.TORQUE, axes=mask_of(torques), values=self._values(torques))
+
+    def _values(self, by_column: dict[int, float]) -> tuple[float, ...]:
+        return tuple(by_column.get(column, 0.0) for column in range(self.width))
+
+    def wait(self, mask: int, seconds: float = 5.0) -> None:
+        self.control(ControlKind.WAIT, axes=mask, seconds=seconds)
+
+    def dwell(self, seconds: float) -> None:
+        self.control(ControlKind.DWELL, seconds=seconds)
+
+    def finish(self) -> None:
+        self.control(ControlKind.FINISH)
+
+    def rows(self, position: Array, velocity: Array, mask: int) -> None:
+        """Rows at the whole u after the present one; u goes to the last of them."""
+        count = len(position)
+        first = int(np.floor(self.u + 1e-9)) + 1
+        masks = np.full(count, mask, np.uint64)
+        self.ring.put_rows(first, position, velocity, masks, np.full(count, self.line, np.int64))
+        self.u = float(first + count - 1)
+        self.position = position[-1].copy()
+
+    def move(self, targets: dict[int, float], cycles: int, *, open_end: bool = False) -> None:
+        """A straight move from rest to rest by a polynomial without jumps of acceleration; whole u only."""
+        mask = mask_of(targets)
+        start, end = self.position.copy(), self.position.copy()
+        for column, target in targets.items():
+            end[column] = target
+        self.control(ControlKind.BEGIN, axes=mask)
+        share, slope = quintic(np.arange(1, cycles + 1) / cycles)
+        position = start + share[:, None] * (end - start)
+        velocity = slope[:, None] * (end - start) / (cycles * CYCLE_S)
+        self.rows(position, velocity, mask)
+        if not open_end:
+            self.control(ControlKind.END, axes=mask)
+
+
+def quintic(share: Array) -> tuple[Array, Array]:
+    """From 0 to 1 with no velocity and acceleration at the ends; the value and its slope."""
+    return share**3 * (10 - 15 * share + 6 * share**2), 30 * share**2 * (1 - share) ** 2
+
+
+def mask_of(columns: dict[int, float] | Sequence[int]) -> int:
+    mask = 0
+    for column in columns:
+        mask |= 1 << column
+    return mask
