@@ -121,8 +121,14 @@ def scene_of(program: Path, machine: str, samples: list[Samples], lines: list[Li
             {**asdict(line), "start_s": line.start_s - begin, "end_s": line.end_s - begin} for line in lines
         ],
     }
+    described = load_machine(machine)
+    missed = round(float(np.ptp(recorded.time_s)) / described.cycle_s) + 1 - len(recorded.time_s)
+    title = f"{program}: as the encoders saw it"
+    if missed > 0:
+        # motion waits on its path meanwhile, which shows as a dip of the speed
+        title += f", {missed} cycle{'s' * (missed != 1)} late"
     source = program.read_text("utf-8").splitlines()
-    return build_scene(f"{program}: as the encoders saw it", load_machine(machine), recorded, report, source)
+    return build_scene(title, described, recorded, report, source)
 
 
 async def start(command: str, *arguments: str) -> asyncio.subprocess.Process:

@@ -19,7 +19,9 @@ class KinematicsError(Exception):
     Attributes:
         code: stable code (MC3xx).
         tool: tool number. s: path parameter of the first bad point, None for a single pose.
-        position: the tool's point there [m]. residual: distance not reached [m].
+        position: the tool's point there [m].
+        residual: distance not reached [m]: of a path at its end, or where it is furthest out of reach; of
+            a joint limit at the end with all joints within their limits.
         axis: axis number of the joint, value: what it would need [rad or m].
     """
 

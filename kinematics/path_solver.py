@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 
 from kinematics import refusal
@@ -45,10 +47,9 @@ def solve_tool_path(tool: ToolModel, path: ToolPath, joints: Array) -> JointPath
     except JointLimit:
         if tool.chain.size == tool.rank:
             raise
-        try:
+        # the plain path's fault is the one to tell if this does not help
+        with contextlib.suppress(KinematicsError):
             return _solve(tool, targets, joints, ASIDE)
-        except KinematicsError:
-            pass
         raise
 
 

@@ -8,6 +8,7 @@ then knows by one subtraction whether it can still stop before a row, or slow do
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,9 +113,11 @@ class HeadroomWriter:
 
 
 def stopping_rows(machine: Machine) -> int:
-    """Rows ahead with which playback at 100 % can always go on: the longest stop of any axis from its top speed.
+    """Rows ahead with which playback at 100 % never slows down: the longest stop of any axis from its top speed.
 
-    A planner that hands over fewer rows before it knows the end of a motion is played more slowly.
+    Playback can always stop before the last row it has, unless that row is at rest. A planner that hands over fewer
+    rows of a motion under way is played more slowly; one that hands over a motion's whole stop is not.
     """
     longest = max(axis.max_velocity / axis.max_acceleration for axis in machine.axes)
-    return int(longest / machine.cycle_s / (2.0 * PLANNED_SHARE)) + 16
+    # a stop that rows make themselves, and before it room for one that playback makes
+    return math.ceil((1.0 + 0.5 / PLANNED_SHARE) * longest / machine.cycle_s) + 16

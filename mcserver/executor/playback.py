@@ -69,6 +69,7 @@ class Playback:
         self.active = 0
         self._fresh = 0
         self._unchecked = 0
+        self._begun = 0.0
         self.line = 0
 
     # ------------------------------------------------------------------ rows
@@ -114,6 +115,7 @@ class Playback:
         bools = self._masks.bools(mask)
         np.copyto(self._start_position, self._row.setpoint, where=bools)
         self._start_u[bools] = u
+        self._begun = u
 
     def end(self, mask: int, u: float, final: tuple[float, ...] | None) -> None:
         """Rows have ended: the columns hold ``final``, else their last row, at or right after u."""
@@ -167,6 +169,15 @@ class Playback:
     def start_of(self, column: int) -> float:
         """Where the axis was as its rows began."""
         return float(self._start_position[column])
+
+    @property
+    def at_start(self) -> bool:
+        """Whether the motion has not come to its first row."""
+        return self.active != 0 and self._fresh == self.active
+
+    def unmoved(self, u: float) -> bool:
+        """Whether the motion stands at its very beginning."""
+        return self.at_start and u <= self._begun + NEAR_U
 
     @property
     def rests_at_end(self) -> bool:
@@ -287,7 +298,10 @@ class Playback:
         ring, row = self._ring, self._row
         seconds = span * self._cycle
         difference, scratch = self._difference, self._scratch
+        end_speed = ring.velocity[at]
         np.subtract(ring.position[at], start, out=difference)
+        if not (speed * end_speed).any() and self._steep(start, speed, at, share, rate, where):
+            return
         left = 1.0 - share
         np.multiply(difference, share * share * (3.0 - 2.0 * share), out=scratch)
         scratch += start
@@ -300,22 +314,70 @@ class Playback:
         scratch *= rate
         np.copyto(row.velocity, scratch, where=where)
 
+    def _steep(
+        self, start: Array, speed: Array, at: int, share: float, rate: float, where: NDArray[np.bool_]
+    ) -> bool:
+        """A motion that ends, or begins, between two rows: a cubic would swing past its rest.
+
+        With one speed zero, the other v and the way d, a cubic is monotone up to v·dt = 3·d. Beyond that the motion is
+        at rest for a part of the cycle; at constant acceleration the part in which it moves is 2·d/v.
+
+        Returns:
+            False where no axis is like that, and nothing was done.
+        """
+        ring, row, difference = self._ring, self._row, self._difference
+        end_speed = ring.velocity[at]
+        moving = speed + end_speed
+        steep = where & (np.abs(moving) * self._cycle > 3.0 * np.abs(difference))
+        if not steep.any():
+            return False
+        self._steep_axes(steep, start, speed, at, share, rate)
+        rest = where & ~steep
+        if rest.any():
+            left = 1.0 - share
+            rise = share * share * (3.0 - 2.0 * share)
+            position = start + rise * difference + (self._cycle * share * left) * (left * speed - share * end_speed)
+            slope = (
+                (6.0 * share * left / self._cycle) * difference
+                + (left * (1.0 - 3.0 * share)) * speed
+                + (share * (3.0 * share - 2.0)) * end_speed
+            )
+            np.copyto(row.setpoint, position, where=rest)
+            np.copyto(row.velocity, rate * slope, where=rest)
+        return True
+
+    def _steep_axes(
+        self, steep: NDArray[np.bool_], start: Array, speed: Array, at: int, share: float, rate: float
+    ) -> None:
+        row, difference = self._row, self._difference
+        end_speed = self._ring.velocity[at]
+        for column in np.nonzero(steep)[0].tolist():
+            way, moving = float(difference[column]), float(speed[column] + end_speed[column])
+            part = max(0.0, 2.0 * way / (moving * self._cycle))
+            # seen from the row with the speed
+            from_speed = share if speed[column] != 0.0 else 1.0 - share
+            left = max(0.0, 1.0 - from_speed / part) if part > 0.0 else 0.0
+            gone = way * (1.0 - left * left)
+            row.setpoint[column] = start[column] + (gone if speed[column] != 0.0 else way - gone)
+            row.velocity[column] = rate * moving * left
+
     # ------------------------------------------------------------------ how fast u may pass
 
-    def slopes(self, rate: float) -> Slopes:
-        """How fast the rate may change here and over the next two rows."""
+    def slopes(self, u: float, rate: float) -> Slopes:
+        """How fast the rate may change over the rows that u passes in the next cycle."""
         ring = self._ring
         before = max(self._next - 1, self._first)
         last = ring.rows_written - 1
-        numbers = [
-            min(max(before + step, self._first), max(last, self._first)) % ring.rows for step in range(4)
-        ]
         if last < self._first:
             return Slopes()
+        passed = 2
+        if before < self._next:
+            passed += int(u - self._u_cells[before % ring.rows] + rate - NEAR_U)
+        numbers = [min(before + step, last) % ring.rows for step in range(passed)]
         where = self._masks.bools(self.active)
         velocity = ring.velocity[numbers] * where
         acceleration = np.diff(velocity, axis=0) / self._cycle
-        direction = np.sign(velocity[0] + velocity[1] + velocity[2])
+        direction = np.sign(velocity.sum(axis=0))
         along = acceleration * (direction * rate * rate)
         speed = np.abs(velocity).max(axis=0) + 1e-30
         floor = FLOOR_SHARE * self._acceleration

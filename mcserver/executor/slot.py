@@ -27,6 +27,8 @@ from mcserver.executor.rings import ProgramRing
 DECODED_A_CYCLE = 64
 # This close to an edge u is put onto it [cycles].
 LANDING = 2e-3
+# Rows that a motion begins, or goes on, with at the least while its end is not known.
+START_ROWS = 16.0
 # A rate below this is standstill [1].
 STANDSTILL = 1e-6
 # The first row of a motion may be this many cycles of the axis's greatest velocity away, plus in_position.
@@ -368,23 +370,31 @@ class ProgramSlot:
             self._last_control_u = control.u
             self._decoded = number + 1
 
-    def _edge(self) -> float | None:
-        """Before which u the motion under way has to be able to stop; None: it ends by itself before that."""
+    def _edge(self) -> tuple[float | None, bool]:
+        """Before which u the motion under way has to be able to stop, and whether more rows would move that on.
+
+        None: it ends by itself before all that.
+        """
         edge: float | None = None
+        dry = False
         last = self.playback.last_u
-        if self._tail_open or (last < self._tail_end - 1.0 + NEAR_U and not self.playback.rests_at_end):
-            edge = last
-        stops = self._stops
-        while stops and stops[0] < self.u - NEAR_U:
-            stops.popleft()
-        if stops:
-            edge = stops[0] if edge is None else min(edge, stops[0])
-        lines = self._line_stops
-        while lines and lines[0] < self.u - NEAR_U:
-            lines.popleft()
-        if lines and self.orders is not None and self.orders.single_line:
-            edge = lines[0] if edge is None else min(edge, lines[0])
-        return edge
+        if (self._tail_open or last < self._tail_end - 1.0 + NEAR_U) and not self.playback.rests_at_end:
+            edge, dry = last, True
+        stops = [self._stops]
+        if self.orders is not None and self.orders.single_line:
+            stops.append(self._line_stops)
+        for each in stops:
+            while each and each[0] < self.u - NEAR_U:
+                each.popleft()
+            if each and (edge is None or each[0] < edge):
+                edge, dry = each[0], False
+        return edge, dry
+
+    def _too_dry(self, edge: float | None, dry: bool) -> bool:
+        """Whether a motion that stands had better stand on until more rows come."""
+        if edge is None or not dry or edge - self.u >= START_ROWS:
+            return False
+        return self.playback.at_start or self.ramp.rate <= STANDSTILL
 
     def _step_rate(self) -> float:
         """Rates of this cycle; returns the mean of the old and new rate, by which u passes."""
@@ -403,21 +413,27 @@ class ProgramSlot:
                 before = wanted
         else:
             wanted = self._wanted(2.0)
-            edge = self._edge()
+            edge, dry = self._edge()
             limit = wanted
-            if edge is not None or wanted > 1.0:
+            if self._too_dry(edge, dry):
+                ramp.jump(0.0)
+                limit = before = 0.0
+            elif edge is not None or wanted > 1.0:
                 self.playback.seek(self.u)
                 limit = self.playback.fastest(self.u, before, wanted, edge)
-            if before != limit:
-                ramp.step(limit, self.playback.slopes(before))
-            self._note_starved(edge, wanted)
+            if before != limit and self.playback.unmoved(self.u):
+                before = min(limit, 1.0)
+                ramp.jump(before)
+            elif before != limit:
+                ramp.step(limit, self.playback.slopes(self.u, before))
+            self._note_starved(dry, wanted)
         self._held = (self._hold or self._override <= 0.0) and ramp.rate <= STANDSTILL
         return 0.5 * (before + ramp.rate)
 
-    def _note_starved(self, edge: float | None, wanted: float) -> None:
+    def _note_starved(self, dry: bool, wanted: float) -> None:
         if self.ramp.rate > STANDSTILL:
             self._starved = False
-        elif wanted > 0.0 and edge is not None and not self._starved and edge >= self.playback.last_u:
+        elif wanted > 0.0 and dry and not self._starved:
             self._starved = True
             self.cycle.emit(EventKind.STARVED, self.index, self.line)
 
@@ -427,9 +443,11 @@ class ProgramSlot:
         last = playback.last_u
         if not playback.active:
             return max(self.u, min(goal, max(self._last_control_u, last)))
-        edge = self._edge()
+        edge, dry = self._edge()
         if edge is None:
             return max(self.u, min(goal, max(self._last_control_u, last)))
+        if self._too_dry(edge, dry):
+            return self.u
         if goal >= edge - LANDING:
             goal = edge
             self.ramp.jump(0.0)

@@ -27,6 +27,8 @@ VERTEX_SHARE = 0.5
 RUNGS = (0.45, 0.65, 0.8, 0.9, 0.96)
 # Top speeds leave at least this share of the acceleration and jerk that are free at rest.
 LEAST_FREE = 0.01
+# Short segments that turn by less than this are a polyline in place of a curve [rad].
+POLYLINE_TURN = 0.35
 # A joint that can be passed at no more than this many times max_acceleration·dt is a stop.
 CRAWL = 10.0
 
@@ -268,7 +270,8 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         dense = math.sqrt(CURVATURE_SHARE * spacing / worst)
         crowd = 1.0 + float(_ripple(np.array(min(1.0, spacing / (dense * cycle)))))
         dense /= math.sqrt(crowd)
-        if spacing < 10.0 * cycle * dense:
+        turn = math.sqrt(float(step @ step) / float(t1 @ t1))
+        if turn < POLYLINE_TURN and spacing < 10.0 * cycle * dense:
             # many short segments: a polyline stands for a curve, and the speed is that of the curve
             speed = min(CURVATURE_SHARE * cycle / worst, dense)
             isolated = False

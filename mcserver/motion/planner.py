@@ -209,7 +209,8 @@ class MotionPlanner:
         except PlanningError:
             return self._fall_back()
         moment = self._moment(plan, (want - self.u) * self._cycle)
-        if moment <= 0.0:
+        if moment < self._cycle:
+            # less than a cycle is not worth a new plan, and a trace of rounding would go on for ever
             return None
         nodes = self._window.nodes
         index = int(np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(nodes) - 1))

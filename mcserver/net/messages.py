@@ -129,11 +129,12 @@ class OpenReply(msgspec.Struct, frozen=True):
 
 
 class SubmitRequest(Request, frozen=True, kw_only=True):
-    """Lines ``first``, ``first + 1``, … of a program."""
+    """Lines ``first``, ``first + 1``, …; without ``judge`` the reply does not wait for the verdict."""
 
     program: ProgramId
     first: LineNumber
     lines: Annotated[list[str], Meta(min_length=1, max_length=MAX_LINES_A_MESSAGE)]
+    judge: bool = True
 
 
 class SubmitReply(msgspec.Struct, frozen=True):

@@ -101,7 +101,9 @@ class Methods:
                     wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
                 )
 
-        self._service.submit(request.client, request.program, request.first, request.lines).listen(answer)
+        self._service.submit(
+            request.client, request.program, request.first, request.lines, judge=request.judge
+        ).listen(answer)
         return reply
 
     def close(self, request: wire.CloseRequest) -> wire.CloseReply:

@@ -21,11 +21,12 @@ from mcserver.net.messages import (
     TelemetryInfo,
     ToolInfo,
 )
+from mcserver.programs.intake import OPEN_PROGRAMS
 from mcserver.programs.lease import EXECUTOR_SLOTS
 from mcserver.programs.planner_thread import MAX_LINE_LENGTH
 from mcserver.programs.port import Cycles
 from mcserver.programs.queue import QUEUE_LINES
-from mcserver.programs.service import OPEN_PROGRAMS, MachineService
+from mcserver.programs.service import MachineService
 
 TELEMETRY_FIELDS = ("setpoint", "position", "velocity", "torque")
 CYCLES_A_MESSAGE = 10

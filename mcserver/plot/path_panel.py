@@ -127,6 +127,10 @@ def _draw_space(axes: Any, paths: Sequence[PathTrace], colours: Mapping[int, str
         axes.plot(*path.setpoint[-1:].T, "s", markersize=6, color=INK, zorder=4)
         if path.label:
             axes.text(*path.setpoint[0], f"  {path.label}", fontsize=9, fontweight="bold", color=INK)
+    for artist in (*axes.lines, *axes.collections):
+        # they may pass the panel's edge, and must not move it
+        artist.set_clip_on(False)
+        artist.set_in_layout(False)
     points = np.concatenate([path.setpoint for path in paths])
     low, high = points.min(axis=0), points.max(axis=0)
     # a flat direction keeps some thickness, so that the box stays a box
@@ -138,7 +142,8 @@ def _draw_space(axes: Any, paths: Sequence[PathTrace], colours: Mapping[int, str
     # what is long lies down: the feet of a robot walk along Z
     upright = "y" if span[2] > 2.0 * max(span[0], span[1]) else "z"
     axes.view_init(elev=24, azim=-56, vertical_axis=upright)
-    axes.set_box_aspect(span, zoom=1.1)
+    flat = float(np.sort(span)[1]) < 0.4 * float(span.max())
+    axes.set_box_aspect(span, zoom=1.35 if flat else 1.1)
     for axis, name in zip("xyz", paths[0].names, strict=True):
         getattr(axes, f"set_{axis}label")(f"{name} [mm]", labelpad=8)
         getattr(axes, f"{axis}axis").set_major_locator(MaxNLocator(nbins=4))

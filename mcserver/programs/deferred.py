@@ -1,7 +1,7 @@
 """A result that comes later, handed over at once.
 
-An `asyncio.Future` gives its result in the loop's next round, and a task adds another: too long a way for what
-a client waits for a hundred thousand times.
+An `asyncio.Future` gives its result in the loop's next round, and a task adds another round: too long a way
+for what clients ask for all the time.
 """
 
 from __future__ import annotations

@@ -48,7 +48,10 @@ def read_programs(path: Path, *, limit: int, program: str | None = None) -> list
                 line=started,
                 accepted=max(start - 1, last or 0),
                 done=done,
+                credit=0,
                 closed=True,
+                override=100.0,
+                progress=_share(done - start + 1, max(start - 1, last or 0) - start + 1),
                 fault=None if fault is None else msgspec.msgpack.decode(fault, type=Fault),
                 resume_of=resume_of,
                 opened_at=opened,
@@ -56,6 +59,10 @@ def read_programs(path: Path, *, limit: int, program: str | None = None) -> list
             )
         )
     return found
+
+
+def _share(done: int, lines: int) -> float:
+    return min(1.0, max(0.0, done / lines)) if lines > 0 else 0.0
 
 
 def read_lines_before(path: Path, program: str, line: int) -> list[str]:

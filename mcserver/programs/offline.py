@@ -9,6 +9,9 @@ from __future__ import annotations
 import asyncio
 import importlib
 import multiprocessing
+import multiprocessing.connection
+import os
+import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -65,7 +68,9 @@ class OfflineWorker:
         self._under_way += 1
         try:
             if self._pool is None:
-                self._pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
+                self._pool = ProcessPoolExecutor(
+                    1, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent
+                )
             loop = asyncio.get_running_loop()
             async with asyncio.timeout(LIMIT_S):
                 return await loop.run_in_executor(self._pool, function, *arguments)
@@ -80,6 +85,19 @@ class OfflineWorker:
             ) from error
         finally:
             self._under_way -= 1
+
+
+def end_with_parent() -> None:
+    """Lets this worker end when the server was killed: nobody would ever tell it to."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        multiprocessing.connection.wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def check_text(text: str, machine: Machine, positions: Mapping[int, float] | None) -> list[Diagnostic]:

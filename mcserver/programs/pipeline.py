@@ -44,7 +44,9 @@ from mcserver.programs.output import Output
 # Lines that may wait for the planner.
 QUEUE = 4096
 # How far ahead of the executor motion is handed over [cycles]; what is not can still flow into later lines.
-AHEAD = 150
+AHEAD = 200
+# Below this lead motion is handed over although more lines are waiting to be read [cycles].
+URGENT = 80
 # Below this lead the stop at the window's end is handed over too: no more lines came in time [cycles].
 DRY = 40
 # Lines taken from the queue in one piece of work.
@@ -274,11 +276,11 @@ class Pipeline:
         """Whether motion has to be handed over now."""
         if not self._planner.pending:
             return False
-        at_rest = not self._planner.moving
         more = bool(self._queue or self._canonical) and not self._flush
-        if at_rest and more and self._planner.pending < FIRST_WINDOW:
-            return False
-        return lead < AHEAD
+        if more and not self._planner.moving:
+            # a start from rest: the first lines decide how soon, those behind them how fast
+            return self._planner.pending >= FIRST_WINDOW
+        return lead < (URGENT if more else AHEAD)
 
     def _hand_over(self, u: float | None, lead: float | None) -> bool:
         if self._flush:

@@ -93,12 +93,13 @@ class Begin(msgspec.Struct, frozen=True):
 
 
 class Lines(msgspec.Struct, frozen=True):
-    """Journaled lines of a program."""
+    """Journaled lines of a program; ``asked``: by a call, whose reply tells more than an acknowledgement."""
 
     program: str
     epoch: int
     first: int
     lines: Sequence[str]
+    asked: bool
 
 
 class Order(msgspec.Struct, frozen=True):

@@ -77,7 +77,9 @@ class Program:
         self.told_credit = queue.limit
         self.told_started = 0
         self.told_done = start_line - 1
+        self.told_accepted = start_line - 1
         self._waiting: deque[tuple[int, Deferred[Verdict]]] = deque()
+        self._waiting_for_journal: deque[tuple[int, Deferred[Verdict]]] = deque()
 
     @property
     def ended(self) -> bool:
@@ -139,14 +141,16 @@ class Program:
             ended_at=self.ended_at,
         )
 
-    def wait_for(self, through: int, verdict: Deferred[Verdict]) -> None:
-        """``verdict`` comes once lines through this number are taken for good, or one is rejected."""
-        self._waiting.append((through, verdict))
+    def wait_for(self, through: int, verdict: Deferred[Verdict], *, judged: bool) -> None:
+        """``verdict`` comes once lines through this number are journaled and, if asked for, ``judged``."""
+        (self._waiting if judged else self._waiting_for_journal).append((through, verdict))
         self.settle()
 
     def settle(self) -> None:
         """Tells those whose lines are journaled and, where the program runs, judged."""
         judged = self.journaled
+        while self._waiting_for_journal and self._waiting_for_journal[0][0] <= judged:
+            self._waiting_for_journal.popleft()[1].resolve(Verdict.TAKEN)
         if self.state not in ("queued", "ending") and not self.step and not self.ended:
             judged = min(judged, self.judged)
         while self._waiting and self._waiting[0][0] <= judged:
@@ -165,5 +169,6 @@ class Program:
 
     def dismiss(self, verdict: Verdict) -> None:
         """Answers all that still wait."""
-        while self._waiting:
-            self._waiting.popleft()[1].resolve(verdict)
+        for waiting in (self._waiting, self._waiting_for_journal):
+            while waiting:
+                waiting.popleft()[1].resolve(verdict)

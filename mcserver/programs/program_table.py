@@ -111,12 +111,14 @@ class ProgramTable:
         self.publish("program.opened", program)
         self._start(self.leases.request(program.program, program.axes))
 
-    def lines(self, program: Program, first: int, lines: Sequence[str]) -> None:
+    def lines(self, program: Program, first: int, lines: Sequence[str], *, asked: bool) -> None:
         """Lines that the program's queue has taken: to the journal, and from there to the planner."""
         if program.rejected:
             program.rejected = 0
             program.diagnostics = []
-        self.journal.lines(program.program, first, lines, Lines(program.program, program.epoch, first, lines))
+        self.journal.lines(
+            program.program, first, lines, Lines(program.program, program.epoch, first, lines, asked)
+        )
 
     def close(self, program: Program) -> None:
         """No more lines; what is there runs to its end."""
@@ -237,7 +239,10 @@ class ProgramTable:
             if program is not None and tag.epoch == program.epoch:
                 program.journaled = tag.first + len(tag.lines) - 1
                 program.settle()
-                self.acknowledge(program)
+                if tag.asked:
+                    self._has_moved(program)
+                else:
+                    self.acknowledge(program)
 
     def _journal_failed(self, reason: str) -> None:
         if self.journal_failure != reason:
@@ -390,7 +395,7 @@ class ProgramTable:
         progress = program.progress
         ended = progress.take_ended()
         begun = progress.started > program.told_started
-        done = program.done > program.told_done
+        done = program.done > program.told_done or program.journaled > program.told_accepted
         if not (ended or begun or done):
             return
         if begun:
@@ -398,5 +403,6 @@ class ProgramTable:
         if ended:
             self.publish("lines.ended", program, lines=ended)
         program.told_started, program.told_done = progress.started, program.done
+        program.told_accepted = program.journaled
         self.journal.progress(program.program, progress.started, program.done, ended)
         self.acknowledge(program)

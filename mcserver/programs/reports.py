@@ -134,23 +134,23 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
     program: str
     state: ProgramState
-    client: str = ""
-    name: str = ""
-    axes: list[int] = []
-    start_line: int = 1
-    line: int = 0
-    accepted: int = 0
-    done: int = 0
-    credit: int = 0
-    closed: bool = False
-    override: float = 100.0
-    progress: float = 0.0
+    client: str
+    name: str
+    axes: list[int]
+    start_line: int
+    line: int
+    accepted: int
+    done: int
+    credit: int
+    closed: bool
+    override: float
+    progress: float
+    opened_at: float
     eta_s: float | None = None
     fault: Fault | None = None
     rejected: int = 0
     diagnostics: list[WireDiagnostic] = []
     resume_of: str | None = None
-    opened_at: float = 0.0
     ended_at: float | None = None
 
 

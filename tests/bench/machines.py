@@ -12,7 +12,7 @@ max_velocity = {velocity}
 max_acceleration = {acceleration}
 {jerk}
 [axis.drive]
-kind = "ideal"
+kind = "{kind}"
 """
 
 
@@ -23,11 +23,12 @@ def ideal(
     acceleration: float = 1000.0,
     jerk: float | None = 50_000.0,
     tolerance_mm: float = 0.0,
+    kind: str = "ideal",
 ) -> Machine:
     """A machine of alike linear axes [mm, s]."""
     written = "" if jerk is None else f"max_jerk = {jerk}"
     sections = "".join(
-        AXIS.format(index=index, velocity=velocity, acceleration=acceleration, jerk=written)
+        AXIS.format(index=index, velocity=velocity, acceleration=acceleration, jerk=written, kind=kind)
         for index in range(axes)
     )
     return parse_machine(

@@ -1,70 +1,82 @@
-"""From text to setpoints by `mcserver.simulation`: lines a second and milliseconds a segment."""
+"""From text to setpoints: the planner alone, and the whole of `mcserver.simulation` beside it."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
-from mcserver.config import load_machine
+import numpy as np
+
+from mcserver.config import Machine, load_machine
 from mcserver.gcode.interpreter import Interpreter
-from tests.bench.figures import Figure, rate
+from mcserver.motion.canonical import FeedGroup, MotionLine
+from mcserver.motion.planner import MotionPlanner
+from tests.bench.figures import Figure, rate, seconds
 from tests.bench.machines import ideal
 
-LINES = 4000
+LINES = 5000
+ARCS = Path(__file__).resolve().parents[2] / "examples" / "arcs.gcode"
 
 
 def measure() -> list[Figure]:
-    """A polyline of short segments (continuous motion) and the time law alone."""
+    """A smooth polyline of six axes' machine, with and without jerk limit, and the reference's arcs."""
     from mcserver.simulation import simulate
 
     polyline = [
-        f"G01 X{20 * math.cos(i / 40):.4f} Y{20 * math.sin(i / 40):.4f} Z{i / 1000:.4f}" for i in range(LINES)
+        f"G01 X{20 * math.cos(i / 40):.4f} Y{20 * math.sin(i / 40):.4f} Z{i / 1000:.4f}"
+        for i in range(1, LINES + 1)
     ]
-    text = "\n".join(["G1010", "G94 F6000", "G01 X20", *polyline])
-    machine = ideal(axes=6)
+    figures = []
+    for name, jerk in (("with jerk", 50_000.0), ("without jerk", None)):
+        machine = ideal(axes=6, jerk=jerk)
+        parsed = seconds(lambda machine=machine: canonical(polyline, machine), runs=3)
+        lines = canonical(polyline, machine)
+        planned = seconds(lambda machine=machine, lines=lines: setpoints(lines, machine), runs=3)
+        figures += [
+            Figure(
+                f"text → setpoints, {name}",
+                LINES / (parsed + planned),
+                "lines/s",
+                LINES / parsed,
+                "parse and interpret alone",
+                "50 k",
+            ),
+            Figure(
+                f"planning a segment, {name}",
+                1000.0 * planned / LINES,
+                "ms",
+                1000.0 * parsed / LINES,
+                "parsing it",
+                "≤ 0.15 ms" if jerk else "",
+            ),
+        ]
+    text = ARCS.read_text("utf-8")
+    cartesian = load_machine("cartesian")
+    motion = simulate(text, cartesian).report["duration_s"]
+    speed = rate(lambda: simulate(text, cartesian), 1, runs=3)
+    figures.append(
+        Figure("simulating examples/arcs.gcode", 1.0 / speed, "s", motion, "the motion itself", "far below 1")
+    )
+    return figures
 
-    def parse() -> None:
-        interpreter = Interpreter(machine)
-        for number, line in enumerate(text.split("\n"), start=1):
-            interpreter.interpret_text(line, number)
 
-    parsed = rate(parse, LINES, runs=3)
-    simulated = rate(lambda: simulate(text, machine), LINES, runs=3)
-    return [
-        Figure(
-            "short segments to setpoints and encoders",
-            simulated,
-            "lines/s",
-            parsed,
-            "parse and interpret alone",
-            "50 k",
-        ),
-        Figure(
-            "of it, planning and playing a segment",
-            1000.0 * (1.0 / simulated - 1.0 / parsed),
-            "ms",
-            1000.0 / parsed,
-            "parse and interpret alone",
-            "planning ≤ 0.15 ms with jerk",
-        ),
-        Figure(
-            "arcs of the reference to setpoints",
-            rate(lambda: simulate(ARCS, load_machine("cartesian")), 13, 3),
-            "lines/s",
-        ),
-    ]
+def canonical(lines: list[str], machine: Machine) -> list[MotionLine]:
+    """Parsed and interpreted."""
+    interpreter = Interpreter(machine)
+    interpreter.interpret_text("G94 F6000", 1)
+    found = []
+    for number, line in enumerate(lines, start=2):
+        found += interpreter.interpret_text(line, number)
+    return [line for line in found if isinstance(line, MotionLine)]
 
 
-ARCS = """G1010
-G94 F30000
-G00 X0 Y0
-G01 V1000
-G02 X1000 Y2000 R1000
-G01 U1000
-G02 X3000 Y1000 R1000
-G01 V-1000
-G02 X2000 Y-1000 I-1000 J0
-G01 U-1000
-G02 X0 Y0 I0 J1000
-G01 U500 V500
-G02 X500 Y500 I1000 J0
-"""
+def setpoints(lines: list[MotionLine], machine: Machine) -> None:
+    """Planned with lookahead, and sampled at the cycle."""
+    planner = MotionPlanner(machine, np.zeros(len(machine.axes)))
+    for line in lines:
+        group = line.groups[0]
+        assert isinstance(group, FeedGroup)
+        if planner.full:
+            list(planner.commit() or ())
+        planner.append(planner.segment(group, line.line))
+    list(planner.close())

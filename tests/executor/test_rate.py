@@ -66,7 +66,7 @@ def started(draw: str = "straight") -> Rig:
 def test_feed_hold_stands_still_within_v_over_a_and_10_ms(speed: float) -> None:
     rig = Rig(machine())
     rig.program.capture()
-    straight(rig.program, 0.8, speed)
+    straight(rig.program, speed, speed)
     rig.step(250)
     rig.executor.mailbox.set_hold(True, 0)
     cycles = 0
@@ -305,8 +305,9 @@ def test_a_dwell_does_not_pass_in_feed_hold() -> None:
 
 def test_a_program_may_be_opened_held_and_begins_with_resume() -> None:
     rig = Rig(machine())
+    rig.program.finish()
+    rig.run()
     program = Program(rig.executor.open_slot(1, 3, hold=True), 2)
-    rig.executor.mailbox.abort(0)
     program.capture()
     program.start_line(1)
     program.move({0: 0.1}, 100)

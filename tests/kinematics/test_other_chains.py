@@ -160,6 +160,22 @@ def test_seven_joints_move_as_little_as_the_line_asks(tmp_path: Path) -> None:
     )
 
 
+def test_a_joint_to_spare_moves_another_one_away_from_its_limit(tmp_path: Path) -> None:
+    # the least motion would take joint 2 past its limit of 86 degrees; the others can do its part
+    spare = (*PLANAR, Joint("revolute", "0.3 0 0", Z, -0.5, 1.5), Joint("prismatic", "0 0 0", Z, -1.0, 1.0))
+    arm = MachineKinematics(chain_machine(tmp_path, spare))
+    joints = {0: 0.2, 1: 0.9, 2: 1.4, 3: 0.0}
+    start = np.asarray(arm.pose(1, joints).position)
+    end = np.add(start, (-0.2, -0.1, 0.1))
+    wanted = line(start, end)
+    free = MachineKinematics(chain_machine(tmp_path, (*spare[:2], Joint("revolute", "0.3 0 0", Z), spare[3])))
+    least = joints_at(free.solve_path(1, wanted, joints), np.linspace(0.0, 1.0, 501))
+    assert least[:, 2].max() > 1.51
+    path = arm.solve_path(1, wanted, joints)
+    assert largest_error(arm, 1, wanted, path) < 1e-5
+    assert joints_at(path, np.linspace(0.0, 1.0, 501))[:, 2].max() <= 1.5 + 1e-9
+
+
 @pytest.mark.parametrize(
     ("joints", "orientation", "tip"),
     [

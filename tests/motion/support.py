@@ -15,16 +15,9 @@ import numpy as np
 from mcserver.config import Machine, parse_machine
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.path import ArcCurve, Array, Curve, LineCurve
-from mcserver.motion.planner import (
-    Activation,
-    Deactivation,
-    LineBound,
-    LineMark,
-    MotionPlanner,
-    Piece,
-)
+from mcserver.motion.planner import LineBound, LineMark, MotionPlanner, Piece
 from mcserver.motion.sampling import Rows
-from mcserver.units import DEGREE, MM, AxisType
+from mcserver.units import AxisType
 
 VELOCITY_SLACK = 1.001
 ACCELERATION_SLACK = 1.01
@@ -327,28 +320,28 @@ def group_slope(machine: Machine, group: FeedGroup, s: Array) -> Array:
 
 
 def away_from(machine: Machine, group: FeedGroup, base: Array, points: Array) -> Array:
-    """Distance of points (n, K) from a group's path over all axes, shape (n,): nearest s by Gauss-Newton."""
-    grid = np.linspace(0.0, 1.0, grid_of(group))
-    path = group_position(machine, group, base, grid)
-    nearest = np.empty(len(points))
-    for low in range(0, len(points), 256):
-        block = points[low : low + 256]
-        gap = ((block[:, None, :] - path[None, :, :]) ** 2).sum(axis=2)
-        nearest[low : low + 256] = grid[np.argmin(gap, axis=1)]
-    best = np.full(len(points), math.inf)
-    for _ in range(8):
-        gap = points - group_position(machine, group, base, nearest)
-        best = np.minimum(best, np.linalg.norm(gap, axis=1))
-        slope = group_slope(machine, group, nearest)
-        step = (gap * slope).sum(axis=1) / np.maximum((slope * slope).sum(axis=1), 1e-300)
-        nearest = np.clip(nearest + step, 0.0, 1.0)
-    return best
+    """Distance of points (n, K) from a group's path over all axes, shape (n,).
 
-
-def grid_of(group: FeedGroup) -> int:
-    """Points that tell the turns of a group's arcs apart."""
+    The nearest s by Gauss-Newton from the nearest sample of each turn: turns of a helix lie close together.
+    """
     sweep = max((abs(curve.sweep) for curve in group.curves if isinstance(curve, ArcCurve)), default=0.0)
-    return 2 + int(16 * sweep)
+    turns = max(1, math.ceil(sweep / (2.0 * math.pi)))
+    count = 2 + int(16 * sweep / turns)
+    best = np.full(len(points), math.inf)
+    for which in range(turns):
+        # not the ends: a point just before the start of one turn lies on the turn before it
+        grid = (which + (np.arange(count) + 0.5) / count) / turns
+        path = group_position(machine, group, base, grid)
+        # squared distances up to a constant of each point
+        nearness = (path * path).sum(axis=1) - 2.0 * points @ path.T
+        nearest = grid[np.argmin(nearness, axis=1)]
+        for _ in range(8):
+            gap = points - group_position(machine, group, base, nearest)
+            best = np.minimum(best, np.linalg.norm(gap, axis=1))
+            slope = group_slope(machine, group, nearest)
+            step = (gap * slope).sum(axis=1) / np.maximum((slope * slope).sum(axis=1), 1e-300)
+            nearest = np.clip(nearest + step, 0.0, 1.0)
+    return best
 
 
 def farthest_from_path(motion: Motion) -> float:
@@ -447,40 +440,3 @@ def least_time(machine: Machine, group: FeedGroup) -> float:
                 acceleration = min(acceleration, limits.max_acceleration / abs(b - a))
                 jerk = min(jerk, limits.max_jerk / abs(b - a))
     return rest_to_rest(1.0, velocity, acceleration, jerk)
-
-
-__all__ = [
-    "ACCELERATION_SLACK",
-    "DEGREE",
-    "JERK_SLACK",
-    "MM",
-    "VELOCITY_SLACK",
-    "Activation",
-    "AxisSpec",
-    "Commit",
-    "Deactivation",
-    "Motion",
-    "Move",
-    "acceleration_ratio",
-    "alike",
-    "arc_curve",
-    "at_speed",
-    "away_from",
-    "end_of",
-    "farthest_from_path",
-    "group_position",
-    "in_time",
-    "jerk_ratio",
-    "least_time",
-    "line_curve",
-    "machine_of",
-    "path_missed_by",
-    "plan",
-    "polyline",
-    "rest_to_rest",
-    "row_velocity_ratio",
-    "speed_over_feed",
-    "turn",
-    "velocity_ratio",
-    "vertices_of",
-]

@@ -175,8 +175,8 @@ class FakeSink:
 class FakePipeline:
     """Lines of text with a meaning of their own.
 
-    ``move`` runs at once, ``wait`` when the gate opens; ``bad`` is faulty and can be mended; ``fatal`` is found
-    faulty while planning and ends the program; ``crash`` is a defect; anything else takes no time.
+    ``move`` runs at once, ``wait`` when the gate opens; ``bad`` is faulty and can be mended; ``fatal`` is
+    found faulty while planning and ends the program; ``crash`` is a defect; anything else takes no time.
     """
 
     def __init__(self, request: PipelineRequest, sink: FakeSink, gate: threading.Event) -> None:

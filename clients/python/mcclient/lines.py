@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections import deque
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncGenerator, Iterable
 
 BUFFER_LINES = 4096
 
@@ -66,7 +66,7 @@ class _Reader:
             self._stopped = True
 
 
-async def from_thread(lines: Iterable[str]) -> AsyncIterator[str]:
+async def from_thread(lines: Iterable[str]) -> AsyncGenerator[str, None]:
     """The same lines, read in another thread; what reading raises is raised here."""
     reader = _Reader(lines, asyncio.get_running_loop())
     # a daemon: a read of the terminal cannot be interrupted, and must not keep the program from ending

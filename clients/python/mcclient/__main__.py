@@ -1,0 +1,5 @@
+"""``python -m mcclient`` is ``mcctl``."""
+
+from mcclient.cli import main
+
+main()

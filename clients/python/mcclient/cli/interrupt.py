@@ -1,0 +1,143 @@
+"""Ctrl-C while a program runs: hold, abort or leave on a terminal, abort elsewhere; a second one aborts at
+once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+from typing import Protocol
+
+from mcclient.cli.output import say
+from mcclient.cli.progress import Display
+from mcclient.errors import MotionError
+from mcclient.lines import from_thread
+from mcclient.program import Program
+from mcclient.types import OnDisconnect
+
+INTERRUPTED = 130
+TYPED_LINES = 100
+
+
+class Asked(Protocol):
+    """What matters of the run's options."""
+
+    @property
+    def interactive(self) -> bool: ...
+    @property
+    def step(self) -> bool: ...
+    @property
+    def on_disconnect(self) -> OnDisconnect: ...
+
+
+class Interrupts:
+    """Turns SIGINT and SIGTERM into orders to the program."""
+
+    def __init__(self, program: Program, display: Display, options: Asked) -> None:
+        self._program = program
+        self._display = display
+        self._options = options
+        self._loop = asyncio.get_running_loop()
+        self._pressed = asyncio.Event()
+        self._terminated = False
+        self._aborting = False
+        self._typed: asyncio.Queue[str] = asyncio.Queue(TYPED_LINES)
+        self._reading: asyncio.Task[None] | None = None
+        self._loop.add_signal_handler(signal.SIGINT, self._on_interrupt)
+        self._loop.add_signal_handler(signal.SIGTERM, self._on_terminate)
+
+    def close(self) -> None:
+        if self._reading is not None:
+            self._reading.cancel()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._loop.remove_signal_handler(number)
+
+    async def serve(self) -> None:
+        """Returns when the user leaves the program to itself."""
+        while True:
+            await self._pressed.wait()
+            self._pressed.clear()
+            # in single line mode the steps read the terminal
+            if self._terminated or not self._options.interactive or self._options.step:
+                await self._abort("interrupted: aborting; once more leaves at once")
+                continue
+            self._display.stop()
+            if await self._ask():
+                return
+            self._display.start()
+
+    def _on_interrupt(self) -> None:
+        if self._aborting:
+            # the server stops the program by itself once this client's token has gone
+            self._display.stop()
+            os._exit(INTERRUPTED)
+        self._pressed.set()
+
+    def _on_terminate(self) -> None:
+        self._terminated = True
+        self._on_interrupt()
+
+    async def _ask(self) -> bool:
+        """Whether the user leaves."""
+        held = self._program.state == "held"
+        first = "[r]esume" if held else "[h]old"
+        say(f"{first}, [a]bort, [l]eave, [c]ontinue?  (Ctrl-C again aborts)", "bold")
+        answer = await self._answer()
+        try:
+            if answer in ("h", "hold"):
+                await self._program.hold()
+                say("holding; Ctrl-C again to resume or abort")
+            elif answer in ("r", "resume"):
+                await self._program.resume()
+            elif answer in ("a", "abort"):
+                await self._abort("aborting")
+            elif answer in ("l", "leave"):
+                return await self._leave()
+        except MotionError as error:
+            say(f"error[{error.code}]: {error.message}", "bold red")
+        return False
+
+    async def _answer(self) -> str:
+        """The first letter or word typed; a second Ctrl-C counts as abort."""
+        if self._reading is None:
+            self._reading = asyncio.create_task(self._read())
+        # what was typed before the question is no answer to it
+        while not self._typed.empty():
+            self._typed.get_nowait()
+        typed = asyncio.create_task(self._typed.get())
+        again = asyncio.create_task(self._pressed.wait())
+        await asyncio.wait([typed, again], return_when=asyncio.FIRST_COMPLETED)
+        answer = typed.result().strip().lower() if typed.done() else "a"
+        if again.done():
+            self._pressed.clear()
+            answer = "a"
+        for task in (typed, again):
+            task.cancel()
+        await asyncio.gather(typed, again, return_exceptions=True)
+        return answer
+
+    async def _read(self) -> None:
+        """One reader for all questions: a second one would take the first one's lines."""
+        async for line in from_thread(iter(sys.stdin.readline, "")):
+            await self._typed.put(line)
+
+    async def _leave(self) -> bool:
+        if self._options.on_disconnect == "finish":
+            if self._program.accepted_through < self._program.given_through:
+                say("lines are still being sent; ask again once they are accepted", "yellow")
+                return False
+            await self._program.close()
+            return True
+        say("it was started with --on-disconnect stop, so leaving would stop it: abort, or go on", "yellow")
+        return False
+
+    async def _abort(self, sentence: str) -> None:
+        say(sentence, "yellow")
+        self._aborting = True
+        try:
+            await self._program.abort()
+        except MotionError as error:
+            say(f"error[{error.code}]: {error.message}", "bold red")
+            self._aborting = False

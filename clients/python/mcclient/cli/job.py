@@ -1,0 +1,295 @@
+"""One run of a program: checked, streamed, followed, recorded, and interrupted by Ctrl-C."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcclient.cli.excerpt import show_diagnostics
+from mcclient.cli.interrupt import Interrupts
+from mcclient.cli.options import Target
+from mcclient.cli.output import as_plain, error_as_json, exit_code_of, narration, say, show_error, write_json
+from mcclient.cli.progress import Display, LiveDisplay, PlainDisplay, Snapshot, duration
+from mcclient.cli.source import ProgramSource
+from mcclient.errors import MotionError, NobodyAnswers, ProgramAborted, ProgramRejected, RequestRefused
+from mcclient.lines import from_thread
+from mcclient.machine import Machine
+from mcclient.program import Program
+from mcclient.recording import Recorder
+from mcclient.types import ENDED, MachineStatus, OnDisconnect, ProgramStatus
+
+CHECKED_BYTES = 2 * 1024 * 1024
+REFRESH_S = 0.1
+REJECTED = 4
+# the check is a service: where it is busy or missing, the server judges the lines as they come
+NO_CHECK = frozenset({"MC501", "MC508"})
+
+
+@dataclass(frozen=True, slots=True)
+class JobOptions:
+    """What was asked for; ``interactive``: somebody sits at a terminal and can be asked."""
+
+    target: Target
+    axes: list[int] | None
+    from_line: int
+    record: Path | None
+    step: bool
+    check: bool
+    on_disconnect: OnDisconnect
+    json: bool
+    interactive: bool
+
+
+class Left(Exception):
+    """The program goes on without this command."""
+
+
+class Job:
+    """Runs once; `run` gives the exit code."""
+
+    def __init__(self, options: JobOptions, source: ProgramSource) -> None:
+        self._options = options
+        self._source = source
+        self._started_at = time.monotonic()
+        self._display: Display = (
+            LiveDisplay(narration(), source.name) if narration().is_terminal else PlainDisplay(source.name)
+        )
+        self._status: ProgramStatus | None = None
+        self._rejection_shown = False
+
+    async def run(self) -> int:
+        """The exit code; errors of the program are told here, others are raised."""
+        async with self._options.target.open() as machine:
+            before = self._source.take(self._options.from_line - 1)
+            if self._options.check and not await self._is_sound(machine):
+                return REJECTED
+            recorder = await self._start_recording(machine)
+            try:
+                return await self._run_on(machine, before, recorder)
+            finally:
+                if recorder is not None:
+                    await recorder.close()
+
+    # ------------------------------------------------------------ before
+
+    async def _is_sound(self, machine: Machine) -> bool:
+        """Whether the whole text has no fault; a text that cannot be known beforehand counts as sound."""
+        path = Path(self._source.path)
+        if self._source.total is None or self._options.from_line > 1 or path.stat().st_size > CHECKED_BYTES:
+            return True
+        status = await machine.status()
+        if any(program.state not in ENDED for program in status.programs):
+            # where the axes will be when this one begins is not known yet
+            return True
+        try:
+            text = path.read_bytes().decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise RequestRefused(
+                "MC511", f"{self._source.name} is no UTF-8", "save the file as UTF-8"
+            ) from error
+        positions = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
+        try:
+            found = await machine.check(text, positions)
+        except RequestRefused as error:
+            if error.code in NO_CHECK:
+                return True
+            raise
+        lines = text.removeprefix("\ufeff").split("\n")
+        show_diagnostics(
+            found.diagnostics,
+            lambda line: lines[line - 1] if 0 < line <= len(lines) else None,
+            self._source.name,
+        )
+        if not found.ok:
+            say(f"{self._source.name} is rejected; nothing moved", "bold red")
+            if self._options.json:
+                write_json({"ok": False, "state": "rejected", "diagnostics": as_plain(found.diagnostics)})
+        return found.ok
+
+    async def _start_recording(self, machine: Machine) -> Recorder | None:
+        if self._options.record is None:
+            return None
+        recorder = Recorder(machine, self._options.record)
+        try:
+            await recorder.start()
+        except BaseException:
+            await recorder.close()
+            raise
+        return recorder
+
+    # ------------------------------------------------------------ running
+
+    async def _run_on(self, machine: Machine, before: list[str], recorder: Recorder | None) -> int:
+        options = self._options
+        program = await machine.program(
+            self._source.name,
+            options.axes,
+            on_disconnect=options.on_disconnect,
+            start_line=options.from_line,
+            before=before,
+            step=options.step,
+        )
+        if recorder is not None:
+            recorder.follow(program)
+        self._started_at = time.monotonic()
+        error: MotionError | None = None
+        try:
+            async with self._followed(machine, program):
+                await self._stream(program)
+        except Left:
+            return self._tell_left(program)
+        except MotionError as failure:
+            error = failure
+            if not program.ended and not isinstance(failure, NobodyAnswers):
+                await self._abort_quietly(program)
+        finally:
+            await program.leave()
+        if recorder is not None:
+            await self._save(recorder)
+        return self._tell_end(program, error)
+
+    async def _stream(self, program: Program) -> None:
+        """Sends the lines and waits for the end; Ctrl-C and steps beside it."""
+        working = asyncio.create_task(self._send_and_finish(program))
+        interrupts = Interrupts(program, self._display, self._options)
+        others = [asyncio.create_task(interrupts.serve())]
+        if self._options.step:
+            others.append(asyncio.create_task(self._serve_steps(program)))
+        try:
+            await asyncio.wait([working, others[0]], return_when=asyncio.FIRST_COMPLETED)
+            if working.done():
+                working.result()
+            else:
+                others[0].result()
+                raise Left
+        finally:
+            interrupts.close()
+            for task in (working, *others):
+                task.cancel()
+            await asyncio.gather(working, *others, return_exceptions=True)
+
+    async def _send_and_finish(self, program: Program) -> None:
+        try:
+            await program.send_lines(from_thread(self._source.lines()))
+        except ProgramRejected as error:
+            self._display.stop()
+            self._show_rejection(error)
+            self._display.start()
+            # what is before the rejected line runs to its end
+            await program.finish()
+            raise
+        await program.finish()
+
+    async def _serve_steps(self, program: Program) -> None:
+        """Each line of standard input, Enter, starts the next line of the program."""
+        say("Enter starts the next line")
+        async for _ in from_thread(sys.stdin):
+            following = program.done_through + 1
+            say(f"{following:>6} | {self._source.text_of(following) or ''}")
+            try:
+                await program.step()
+            except RequestRefused as error:
+                show_error(error)
+
+    @asynccontextmanager
+    async def _followed(self, machine: Machine, program: Program) -> AsyncIterator[None]:
+        """Shows progress inside the block."""
+        telemetry = asyncio.create_task(self._follow_telemetry(machine, program.id))
+        shown = asyncio.create_task(self._show(program))
+        self._display.start()
+        try:
+            yield
+        finally:
+            for task in (telemetry, shown):
+                task.cancel()
+            await asyncio.gather(telemetry, shown, return_exceptions=True)
+            self._display.stop()
+
+    async def _follow_telemetry(self, machine: Machine, program: str) -> None:
+        status: MachineStatus
+        async for status in machine.telemetry():
+            for each in status.programs:
+                if each.program == program:
+                    self._status = each
+
+    async def _show(self, program: Program) -> None:
+        while True:
+            self._display.update(self._snapshot(program))
+            self._source.forget(program.done_through - 1)
+            await asyncio.sleep(REFRESH_S)
+
+    def _snapshot(self, program: Program) -> Snapshot:
+        status = self._status
+        first = self._options.from_line
+        done = max(program.done_through, first - 1)
+        line = max(done, status.line if status is not None else 0)
+        return Snapshot(
+            state=program.state,
+            first=first,
+            total=self._source.total,
+            line=line,
+            done=done,
+            text=self._source.text_of(line) or "",
+            override=status.override if status is not None else 100.0,
+            elapsed_s=time.monotonic() - self._started_at,
+            planned_s=status.eta_s if status is not None else None,
+        )
+
+    # ------------------------------------------------------------ after
+
+    async def _abort_quietly(self, program: Program) -> None:
+        """What went wrong is told anyway."""
+        try:
+            await program.abort()
+        except MotionError as error:
+            say(f"the program could not be aborted: {error.message}", "yellow")
+
+    async def _save(self, recorder: Recorder) -> None:
+        await recorder.save()
+        say(f"recorded {recorder.rows} cycles to {self._options.record}")
+        if recorder.filled:
+            say(f"warning: {recorder.filled} cycles were lost on the way and are interpolated", "yellow")
+
+    def _show_rejection(self, error: ProgramRejected) -> None:
+        """Once: it is known when the line is judged, and again when what is before it has run."""
+        if not self._rejection_shown:
+            self._rejection_shown = True
+            show_diagnostics(error.diagnostics, self._source.text_of, self._source.name)
+
+    def _tell_left(self, program: Program) -> int:
+        say(f"left program {program.id} running; mcctl watch shows it")
+        if self._options.json:
+            write_json({"ok": True, "left": True, "program": program.id, "state": program.state})
+        return 0
+
+    def _tell_end(self, program: Program, error: MotionError | None) -> int:
+        took = time.monotonic() - self._started_at
+        told: dict[str, Any] = {
+            "ok": error is None,
+            "program": program.id,
+            "state": program.state,
+            "accepted": program.accepted_through,
+            "done": program.done_through,
+            "elapsed_s": round(took, 3),
+            "diagnostics": [],
+        }
+        if error is None:
+            say(f"{self._source.name}: finished, {program.done_through} lines in {duration(took)}", "green")
+        elif isinstance(error, ProgramRejected):
+            self._show_rejection(error)
+            say(f"{self._source.name} is rejected at line {error.line}; lines before it have run", "bold red")
+        elif isinstance(error, ProgramAborted):
+            say(f"{self._source.name}: {error.message}", "yellow")
+        else:
+            show_error(error)
+        if error is not None:
+            told |= error_as_json(error)
+        if self._options.json:
+            write_json(told)
+        return 0 if error is None else exit_code_of(error)

@@ -1,0 +1,208 @@
+"""The operator's commands: ``hold resume step abort override jog reset estop``."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Annotated, Any
+
+import typer
+
+from mcclient.cli.options import (
+    ConfigOption,
+    ConnectOption,
+    JsonOption,
+    MachineOption,
+    ProgramOption,
+    Target,
+)
+from mcclient.cli.output import carry_out, results, write_json
+from mcclient.errors import RequestRefused
+from mcclient.estop import emergency_stop
+from mcclient.machine import Machine
+from mcclient.transport import endpoints_of
+
+AxesOption = Annotated[
+    list[int] | None, typer.Option("--axis", "-a", metavar="N", help="One axis; repeatable. Default: all.")
+]
+
+
+def _order(
+    target: Target,
+    as_json: bool,
+    act: Callable[[Machine], Awaitable[dict[str, Any]]],
+    told: Callable[[str, dict[str, Any]], str],
+) -> None:
+    async def work() -> tuple[str, dict[str, Any]]:
+        async with target.open() as machine:
+            return machine.name, await act(machine)
+
+    name, outcome = carry_out(work, as_json)
+    if as_json:
+        write_json({"ok": True, "machine": name, **outcome})
+    else:
+        results().print(told(name, outcome), markup=False)
+
+
+def _concerned(what: str) -> Callable[[str, dict[str, Any]], str]:
+    def told(name: str, outcome: dict[str, Any]) -> str:
+        programs = outcome["programs"]
+        return (
+            f"{name}: {what} {', '.join(programs)}"
+            if programs
+            else f"{name}: no program to {what.split()[0]}"
+        )
+
+    return told
+
+
+def hold(
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    program: ProgramOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Feed hold: stop along the path, ready to resume."""
+
+    async def act(one: Machine) -> dict[str, Any]:
+        return {"programs": await one.hold(program)}
+
+    _order(Target(machine, connect, zenoh), json, act, _concerned("hold"))
+
+
+def resume(
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    program: ProgramOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """End a hold, M00 or M01."""
+
+    async def act(one: Machine) -> dict[str, Any]:
+        return {"programs": await one.resume(program)}
+
+    _order(Target(machine, connect, zenoh), json, act, _concerned("resume"))
+
+
+def step(
+    program: Annotated[
+        str | None, typer.Argument(metavar="[ID]", help="The program; default: the only one in step mode.")
+    ] = None,
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Start the next line of a program in single line mode."""
+
+    async def act(one: Machine) -> dict[str, Any]:
+        return {"programs": await one.step(program or await _only_program(one))}
+
+    _order(Target(machine, connect, zenoh), json, act, _concerned("step"))
+
+
+async def _only_program(machine: Machine) -> str:
+    living = [each.program for each in await machine.programs(ended=False)]
+    if len(living) != 1:
+        shown = f"{len(living)} programs are there: {', '.join(living)}" if living else "no program is there"
+        raise RequestRefused("MC511", shown, "name one, such as: mcctl step ID")
+    return living[0]
+
+
+def abort(
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    program: ProgramOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Stop along the path and drop the rest of the program."""
+
+    async def act(one: Machine) -> dict[str, Any]:
+        return {"programs": await one.abort(program)}
+
+    _order(Target(machine, connect, zenoh), json, act, _concerned("abort"))
+
+
+def override(
+    percent: Annotated[
+        float, typer.Argument(min=0.0, max=200.0, help="100 is as programmed, 0 stands still.")
+    ],
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    program: ProgramOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Feed override in percent, of one program or of all, those to come included."""
+
+    async def act(one: Machine) -> dict[str, Any]:
+        return {"percent": await one.override(percent, program)}
+
+    def told(name: str, outcome: dict[str, Any]) -> str:
+        return f"{name}: override {outcome['percent']:g} %"
+
+    _order(Target(machine, connect, zenoh), json, act, told)
+
+
+def jog(
+    axis: Annotated[int, typer.Argument(min=0, max=63, help="The axis.")],
+    distance: Annotated[
+        float, typer.Argument(metavar="DISTANCE", help="From where it is, signed [mm, deg].")
+    ],
+    velocity: Annotated[
+        float | None,
+        typer.Option("--velocity", "-v", help="[mm/s, deg/s]; default: a tenth of the axis's limit."),
+    ] = None,
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Move one axis by hand: mcctl jog 2 -0.5."""
+
+    async def act(one: Machine) -> dict[str, Any]:
+        return {"program": await one.jog(axis, distance, velocity=velocity), "axis": axis}
+
+    def told(name: str, outcome: dict[str, Any]) -> str:
+        return f"{name}: axis {axis} goes by {distance:g} (program {outcome['program']})"
+
+    _order(Target(machine, connect, zenoh), json, act, told)
+
+
+def reset(
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    axes: AxesOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Clear a latched fault or emergency stop; axes stay without energy until captured (G1010)."""
+
+    async def act(one: Machine) -> dict[str, Any]:
+        await one.reset(axes)
+        return {}
+
+    _order(Target(machine, connect, zenoh), json, act, lambda name, _: f"{name}: reset")
+
+
+def estop(
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    reason: Annotated[str, typer.Option("--reason", help="Why, for the record.")] = "mcctl",
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Emergency stop of every axis, until reset. No safety function: use the machine's own circuit too."""
+
+    async def work() -> str:
+        return await emergency_stop(
+            machine, endpoints_of(connect), client="mcctl", reason=reason, config_file=zenoh
+        )
+
+    name = carry_out(work, json)
+    if json:
+        write_json({"ok": True, "machine": name, "state": "estop"})
+    else:
+        results().print(f"{name}: emergency stop, latched; mcctl reset clears it", markup=False)

@@ -1,0 +1,103 @@
+"""Options that every command has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mcclient.errors import RequestRefused
+from mcclient.machine import Machine
+from mcclient.starting import Starting
+
+
+def _complete_machine(incomplete: str) -> list[str]:
+    import asyncio
+
+    from mcclient.discovery import list_machines
+    from mcclient.errors import MotionError
+
+    try:
+        found = asyncio.run(list_machines(timeout_s=0.5))
+    except MotionError:
+        return []
+    return [name for name, _ in found if name.startswith(incomplete)]
+
+
+MachineOption = Annotated[
+    str | None,
+    typer.Option(
+        "--machine",
+        "-m",
+        metavar="NAME",
+        envvar="MC_MACHINE",
+        help="The machine, where there is more than one.",
+        autocompletion=_complete_machine,
+    ),
+]
+ConnectOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--connect",
+        metavar="ENDPOINT",
+        help="Zenoh endpoint of the server or a router; repeatable. "
+        "Default: $MC_CONNECT, else tcp/127.0.0.1:7447.",
+    ),
+]
+ConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--zenoh-config",
+        metavar="PATH",
+        help="A Zenoh configuration (JSON5), for TLS and passwords.",
+        exists=True,
+        dir_okay=False,
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Answer with JSON on standard output.")]
+ProgramOption = Annotated[
+    str | None, typer.Option("--program", "-p", metavar="ID", help="One program; default: all.")
+]
+
+AxesOption = Annotated[
+    str | None,
+    typer.Option("--axes", metavar="LIST", help="Axes to lease, such as 0,1,4-6; default: all."),
+]
+AXIS_LIMIT = 63
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Which machine, and how it is reached."""
+
+    machine: str | None
+    connect: list[str] | None
+    config_file: Path | None
+
+    def open(self) -> Starting[Machine]:
+        """Connects as ``mcctl``."""
+        return Machine.connect(
+            self.machine, self.connect or None, client="mcctl", config_file=self.config_file
+        )
+
+
+def parse_axes(text: str | None) -> list[int] | None:
+    """``0,1,4-6`` as axis numbers; None: all.
+
+    Raises:
+        RequestRefused: MC511 it is no list of axes.
+    """
+    if text is None:
+        return None
+    axes: set[int] = set()
+    try:
+        for part in text.split(","):
+            first, _, last = part.partition("-")
+            axes.update(range(int(first), int(last or first) + 1))
+    except ValueError:
+        axes.clear()
+    if not axes or max(axes) > AXIS_LIMIT or min(axes) < 0:
+        raise RequestRefused("MC511", f"{text!r} names no axes", "such as --axes 0,1,4-6; axes are 0 to 63")
+    return sorted(axes)

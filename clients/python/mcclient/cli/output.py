@@ -1,0 +1,110 @@
+"""Where words go: results to standard output, narration and faults to standard error.
+
+NO_COLOR, a pipe and a dumb terminal all give plain text.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import json
+import sys
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager
+from typing import Any, NoReturn, TypeVar
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from mcclient.errors import MotionError, ProgramError, RequestRefused
+
+T = TypeVar("T")
+
+USAGE = 2
+PIPE_COLUMNS = 160
+
+
+def narration() -> Console:
+    """The console for people: standard error."""
+    return Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def results() -> Console:
+    """The console for results: standard output."""
+    console = Console(highlight=False, soft_wrap=True)
+    if not console.is_terminal:
+        # nobody's window cuts what goes to a file or another program
+        console.width = max(console.width, PIPE_COLUMNS)
+    return console
+
+
+def say(text: str, style: str = "") -> None:
+    """A sentence of narration."""
+    narration().print(Text(text, style=style))
+
+
+def as_plain(value: Any) -> Any:
+    """A dataclass, or a list of them, as maps and lists for JSON."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return dataclasses.asdict(value)
+    if isinstance(value, list | tuple):
+        return [as_plain(each) for each in value]
+    return value
+
+
+def write_json(value: Any) -> None:
+    """One JSON value and a line end on standard output."""
+    sys.stdout.write(json.dumps(as_plain(value), ensure_ascii=False) + "\n")
+    sys.stdout.flush()
+
+
+def show_error(error: MotionError) -> None:
+    """A coded error with its remedy, on standard error."""
+    console = narration()
+    console.print(Text.assemble((f"error[{error.code}]", "bold red"), f": {error.message}"))
+    if error.hint:
+        console.print(Text.assemble("  = ", ("help", "bold"), f": {error.hint}"))
+
+
+def error_as_json(error: MotionError) -> dict[str, Any]:
+    """What ``--json`` gives of an error."""
+    told: dict[str, Any] = {"code": error.code, "message": error.message, "hint": error.hint}
+    if error.details:
+        told["details"] = error.details
+    if error.line:
+        told["line"] = error.line
+    if isinstance(error, ProgramError):
+        told |= {"program": error.program, "accepted": error.accepted, "done": error.done}
+    return {"ok": False, "error": told, "diagnostics": as_plain(error.diagnostics)}
+
+
+def exit_code_of(error: MotionError) -> int:
+    """0 ok, 1 failed while running, 2 usage, 3 configuration, 4 program rejected, 5 nobody answers."""
+    if isinstance(error, RequestRefused) and error.is_wrong_value:
+        return USAGE
+    return error.exit_code
+
+
+@contextmanager
+def errors_told(as_json: bool) -> Iterator[None]:
+    """Errors become a message, with ``--json`` an object on standard output too, and the exit code."""
+    try:
+        yield
+    except MotionError as error:
+        fail(error, as_json)
+
+
+def fail(error: MotionError, as_json: bool) -> NoReturn:
+    """Tells the error and leaves with its exit code."""
+    if as_json:
+        write_json(error_as_json(error))
+    show_error(error)
+    raise typer.Exit(exit_code_of(error)) from error
+
+
+def carry_out(work: Callable[[], Coroutine[Any, Any, T]], as_json: bool) -> T:
+    """Runs a coroutine to its end, errors told."""
+    with errors_told(as_json):
+        return asyncio.run(work())
+    raise AssertionError("errors_told leaves by itself")

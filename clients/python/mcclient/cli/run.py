@@ -1,0 +1,95 @@
+"""``mcctl run FILE``."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mcclient.cli.job import Job, JobOptions
+from mcclient.cli.options import (
+    AxesOption,
+    ConfigOption,
+    ConnectOption,
+    JsonOption,
+    MachineOption,
+    Target,
+    parse_axes,
+)
+from mcclient.cli.output import errors_told, narration
+from mcclient.cli.source import ProgramSource
+from mcclient.errors import ConfigurationError, RequestRefused
+
+
+class OnDisconnectChoice(StrEnum):
+    """What happens to the program when this command's link goes."""
+
+    STOP = "stop"
+    FINISH = "finish"
+
+
+def run(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="The G-code program; - reads standard input.")],
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    axes: AxesOption = None,
+    from_line: Annotated[
+        int,
+        typer.Option(
+            "--from-line", metavar="N", min=1, help="Begin at this line; those before set modal state only."
+        ),
+    ] = 1,
+    record: Annotated[
+        Path | None,
+        typer.Option("--record", metavar="OUT.npz", help="Keep the path really taken, cycle by cycle."),
+    ] = None,
+    step: Annotated[bool, typer.Option("--step", help="Line by line: Enter starts the next one.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check/--no-check", help="Look for faults in the whole text first.")
+    ] = True,
+    on_disconnect: Annotated[
+        OnDisconnectChoice,
+        typer.Option("--on-disconnect", help="When this command goes away, stop the program or finish it."),
+    ] = OnDisconnectChoice.STOP,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Run a program and follow it to its end.
+
+    Ctrl-C asks whether to hold, abort or leave; without a terminal it aborts.
+    """
+    with errors_told(json):
+        options = JobOptions(
+            target=Target(machine, connect, zenoh),
+            axes=parse_axes(axes),
+            from_line=from_line,
+            record=_checked_output(record),
+            step=step,
+            check=check,
+            on_disconnect="finish" if on_disconnect is OnDisconnectChoice.FINISH else "stop",
+            json=json,
+            interactive=sys.stdin.isatty() and narration().is_terminal and file != "-",
+        )
+        if step and file == "-":
+            raise RequestRefused("MC511", "--step reads standard input itself", "give the program as a file")
+        source = ProgramSource(file)
+        try:
+            code = asyncio.run(Job(options, source).run())
+        finally:
+            source.close()
+    raise typer.Exit(code)
+
+
+def _checked_output(path: Path | None) -> Path | None:
+    """Raises ConfigurationError (MC537) where no file can be written there, before anything moves."""
+    if path is None:
+        return None
+    if path.suffix != ".npz":
+        raise RequestRefused("MC511", f"--record writes NPZ files, {path} is none", "name it such as out.npz")
+    if not path.parent.is_dir():
+        raise ConfigurationError("MC537", f"there is no folder {path.parent}", f"mkdir -p {path.parent}")
+    return path

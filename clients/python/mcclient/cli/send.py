@@ -1,0 +1,67 @@
+"""``mcctl send 'G01 X10'``: a few lines as a program of their own."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from mcclient.cli.excerpt import show_diagnostics
+from mcclient.cli.options import (
+    AxesOption,
+    ConfigOption,
+    ConnectOption,
+    JsonOption,
+    MachineOption,
+    Target,
+    parse_axes,
+)
+from mcclient.cli.output import carry_out, error_as_json, exit_code_of, results, write_json
+from mcclient.errors import ProgramRejected
+
+
+def send(
+    lines: Annotated[list[str], typer.Argument(metavar="LINE...", help="Lines of G-code, each in quotes.")],
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    axes: AxesOption = None,
+    wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the motion's end.")] = True,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Send lines as one program: mcctl send 'G1010' 'G01 X10 F600'."""
+    texts = [text for argument in lines for text in argument.splitlines() or [""]]
+
+    async def work() -> dict[str, Any] | ProgramRejected:
+        async with Target(machine, connect, zenoh).open() as one:
+            program = await one.program(
+                "mcctl send", parse_axes(axes), on_disconnect="stop" if wait else "finish"
+            )
+            try:
+                for text in texts:
+                    await program.send(text)
+                if wait:
+                    await program.finish()
+                else:
+                    await program.close()
+            except ProgramRejected as error:
+                # what is before the rejected line runs to its end, as it does in a file
+                if not program.ended:
+                    await program.finish()
+                return error
+            return {"program": program.id, "state": program.state, "done": program.done_through}
+
+    outcome = carry_out(work, json)
+    if isinstance(outcome, ProgramRejected):
+        show_diagnostics(
+            outcome.diagnostics, lambda line: texts[line - 1] if 0 < line <= len(texts) else None, "send"
+        )
+        if json:
+            write_json(error_as_json(outcome))
+        raise typer.Exit(exit_code_of(outcome)) from outcome
+    if json:
+        write_json({"ok": True, **outcome})
+    else:
+        results().print(
+            f"{outcome['program']}: {outcome['state']}, {outcome['done']} lines done", markup=False
+        )

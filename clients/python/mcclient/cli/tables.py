@@ -1,0 +1,140 @@
+"""Tables of a machine's state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from mcclient.types import Fault, Info, MachineStatus, ProgramStatus
+
+STATE_STYLES = {
+    "ready": "green",
+    "running": "green",
+    "moving": "green",
+    "finished": "green",
+    "standstill": "cyan",
+    "queued": "cyan",
+    "held": "yellow",
+    "paused": "yellow",
+    "ending": "yellow",
+    "stopping": "yellow",
+    "aborted": "yellow",
+    "interrupted": "red",
+    "fault": "bold red",
+    "estop": "bold red",
+    "faulted": "red",
+    "rejected": "red",
+    "off": "dim",
+    "released": "dim",
+}
+
+
+def state_text(state: str) -> Text:
+    return Text(state, style=STATE_STYLES.get(state, ""))
+
+
+def machine_view(
+    name: str, info: Info, status: MachineStatus, *, online: bool = True, rows: int | None = None
+) -> RenderableType:
+    """The whole machine; ``rows``: how many axes are shown at most."""
+    parts: list[RenderableType] = [_headline(name, status, online), _axes_table(info, status, rows)]
+    if status.tools:
+        parts.append(_tools_table(status))
+    living = [program for program in status.programs if program.ended_at is None]
+    shown = living or list(status.programs)[:3]
+    parts.append(programs_table(shown) if shown else Text("no programs", style="dim"))
+    parts += [fault_text(fault) for fault in status.faults]
+    return Group(*parts)
+
+
+def _headline(name: str, status: MachineStatus, online: bool) -> Text:
+    line = Text.assemble((name, "bold"), "  ", state_text(status.state) if online else ("gone", "bold red"))
+    line.append(f"  override {status.override:g} %  t {status.t:.1f} s")
+    if status.late_cycles:
+        line.append(f"  {status.late_cycles} late cycles", style="yellow")
+    return line
+
+
+def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
+    units = {axis.index: axis.unit for axis in info.axes}
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("axis", justify="right")
+    for title in ("position", "setpoint", "velocity"):
+        table.add_column(title, justify="right", min_width=11)
+    table.add_column("unit")
+    table.add_column("state", min_width=10)
+    axes = status.axes
+    count = len(axes.index) if rows is None else min(rows, len(axes.index))
+    for row in range(count):
+        unit = units.get(axes.index[row], "")
+        table.add_row(
+            str(axes.index[row]),
+            f"{axes.position[row]:.3f}",
+            f"{axes.setpoint[row]:.3f}",
+            f"{axes.velocity[row]:.2f}",
+            unit,
+            state_text(axes.state[row]),
+        )
+    if count < len(axes.index):
+        table.add_row("…", f"{len(axes.index) - count} more", "", "", "", "")
+    return table
+
+
+def _tools_table(status: MachineStatus) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("tool", "x", "y", "z", "a", "b", "c"):
+        table.add_column(title, justify="right")
+    for tool in status.tools:
+        table.add_row(
+            f"T{tool.number}",
+            *(f"{value:.3f}" for value in tool.position),
+            *(f"{value:.2f}" for value in tool.orientation),
+        )
+    return table
+
+
+def programs_table(programs: Sequence[ProgramStatus]) -> Table:
+    """One row a program."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    # ids are typed again by people: never cut
+    table.add_column("program", no_wrap=True, overflow="fold")
+    table.add_column("state", no_wrap=True)
+    table.add_column("name", overflow="ellipsis", max_width=30, no_wrap=True)
+    for title in ("line", "done", "taken", "feed"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("axes", no_wrap=True, overflow="ellipsis", max_width=12)
+    table.add_column("client", no_wrap=True, overflow="ellipsis", max_width=12)
+    for program in programs:
+        table.add_row(
+            program.program,
+            state_text(program.state),
+            Text(program.name),
+            str(program.line),
+            str(program.done),
+            str(program.accepted),
+            f"{program.override:g} %",
+            axes_text(program.axes),
+            program.client,
+        )
+    return table
+
+
+def axes_text(axes: Sequence[int]) -> str:
+    """Axis numbers with runs drawn together: ``0-5,8``."""
+    runs: list[list[int]] = []
+    for axis in sorted(axes):
+        if runs and axis == runs[-1][1] + 1:
+            runs[-1][1] = axis
+        else:
+            runs.append([axis, axis])
+    return ",".join(str(first) if first == last else f"{first}-{last}" for first, last in runs)
+
+
+def fault_text(fault: Fault) -> Text:
+    text = Text.assemble((f"fault[{fault.code}]", "bold red"), f": {fault.message}")
+    if fault.hint:
+        text.append(f"\n  = help: {fault.hint}")
+    return text

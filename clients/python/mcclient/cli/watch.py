@@ -1,0 +1,90 @@
+"""``mcctl watch``: the machine, live."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import Annotated
+
+import typer
+from rich.console import Console, RenderableType
+from rich.live import Live
+
+from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.output import carry_out, results, write_json
+from mcclient.cli.tables import machine_view
+from mcclient.machine import Machine
+from mcclient.types import MachineStatus
+
+REFRESH_HZ = 10
+PLAIN_S = 1.0
+# headline, table heads, programs and faults beside the axes
+OTHER_ROWS = 10
+
+
+def watch(
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    once: Annotated[bool, typer.Option("--once", help="Show one state and leave.")] = False,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Axes, programs and faults, live; Ctrl-C leaves. With --json one line a state."""
+
+    async def work() -> None:
+        async with Target(machine, connect, zenoh).open() as one:
+            if once:
+                _show_once(one, await one.status(), json)
+            elif json:
+                async for status in one.telemetry():
+                    write_json(status)
+            elif results().is_terminal:
+                await _live(one)
+            else:
+                await _plain(one)
+
+    with contextlib.suppress(KeyboardInterrupt):
+        carry_out(work, json)
+
+
+def _show_once(machine: Machine, status: MachineStatus, as_json: bool) -> None:
+    if as_json:
+        write_json(status)
+    else:
+        results().print(machine_view(machine.name, machine.info, status))
+
+
+async def _live(machine: Machine) -> None:
+    console = Console(highlight=False)
+    status = await machine.status()
+
+    def view() -> RenderableType:
+        rows = max(3, console.height - OTHER_ROWS - len(status.tools))
+        return machine_view(machine.name, machine.info, status, online=machine.online, rows=rows)
+
+    with Live(view(), console=console, screen=True, auto_refresh=False) as live:
+
+        async def follow() -> None:
+            nonlocal status
+            async for newest in machine.telemetry():
+                status = newest
+
+        following = asyncio.create_task(follow())
+        try:
+            while True:
+                live.update(view(), refresh=True)
+                await asyncio.sleep(1.0 / REFRESH_HZ)
+        finally:
+            following.cancel()
+
+
+async def _plain(machine: Machine) -> None:
+    """One line a second, for pipes and files."""
+    shown_at = float("-inf")
+    async for status in machine.telemetry():
+        if status.t - shown_at < PLAIN_S and status.t >= shown_at:
+            continue
+        shown_at = status.t
+        positions = " ".join(f"{position:.3f}" for position in status.axes.position)
+        programs = " ".join(f"{each.program}:{each.state}:{each.line}" for each in status.programs)
+        results().print(f"{status.t:.1f} {status.state} {positions} {programs}".rstrip(), markup=False)

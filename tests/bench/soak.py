@@ -1,0 +1,145 @@
+"""Streams lines at a steady rate for minutes: memory, lost cycles, acknowledgements.
+
+``python -m tests.bench.soak --minutes 30 --rate 500`` starts a server of its own with simulated drives and
+streams short moves to it. Beside it a loop without work wakes at the same rate and counts its own late
+cycles: the floor that the executor's figure is compared with.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import multiprocessing
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from mcclient.machine import Machine
+
+CHUNK = 50
+
+
+def _moves() -> Iterator[str]:
+    """An endless path of 0.5 mm moves round a square of 100 mm: some 600 lines/s can be moved."""
+    yield "G1010"
+    yield "G94 F24000 G90"
+    while True:
+        for x0, y0, dx, dy in ((0, 0, 1, 0), (100, 0, 0, 1), (100, 100, -1, 0), (0, 100, 0, -1)):
+            for step in range(1, 201):
+                yield f"G01 X{x0 + step * dx / 2} Y{y0 + step * dy / 2}"
+
+
+def _rss_mib(pid: int) -> float:
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS"):
+            return int(line.split()[1]) / 1024.0
+    return 0.0
+
+
+def _children(pid: int) -> list[int]:
+    found = []
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        found += [int(child) for child in (task / "children").read_text().split()]
+    return found
+
+
+def _floor(seconds: float, late: multiprocessing.sharedctypes.Synchronized[int]) -> None:  # type: ignore[type-arg]
+    """Wakes each millisecond at realtime priority, with no work; counts wake-ups that came a cycle late."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))
+    except PermissionError:
+        pass
+    due = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+    end = due + int(seconds * 1e9)
+    while due < end:
+        due += 1_000_000
+        wait = due - time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+        if wait > 0:
+            time.sleep(wait / 1e9)
+        behind = time.clock_gettime_ns(time.CLOCK_MONOTONIC) - due
+        if behind > 1_000_000:
+            late.value += behind // 1_000_000
+            due += behind // 1_000_000 * 1_000_000
+
+
+async def _stream(endpoint: str, minutes: float, rate: float, server: int) -> None:
+    started = time.monotonic()
+    end = started + minutes * 60.0
+    moves = _moves()
+    sent = 0
+    memory: list[tuple[float, float, float]] = []
+    async with Machine.connect(connect=endpoint, timeout_s=30.0) as machine:
+        before = (await machine.status()).late_cycles
+        async with machine.program(name="soak") as program:
+            next_report = started
+            while time.monotonic() < end:
+                sent = await program.send_lines([next(moves) for _ in range(CHUNK)])
+                now = time.monotonic()
+                if now >= next_report:
+                    next_report += 15.0
+                    children = [
+                        int(pid) for pid in Path(f"/proc/{server}/task/{server}/children").read_text().split()
+                    ]
+                    sizes = _rss_mib(server), max((_rss_mib(pid) for pid in children), default=0.0)
+                    memory.append((now - started, *sizes))
+                    print(
+                        f"{now - started:7.0f} s  sent {sent}  accepted {program.accepted_through}  "
+                        f"done {program.done_through}  server {sizes[0]:.1f} MiB  executor {sizes[1]:.1f} MiB",
+                        flush=True,
+                    )
+                ahead = sent / rate - (now - started)
+                if ahead > 0.0:
+                    await asyncio.sleep(ahead)
+            result = await program.finish()
+        status = await machine.status()
+    settled = [each for each in memory if each[0] >= 60.0] or memory
+    print(f"lines sent {sent}, accepted {result.accepted}, done {result.done}, state {result.state}")
+    print(f"memory from {settled[0][1]:.1f} to {settled[-1][1]:.1f} MiB (server)")
+    print(f"memory from {settled[0][2]:.1f} to {settled[-1][2]:.1f} MiB (executor)")
+    print(f"late cycles of the executor {status.late_cycles - before}")
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--minutes", type=float, default=30.0)
+    options.add_argument("--rate", type=float, default=500.0)
+    chosen = options.parse_args()
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            sys.executable,
+            "-m",
+            "mcserver",
+            "run",
+            "--listen",
+            endpoint,
+            "--journal",
+            f"{folder}/journal.db",
+        ]
+        server = subprocess.Popen(command)
+        late = multiprocessing.get_context("spawn").Value("l", 0)
+        floor = multiprocessing.get_context("spawn").Process(
+            target=_floor, args=(chosen.minutes * 60.0, late)
+        )
+        try:
+            floor.start()
+            asyncio.run(_stream(endpoint, chosen.minutes, chosen.rate, server.pid))
+            floor.join()
+            print(f"late cycles of a loop without work beside it {late.value}")
+            print(f"journal {Path(folder, 'journal.db').stat().st_size / 2**20:.1f} MiB")
+        finally:
+            server.send_signal(signal.SIGTERM)
+            server.wait(20)
+            floor.kill()
+
+
+if __name__ == "__main__":
+    main()

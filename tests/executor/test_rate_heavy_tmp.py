@@ -1,0 +1,318 @@
+"""Feed hold, overrides, starvation and single lines: always on the path, always within limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mcserver.executor.entries import ControlKind, EventKind
+from mcserver.executor.feedback import SlotState
+from mcserver.executor.headroom import stopping_rows
+from tests.executor.rig import CYCLE_S, Array, Program, Rig, machine
+
+ACCELERATION = 10.0
+
+
+def trapezoid(length: float, speed: float, acceleration: float) -> tuple[Array, Array]:
+    """Positions and velocities at whole cycles of a move from rest to rest."""
+    ramp = speed / acceleration
+    cruise = length / speed - ramp
+    time = np.arange(1, int(np.ceil((2 * ramp + cruise) / CYCLE_S - 1e-9)) + 1) * CYCLE_S
+    end = 2 * ramp + cruise
+    left = np.maximum(end - time, 0.0)
+    velocity = np.minimum(np.minimum(acceleration * time, acceleration * left), speed)
+    position = np.where(
+        time < ramp,
+        0.5 * acceleration * time**2,
+        np.where(left < ramp, length - 0.5 * acceleration * left**2, speed * (time - 0.5 * ramp)),
+    )
+    return position, velocity
+
+
+def straight(program: Program, length: float, speed: float, direction: tuple[float, float] = (1.0, 0.0)) -> None:
+    position, velocity = trapezoid(length, speed, ACCELERATION)
+    program.control(ControlKind.BEGIN, axes=3)
+    program.rows(np.outer(position, direction), np.outer(velocity, direction), 3)
+    program.control(ControlKind.END, axes=3)
+
+
+def circle(program: Program, radius: float, speed: float, turns: float) -> None:
+    """From (0, 0) about (radius, 0); a third of the acceleration along the path."""
+    position, velocity = trapezoid(turns * 2 * np.pi * radius, speed, ACCELERATION / 3)
+    angle = position / radius
+    points = radius * np.stack([1 - np.cos(angle), np.sin(angle)], axis=1)
+    slopes = velocity[:, None] * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    program.control(ControlKind.BEGIN, axes=3)
+    program.rows(points, slopes, 3)
+    program.control(ControlKind.END, axes=3)
+
+
+def started(draw: str = "straight") -> Rig:
+    rig = Rig(machine())
+    rig.program.capture()
+    rig.program.start_line(1)
+    if draw == "straight":
+        straight(rig.program, 0.8, 0.8)
+    else:
+        circle(rig.program, 0.05, 0.4, 3.0)
+    rig.program.end_line()
+    rig.program.finish()
+    return rig
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.2, 0.8])
+def test_feed_hold_stands_still_within_v_over_a_and_10_ms(speed: float) -> None:
+    rig = Rig(machine())
+    rig.program.capture()
+    straight(rig.program, speed, speed)
+    rig.step(250)
+    rig.executor.mailbox.set_hold(True, 0)
+    cycles = 0
+    while rig.executor.feedback.slots[0].state is not SlotState.HELD:
+        rig.step()
+        cycles += 1
+        assert cycles < 1000
+    assert cycles * CYCLE_S <= speed / ACCELERATION + 0.010
+    assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION
+
+
+def test_a_held_program_stays_until_it_is_resumed_and_then_ends_at_its_target() -> None:
+    rig = started()
+    rig.step(300)
+    rig.executor.mailbox.set_hold(True, 0)
+    rig.step(500)
+    held = rig.setpoint[-1]
+    rig.step(500)
+    assert np.array_equal(rig.setpoint[-1], held)
+    rig.executor.mailbox.resume(0)
+    rig.run()
+    assert rig.setpoint[-1, 0] == pytest.approx(0.8, abs=1e-12)
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    orders=st.lists(
+        st.tuples(st.integers(1, 300), st.sampled_from(["hold", "resume", 0.0, 0.3, 0.77, 1.0, 1.4, 2.0])),
+        max_size=8,
+    ),
+    path=st.sampled_from(["straight", "circle"]),
+)
+def test_any_orders_keep_the_path_the_direction_and_the_acceleration(
+    orders: list[tuple[int, str | float]], path: str
+) -> None:
+    rig = started(path)
+    for cycles, order in orders:
+        rig.step(cycles)
+        if order == "hold":
+            rig.executor.mailbox.set_hold(True, 0)
+        elif order == "resume":
+            rig.executor.mailbox.resume(0)
+        else:
+            rig.executor.mailbox.set_override(float(order), 0)
+    rig.executor.mailbox.resume(0)
+    rig.executor.mailbox.set_override(1.0, 0)
+    rig.run()
+    points = rig.setpoint
+    if path == "straight":
+        assert np.all(points[:, 1] == 0.0)
+        along = points[:, 0]
+        assert along[-1] == pytest.approx(0.8, abs=1e-12)
+    else:
+        radius = np.hypot(points[:, 0] - 0.05, points[:, 1])
+        assert np.abs(radius - 0.05).max() < 1e-8
+        along = np.unwrap(np.arctan2(points[:, 1], 0.05 - points[:, 0]))
+        assert along[-1] == pytest.approx(6 * np.pi, abs=1e-9)
+    assert np.all(np.diff(along) >= -1e-12)
+    for column in (0, 1):
+        assert np.abs(rig.acceleration(column)).max() <= 1.02 * ACCELERATION
+        assert np.abs(np.diff(points[:, column])).max() / CYCLE_S <= 1.001
+
+
+def test_an_override_above_100_percent_is_faster_where_limits_leave_room() -> None:
+    rig = started()
+    rig.executor.mailbox.set_override(2.0, 0)
+    cycles = rig.run()
+    velocity = np.diff(rig.setpoint[:, 0]) / CYCLE_S
+    assert velocity.max() == pytest.approx(1.0, rel=0.01)
+    assert cycles < 1080
+    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION
+
+
+def test_an_override_above_100_percent_reaches_twice_a_slow_feed() -> None:
+    rig = Rig(machine())
+    rig.program.capture()
+    straight(rig.program, 0.2, 0.1)
+    rig.program.finish()
+    rig.executor.mailbox.set_override(2.0, 0)
+    rig.run()
+    velocity = np.diff(rig.setpoint[:, 0]) / CYCLE_S
+    assert velocity.max() == pytest.approx(0.2, rel=1e-6)
+    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION
+
+
+def test_the_machines_override_and_the_slots_multiply() -> None:
+    rig = started()
+    rig.executor.mailbox.set_override(0.5, 0)
+    rig.executor.mailbox.set_override(0.5)
+    rig.step(2000)
+    velocity = np.diff(rig.setpoint[:, 0]) / CYCLE_S
+    assert velocity.max() == pytest.approx(0.2, rel=1e-6)
+
+
+def test_a_ring_that_runs_dry_holds_on_the_path_and_goes_on_by_itself() -> None:
+    rig = Rig(machine())
+    program = rig.program
+    program.capture()
+    program.start_line(1)
+    position, velocity = trapezoid(0.8, 0.8, ACCELERATION)
+    points, slopes = np.outer(position, [1.0, 0.0]), np.outer(velocity, [1.0, 0.0])
+    program.control(ControlKind.BEGIN, axes=3)
+    program.rows(points[:400], slopes[:400], 3)
+    rig.step(1500)
+    assert len(rig.of(EventKind.STARVED)) == 1
+    assert rig.executor.feedback.slots[0].state is SlotState.STARVED
+    assert rig.setpoint[-1, 0] <= position[399]
+    program.rows(points[400:], slopes[400:], 3)
+    program.control(ControlKind.END, axes=3)
+    program.end_line()
+    program.finish()
+    rig.run()
+    assert len(rig.of(EventKind.STARVED)) == 1
+    assert rig.setpoint[-1, 0] == pytest.approx(0.8, abs=1e-12)
+    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION
+    assert np.all(np.diff(rig.setpoint[:, 0]) >= 0.0)
+
+
+@settings(max_examples=400, deadline=None)
+@given(bites=st.lists(st.tuples(st.integers(1, 200), st.integers(1, 200)), min_size=1, max_size=12))
+def test_rows_that_trickle_in_never_break_the_acceleration_limit(bites: list[tuple[int, int]]) -> None:
+    rig = Rig(machine())
+    program = rig.program
+    program.capture()
+    position, velocity = trapezoid(0.8, 0.8, ACCELERATION)
+    points, slopes = np.outer(position, [1.0, 0.5]), np.outer(velocity, [1.0, 0.5])
+    program.control(ControlKind.BEGIN, axes=3)
+    done = 0
+    for rows, cycles in bites:
+        part = slice(done, min(done + rows, len(points)))
+        if part.start < part.stop:
+            program.rows(points[part], slopes[part], 3)
+            done = part.stop
+        rig.step(cycles)
+    if done < len(points):
+        program.rows(points[done:], slopes[done:], 3)
+    program.control(ControlKind.END, axes=3)
+    program.finish()
+    rig.run()
+    assert rig.setpoint[-1, 0] == pytest.approx(0.8, abs=1e-12)
+    assert np.abs(rig.acceleration()).max() <= 1.03 * ACCELERATION
+    assert np.all(np.diff(rig.setpoint[:, 0]) >= -1e-15)
+
+
+def test_enough_rows_ahead_are_played_without_slowing_down() -> None:
+    rig = Rig(machine())
+    program = rig.program
+    program.capture()
+    position, velocity = trapezoid(0.8, 0.8, ACCELERATION)
+    points, slopes = np.outer(position, [1.0, 0.0]), np.outer(velocity, [1.0, 0.0])
+    program.control(ControlKind.BEGIN, axes=3)
+    ahead = stopping_rows(rig.machine)
+    program.rows(points[:ahead], slopes[:ahead], 3)
+    for row in range(ahead, len(points)):
+        program.rows(points[row : row + 1], slopes[row : row + 1], 3)
+        rig.step()
+        assert rig.executor.feedback.slots[0].rate == 1.0
+
+
+def test_an_abort_stops_on_the_path_drops_the_rest_and_holds() -> None:
+    rig = started("circle")
+    rig.step(400)
+    rig.executor.mailbox.abort(0)
+    stopped = rig.run_until(EventKind.STOPPED)
+    rig.step(50)
+    assert stopped.line == 1
+    assert rig.executor.feedback.slots[0].state is SlotState.STOPPED
+    assert not rig.of(EventKind.LINE_END)
+    assert np.abs(np.hypot(rig.setpoint[:, 0] - 0.05, rig.setpoint[:, 1]) - 0.05).max() < 1e-8
+    assert rig.executor.executor.bank.energized == 3
+    for column in (0, 1):
+        assert np.abs(rig.acceleration(column)).max() <= 1.02 * ACCELERATION
+
+
+def test_single_line_mode_stops_at_each_line_even_where_lines_flow_into_each_other() -> None:
+    rig = Rig(machine())
+    program = rig.program
+    program.capture()
+    position, velocity = trapezoid(0.4, 0.4, ACCELERATION)
+    points, slopes = np.outer(position, [1.0, 0.0]), np.outer(velocity, [1.0, 0.0])
+    program.start_line(1)
+    program.control(ControlKind.BEGIN, axes=3)
+    program.rows(points[:500], slopes[:500], 3)
+    program.u = 500.4
+    program.end_line()
+    program.start_line(2)
+    program.u = 500.0
+    program.rows(points[500:], slopes[500:], 3)
+    program.control(ControlKind.END, axes=3)
+    program.end_line()
+    program.finish()
+    rig.step(10)
+    rig.executor.mailbox.set_single_line(True, 0)
+    rig.run_until(EventKind.PAUSED)
+    rig.step(200)
+    boundary = position[499] + 0.4 * (position[500] - position[499])
+    assert rig.setpoint[-1, 0] == pytest.approx(boundary, abs=1e-6)
+    assert rig.executor.feedback.slots[0].state is SlotState.PAUSED
+    rig.executor.mailbox.step(0)
+    rig.run_until(EventKind.PAUSED)
+    assert rig.setpoint[-1, 0] == pytest.approx(0.4, abs=1e-12)
+    rig.executor.mailbox.step(0)
+    rig.run()
+    assert len(rig.of(EventKind.LINE_END)) == 2
+    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION
+
+
+def test_a_pause_waits_for_resume() -> None:
+    rig = Rig(machine())
+    program = rig.program
+    program.start_line(5)
+    program.control(ControlKind.PAUSE)
+    program.end_line()
+    program.finish()
+    rig.run_until(EventKind.PAUSED)
+    rig.step(100)
+    assert not rig.of(EventKind.LINE_END)
+    rig.executor.mailbox.resume(0)
+    rig.run()
+    assert rig.of(EventKind.FINISHED)
+
+
+def test_a_dwell_does_not_pass_in_feed_hold() -> None:
+    rig = Rig(machine())
+    rig.program.start_line(1)
+    rig.program.dwell(0.1)
+    rig.program.end_line()
+    rig.program.finish()
+    rig.step(50)
+    rig.executor.mailbox.set_hold(True, 0)
+    rig.step(200)
+    rig.executor.mailbox.resume(0)
+    rig.run()
+    assert rig.time_of(EventKind.LINE_END, 1) == pytest.approx(0.3, abs=2e-3)
+
+
+def test_a_program_may_be_opened_held_and_begins_with_resume() -> None:
+    rig = Rig(machine())
+    rig.program.finish()
+    rig.run()
+    program = Program(rig.executor.open_slot(1, 3, hold=True), 2)
+    program.capture()
+    program.start_line(1)
+    program.move({0: 0.1}, 100)
+    program.end_line()
+    rig.step(100)
+    assert not rig.of(EventKind.LINE_START)
+    rig.executor.mailbox.resume(1)
+    rig.run_until(EventKind.LINE_END)

@@ -1,0 +1,175 @@
+"""G93 keeps a duration, G94 a speed (D-30, D-31, D-33): to the microsecond, by the marks of the lines."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from mcserver.motion.canonical import FeedGroup
+from tests.motion.programs import ACCELERATIONS, JERKS, LENGTHS, VELOCITIES, Program, programs
+from tests.motion.support import (
+    AxisSpec,
+    Commit,
+    Move,
+    acceleration_ratio,
+    alike,
+    arc_curve,
+    at_speed,
+    in_time,
+    least_time,
+    line_curve,
+    machine_of,
+    plan,
+    rest_to_rest,
+)
+from tests.motion.test_laws import law
+
+MICROSECOND = 1e-6
+LIMITS = st.builds(
+    AxisSpec,
+    velocity=st.sampled_from(VELOCITIES),
+    acceleration=st.sampled_from(ACCELERATIONS),
+    jerk=st.sampled_from(JERKS),
+)
+
+
+@given(
+    specs=st.lists(LIMITS, min_size=2, max_size=2),
+    length=st.sampled_from(LENGTHS),
+    share=st.sampled_from([0.0, 0.03, 0.5, 1.0]),
+    slower=st.sampled_from([1.0 + 1e-6, 1.001, 1.1, 2.0, 30.0]),
+)
+@law(100)
+def test_a_line_between_stops_lasts_60_over_f_wherever_any_profile_does(
+    specs: list[AxisSpec], length: float, share: float, slower: float
+) -> None:
+    machine = machine_of(specs)
+    curve = line_curve(machine, (0, 1), (0.0, 0.0), (length, share * length))
+    duration = slower * least_time(machine, in_time(1.0, curve))
+    motion = plan(machine, [in_time(duration, curve)])
+    assert motion.took(1) == pytest.approx(duration, abs=MICROSECOND)
+    assert 1 not in motion.bounds
+
+
+@given(
+    specs=st.lists(LIMITS, min_size=2, max_size=2),
+    length=st.sampled_from(LENGTHS),
+    share=st.sampled_from([0.0, 0.03, 0.5, 1.0]),
+    faster=st.sampled_from([0.999, 0.7, 0.01]),
+)
+@law(100)
+def test_a_line_asked_to_be_too_quick_is_stretched_by_the_least_and_says_what_bound_it(
+    specs: list[AxisSpec], length: float, share: float, faster: float
+) -> None:
+    machine = machine_of(specs)
+    curve = line_curve(machine, (0, 1), (0.0, 0.0), (length, share * length))
+    least = least_time(machine, in_time(1.0, curve))
+    motion = plan(machine, [in_time(faster * least, curve)])
+    assert motion.took(1) == pytest.approx(least, rel=1e-5)
+    assert motion.bounds[1].bound.kind in ("velocity", "acceleration", "jerk")
+
+
+@given(programs(kinds=("line", "onward", "back")))
+@law(60)
+def test_no_line_of_a_chain_takes_longer_than_t_if_it_could_be_kept_from_rest_to_rest(program: Program) -> None:
+    """D-33: the speeds between lines are chosen so that every T that is feasible is kept."""
+    moves = [
+        Move(in_time(max(move.group.requested, 1.0001 * least_time(program.machine, move.group)), *move.group.curves))
+        for move in program.moves
+    ]
+    assume(sum(move.group.requested for move in moves) < 60.0)
+    motion = plan(program.machine, moves, commits=program.commits)
+    for number, move in enumerate(moves, start=1):
+        assert motion.took(number) == pytest.approx(move.group.requested, abs=MICROSECOND)
+
+
+@given(
+    count=st.integers(3, 8),
+    length=st.sampled_from([1e-4, 1e-3, 0.05]),
+    jerk=st.sampled_from(JERKS),
+    share=st.sampled_from([0.3, 0.9]),
+)
+@law(40)
+def test_lines_that_follow_each_other_straight_keep_a_t_that_none_could_keep_between_stops(
+    count: int, length: float, jerk: float | None, share: float
+) -> None:
+    machine = alike(2, velocity=200.0, acceleration=2000.0, jerk=jerk)
+    duration = length / (share * 0.2)
+    motion = plan(machine, [in_time(duration, line_curve(machine, (0,), (i * length,), ((i + 1) * length,))) for i in range(count)])
+    least = least_time(machine, motion.moves[0].group)
+    for line in range(1, count + 1):
+        fast = motion.starts[line] * machine.cycle_s > 2.0 * least and (
+            motion.ends[count] - motion.ends[line]
+        ) * machine.cycle_s > 2.0 * least
+        if fast:
+            assert motion.took(line) == pytest.approx(duration, abs=MICROSECOND)
+
+
+@given(
+    spec=LIMITS,
+    length=st.sampled_from(LENGTHS),
+    share=st.sampled_from([0.01, 0.5, 1.0, 3.0]),
+)
+@law(60)
+def test_a_g94_line_reaches_f_where_the_limits_allow_and_takes_the_least_time_at_it(
+    spec: AxisSpec, length: float, share: float
+) -> None:
+    machine = machine_of([spec, spec])
+    axis = machine.axes[0]
+    speed = share * axis.max_velocity
+    assume(length / speed < 20.0)
+    motion = plan(machine, [at_speed(speed, line_curve(machine, (0,), (0.0,), (length,)))])
+    least = rest_to_rest(length, min(speed, axis.max_velocity), axis.max_acceleration, axis.max_jerk)
+    assert motion.took(1) == pytest.approx(least, rel=1e-5)
+
+
+def test_a_full_circle_under_g93_lasts_60_over_f() -> None:
+    machine = alike(2, velocity=500.0, acceleration=2000.0, jerk=100_000.0)
+    motion = plan(machine, [in_time(2.0, arc_curve((0.0, 0.0), (0.05, 0.0), 2.0 * math.pi))])
+    assert motion.took(1) == pytest.approx(2.0, abs=MICROSECOND)
+
+
+def test_the_others_of_a_concatenation_keep_the_fraction_of_the_first() -> None:
+    machine = alike(4, velocity=500.0, acceleration=2000.0)
+    arc = arc_curve((0.0, 0.0), (0.05, 0.0), math.pi)
+    line = line_curve(machine, (2, 3), (0.0, 0.0), (0.03, -0.2))
+    motion = plan(machine, [in_time(1.0, arc, line)])
+    rows = motion.position
+    fraction = rows[:, 3] / -0.2
+    assert rows[:, 2] == pytest.approx(0.03 * fraction, abs=1e-12)
+    swept = [math.atan2(-y, 0.05 - x) % (2.0 * math.pi) for x, y in rows[:-1, :2]]
+    assert swept == pytest.approx((math.pi * fraction[:-1]).tolist(), abs=1e-9)
+
+
+def test_a_slow_follower_stretches_the_whole_group_by_the_least() -> None:
+    machine = machine_of([AxisSpec(1000.0, 10_000.0), AxisSpec(100.0, 10_000.0)])
+    first = line_curve(machine, (0,), (0.0,), (0.1,))
+    follower = line_curve(machine, (1,), (0.0,), (0.1,))
+    motion = plan(machine, [in_time(0.2, first, follower)])
+    assert motion.took(1) == pytest.approx(1.01, rel=1e-6)
+    assert motion.bounds[1].bound.column == 1
+    assert motion.bounds[1].bound.kind == "velocity"
+
+
+def test_the_speed_of_a_helix_is_that_along_the_helix() -> None:
+    machine = alike(3, velocity=500.0, acceleration=5000.0)
+    helix = arc_curve((0.0, 0.0, 0.0), (0.02, 0.0), 4.0 * math.pi, axes=(0, 1, 2), further=(0.1,))
+    motion = plan(machine, [at_speed(0.1, helix)])
+    length = math.hypot(4.0 * math.pi * 0.02, 0.1)
+    assert motion.took(1) == pytest.approx(length / 0.1 + 0.1 / 5.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("want", [1.0, 50.0, 333.3])
+def test_a_line_under_way_keeps_its_t_when_more_lines_come(want: float) -> None:
+    machine = alike(2, jerk=20_000.0)
+    groups: list[FeedGroup] = [
+        in_time(1.0, line_curve(machine, (0,), (0.1 * i,), (0.1 * (i + 1),))) for i in range(4)
+    ]
+    commits = [Commit(after=line, ahead=want) for line in range(1, 5)]
+    motion = plan(machine, groups, commits=commits)
+    for line in (2, 3):
+        assert motion.took(line) == pytest.approx(1.0, abs=MICROSECOND)
+    assert acceleration_ratio(motion) <= 1.01
