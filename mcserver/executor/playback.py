@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mcserver.executor.axes import ColumnMasks
 from mcserver.executor.feedback import FeedbackRow
 from mcserver.executor.headroom import CAP, FULL, HALF, OWN, SLOPE_MAX, Array
-from mcserver.executor.rate import FLOOR_SHARE, SMOOTHING_S, USED_SHARE, Slopes
+from mcserver.executor.rate import FLOOR_SHARE, SMOOTHING_S, USED_SHARE, RateRamp, Slopes
 from mcserver.executor.rings import ProgramRing, scalar_view
 
 # Two values of u that are closer are the same [cycles].
@@ -386,14 +386,14 @@ class Playback:
         up = (np.maximum(room - along.max(axis=0), floor) / speed).min()
         return Slopes(min(float(down), SLOPE_MAX), min(float(up), SLOPE_MAX))
 
-    def fastest(self, u: float, rate: float, target: float, edge: float | None) -> float:
+    def fastest(self, u: float, ramp: RateRamp, target: float, edge: float | None) -> float:
         """The greatest rate, up to ``target``, from which u can still stop before ``edge`` and keep all limits.
 
         See `mcserver.executor.headroom`: w = r² may be as large as what it can lose until each row, plus what
         that row allows. Up to 100 % only the edge counts; rows allow 100 %.
 
         Args:
-            rate: at present, for the way that passes until a slope has built up.
+            ramp: the rate at present and its slope, for what passes until another slope has built up.
         """
         ring, cells = self._ring, self._headroom
         before, after = self._next - 1, self._next
@@ -409,9 +409,10 @@ class Playback:
             # while the slope builds up the rate falls less than planned
             lag = 0.5 * (cells[high, FULL] - cells[low, FULL]) / self._cycle * SMOOTHING_S
             slow = math.sqrt(lag * lag + max(full, min(0.5, half), 0.0)) - lag
+            slow = max(0.0, slow - max(ramp.slope, 0.0) * SMOOTHING_S)
         if target <= 1.0 or slow < 1.0:
             return min(target, slow)
-        way = rate * SMOOTHING_S / self._cycle
+        way = ramp.rate * SMOOTHING_S / self._cycle
         ahead, part = self._row_before(u + way)
         own = self._headroom_at(ahead, part, OWN)
         last = ring.rows_written - 1 if edge is None else max(self._row_before(edge)[0], after)

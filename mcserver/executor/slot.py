@@ -420,7 +420,7 @@ class ProgramSlot:
                 limit = before = 0.0
             elif edge is not None or wanted > 1.0:
                 self.playback.seek(self.u)
-                limit = self.playback.fastest(self.u, before, wanted, edge)
+                limit = self.playback.fastest(self.u, ramp, wanted, edge)
             if before != limit and self.playback.unmoved(self.u):
                 before = min(limit, 1.0)
                 ramp.jump(before)

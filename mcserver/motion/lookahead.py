@@ -8,6 +8,7 @@ between keys of their own, since each has its T.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -44,7 +45,7 @@ class Node:
     Attributes:
         cap: greatest speed at its start, from the joint with the segment before.
         limit: greatest speed by the axes, and which one binds. top: with the feed too.
-        demand: samples, with the vertices at both ends.
+        demand: samples; the last ones are the vertices at its start and its end, where there are such.
         key: a plan had to bind its start; the next one begins with that.
     """
 
@@ -54,6 +55,8 @@ class Node:
     top: float
     demand: Demand
     key: bool = False
+    vertex_before: bool = False
+    vertex_after: bool = False
 
 
 @dataclass(frozen=True)
@@ -110,9 +113,13 @@ class Lookahead:
         if met.demand is not None:
             demand = Demand.stack([demand, met.demand])
             last = self.nodes[-1]
-            last.demand = Demand.stack([last.demand, met.demand])
+            self.nodes[-1] = dataclasses.replace(
+                last, demand=Demand.stack([last.demand, met.demand]), vertex_after=True
+            )
         top = min(limit.velocity, segment.feed * segment.scale)
-        self.nodes.append(Node(segment, met.speed, limit, top, demand))
+        self.nodes.append(
+            Node(segment, met.speed, limit, top, demand, vertex_before=met.demand is not None)
+        )
 
     def _joint(self, segment: Segment) -> Junction:
         """How the run meets ``segment``; scales its coordinate so that speed is continuous where it can flow."""
@@ -139,8 +146,7 @@ class Lookahead:
 
     def replace_last(self, segment: Segment) -> None:
         """Puts a trimmed segment in the place of the last one."""
-        last = self.nodes[-1]
-        last.segment = segment
+        self.nodes[-1] = dataclasses.replace(self.nodes[-1], segment=segment)
 
     def enter_fast(self) -> None:
         """Sets the entry to the speed that the first segment could have reached from rest in its own length."""
@@ -170,20 +176,13 @@ class Lookahead:
         starts = self._groups(bounds, caps, tops)
         # from here on everything is about groups of segments
         self._starts = starts
-        caps = np.append(caps[starts], 0.0)
-        self._run = RunLimits([node.demand for node in nodes], starts, self._tops_of(starts, tops, inner), self._limits)
         edges = bounds[np.append(starts, count)]
-        tops = self._run.tops
-        caps[1:-1] = np.minimum(caps[1:-1], np.minimum(tops[:-1], tops[1:]))
-        hard = caps.copy()
+        hard = np.append(caps[starts], 0.0)
+        caps = self._with_nominal(hard)
+        group_tops = self._tops_of(starts, tops, inner)
+        self._run = RunLimits(self._demands(caps), starts, group_tops, self._limits)
+        caps[1:-1] = np.minimum(caps[1:-1], np.minimum(self._run.tops[:-1], self._run.tops[1:]))
         groups = len(starts)
-        for group, index in enumerate(starts.tolist()):
-            duration = nodes[index].segment.duration
-            if duration is not None:
-                nominal = nodes[index].segment.extent / duration
-                for end in (group, group + 1):
-                    if 0 < end < groups:
-                        caps[end] = min(caps[end], nominal)
         keys = [0]
         for group in range(1, groups):
             node = nodes[starts[group]]
@@ -194,6 +193,8 @@ class Lookahead:
         solution = self._settle(keys, edges, caps)
         late = [group for group in range(groups) if solution.bound_by[group] is not None]
         if late and self._raise_speeds(late, solution.speeds, caps, hard):
+            self._run = RunLimits(self._demands(caps), starts, group_tops, self._limits)
+            caps[1:-1] = np.minimum(caps[1:-1], np.minimum(self._run.tops[:-1], self._run.tops[1:]))
             solution = self._settle(keys, edges, caps)
         phases = join([profile for stretch in solution.stretches for profile in stretch])
         times = phases.time_at(bounds)
@@ -205,6 +206,34 @@ class Lookahead:
             bound_by[index] = solution.bound_by[group]
         self._feed_bounds(times, bound_by)
         return PlannedRun([node.segment for node in nodes], bounds, phases, times, bound_by)
+
+    def _with_nominal(self, hard: Array) -> Array:
+        """Caps of groups with the mean speeds of timed segments at both of their ends (D-33)."""
+        caps = hard.copy()
+        for group, index in enumerate(self._starts.tolist()):
+            segment = self.nodes[index].segment
+            if segment.duration is not None:
+                nominal = segment.extent / segment.duration
+                for end in (group, group + 1):
+                    if 0 < end < len(caps) - 1:
+                        caps[end] = min(caps[end], nominal)
+        return caps
+
+    def _demands(self, caps: Array) -> list[Demand]:
+        """Demands of the nodes; a vertex at the end of a timed segment asks for no more than its cap does."""
+        demands = [node.demand for node in self.nodes]
+        for group, index in enumerate(self._starts.tolist()):
+            node = self.nodes[index]
+            if node.segment.duration is None or not (node.vertex_before or node.vertex_after):
+                continue
+            ceiling = node.demand.ceiling.copy()
+            if node.vertex_after:
+                ceiling[-1] = min(ceiling[-1], caps[group + 1])
+            if node.vertex_before:
+                first = -2 if node.vertex_after else -1
+                ceiling[first] = min(ceiling[first], caps[group])
+            demands[index] = dataclasses.replace(node.demand, ceiling=ceiling)
+        return demands
 
     def _groups(self, bounds: Array, caps: Array, tops: Array) -> NDArray[np.intp]:
         """First segments of groups that are planned as one: short ones under nearly the same speed.

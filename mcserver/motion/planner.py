@@ -157,10 +157,20 @@ class MotionPlanner:
         found = self._best_blend(before, segment, tolerance)
         if found is None:
             return False
+        untouched = list(self._window.nodes)
         self._window.replace_last(found.before)
         for part in (found.first, found.second, found.after):
             part.active = self._active
             self._window.append(part)
+        if self._reserve is not None and len(untouched) <= len(self._reserve.segments):
+            # the stop that is held in reserve runs to the untrimmed end: only a plan that is sure to hold
+            # may take its place
+            try:
+                self._plan = self._window.plan()
+            except PlanningError:
+                self._window.nodes = untouched
+                return False
+            self._reserve = None
         return True
 
     def _best_blend(self, before: Segment, after: Segment, tolerance: float) -> Blend | None:

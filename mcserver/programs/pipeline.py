@@ -135,6 +135,8 @@ class Pipeline:
         self._ideal = frozenset(axis.index for axis in machine.axes if axis.drive.kind == "ideal")
         # axes that G1020 may still be moving
         self._independent: set[int] = set()
+        # axes whose capture nobody has asked for the reading of yet; they stand
+        self._captured: set[int] = set()
         self._unsettled: frozenset[int] = frozenset()
         self._from_rest = False
         self._tolerance = 0.0
@@ -369,6 +371,8 @@ class Pipeline:
         parsed = self._held
         unknown = self._interpreter.encoder_axes(parsed)
         if unknown:
+            # one capture makes all its axes unknown: asked for together, later lines need not stop for the others
+            unknown |= self._captured
             if self._planner.pending:
                 self._flush = True
                 return False
@@ -387,6 +391,7 @@ class Pipeline:
         self._planner.to_whole_cycle()
         self._control(ControlKind.HALT_AXES, self._last_line, axes=self._mask(tuple(axes)))
         self._independent -= axes
+        self._captured -= axes
         self._await_settled(axes)
 
     def _await_settled(self, axes: frozenset[int]) -> None:
@@ -521,6 +526,7 @@ class Pipeline:
         else:
             return
         self._energized |= set(group.axes)
+        self._captured -= set(group.axes)
         row = [0.0] * self._width
         for axis, value in zip(group.axes, values, strict=True):
             row[self._slots[axis]] = value
@@ -540,8 +546,10 @@ class Pipeline:
             operation=_OPERATIONS.index(line.operation),
         )
         if line.operation is AxisOperation.CAPTURE:
+            self._captured |= set(line.axes) - self._energized
             self._energized |= set(line.axes)
         else:
+            self._captured -= set(line.axes)
             self._energized -= set(line.axes)
 
     def _ask_energized(self, line: MotionLine, axes: frozenset[int]) -> None:

@@ -83,13 +83,12 @@ class MakesPipelines(Protocol):
 
 
 class Begin(msgspec.Struct, frozen=True):
-    """A program has its lease: it runs in ``slot``."""
+    """A program has its lease: it runs in ``slot``, whose rings are ``sink``."""
 
     request: PipelineRequest
     slot: int
+    sink: MotionSink
     step: bool
-    override: float
-    hold: bool
 
 
 class Lines(msgspec.Struct, frozen=True):
@@ -178,7 +177,7 @@ class PlannerThread:
         seen: when it was last at work [s of `time.monotonic`].
 
     Args:
-        port: the executor; its events and `begin` are this thread's.
+        port: the executor; its events are this thread's.
         pipelines: makes a program's pipeline; called in this thread.
         deliver: takes what happened, in order; called in this thread.
     """
@@ -264,8 +263,7 @@ class PlannerThread:
     def _begin(self, order: Begin) -> None:
         name = order.request.program
         try:
-            sink = self._port.begin(order.slot, order.request.axes, ratio=order.override, held=order.hold)
-            pipeline = self._pipelines.make(order.request, sink)
+            pipeline = self._pipelines.make(order.request, order.sink)
         except McError as error:
             self._outcomes.append(Broken(name, str(error)))
             return

@@ -116,9 +116,12 @@ class ProgramTable:
         if program.rejected:
             program.rejected = 0
             program.diagnostics = []
-        self.journal.lines(
-            program.program, first, lines, Lines(program.program, program.epoch, first, lines, asked)
-        )
+        tag = Lines(program.program, program.epoch, first, lines, asked)
+        if asked and self.journal.lines_at_once(program.program, first, lines):
+            self.planner.order(tag)
+            self._journaled([tag])
+        else:
+            self.journal.lines(program.program, first, lines, tag)
 
     def close(self, program: Program) -> None:
         """No more lines; what is there runs to its end."""
@@ -175,8 +178,10 @@ class ProgramTable:
         for grant in grants:
             program = self.programs[grant.program]
             program.slot = grant.slot
+            # here, so that no hold or abort can reach the executor before it
+            sink = self.port.begin(grant.slot, grant.axes, ratio=program.override, held=program.held)
             request = PipelineRequest(program.program, grant.axes, program.modal)
-            self.planner.order(Begin(request, grant.slot, program.step, program.override, program.held))
+            self.planner.order(Begin(request, grant.slot, sink, program.step))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
             self.publish("program.started", program)

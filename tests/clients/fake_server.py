@@ -456,7 +456,7 @@ class FakeServer:
             number = program.accepted + 1
             if text.startswith("BAD"):
                 self._reject(program, number)
-                return
+                break
             program.rejected = 0
             program.accepted = number
             program.texts[number] = text

@@ -24,8 +24,12 @@ import sys, threading
 from pathlib import Path
 from mcserver.programs.journal import Journal
 
+written = threading.Event()
+
 def committed(tags):
     print(*tags, flush=True)
+    if "written" in tags:
+        written.set()
 
 journal = Journal(Path(sys.argv[1]), on_commit=committed, on_failure=print)
 journal.server_started("crashed", 1.0)
@@ -34,14 +38,16 @@ journal.program_opened("p-1", instance="crashed", client="hmi", name="demo", axe
 line = 0
 while True:
     line += 1
-    journal.lines("p-1", line, [f"G01 X{line}"], f"line{line}")
+    if line % 3 == 0 and journal.lines_at_once("p-1", line, [f"G01 X{line}"]):
+        committed([f"line{line}"])
+    else:
+        journal.lines("p-1", line, [f"G01 X{line}"], f"line{line}")
     if line % 7 == 0:
         journal.progress("p-1", line - 2, line - 3)
     if line % 50 == 0:
-        done = threading.Event()
-        journal._inbox.put((None, f"mark{line}"))
-        while journal._inbox.qsize() > 1000:
-            done.wait(0.001)
+        written.clear()
+        journal.after("written")
+        written.wait()
 """
 
 
@@ -113,6 +119,28 @@ def test_lines_behind_a_rejected_one_do_not_count(make: Callable[[], Kept]) -> N
     assert read_lines_before(kept.path, "p", 4) == ["one", "two", "three"]
     (program,) = read_programs(kept.path, limit=5)
     assert program.accepted == 3
+
+
+def test_lines_committed_at_once_are_there_when_the_call_returns(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.settle()
+    assert kept.journal.lines_at_once("p", 1, ["one"])
+    assert read_lines_before(kept.path, "p", 2) == ["one"]
+
+
+def test_lines_do_not_overtake_those_that_wait_for_the_thread(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.settle()
+    blocker = sqlite3.connect(kept.path, isolation_level=None)
+    blocker.execute("BEGIN IMMEDIATE")
+    kept.journal.lines("p", 1, ["one"])
+    assert not kept.journal.lines_at_once("p", 2, ["two"])
+    blocker.execute("ROLLBACK")
+    blocker.close()
+    kept.settle()
+    assert read_lines_before(kept.path, "p", 2) == ["one"]
 
 
 def test_lines_with_any_character_come_back_as_they_were(make: Callable[[], Kept]) -> None:

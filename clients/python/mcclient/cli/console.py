@@ -117,7 +117,9 @@ async def _at_terminal(talk: Talk, name: str) -> None:
 
 async def _leave(talk: Talk) -> None:
     """Waits for the motion's end; Ctrl-C stops it."""
-    if talk.moving:
+    if talk.held:
+        say("the program is held: mcctl resume goes on, Ctrl-C aborts it", "yellow")
+    elif talk.moving:
         say("waiting for the motion's end; Ctrl-C aborts it")
     finishing = asyncio.create_task(talk.finish())
     loop = asyncio.get_running_loop()

@@ -15,7 +15,7 @@ from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.interrupt import Interrupts
 from mcclient.cli.options import Target
 from mcclient.cli.output import as_plain, error_as_json, exit_code_of, narration, say, show_error, write_json
-from mcclient.cli.progress import Display, LiveDisplay, PlainDisplay, Snapshot, duration
+from mcclient.cli.progress import Display, LiveDisplay, NoDisplay, PlainDisplay, Snapshot, duration
 from mcclient.cli.source import ProgramSource
 from mcclient.errors import MotionError, NobodyAnswers, ProgramAborted, ProgramRejected, RequestRefused
 from mcclient.lines import from_thread
@@ -57,11 +57,19 @@ class Job:
         self._options = options
         self._source = source
         self._started_at = time.monotonic()
-        self._display: Display = (
-            LiveDisplay(narration(), source.name) if narration().is_terminal else PlainDisplay(source.name)
-        )
+        self._display = self._choose_display()
         self._status: ProgramStatus | None = None
         self._rejection_shown = False
+
+    def _choose_display(self) -> Display:
+        if self._options.step:
+            return NoDisplay()
+        console = narration()
+        return (
+            LiveDisplay(console, self._source.name)
+            if console.is_terminal
+            else PlainDisplay(self._source.name)
+        )
 
     async def run(self) -> int:
         """The exit code; errors of the program are told here, others are raised."""
@@ -189,9 +197,10 @@ class Job:
     async def _serve_steps(self, program: Program) -> None:
         """Each line of standard input, Enter, starts the next line of the program."""
         say("Enter starts the next line")
+        stepped = self._options.from_line - 1
         async for _ in from_thread(sys.stdin):
-            following = program.done_through + 1
-            say(f"{following:>6} | {self._source.text_of(following) or ''}")
+            stepped = max(stepped, program.done_through) + 1
+            say(f"{stepped:>6} | {self._source.text_of(stepped) or ''}")
             try:
                 await program.step()
             except RequestRefused as error:

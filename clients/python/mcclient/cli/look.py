@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.options import LOOK_S, ConfigOption, ConnectOption, JsonOption, MachineOption, Target
 from mcclient.cli.output import carry_out, error_as_json, fail, results, say, write_json
 from mcclient.cli.tables import axes_text, machine_view, programs_table
 from mcclient.discovery import list_machines
@@ -19,7 +19,7 @@ def list_(connect: ConnectOption = None, zenoh: ConfigOption = None, json: JsonO
     """The machines that are there."""
 
     async def work() -> list[tuple[str, Info | MotionError]]:
-        return await list_machines(connect or None, config_file=zenoh)
+        return await list_machines(connect or None, timeout_s=LOOK_S, config_file=zenoh)
 
     found = carry_out(work, json)
     if not found:

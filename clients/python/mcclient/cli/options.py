@@ -66,6 +66,7 @@ AxesOption = Annotated[
     typer.Option("--axes", metavar="LIST", help="Axes to lease, such as 0,1,4-6; default: all."),
 ]
 AXIS_LIMIT = 63
+LOOK_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,11 @@ class Target:
     def open(self) -> Starting[Machine]:
         """Connects as ``mcctl``."""
         return Machine.connect(
-            self.machine, self.connect or None, client="mcctl", config_file=self.config_file
+            self.machine,
+            self.connect or None,
+            client="mcctl",
+            timeout_s=LOOK_S,
+            config_file=self.config_file,
         )
 
 

@@ -66,7 +66,7 @@ class Display(Protocol):
 
     def start(self) -> None: ...
     def stop(self) -> None: ...
-    def update(self, snapshot: Snapshot) -> None: ...
+    def update(self, snapshot: Snapshot, /) -> None: ...
 
 
 def duration(seconds: float | None) -> str:
@@ -164,3 +164,16 @@ class PlainDisplay:
             f"{self._name}: {snapshot.state}, line {count_of(snapshot)}{percent}{eta}, "
             f"override {snapshot.override:g} %"
         )
+
+
+class NoDisplay:
+    """In single line mode each step is told by itself."""
+
+    def start(self) -> None:
+        """Nothing is shown."""
+
+    def stop(self) -> None:
+        """Nothing is shown."""
+
+    def update(self, _snapshot: Snapshot) -> None:
+        """Nothing is shown."""

@@ -50,6 +50,11 @@ class Talk:
         return program is not None and not program.ended and program.done_through < program.given_through
 
     @property
+    def held(self) -> bool:
+        """Whether the program stands still until it is resumed."""
+        return self._program is not None and self._program.state in ("held", "paused")
+
+    @property
     def number(self) -> int:
         """The number of the next line."""
         return 1 if self._program is None or self._program.ended else self._program.given_through + 1
