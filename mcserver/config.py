@@ -209,7 +209,9 @@ def parse_machine(text: str, *, source: str = "machine file", folder: Path | Non
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError("MC002", f"{source} is not TOML: {error}", "mend the syntax there") from error
+        raise ConfigurationError(
+            "MC002", f"{source} is not TOML: {error}", "mend the syntax there"
+        ) from error
     try:
         file = msgspec.convert(raw, MachineFile)
     except msgspec.ValidationError as error:
@@ -246,7 +248,11 @@ def _to_si(file: MachineFile, source: str, folder: Path | None) -> Machine:
         return ConfigurationError("MC004", f"{source}: {where}: {what}", hint)
 
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,62}", file.machine.name):
-        raise bad("machine.name", f"{file.machine.name!r} cannot be part of a key", "use letters, digits, '-', '_', '.'")
+        raise bad(
+            "machine.name",
+            f"{file.machine.name!r} cannot be part of a key",
+            "use letters, digits, '-', '_', '.'",
+        )
     if not 10.0 <= file.machine.cycle_hz <= 10000.0:
         raise bad("machine.cycle_hz", f"{file.machine.cycle_hz} is outside 10 … 10000", "1000 is usual")
     if not file.axis:
@@ -255,9 +261,13 @@ def _to_si(file: MachineFile, source: str, folder: Path | None) -> Machine:
     for position, axis in enumerate(file.axis):
         where = f"axis[{position}]"
         if not 0 <= axis.index < MAX_AXES:
-            raise bad(f"{where}.index", f"{axis.index} is outside 0 … {MAX_AXES - 1}", "number axes from 0 to 63")
+            raise bad(
+                f"{where}.index", f"{axis.index} is outside 0 … {MAX_AXES - 1}", "number axes from 0 to 63"
+            )
         if axis.index in axes:
-            raise bad(f"{where}.index", f"axis {axis.index} is there twice", "give each axis a number of its own")
+            raise bad(
+                f"{where}.index", f"axis {axis.index} is there twice", "give each axis a number of its own"
+            )
         axes[axis.index] = _axis_to_si(axis, where, bad)
     motion = file.motion
     if not (math.isfinite(motion.path_tolerance_mm) and motion.path_tolerance_mm >= 0.0):
@@ -290,10 +300,19 @@ def _to_si(file: MachineFile, source: str, folder: Path | None) -> Machine:
 def _axis_to_si(axis: AxisFile, where: str, bad: Any) -> Axis:
     axis_type = AxisType(axis.type)
     scale = axis_type.si_per_unit
-    for name in ("max_velocity", "max_acceleration", "max_jerk", "in_position", "max_following_error", "units_per_motor_rev"):
+    for name in (
+        "max_velocity",
+        "max_acceleration",
+        "max_jerk",
+        "in_position",
+        "max_following_error",
+        "units_per_motor_rev",
+    ):
         value = getattr(axis, name)
         if value is not None and not (value > 0.0 and math.isfinite(value)):
-            raise bad(f"{where}.{name}", f"{value} is not above 0", "leave the key out where there is no limit")
+            raise bad(
+                f"{where}.{name}", f"{value} is not above 0", "leave the key out where there is no limit"
+            )
     low = -math.inf if axis.min_position is None else axis.min_position * scale
     high = math.inf if axis.max_position is None else axis.max_position * scale
     start = axis.drive.initial_position * scale
@@ -318,7 +337,9 @@ def _axis_to_si(axis: AxisFile, where: str, bad: Any) -> Axis:
         min_position=low,
         max_position=high,
         in_position=axis.in_position * scale,
-        max_following_error=math.inf if axis.max_following_error is None else axis.max_following_error * scale,
+        max_following_error=math.inf
+        if axis.max_following_error is None
+        else axis.max_following_error * scale,
         travel_per_motor_turn=default_turn if per_turn is None else per_turn * scale,
         initial_position=start,
         drive=axis.drive,
@@ -330,7 +351,11 @@ def _tools_to_si(file: MachineFile, axes: dict[int, Axis], bad: Any) -> tuple[To
     for position, tool in enumerate(file.tool):
         where = f"tool[{position}]"
         if tool.number < 0 or tool.number in tools:
-            raise bad(f"{where}.number", f"{tool.number} is negative or there twice", "number each tool once, from 0")
+            raise bad(
+                f"{where}.number",
+                f"{tool.number} is negative or there twice",
+                "number each tool once, from 0",
+            )
         if tool.euler not in ("ZYX", "XYZ", "XZY", "YXZ", "YZX", "ZXY"):
             raise bad(f"{where}.euler", f"{tool.euler!r} is not an order of X, Y and Z", "ZYX is usual")
         if not tool.axes or len(set(tool.axes)) != len(tool.axes):

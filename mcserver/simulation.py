@@ -85,7 +85,9 @@ def _rejected(machine: Machine, faults: list[Diagnostic]) -> dict[str, Any]:
         "feed_length_mm": 0.0,
         "lines": [],
         "axes": {
-            str(axis.index): _axis_report(axis.type.unit, *([axis.initial_position / axis.type.si_per_unit] * 3))
+            str(axis.index): _axis_report(
+                axis.type.unit, *([axis.initial_position / axis.type.si_per_unit] * 3)
+            )
             for axis in machine.axes
         },
         "diagnostics": [fault.as_json() for fault in faults],
@@ -114,7 +116,9 @@ class _Run:
         mask = (1 << len(machine.axes)) - 1
         self._executor.open_slot(SLOT, mask)
         positions = {axis.index: axis.initial_position for axis in machine.axes}
-        self._pipeline = Pipeline(machine, self._executor.sink(SLOT), positions=positions, kinematics=kinematics)
+        self._pipeline = Pipeline(
+            machine, self._executor.sink(SLOT), positions=positions, kinematics=kinematics
+        )
         self._next = 0
         self._records: dict[int, LineRecord] = {}
         self._order: list[LineRecord] = []

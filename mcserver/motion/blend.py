@@ -108,9 +108,7 @@ def _make(
     first, second = halves
     assert first is not None and second is not None
     slope, bend, _ = before.derivatives(np.array([leave]), width)
-    trimmed_before = dataclasses.replace(
-        before, finish=leave, last=slope[0], bend_last=bend[0], closes=False
-    )
+    trimmed_before = dataclasses.replace(before, finish=leave, last=slope[0], bend_last=bend[0], closes=False)
     slope, bend, _ = after.derivatives(np.array([join]), width)
     trimmed_after = dataclasses.replace(after, begin=join, first=slope[0], bend_first=bend[0], opens=False)
     first.opens = False

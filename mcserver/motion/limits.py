@@ -126,7 +126,9 @@ def speed_limit(demand: Demand, limits: AxisLimits) -> SpeedLimit:
         by_velocity = (limits.velocity / np.maximum(demand.slope, _TINY)).min(axis=0)
         choices = [(by_velocity, "velocity")]
         if demand.bend.any():
-            by_bend = np.sqrt(CURVATURE_SHARE * limits.acceleration / np.maximum(demand.bend, _TINY)).min(axis=0)
+            by_bend = np.sqrt(CURVATURE_SHARE * limits.acceleration / np.maximum(demand.bend, _TINY)).min(
+                axis=0
+            )
             by_twist = np.cbrt(JERK_SHARE * limits.jerk / np.maximum(demand.twist, _TINY)).min(axis=0)
             choices += [(by_bend, "acceleration"), (by_twist, "jerk")]
     best = SpeedLimit(math.inf, 0, "velocity")

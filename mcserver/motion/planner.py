@@ -19,7 +19,8 @@ import numpy as np
 from mcserver.config import Machine
 from mcserver.motion.blend import Blend, blend
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.lookahead import Bound, Lookahead, PlannedRun, PlanningError
+from mcserver.motion.lookahead import Lookahead, PlannedRun
+from mcserver.motion.node import Bound, PlanningError
 from mcserver.motion.path import Array
 from mcserver.motion.sampling import CYCLE_ROUNDING, Rows, first_row, sample, whole_cycle
 from mcserver.motion.segment import AxisLimits, Segment, segment_of
@@ -231,7 +232,9 @@ class MotionPlanner:
             # what is left of a segment under way
             segment = kept[0].segment
             begin = segment.begin + (sigma - float(plan.bounds[index])) / segment.scale
-            kept[0] = dataclasses.replace(kept[0], segment=dataclasses.replace(segment, begin=begin, opens=False))
+            kept[0] = dataclasses.replace(
+                kept[0], segment=dataclasses.replace(segment, begin=begin, opens=False)
+            )
         self._reserve = PlannedRun(
             segments=[node.segment for node in kept],
             bounds=np.maximum(plan.bounds[index:] - sigma, 0.0),
@@ -335,7 +338,9 @@ class MotionPlanner:
         phases = plan.phases
         trace = 1e-6 * float(np.abs(phases.acceleration).max())
         moment = max(want, 0.0)
-        index = int(np.clip(np.searchsorted(phases.start, moment, side="right") - 1, 0, len(phases.start) - 1))
+        index = int(
+            np.clip(np.searchsorted(phases.start, moment, side="right") - 1, 0, len(phases.start) - 1)
+        )
         while index < len(phases.start):
             constant = abs(phases.acceleration[index]) <= trace and phases.jerk[index] == 0.0
             if constant and phases.velocity[index] > 0.0:
@@ -345,7 +350,9 @@ class MotionPlanner:
                 moment = float(phases.start[index])
         moment = min(moment, safe)
         # a line with a time of its own is not cut inside
-        segment = int(np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(plan.segments) - 1))
+        segment = int(
+            np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(plan.segments) - 1)
+        )
         if plan.segments[segment].duration is not None:
             moment = min(float(plan.times[segment + 1]), safe)
         return moment
@@ -367,7 +374,9 @@ class MotionPlanner:
         if index == 0 or index == len(phases.start):
             return 0.0
         moment = float(phases.start[index])
-        segment = int(np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(plan.segments) - 1))
+        segment = int(
+            np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(plan.segments) - 1)
+        )
         if plan.segments[segment].duration is not None:
             moment = float(plan.times[segment])
         return moment
@@ -408,7 +417,9 @@ class MotionPlanner:
             for curve, columns in zip(group.curves, segment.columns, strict=True):
                 self.position[columns] = curve.position(_ONE)[0]
         origin = self.u
-        end = origin + max((run.phases.duration for run in runs if run is not None), default=0.0) / self._cycle
+        end = (
+            origin + max((run.phases.duration for run in runs if run is not None), default=0.0) / self._cycle
+        )
         self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
         return self._side_by_side(runs, base, origin, whole_cycle(end), line, mask), runs, end
 
@@ -428,6 +439,8 @@ class MotionPlanner:
                 position[:, moved] = part.position[:, moved]
                 velocity[:, moved] = part.velocity[:, moved]
             count = high - low + 1
-            yield Rows(low, position, velocity, np.full(count, mask, np.uint64), np.full(count, line, np.int64))
+            yield Rows(
+                low, position, velocity, np.full(count, mask, np.uint64), np.full(count, line, np.int64)
+            )
             low = high + 1
         yield Deactivation(float(last), line, mask)

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 # Distances below this are not motion [m or rad along the path]: far under any encoder's resolution.
 NO_DISTANCE = 1e-12
+# Longest profile that is given to Ruckig as it is [s].
+LONGEST_S = 1000.0
 
 
 @dataclass(frozen=True)
@@ -139,27 +141,32 @@ class ProfileSolver:
             None where no profile keeps the limits without going backwards, or none takes ``duration``.
         """
         given = self._input
-        # the unit of the coordinate is scaled so that the distance is 1: Ruckig's tolerances are absolute
-        scale = 1.0 / distance
+        # the unit of the coordinate is scaled so that the distance is 1, for Ruckig's tolerances are absolute;
+        # the unit of time so that no profile lasts longer than the 7600 s that Ruckig takes
+        unit = max(1.0, (duration or 0.0) / LONGEST_S, distance / velocity / LONGEST_S)
+        scale = unit / distance
         given.target_position = [1.0]
         given.current_velocity = [entry * scale]
         given.target_velocity = [exit_ * scale]
         given.max_velocity = [velocity * scale]
-        given.max_acceleration = [acceleration * scale]
-        given.max_jerk = [jerk * scale]
-        given.minimum_duration = duration
+        given.max_acceleration = [acceleration * scale * unit]
+        given.max_jerk = [jerk * scale * unit**2]
+        given.minimum_duration = None if duration is None else duration / unit
         try:
             result = self._ruckig.calculate(given, self._trajectory)
-        except ruckig.RuckigError:
+        except (ruckig.RuckigError, ValueError):
             return None
         if result not in (ruckig.Result.Working, ruckig.Result.Finished):
             return None
         profile = self._trajectory.profiles[0][0]
-        total = self._trajectory.duration
+        total = self._trajectory.duration * unit
         if duration is not None and total > duration * (1.0 + 1e-9) + 1e-9:
             return None
-        times, jerks = list(profile.t), list(profile.j)
-        velocities, accelerations, positions = list(profile.v), list(profile.a), list(profile.p)
+        times = [t * unit for t in profile.t]
+        jerks = [j / unit**3 for j in profile.j]
+        velocities = [v / unit for v in profile.v]
+        accelerations = [a / unit**2 for a in profile.a]
+        positions = list(profile.p)
         # Ruckig may go back and forth where a monotone profile does not exist
         if min(velocities) < -1e-7 * max(1.0, max(velocities)) or _dips_below_zero(profile):
             return None

@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 
 from mcserver.motion.limits import Level
-from mcserver.motion.profile import NO_DISTANCE, Profile, ProfileSolver, reachable_speed, speed_change_distance
+from mcserver.motion.profile import (
+    NO_DISTANCE,
+    Profile,
+    ProfileSolver,
+    reachable_speed,
+    speed_change_distance,
+)
 
 
 def ramp(start: float, end: float, acceleration: float, jerk: float) -> Profile:

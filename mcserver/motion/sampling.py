@@ -43,7 +43,9 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
     sigma, speed = run.phases.at(time)
     index = np.clip(np.searchsorted(run.bounds, sigma, side="right") - 1, 0, len(run.segments) - 1)
     # a joint at which the motion stops is reached for good only after the stop: take the times there
-    index = np.minimum(index, np.clip(np.searchsorted(run.times, time, side="right") - 1, 0, len(run.segments) - 1))
+    index = np.minimum(
+        index, np.clip(np.searchsorted(run.times, time, side="right") - 1, 0, len(run.segments) - 1)
+    )
     index[time >= run.phases.duration] = len(run.segments) - 1
     width = len(run.segments[0].base)
     position = np.empty((len(u), width))

@@ -126,7 +126,11 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -
     feed = math.inf
     if group.speed is not None:
         length = group.curves[group.reference].length
-        feed = group.speed / length if length > NO_TRAVEL else (1.0 / group.requested if group.requested > 0.0 else math.inf)
+        feed = (
+            group.speed / length
+            if length > NO_TRAVEL
+            else (1.0 / group.requested if group.requested > 0.0 else math.inf)
+        )
     return Segment(
         line=line,
         curves=group.curves,
@@ -145,7 +149,10 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -
 
 def is_circular(curve: Curve) -> bool:
     """Whether the curve's tangent has one length all along (an arc or helix of one radius)."""
-    return isinstance(curve, ArcCurve) and abs(curve.end_radius - curve.start_radius) <= 1e-9 * curve.start_radius
+    return (
+        isinstance(curve, ArcCurve)
+        and abs(curve.end_radius - curve.start_radius) <= 1e-9 * curve.start_radius
+    )
 
 
 def columns_of(mask: int) -> NDArray[np.intp]:

@@ -157,7 +157,7 @@ class ProgramIntake:
         try:
             self._take(program, first, lines, asked=False)
         except ServiceError as error:
-            self._table.acknowledge(program, program.queue.expected if error.code == "MC505" else 0)
+            self._table.acks.acknowledge(program, program.queue.expected if error.code == "MC505" else 0)
 
     def close(self, client: str, program_id: str, last: int | None = None) -> Program:
         """No more lines. With ``last``: only if lines through ``last`` are there.
@@ -249,7 +249,7 @@ class ProgramIntake:
         last = first + len(lines) - 1
         if last <= program.queue.accepted:
             # all of it is there: acknowledged again, whatever has become of the program since
-            self._table.acknowledge(program)
+            self._table.acks.acknowledge(program)
             return
         if not program.takes_lines:
             raise Refused(
@@ -274,7 +274,7 @@ class ProgramIntake:
                 **self._numbers(program),
             )
         if not taken.lines:
-            self._table.acknowledge(program)
+            self._table.acks.acknowledge(program)
             return
         self._table.lines(program, taken.first, taken.lines, asked=asked)
 

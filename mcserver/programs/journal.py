@@ -1,10 +1,10 @@
 """The service journal: what was accepted, what was done, what failed. SQLite in WAL mode.
 
-Whoever writes goes on at once; one thread commits what has gathered in a transaction and then hands back the
-tags that came with it. Lines are acknowledged, and given to the planner, only after that. A single message that
-someone waits for may be committed by the caller itself while the thread is idle: a commit takes 20 µs, since
-nothing is synced in it, and the way through the thread and back ten times that. A killed process loses nothing
-that was committed; a power cut may lose the last `SYNC_PERIOD_S`.
+Whoever writes goes on at once; one thread commits what has gathered in a transaction and then hands
+back the tags that came with it. Lines are acknowledged, and given to the planner, only after that. A
+single message that someone waits for may be committed by the caller itself while the thread is idle: a
+commit takes 20 µs, since nothing is synced in it, and the way through the thread and back ten times that.
+A killed process loses nothing that was committed; a power cut may lose the last `SYNC_PERIOD_S`.
 """
 
 from __future__ import annotations

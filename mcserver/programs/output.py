@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+
 from mcserver.executor.entries import Control, MotionSink
 from mcserver.motion.sampling import Rows
 

@@ -36,7 +36,8 @@ from mcserver.motion.canonical import (
     TorqueGroup,
     requested_of,
 )
-from mcserver.motion.lookahead import Bound, PlannedRun, PlanningError
+from mcserver.motion.lookahead import PlannedRun
+from mcserver.motion.node import Bound, PlanningError
 from mcserver.motion.planner import Activation, LineBound, LineMark, MotionPlanner, Piece
 from mcserver.motion.sampling import Rows
 from mcserver.programs.output import Output
@@ -309,9 +310,7 @@ class Pipeline:
         return True
 
     def _put(self, piece: Piece | Control) -> None:
-        if isinstance(piece, Rows):
-            self._output.put(piece)
-        elif isinstance(piece, Control):
+        if isinstance(piece, Rows) or isinstance(piece, Control):
             self._output.put(piece)
         elif isinstance(piece, LineBound):
             bound = f"axis {self._machine.axes[piece.bound.column].index} {piece.bound.kind}"
@@ -398,9 +397,7 @@ class Pipeline:
         self._token += 1
         self._unsettled = axes
         self._waiting_for = self._token
-        self._control(
-            ControlKind.SETTLE, self._last_line, axes=self._mask(tuple(axes)), token=self._token
-        )
+        self._control(ControlKind.SETTLE, self._last_line, axes=self._mask(tuple(axes)), token=self._token)
         self._output.flush()
 
     def _step(self) -> bool:
@@ -468,7 +465,12 @@ class Pipeline:
             self._ask_energized(line, frozenset(loose))
             return
         self._report(line)
-        waits = {axis for group in line.groups if isinstance(group, RapidGroup) and group.wait for axis in group.axes}
+        waits = {
+            axis
+            for group in line.groups
+            if isinstance(group, RapidGroup) and group.wait
+            for axis in group.axes
+        }
         if line.exact_stop:
             waits |= {axis for group in feeds for axis in group.axes} - self._ideal
         if any(isinstance(group, RapidGroup) for group in line.groups) or waits:

@@ -57,8 +57,8 @@ class Snapshot(msgspec.Struct, frozen=True):
 class MotionPort(Protocol):
     """Commands to the executor and reports from it.
 
-    `poll_events` belongs to the planner thread, `beat` to the heartbeat's; `emergency_stop` and what only reads
-    may be called from any thread; all else belongs to the loop.
+    `poll_events` belongs to the planner thread, `beat` to the heartbeat's; `emergency_stop` and what only
+    reads may be called from any thread; all else belongs to the loop.
     """
 
     @property

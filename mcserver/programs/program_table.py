@@ -13,6 +13,7 @@ from typing import Any
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.faults import FaultCode
+from mcserver.programs.acks import AckSender
 from mcserver.programs.events import EventLog
 from mcserver.programs.faults import fault_of
 from mcserver.programs.heartbeat import Heartbeat
@@ -74,10 +75,8 @@ class ProgramTable:
         self.faults: list[Fault] = []
         self.journal_failure = ""
         self.events = EventLog(options.instance, self.now, on_event)
-        self._on_ack = on_ack
+        self.acks = AckSender(on_ack)
         self._loop = asyncio.get_running_loop()
-        self._acks: dict[str, int] = {}
-        self._acks_scheduled = False
         self._moved: set[str] = set()
         self._tick_scheduled = False
         self.journal = Journal(
@@ -146,14 +145,14 @@ class ProgramTable:
         program.dismiss(Verdict.TAKEN)
         self.planner.order(Order(program.program, "halt"))
         self.port.abort(program.slot)
-        self.acknowledge(program)
+        self.acks.acknowledge(program)
 
     def enter(self, program: Program, state: ProgramState) -> None:
         """Changes the state of a program that has not ended and is not being stopped."""
         if not program.ended and program.state != "ending":
             program.state = state
             program.settle()
-            self.acknowledge(program)
+            self.acks.acknowledge(program)
 
     def latch(self, fault: Fault) -> None:
         """Keeps a fault until the reset."""
@@ -204,7 +203,7 @@ class ProgramTable:
             Order(program.program, "drop"),
         )
         self.publish("program.ended", program, line=program.done, fault=program.fault, reason=program.reason)
-        self.acknowledge(program)
+        self.acks.acknowledge(program)
         self._start(self.leases.release(program.program))
 
     def _forget_ended(self) -> None:
@@ -247,7 +246,7 @@ class ProgramTable:
                 if tag.asked:
                     self._has_moved(program)
                 else:
-                    self.acknowledge(program)
+                    self.acks.acknowledge(program)
 
     def _journal_failed(self, reason: str) -> None:
         if self.journal_failure != reason:
@@ -289,7 +288,7 @@ class ProgramTable:
         program.queue.consume(outcome.through)
         limit = program.queue.limit
         if program.told_credit < limit // 4 and program.credit > limit // 2:
-            self.acknowledge(program)
+            self.acks.acknowledge(program)
 
     def _judged(self, program: Program, outcome: Judged) -> None:
         program.judged = max(program.judged, outcome.through)
@@ -308,7 +307,7 @@ class ProgramTable:
         if outcome.final or program.closed:
             program.closed = True
             program.ended_as = "rejected"
-        self.acknowledge(program)
+        self.acks.acknowledge(program)
 
     # ------------------------------------------------------------ from the executor
 
@@ -366,21 +365,6 @@ class ProgramTable:
             kind, program=program.program, client=program.client, state=program.state, **values
         )
 
-    def acknowledge(self, program: Program, expected: int = 0) -> None:
-        """Sends the program's acknowledgement with others of this turn; ``expected`` answers a gap."""
-        self._acks[program.program] = max(expected, self._acks.get(program.program, 0))
-        if not self._acks_scheduled:
-            self._acks_scheduled = True
-            self._loop.call_soon(self._send_acks)
-
-    def _send_acks(self) -> None:
-        self._acks_scheduled = False
-        acks, self._acks = self._acks, {}
-        for key, expected in acks.items():
-            program = self.programs.get(key)
-            if program is not None:
-                self._on_ack(program.ack(expected))
-
     def _has_moved(self, program: Program) -> None:
         self._moved.add(program.program)
         if not self._tick_scheduled:
@@ -410,4 +394,4 @@ class ProgramTable:
         program.told_started, program.told_done = progress.started, program.done
         program.told_accepted = program.journaled
         self.journal.progress(program.program, progress.started, program.done, ended)
-        self.acknowledge(program)
+        self.acks.acknowledge(program)

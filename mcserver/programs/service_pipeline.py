@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mcserver.errors import ProgramRejected
 from mcserver.motion.canonical import AxisLine
-from mcserver.programs.pipeline import DRY, Pipeline, Report, ReportKind
+from mcserver.programs.pipeline import Pipeline, Report, ReportKind
 
 
 class ServicePipeline(Pipeline):
@@ -20,14 +20,6 @@ class ServicePipeline(Pipeline):
         if self._canonical:
             return self._canonical[0].line - 1
         return self._last_line - 1 if self._held is not None else self._last_line
-
-    def _hand_over(self, u: float | None, lead: float | None) -> bool:
-        dry = lead is not None and lead < DRY and not (self._queue or self._canonical)
-        if dry and not self._flush and self._planner.pending:
-            # what may still be committed before the stop can be too little to go on with
-            self._source = self._planner.close()
-            return True
-        return super()._hand_over(u, lead)
 
     def _axis_line(self, line: AxisLine) -> None:
         # the executor says when it is done, as it does of motion

@@ -454,7 +454,7 @@ class FakeServer:
         new = lines[program.accepted + 1 - first :][: self._credit(program)]
         for text in new:
             number = program.accepted + 1
-            if text.startswith("BAD"):
+            if text.startswith(("BAD", "GO")):
                 self._reject(program, number)
                 break
             program.rejected = 0
