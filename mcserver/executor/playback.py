@@ -395,20 +395,18 @@ class Playback:
         Args:
             ramp: the rate at present and its slope, for what passes until another slope has built up.
         """
-        ring, cells = self._ring, self._headroom
+        ring = self._ring
         before, after = self._next - 1, self._next
         if before < self._first or after >= ring.rows_written:
             return min(target, 1.0) if after < ring.rows_written else 0.0
-        low, high = before % ring.rows, after % ring.rows
-        share = min(max(u - self._u_cells[low], 0.0), 1.0)
+        share = min(max(u - self._u_cells[before % ring.rows], 0.0), 1.0)
         slow = 1.0
         if edge is not None:
             there, part = self._row_before(edge)
-            full = self._headroom_at(there, part, FULL) - self._headroom_at(before, share, FULL)
-            half = self._headroom_at(there, part, HALF) - self._headroom_at(before, share, HALF)
-            # while the slope builds up the rate falls less than planned
-            lag = 0.5 * (cells[high, FULL] - cells[low, FULL]) / self._cycle * SMOOTHING_S
-            slow = math.sqrt(lag * lag + max(full, min(0.5, half), 0.0)) - lag
+            slow = max(
+                self._stoppable(before, share, there, part, FULL, math.inf),
+                self._stoppable(before, share, there, part, HALF, 0.5),
+            )
             slow = max(0.0, slow - max(ramp.slope, 0.0) * SMOOTHING_S)
         if target <= 1.0 or slow < 1.0:
             return min(target, slow)
@@ -423,6 +421,13 @@ class Playback:
         if edge is not None:
             w = min(w, self._headroom_at(*self._row_before(edge), OWN) - own)
         return max(1.0, min(target, math.sqrt(max(w, 0.0))))
+
+    def _stoppable(self, here: int, share: float, there: int, part: float, column: int, most: float) -> float:
+        """The rate from which u can stop by one of the sums; while the slope builds up, the rate falls less."""
+        w = self._headroom_at(there, part, column) - self._headroom_at(here, share, column)
+        gain = self._headroom_at(here + 1, 0.0, column) - self._headroom_at(here, 0.0, column)
+        lag = 0.5 * gain / self._cycle * SMOOTHING_S
+        return math.sqrt(lag * lag + max(min(w, most), 0.0)) - lag
 
     def _row_before(self, u: float) -> tuple[int, float]:
         """Number of the last row at or before u, and the share of the way to the next one."""

@@ -281,6 +281,12 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
             crawl = CRAWL * cycle * float((limits.acceleration / np.maximum(along, _TINY)).min())
         if isolated and speed < crawl:
             return Junction(0.0, None)
+    # beside a vertex the bend of an arc takes its part of the same axis's acceleration
+    bend: Array = np.maximum(
+        np.abs(before.bend_last) / before.scale**2, np.abs(after.bend_first) / after.scale**2
+    )
+    if worst > 1e-12 and bend.any():
+        speed = min(speed, _speed_at_bent_vertex(step / (cycle * VERTEX_SHARE), bend, limits.acceleration))
     kick: Array = np.abs(after.bend_first / after.scale**2 - before.bend_last / before.scale**2)
     sharpest = float((kick / limits.jerk).max())
     if sharpest > 0.0:
@@ -290,7 +296,7 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
     zero = np.zeros((1, len(step)))
     demand = Demand(
         slope=along[None, :],
-        bend=zero,
+        bend=bend[None, :],
         twist=zero,
         step=step[None, :],
         spacing=np.full(1, spacing),
@@ -298,3 +304,10 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         ceiling=np.full(1, speed),
     )
     return Junction(speed, demand)
+
+
+def _speed_at_bent_vertex(step: Array, bend: Array, acceleration: Array) -> float:
+    """Greatest v with step·v + bend·v² ≤ acceleration in every axis."""
+    share = CURVATURE_SHARE * acceleration
+    root = np.sqrt(step * step + 4.0 * bend * share)
+    return float((2.0 * share / np.maximum(step + root, _TINY)).min())

@@ -12,70 +12,27 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from mcserver.config import Machine
-from mcserver.motion.blend import Blend, blend
 from mcserver.motion.canonical import FeedGroup
+from mcserver.motion.corner import best_blend
 from mcserver.motion.lookahead import Lookahead, PlannedRun
-from mcserver.motion.node import Bound, PlanningError
+from mcserver.motion.node import PlanningError
 from mcserver.motion.path import Array
-from mcserver.motion.sampling import CYCLE_ROUNDING, Rows, first_row, sample, whole_cycle
+from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
+from mcserver.motion.sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
 from mcserver.motion.segment import AxisLimits, Segment, segment_of
+from mcserver.motion.side_by_side import side_by_side
 from mcserver.units import MM
 
 # Segments that come into the window between two plans of a stream, and the most that it holds: enough for any
 # stopping distance made of short lines.
 WINDOW = 512
 LARGEST_WINDOW = 8192
-# Rows in one piece of output.
-PIECE = 500
-
-# Shapes and shares of the tolerance that are tried for a rounded corner.
-HANDLES = (0.4,)
-TOLERANCE_SHARES = (1.0, 0.3)
 
 _ONE = np.array([1.0])
-
-
-@dataclass(frozen=True)
-class LineMark:
-    """A line begins or ends at u [cycles]."""
-
-    u: float
-    line: int
-    ends: bool
-
-
-@dataclass(frozen=True)
-class LineBound:
-    """A limit has stretched the line."""
-
-    line: int
-    bound: Bound
-
-
-@dataclass(frozen=True)
-class Activation:
-    """Rows drive the columns of ``mask`` from u on."""
-
-    u: float
-    line: int
-    mask: int
-
-
-@dataclass(frozen=True)
-class Deactivation:
-    """Rows have stopped to drive the columns of ``mask`` at u."""
-
-    u: float
-    line: int
-    mask: int
-
-
-Piece = Rows | LineMark | LineBound | Activation | Deactivation
 
 
 class MotionPlanner:
@@ -155,7 +112,7 @@ class MotionPlanner:
         before = self._window.nodes[-1].segment
         if not before.closes:
             return False
-        found = self._best_blend(before, segment, tolerance)
+        found = best_blend(self._window, segment, tolerance, self._weights, self._limits)
         if found is None:
             return False
         untouched = list(self._window.nodes)
@@ -173,32 +130,6 @@ class MotionPlanner:
                 return False
             self._reserve = None
         return True
-
-    def _best_blend(self, before: Segment, after: Segment, tolerance: float) -> Blend | None:
-        """The blend that passes the corner soonest, if any is quicker than the corner itself."""
-        if self._window.joint_speed(after) >= min(self._window.nodes[-1].top, after.feed * after.scale):
-            return None
-        best: Blend | None = None
-        least = self._time([before, after])
-        for share in TOLERANCE_SHARES:
-            for handle in HANDLES:
-                found = blend(before, after, share * tolerance, self._weights, handle)
-                if found is not None:
-                    time = self._time([found.before, found.first, found.second, found.after])
-                    if time < least * (1.0 - 1e-6):
-                        best, least = found, time
-        return best
-
-    def _time(self, parts: list[Segment]) -> float:
-        """How long the parts take from the speed that the first one could have to rest [s]."""
-        window = Lookahead(self._limits)
-        for part in parts:
-            window.append(dataclasses.replace(part))
-        window.enter_fast()
-        try:
-            return window.plan().phases.duration
-        except PlanningError:
-            return math.inf
 
     def _solved(self) -> PlannedRun:
         if self._plan is None:
@@ -421,26 +352,4 @@ class MotionPlanner:
             origin + max((run.phases.duration for run in runs if run is not None), default=0.0) / self._cycle
         )
         self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
-        return self._side_by_side(runs, base, origin, whole_cycle(end), line, mask), runs, end
-
-    def _side_by_side(
-        self, runs: list[PlannedRun | None], base: Array, origin: float, last: int, line: int, mask: int
-    ) -> Iterator[Piece]:
-        yield Activation(origin, line, mask)
-        low = first_row(origin)
-        travelling = [run for run in runs if run is not None]
-        while travelling and low <= last:
-            high = min(low + PIECE - 1, last)
-            position = np.tile(base, (high - low + 1, 1))
-            velocity = np.zeros_like(position)
-            for run in travelling:
-                part = sample(run, origin, low, high, self._cycle)
-                moved = [column for column in range(self._width) if run.segments[0].mask >> column & 1]
-                position[:, moved] = part.position[:, moved]
-                velocity[:, moved] = part.velocity[:, moved]
-            count = high - low + 1
-            yield Rows(
-                low, position, velocity, np.full(count, mask, np.uint64), np.full(count, line, np.int64)
-            )
-            low = high + 1
-        yield Deactivation(float(last), line, mask)
+        return side_by_side(runs, base, origin, whole_cycle(end), line, mask, self._cycle), runs, end

@@ -38,7 +38,8 @@ from mcserver.motion.canonical import (
 )
 from mcserver.motion.lookahead import PlannedRun
 from mcserver.motion.node import Bound, PlanningError
-from mcserver.motion.planner import Activation, LineBound, LineMark, MotionPlanner, Piece
+from mcserver.motion.pieces import Activation, LineBound, LineMark, Piece
+from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.sampling import Rows
 from mcserver.programs.output import Output
 

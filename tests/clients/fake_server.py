@@ -6,6 +6,7 @@ so.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import threading
@@ -136,7 +137,11 @@ class FakeServer:
             session.declare_queryable(f"{root}/info", here(self._on_query, indirect=False)),
             session.declare_subscriber(f"{root}/in/*", here(self._on_lines, indirect=False)),
             session.declare_subscriber(f"{root}/estop", here(self._on_estop, indirect=False)),
-            live.declare_subscriber(f"{root}/client/*", here(self._on_client, indirect=False), history=True),
+            live.declare_subscriber(
+                f"{root}/client/*",
+                here(functools.partial(self._on_client, session), indirect=False),
+                history=True,
+            ),
             live.declare_token(f"{root}/live/{self.instance}"),
         ]
         return self
@@ -531,15 +536,18 @@ class FakeServer:
 
     # ------------------------------------------------------------ the rest
 
-    def _on_client(self, sample: zenoh.Sample) -> None:
+    def _on_client(self, session: zenoh.Session, sample: zenoh.Sample) -> None:
         with self._changed:
+            if session is not self._session:
+                # the server's own end, not the client's
+                return
             client = str(sample.key_expr).rpartition("/")[2]
             if sample.kind == zenoh.SampleKind.PUT:
                 self._clients.add(client)
             else:
                 self._clients.discard(client)
                 for program in self.programs.values():
-                    if program.client == client and not program.ended and self._session is not None:
+                    if program.client == client and not program.ended:
                         self._end(program, "aborted" if program.on_disconnect == "stop" else "finished")
             self._changed.notify_all()
 

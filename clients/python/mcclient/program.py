@@ -153,6 +153,10 @@ class Program:
 
     # ------------------------------------------------------------ the end
 
+    async def wait_accepted(self, number: int) -> None:
+        """Waits until the line with this number has been taken by the server; raises as `done`."""
+        await self._stream.until(lambda: self.accepted_through >= number)
+
     async def wait_done(self, number: int) -> None:
         """Waits until the line with this number has ended; raises as `done`."""
         # lines after M02 or M30 are accepted and never run

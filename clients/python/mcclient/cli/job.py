@@ -200,6 +200,7 @@ class Job:
         stepped = self._options.from_line - 1
         async for _ in from_thread(sys.stdin):
             stepped = max(stepped, program.done_through) + 1
+            await program.wait_accepted(stepped)
             say(f"{stepped:>6} | {self._source.text_of(stepped) or ''}")
             try:
                 await program.step()
