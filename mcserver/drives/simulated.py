@@ -119,6 +119,11 @@ class SimulatedBus:
         self._feedback.fault[index] = fault
         self._changing = True
 
+    def push(self, column: int, velocity: float) -> None:
+        """Gives an axis a speed at once, as a blow would [m/s, rad/s]."""
+        self._loop[1, self._columns.index(column)] = velocity
+        self._changing = True
+
     def silence(self, column: int, cycles: int | None = None) -> None:
         """Lets a drive not answer for a number of cycles (None: for good; 0: answers again)."""
         self._mute[self._columns.index(column)] = -1 if cycles is None else cycles

@@ -1,4 +1,4 @@
-"""The server's sign of life to the executor, which stops every axis within 100 ms without it.
+"""The server's sign of life to the executor, which stops every axis when it stays out.
 
 It comes from a thread of its own, so that a long piece of planning or a burst of requests does not stop the
 machine; and it stays out when the loop or the planner has hung for good, because then nobody is in control.

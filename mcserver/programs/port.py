@@ -72,7 +72,7 @@ class MotionPort(Protocol):
         """Events since the last call, in order."""
 
     def beat(self) -> None:
-        """Says that the server is alive; without it motion stops within 100 ms."""
+        """Says that the server is alive; without it motion stops."""
 
     def slots(self) -> Sequence[SlotView]:
         """Where every slot's program is now."""

@@ -348,8 +348,10 @@ class ProgramTable:
         self.events.publish(
             "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
         )
-        if program is not None:
-            self.stop(program, "faulted", fault.message, fault)
+        # a fault of the whole machine ends every program
+        hit = [program] if program is not None else [each for each in self.programs.values() if not each.ended]
+        for each in hit:
+            self.stop(each, "faulted", fault.message, fault)
 
     def _in_slot(self, slot: int) -> Program | None:
         for program in self.programs.values():
