@@ -73,7 +73,50 @@ def fastest(
             total = sum(part.duration for part in trial)
             if total < least:
                 best, least = trial, total
-    return best
+    if best is not None:
+        return best
+    # where a change of speed fills the whole distance the solver may miss it by rounding
+    for rungs in _choices(ladder):
+        trial = _ramps_only(distance, entry, exit_, rungs)
+        if trial is not None:
+            return trial
+    return None
+
+
+def _ramps_only(distance: float, entry: float, exit_: float, ladder: list[Level]) -> list[Profile] | None:
+    """The change of speed by ramps alone, and the greater speed kept over what is left of the distance."""
+    low, high = min(entry, exit_), max(entry, exit_)
+    rising = entry <= exit_
+    speed, left = low, distance
+    parts: list[Profile] = []
+    for level in ladder:
+        if level.velocity <= speed or speed >= high:
+            continue
+        target = min(level.velocity, high)
+        ends = (speed, target) if rising else (target, speed)
+        parts.append(ramp(*ends, level.acceleration, level.jerk))
+        left -= parts[-1].positions[-1]
+        speed = target
+    if speed < high or left < 0.0 or high <= 0.0:
+        return None
+    if left > NO_DISTANCE:
+        parts.append(_cruise(left, high))
+    return parts if rising else parts[::-1]
+
+
+def _cruise(distance: float, speed: float) -> Profile:
+    time = distance / speed
+    return Profile(
+        duration=time,
+        times=[time],
+        jerks=[0.0],
+        accelerations=[0.0, 0.0],
+        velocities=[speed, speed],
+        positions=[0.0, distance],
+        peak_velocity=speed,
+        peak_acceleration=0.0,
+        plateau=(0.0, distance),
+    )
 
 
 def _choices(ladder: list[Level]) -> tuple[list[Level], ...]:
