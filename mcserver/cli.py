@@ -19,8 +19,8 @@ from kinematics.errors import KinematicsError
 from mcserver.commands import check, doctor, machine, plot, run, simulate
 from mcserver.commands.console import show_error
 from mcserver.commands.faults import ExitCode, OutputFault, exit_code_of
-from mcserver.commands.machine_model import as_configuration_error
 from mcserver.errors import McError
+from mcserver.machine_model import as_configuration_error
 
 
 def _show_version(wanted: bool) -> None:

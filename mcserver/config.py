@@ -215,11 +215,11 @@ def parse_machine(text: str, *, source: str = "machine file", folder: Path | Non
     try:
         file = msgspec.convert(raw, MachineFile)
     except msgspec.ValidationError as error:
-        raise ConfigurationError("MC003", f"{source}: {error}", _nearest_key(str(error), raw)) from error
+        raise ConfigurationError("MC003", f"{source}: {error}", _nearest_key(str(error))) from error
     return _to_si(file, source, folder)
 
 
-def _nearest_key(message: str, raw: dict[str, Any]) -> str:
+def _nearest_key(message: str) -> str:
     unknown = re.search(r"unknown field `([^`]*)`(?: - at `\$?\.?([^`]*)`)?", message)
     if unknown is None:
         return "compare the value with the documented machine file"

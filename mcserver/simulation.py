@@ -167,7 +167,8 @@ class _Run:
             pipeline.close()
 
     def _burst(self) -> int:
-        """Cycles up to which nothing can run dry: motion that is handed over is played before the next look."""
+        """Cycles up to which nothing can run dry: motion that is handed over is played before the next
+        look."""
         if self._pipeline.waiting:
             return 1
         return max(1, min(BURST, int(self._pipeline.handed_over_u - self._u())))
@@ -226,7 +227,8 @@ class _Run:
             )
 
     def _come_to_rest(self) -> None:
-        """Runs on until every positioned axis is at rest (G1020 too); G1030 and G1040 axes do not hold the run."""
+        """Runs on until every positioned axis is at rest (G1020 too); G1030 and G1040 axes do not hold
+        the run."""
         moving = False
         for _ in range(STUCK):
             if self._executor.at_rest:

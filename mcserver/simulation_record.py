@@ -33,7 +33,8 @@ class Recorder:
     """Called once a cycle by the virtual executor.
 
     Attributes:
-        line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape (K,) [SI].
+        line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape
+        (K,) [SI].
     """
 
     def __init__(self, machine: Machine, keep: bool) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from mcserver.commands.console import json_answer_on_error, results, show_diagnostics, write_json
-from mcserver.commands.machine_model import build_kinematics
 from mcserver.commands.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument
 from mcserver.commands.program_text import ProgramText, load_program
 from mcserver.commands.rejection import reject
 from mcserver.config import Machine, load_machine
 from mcserver.errors import Diagnostic
 from mcserver.gcode.check import check_program
+from mcserver.machine_model import build_kinematics
 
 
 def check(

@@ -9,10 +9,10 @@ import typer
 from rich.table import Table
 
 from mcserver.commands.console import json_answer_on_error, narration, results, show_diagnostics, write_json
-from mcserver.commands.machine_model import build_kinematics
 from mcserver.commands.options import JsonOption
 from mcserver.config import Axis, Machine, load_machine
 from mcserver.machine_check import axis_name, find_doubts
+from mcserver.machine_model import build_kinematics
 
 
 def build_app() -> typer.Typer:

@@ -9,7 +9,6 @@ import typer
 
 from mcserver.commands.console import narration, show_diagnostics
 from mcserver.commands.faults import ExitCode
-from mcserver.commands.machine_model import build_kinematics
 from mcserver.commands.options import DEFAULT_MACHINE, MachineOption, ProgramArgument
 from mcserver.commands.output_file import check_output, write_atomically
 from mcserver.commands.program_text import load_program
@@ -18,6 +17,7 @@ from mcserver.commands.simulate import live_progress
 from mcserver.commands.simulation_report import diagnostics_of
 from mcserver.config import load_machine
 from mcserver.errors import ConfigurationError
+from mcserver.machine_model import build_kinematics
 
 
 def plot(

@@ -12,10 +12,10 @@ import typer
 from rich.logging import RichHandler
 
 from mcserver.commands.console import narration
-from mcserver.commands.machine_model import build_kinematics
 from mcserver.commands.options import DEFAULT_MACHINE, MachineOption
 from mcserver.config import Machine, load_machine
 from mcserver.errors import ConfigurationError
+from mcserver.machine_model import build_kinematics
 from mcserver.net.keys import is_name
 
 

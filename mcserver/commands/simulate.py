@@ -11,13 +11,13 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from mcserver.commands.console import json_answer_on_error, narration, show_diagnostics, write_json
 from mcserver.commands.faults import ExitCode
-from mcserver.commands.machine_model import build_kinematics
 from mcserver.commands.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument
 from mcserver.commands.output_file import check_output, write_atomically
 from mcserver.commands.program_text import load_program
 from mcserver.commands.rejection import reject
 from mcserver.commands.simulation_report import NOTHING_SIMULATED, diagnostics_of, print_report
 from mcserver.config import load_machine
+from mcserver.machine_model import build_kinematics
 from mcserver.recording import write_csv, write_npz
 from mcserver.simulation_record import Recorded
 

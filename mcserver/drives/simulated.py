@@ -230,12 +230,13 @@ class SimulatedBus:
         heard = self._following & (setpoints.mode != DriveMode.SILENT)
         reference = np.where(heard, setpoints.position, self._last_position)
         loop[3] = np.where(heard, setpoints.velocity, 0.0)
-        error = self._position - reference
         velocity_mode = self._mode == DriveMode.VELOCITY
         if velocity_mode.any():
-            kept = np.clip(error, -self._windup, self._windup)
-            reference = np.where(velocity_mode, self._position - kept, reference)
-            error = np.where(velocity_mode, kept, error)
+            # the drive integrates its speed setpoint itself, and forgets what it could not follow
+            integral = self._last_position + 0.5 * (loop[2] + loop[3]) * self._cycle
+            behind = np.clip(self._position - integral, -self._windup, self._windup)
+            reference = np.where(velocity_mode, self._position - behind, reference)
+        error = self._position - reference
         loop[0] = error
         start = self._position.copy()
         self._follow(reference)

@@ -74,6 +74,7 @@ class AxisBank:
         positioned: energized, or about to be, in position mode. speed, torque_mode: in these modes.
         fault: latched. released, stopping, resetting: told so.
         fresh: shape (K,), whether drives answered. states: shape (K,), `DriveState`. drive_fault: shape (K,).
+        standing_speed: shape (K,), the greatest speed that counts as standing where an axis is captured.
         failed: columns whose drive has newly gone into FAULT. dropped: columns whose drive has newly
             de-energized by itself.
     """
@@ -89,6 +90,9 @@ class AxisBank:
         self.drive_fault = np.zeros(count, np.int32)
         self._state_bytes = self.states.tobytes()
         self._all_fresh = self.fresh.tobytes()
+        self._cycle = machine.cycle_s
+        # below this speed an axis can be stopped in one cycle
+        self.standing_speed: Array = np.array([axis.max_acceleration for axis in machine.axes]) * self._cycle
         self.all = (1 << count) - 1
         self.exact = 0
         self.energized = self.starting = self.positioned = self.speed = self.torque_mode = 0
@@ -131,6 +135,8 @@ class AxisBank:
     def exchange(self) -> None:
         """One exchange with every bus; afterwards `failed`, `dropped` and the masks say what has changed."""
         row = self.row
+        if self.starting:
+            self._lead_starting()
         for port in self._ports:
             index = port.index
             if index is None:
@@ -160,6 +166,13 @@ class AxisBank:
             self._state_bytes = states
             self._note_states()
 
+    def _lead_starting(self) -> None:
+        """A drive that closes its loop in this exchange finds the setpoint where a coasting axis will be."""
+        row, where = self.row, self.masks.bools(self.starting & self.positioned)
+        coasting = where & (np.abs(row.actual_velocity) > self.standing_speed)
+        np.copyto(row.velocity, np.where(coasting, row.actual_velocity, 0.0), where=where)
+        np.copyto(row.setpoint, row.actual + row.velocity * self._cycle, where=where)
+
     @property
     def all_fresh(self) -> bool:
         """Whether every drive answered in this cycle."""
@@ -173,6 +186,7 @@ class AxisBank:
         if arrived:
             self.energized |= arrived
             self.starting &= ~arrived
+            self.row.velocity[self.masks.bools(arrived & self.positioned)] = 0.0
             self._refresh()
         self.failed = faulty & ~self.fault & ~self.resetting
         self.dropped = self.energized & ~energized & ~faulty

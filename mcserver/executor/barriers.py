@@ -63,15 +63,20 @@ class Dwell:
 
 
 class AtRest:
-    """Independent motion of some axes has ended; speeds that are held do not count."""
+    """Independent motion of some axes has ended; speeds that are held do not count.
 
-    def __init__(self, cycle: Cycle, axes: int) -> None:
+    Args:
+        exchanged: the drives have to have got the last setpoints.
+    """
+
+    def __init__(self, cycle: Cycle, axes: int, *, exchanged: bool = False) -> None:
         self._cycle = cycle
         self._axes = axes
+        self._exchanged = exchanged
 
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
         motions = self._cycle.motions
-        if motions.mask & ~motions.speeding & self._axes:
+        if self._exchanged or motions.mask & ~motions.speeding & self._axes:
             return None
         return min(left, motions.end_left(self._axes))
 

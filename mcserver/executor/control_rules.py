@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from mcserver.executor.slot import ProgramSlot
 
 _OPERATIONS = tuple(AxisOperation)
-# An axis that moves faster than this share of what it can stop from in a cycle is braked as it is captured.
-STANDING_SHARE = 1.0
 
 
 def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool = False) -> Barrier | None:
@@ -141,8 +139,7 @@ def _brake_captured(slot: ProgramSlot, axes: int, left: float) -> None:
     cycle = slot.cycle
     for column in cycle.bank.masks.columns(axes & cycle.bank.positioned & ~cycle.motions.mask):
         velocity = float(cycle.row.actual_velocity[column])
-        limit = cycle.machine.axes[column].max_acceleration * cycle.cycle_s * STANDING_SHARE
-        if abs(velocity) > limit:
+        if abs(velocity) > cycle.bank.standing_speed[column]:
             state = (float(cycle.row.setpoint[column]), velocity, 0.0)
             cycle.motions.halt_from(column, slot.index, state, left)
 
@@ -226,6 +223,9 @@ def _axis(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Bar
         busy = axes & slot.playback.active
         if busy:
             raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
+        if operation is not AxisOperation.CAPTURE:
+            # the drive is to have got its last setpoint
+            return AtRest(cycle, axes, exchanged=True)
         if motions.mask & ~motions.speeding & axes:
             return AtRest(cycle, axes)
     if not slot.acted:

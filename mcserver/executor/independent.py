@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 import math
 
-from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
+from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
 from mcserver.config import Machine
 from mcserver.executor.feedback import FeedbackRow
@@ -18,12 +18,15 @@ from mcserver.executor.rate import Slopes
 
 State = tuple[float, float, float]
 
+# Shares of a way, or of a change of speed, that are tried one after the other.
+_NEARBY = (1.0, 1.0 + 1e-9, 1.0 - 1e-9, 1.0 + 1e-7, 1.0 - 1e-7)
+
 
 class TrajectoryError(ValueError):
     """Ruckig finds no motion; ``column`` is the axis's."""
 
-    def __init__(self, column: int, result: object) -> None:
-        super().__init__(f"no trajectory for column {column}: {result}")
+    def __init__(self, column: int) -> None:
+        super().__init__(f"no trajectory for column {column}")
         self.column = column
 
 
@@ -40,13 +43,19 @@ class Motion:
 
     Attributes:
         slot: whose rate applies, -1: the machine's. elapsed: time on the trajectory [s].
-        final: position and velocity at the end of the trajectory.
+        origin: position at which the trajectory starts. final: position and velocity at its end.
     """
 
-    __slots__ = ("column", "duration", "elapsed", "final", "kind", "slot", "trajectory")
+    __slots__ = ("column", "duration", "elapsed", "final", "kind", "origin", "slot", "trajectory")
 
     def __init__(
-        self, column: int, slot: int, kind: MotionKind, trajectory: Trajectory, final: tuple[float, float]
+        self,
+        column: int,
+        slot: int,
+        kind: MotionKind,
+        trajectory: Trajectory,
+        origin: float,
+        final: tuple[float, float],
     ) -> None:
         self.column = column
         self.slot = slot
@@ -54,6 +63,7 @@ class Motion:
         self.trajectory = trajectory
         self.duration: float = trajectory.duration
         self.elapsed = 0.0
+        self.origin = origin
         self.final = final
 
     def at(self, elapsed: float) -> State:
@@ -62,7 +72,7 @@ class Motion:
             position, velocity = self.final
             return position + velocity * (elapsed - self.duration), velocity, 0.0
         position, velocity, acceleration = self.trajectory.at_time(max(elapsed, 0.0))
-        return position[0], velocity[0], acceleration[0]
+        return self.origin + position[0], velocity[0], acceleration[0]
 
 
 class IndependentMotions:
@@ -93,7 +103,7 @@ class IndependentMotions:
         state = self.state(column, left, rate)
         if column not in self._motions and state[0] == target:
             return
-        self._start(column, slot, MotionKind.POSITION, self._to_position(column, state, target), target)
+        self._start(column, slot, MotionKind.POSITION, self._to_position(column, state, target), state[0], target)
         self._pass(self._motions[column], rate, left)
 
     def speed(self, column: int, slot: int, velocity: float, left: float, rate: float) -> None:
@@ -102,7 +112,7 @@ class IndependentMotions:
         velocity = max(-top, min(top, velocity))
         state = self.state(column, left, rate)
         trajectory = self._to_velocity(column, state, velocity, jerk=True)
-        self._start(column, slot, MotionKind.SPEED, trajectory, velocity)
+        self._start(column, slot, MotionKind.SPEED, trajectory, state[0], velocity)
         self._guard(self._motions[column])
         self._pass(self._motions[column], 1.0, left)
 
@@ -119,7 +129,7 @@ class IndependentMotions:
     ) -> None:
         """To standstill from a given state, for instance that of a captured axis that coasts."""
         trajectory = self._to_velocity(column, state, 0.0, jerk=jerk)
-        self._start(column, slot, MotionKind.HALT, trajectory, 0.0)
+        self._start(column, slot, MotionKind.HALT, trajectory, state[0], 0.0)
         self._pass(self._motions[column], 1.0, left)
 
     def drop(self, mask: int) -> None:
@@ -204,14 +214,15 @@ class IndependentMotions:
         row.setpoint[column] = position
         row.velocity[column] = velocity * pace
 
-    def _start(self, column: int, slot: int, kind: MotionKind, trajectory: Trajectory, goal: float) -> None:
+    def _start(
+        self, column: int, slot: int, kind: MotionKind, trajectory: Trajectory, origin: float, goal: float
+    ) -> None:
         """``goal``: the target of a position motion, else the velocity at the end."""
         if kind is MotionKind.POSITION:
             final = (goal, 0.0)
         else:
-            final = (trajectory.at_time(trajectory.duration)[0][0], goal)
-        motion = Motion(column, slot, kind, trajectory, final)
-        self._motions[column] = motion
+            final = (origin + trajectory.at_time(trajectory.duration)[0][0], goal)
+        self._motions[column] = Motion(column, slot, kind, trajectory, origin, final)
         self.ended &= ~(1 << column)
         self._left.pop(column, None)
         self._remask()
@@ -229,40 +240,49 @@ class IndependentMotions:
     # ------------------------------------------------------------------ trajectories
 
     def _input(self, column: int, state: State, jerk: bool) -> InputParameter:
+        """The start of a trajectory, in coordinates that have their origin there: rounding is least then."""
         axis = self._axes[column]
         wanted = InputParameter(1)
-        wanted.current_position = [state[0]]
+        wanted.current_position = [0.0]
         wanted.current_velocity = [state[1]]
         wanted.max_velocity = [axis.max_velocity]
         wanted.max_acceleration = [axis.max_acceleration]
         limited = jerk and math.isfinite(axis.max_jerk)
         wanted.max_jerk = [axis.max_jerk if limited else math.inf]
-        # without a limit of jerk the acceleration of the start is none of the state
+        # without a limit of jerk the acceleration of the start does not bind
         bound = axis.max_acceleration
         wanted.current_acceleration = [max(-bound, min(bound, state[2])) if limited else 0.0]
         return wanted
 
-    def _calculate(self, column: int, wanted: InputParameter) -> Trajectory:
+    def _calculated(self, wanted: InputParameter) -> Trajectory | None:
         trajectory = Trajectory(1)
-        result = self._ruckig.calculate(wanted, trajectory)
-        if result not in (Result.Working, Result.Finished):
-            # rounding in the start acceleration is the usual cause
-            wanted.current_acceleration = [0.0]
+        try:
             result = self._ruckig.calculate(wanted, trajectory)
-        if result not in (Result.Working, Result.Finished):
-            raise TrajectoryError(column, result)
-        return trajectory
+        except RuckigError:
+            return None
+        return trajectory if result in (Result.Working, Result.Finished) else None
 
     def _to_position(self, column: int, state: State, target: float) -> Trajectory:
         wanted = self._input(column, state, jerk=True)
-        wanted.target_position = [target]
-        return self._calculate(column, wanted)
+        way = target - state[0]
+        # where two shapes of profile meet, rounding may find neither: a way next to it has one
+        for share in _NEARBY:
+            wanted.target_position = [way * share]
+            trajectory = self._calculated(wanted)
+            if trajectory is not None:
+                return trajectory
+        raise TrajectoryError(column)
 
     def _to_velocity(self, column: int, state: State, velocity: float, *, jerk: bool) -> Trajectory:
         wanted = self._input(column, state, jerk)
         wanted.control_interface = ControlInterface.Velocity
-        wanted.target_velocity = [velocity]
-        return self._calculate(column, wanted)
+        for share in _NEARBY:
+            wanted.target_velocity = [velocity * share]
+            wanted.current_velocity = [state[1] * share]
+            trajectory = self._calculated(wanted)
+            if trajectory is not None:
+                return trajectory
+        raise TrajectoryError(column)
 
     def _guard(self, motion: Motion) -> None:
         """Lets an axis that holds a speed stop on its soft limit, while it still can."""
@@ -274,10 +294,10 @@ class IndependentMotions:
         if not math.isfinite(limit) or (ahead[1] == 0.0 and motion.final[1] == 0.0):
             return
         stop = self._to_velocity(motion.column, ahead, 0.0, jerk=True)
-        rest = stop.at_time(stop.duration)[0][0]
+        rest = ahead[0] + stop.at_time(stop.duration)[0][0]
         if (rest - limit) * direction <= 0.0:
             return
         self.limited.append(motion.column)
         trajectory = self._to_position(motion.column, state, limit)
-        self._start(motion.column, motion.slot, MotionKind.HALT, trajectory, 0.0)
+        self._start(motion.column, motion.slot, MotionKind.HALT, trajectory, state[0], 0.0)
         self._motions[motion.column].final = (limit, 0.0)

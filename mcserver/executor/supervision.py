@@ -51,7 +51,9 @@ class Supervision:
     def _refuse_setpoints(self) -> None:
         bank, row = self._cycle.bank, self._cycle.row
         before = self._feedback.newest_setpoint(len(row.setpoint))
-        outside = mask_of(~(self._within & self._above)) & bank.energized & bank.positioned
+        # axes that move by themselves are kept inside by their trajectories, or are on their way back
+        guarded = bank.energized & bank.positioned & ~self._cycle.motions.mask
+        outside = mask_of(~(self._within & self._above)) & guarded
         for column in bank.masks.columns(outside):
             low, high = float(self._low[column]), float(self._high[column])
             wanted, old = float(row.setpoint[column]), float(before[column])

@@ -1,9 +1,9 @@
 """Corners rounded within a tolerance: a quintic between two segments, with continuous tangent and curvature.
 
-The blend leaves the first segment at a distance d before the vertex and joins the second one at d behind it. Its
-Bezier points continue the tangents and bends of both, so that velocity and acceleration are continuous in every
-axis. Its largest distance from the programmed path, in either direction, is measured and d reduced until it
-fits (D-35, D-36).
+The blend leaves the first segment at a distance d before the vertex and joins the second one at d
+behind it. Its Bezier points continue the tangents and bends of both, so that velocity and acceleration
+are continuous in every axis. Its largest distance from the programmed path, in either direction, is
+measured and d reduced until it fits (D-35, D-36).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.motion.path import Array, LineCurve, PolynomialCurve, SampledCurve
 from mcserver.motion.segment import Segment, columns_of
@@ -106,7 +107,8 @@ def _make(
     if any(half is None for half in halves):
         return None
     first, second = halves
-    assert first is not None and second is not None
+    assert first is not None
+    assert second is not None
     slope, bend, _ = before.derivatives(np.array([leave]), width)
     trimmed_before = dataclasses.replace(before, finish=leave, last=slope[0], bend_last=bend[0], closes=False)
     slope, bend, _ = after.derivatives(np.array([join]), width)
@@ -154,7 +156,9 @@ def _part(power: Array, low: float, high: float) -> Array:
     return result
 
 
-def _segment(power: Array, columns: Array, mask: int, side: Segment, base: Array) -> Segment | None:
+def _segment(
+    power: Array, columns: NDArray[np.intp], mask: int, side: Segment, base: Array
+) -> Segment | None:
     curve = PolynomialCurve(axes=tuple(int(c) for c in columns), coefficients=power, length=0.0)
     slope, bend, _ = curve.derivatives(_S)
     size = np.linalg.norm(slope, axis=1)
@@ -188,7 +192,13 @@ def _segment(power: Array, columns: Array, mask: int, side: Segment, base: Array
 
 
 def _error(
-    power: Array, before: Segment, after: Segment, leave: float, join: float, columns: Array, per_axis: Array
+    power: Array,
+    before: Segment,
+    after: Segment,
+    leave: float,
+    join: float,
+    columns: NDArray[np.intp],
+    per_axis: Array,
 ) -> float:
     """Largest distance between blend and programmed path, in either direction [m]."""
     weight = per_axis[columns]

@@ -122,7 +122,8 @@ Canonical = MotionLine | AxisLine | PauseLine | EndLine
 
 
 def requested_of(line: MotionLine) -> float | None:
-    """Requested time of a line [s] (interfaces.md): that of its longest group; None where none asks for a time."""
+    """Requested time of a line [s] (interfaces.md): that of its longest group; None where none asks
+    for a time."""
     times = [
         group.requested if isinstance(group, FeedGroup) else group.seconds
         for group in line.groups

@@ -19,7 +19,8 @@ TOLERANCE_SHARES = (1.0, 0.3)
 def best_blend(
     window: Lookahead, after: Segment, tolerance: float, weights: Array, limits: AxisLimits
 ) -> Blend | None:
-    """The blend that passes the corner after the window's last segment soonest, if any beats the corner itself.
+    """The blend that passes the corner after the window's last segment soonest, if any beats the
+    corner itself.
 
     Args:
         tolerance: largest distance from the programmed path [m].

@@ -58,7 +58,8 @@ class KeySolver:
         self._entry = entry
 
     def solve(self, keys: list[int], caps: Array) -> Solution:
-        """Adds keys until no stretch passes a cap; each round binds the lowest cap of each stretch that does."""
+        """Adds keys until no stretch passes a cap; each round binds the lowest cap of each stretch
+        that does."""
         solved: dict[tuple[int, int, float, float], list[Profile]] = {}
         bound_by: list[Bound | None] = [None] * len(self.nodes)
         split: set[int] = set()
@@ -135,7 +136,8 @@ class KeySolver:
         """Raises speeds at the ends of timed segments that take longer than their T (D-33).
 
         The speed at a joint of two timed segments is at first the lower of their means. A segment that cannot
-        keep its T so may with more speed at its ends, if the neighbours keep theirs. True if a cap was changed.
+        keep its T so may with more speed at its ends, if the neighbours keep theirs. True if a cap was
+        changed.
         """
         changed = False
         now = dict(speeds)

@@ -1,9 +1,9 @@
 """What the axes' limits allow along a path coordinate σ, as a function of speed.
 
 With q(σ) the path, q̇ = q'σ̇, q̈ = q'σ̈ + q''σ̇² and q⃛ = q'σ⃛ + 3q''σ̇σ̈ + q'''σ̇³. At a speed v each axis leaves
-|q'|·A ≤ a - |q''|v² for acceleration along the path, and likewise for jerk. A vertex of a polyline is a step of the
-tangent by D: at the cycle rate it asks for the acceleration D·v·max(1/dt, v/ℓ), ℓ being the length of the
-segments about it (several vertices may fall into one cycle). Limits are judged so by D-36.
+|q'|·A ≤ a - |q''|v² for acceleration along the path, and likewise for jerk. A vertex of a polyline is
+a step of the tangent by D: at the cycle rate it asks for the acceleration D·v·max(1/dt, v/ℓ), ℓ being
+the length of the segments about it (several vertices may fall into one cycle). Limits are judged so by D-36.
 """
 
 from __future__ import annotations
@@ -40,9 +40,10 @@ _HUGE = 1e100
 class Demand:
     """Samples of a path's derivatives with respect to σ, absolute values, shape (m, K) each.
 
-    ``slope``, ``bend``, ``twist`` are |q'|, |q''|, |q'''|; ``step`` is a vertex's |Δq'| and ``spacing`` (m,) its ℓ [m];
-    ``kick`` is a step of the bend, |Δq''|, where a line meets an arc. ``ceiling`` (m,) are speeds that are not
-    passed at the sample whatever its segment allows: at a vertex that of the joint.
+    ``slope``, ``bend``, ``twist`` are |q'|, |q''|, |q'''|; ``step`` is a vertex's |Δq'| and
+    ``spacing`` (m,) its ℓ [m]; ``kick`` is a step of the bend, |Δq''|, where a line meets an arc.
+    ``ceiling`` (m,) are speeds that are not passed at the sample whatever its segment allows: at a
+    vertex that of the joint.
     """
 
     slope: Array
@@ -142,8 +143,9 @@ def speed_limit(demand: Demand, limits: AxisLimits) -> SpeedLimit:
 def _ripple(apart: Array) -> Array:
     """How much more than on average vertices ``apart`` ≤ 1 cycles from each other weigh at the worst cycle.
 
-    A second difference weighs them with a hat of two cycles. With f the fraction of 1/r, its sum over points r
-    apart is at most (1 + r² f (1 - f)) / r; below 2/3 the bound f (1 - f) ≤ 1/4 serves, which has no jumps.
+    A second difference weighs them with a hat of two cycles. With f the fraction of 1/r, its sum over
+    points r apart is at most (1 + r² f (1 - f)) / r; below 2/3 the bound f (1 - f) ≤ 1/4 serves, which
+    has no jumps.
     """
     ripple: Array = np.where(apart < 2.0 / 3.0, apart * apart / 4.0, (1.0 - apart) * (2.0 * apart - 1.0))
     return ripple
@@ -213,7 +215,8 @@ class RunLimits:
         return float(self._weak[left:right].min()), float(self._weak_jerk[left:right].min())
 
     def ladder(self, left: int, right: int) -> list[Level]:
-        """A ladder of speeds up to the stretch's top with what is free up to each; one where bends hardly count.
+        """A ladder of speeds up to the stretch's top with what is free up to each; one where bends
+        hardly count.
 
         Low speeds leave nearly all of the acceleration to the way along the path, the top speed little: the
         ladder lets a start from rest use what is there.

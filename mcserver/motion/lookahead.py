@@ -1,7 +1,7 @@
 """Time laws over many segments: no stop where none is needed, no limit broken anywhere (D-33, D-35, D-36).
 
-A *run* is a chain of segments on one coordinate σ, scaled so that speed along it is continuous where the tangent
-is. Its nodes are the joints, each with the greatest speed at which it can be passed.
+A *run* is a chain of segments on one coordinate σ, scaled so that speed along it is continuous where
+the tangent is. Its nodes are the joints, each with the greatest speed at which it can be passed.
 """
 
 from __future__ import annotations
@@ -69,7 +69,8 @@ class Lookahead:
         self.nodes.append(Node(segment, met.speed, limit, top, demand, vertex_before=met.demand is not None))
 
     def _joint(self, segment: Segment) -> Junction:
-        """How the run meets ``segment``; scales its coordinate so that speed is continuous where it can flow."""
+        """How the run meets ``segment``; scales its coordinate so that speed is continuous where it
+        can flow."""
         if not self.nodes:
             return Junction(0.0, None)
         before = self.nodes[-1].segment
@@ -96,7 +97,8 @@ class Lookahead:
         self.nodes[-1] = dataclasses.replace(self.nodes[-1], segment=segment)
 
     def enter_fast(self) -> None:
-        """Sets the entry to the speed that the first segment could have reached from rest in its own length."""
+        """Sets the entry to the speed that the first segment could have reached from rest in its own
+        length."""
         first = self.nodes[0]
         run = RunLimits([first.demand], np.zeros(1, np.intp), np.array([first.top]), self._limits)
         acceleration, jerk = run.weakest(0, 1)
@@ -219,13 +221,14 @@ class Lookahead:
     def _feed_bounds(self, times: Array, bound_by: list[Bound | None]) -> None:
         for index, node in enumerate(self.nodes):
             segment = node.segment
-            if segment.duration is None and node.limit.velocity < segment.feed * segment.scale * (1.0 - 1e-9):
-                if times[index + 1] - times[index] > segment.requested * (1.0 + 1e-9):
-                    bound_by[index] = Bound(node.limit.column, node.limit.kind)
+            slower = node.limit.velocity < segment.feed * segment.scale * (1.0 - 1e-9)
+            longer = times[index + 1] - times[index] > segment.requested * (1.0 + 1e-9)
+            if segment.duration is None and slower and longer:
+                bound_by[index] = Bound(node.limit.column, node.limit.kind)
 
 
 def _first_keys(nodes: list[Node], caps: Array) -> list[int]:
-    """Nodes at which acceleration is zero from the outset: about timed segments, at stops, and as last time."""
+    """Nodes at which acceleration is zero from the outset: about timed segments, at stops, as last time."""
     keys = [0]
     for group in range(1, len(nodes)):
         timed = nodes[group].segment.duration is not None or nodes[group - 1].segment.duration is not None

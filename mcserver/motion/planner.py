@@ -1,9 +1,9 @@
 """The planner of one program: feed groups in, setpoint rows out, with a window that always ends at rest.
 
-The window holds segments that flow into each other. Its time law always comes to rest at its end. A stretch is
-committed from the window's beginning up to a moment without acceleration that lies before that stop; what is
-left starts there at the speed reached, and is planned anew as more lines arrive. So the motion can always
-stop on the path, and never stops where more lines are there in time.
+The window holds segments that flow into each other. Its time law always comes to rest at its end. A
+stretch is committed from the window's beginning up to a moment without acceleration that lies before
+that stop; what is left starts there at the speed reached, and is planned anew as more lines arrive. So
+the motion can always stop on the path, and never stops where more lines are there in time.
 """
 
 from __future__ import annotations
@@ -226,7 +226,8 @@ class MotionPlanner:
         yield Deactivation(float(whole_cycle(end)), plan.segments[-1].line, mask)
 
     def _output(self, plan: PlannedRun, origin: float, last: int, until: float) -> Iterator[Piece]:
-        """Rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s], in order of u."""
+        """Rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s], in
+        order of u."""
         low = first_row(origin)
         for index, segment in enumerate(plan.segments):
             begins, ends = float(plan.times[index]), float(plan.times[index + 1])
@@ -262,7 +263,8 @@ class MotionPlanner:
             low = high + 1
 
     def _moment(self, plan: PlannedRun, want: float) -> float:
-        """A moment without acceleration at or after ``want`` [s], before the stop begins; 0: there is none."""
+        """A moment without acceleration at or after ``want`` [s], before the stop begins; 0: there is
+        none."""
         safe = self._stop_begins(plan)
         if want >= safe:
             return safe
@@ -289,7 +291,8 @@ class MotionPlanner:
         return moment
 
     def _stop_begins(self, plan: PlannedRun) -> float:
-        """The last moment without acceleration before the stop at the end [s]; 0 where the run is one such stop."""
+        """The last moment without acceleration before the stop at the end [s]; 0 where the run is one
+        such stop."""
         if plan.segments[-1].duration is not None:
             # one profile from its entry to rest: nothing of it is settled before the next line is known
             return float(plan.times[-2])

@@ -141,8 +141,8 @@ class ProfileSolver:
             None where no profile keeps the limits without going backwards, or none takes ``duration``.
         """
         given = self._input
-        # the unit of the coordinate is scaled so that the distance is 1, for Ruckig's tolerances are absolute;
-        # the unit of time so that no profile lasts longer than the 7600 s that Ruckig takes
+        # the unit of the coordinate is scaled so that the distance is 1, for Ruckig's tolerances are
+        # absolute; the unit of time so that no profile lasts longer than the 7600 s that Ruckig takes
         unit = max(1.0, (duration or 0.0) / LONGEST_S, distance / velocity / LONGEST_S)
         scale = unit / distance
         given.target_position = [1.0]
@@ -175,9 +175,9 @@ class ProfileSolver:
         top = max(velocities)
         plateau = (0.0, 0.0)
         for index, time in enumerate(times):
-            if time > 0.0 and jerks[index] == 0.0 and abs(accelerations[index]) < 1e-9 * top:
-                if velocities[index] >= top * (1.0 - 1e-9):
-                    plateau = (positions[index] * distance, positions[index + 1] * distance)
+            steady = time > 0.0 and jerks[index] == 0.0 and abs(accelerations[index]) < 1e-9 * top
+            if steady and velocities[index] >= top * (1.0 - 1e-9):
+                plateau = (positions[index] * distance, positions[index + 1] * distance)
         return Profile(
             duration=total,
             times=times,
@@ -220,7 +220,8 @@ def speed_change_distance(low: float, high: float, acceleration: float, jerk: fl
 
 
 def reachable_speed(low: float, distance: float, acceleration: float, jerk: float, cap: float) -> float:
-    """Greatest speed ≤ ``cap`` reached from ``low`` within ``distance``, with zero acceleration at both ends."""
+    """Greatest speed ≤ ``cap`` reached from ``low`` within ``distance``, with zero acceleration at
+    both ends."""
     if cap <= low or speed_change_distance(low, cap, acceleration, jerk) <= distance:
         return max(cap, low) if cap > low else low
     # without a jerk limit: v² = v0² + 2 a d

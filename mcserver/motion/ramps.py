@@ -1,4 +1,5 @@
-"""Profiles over a stretch of path whose limits depend on speed: a ladder of ramps about one Ruckig profile."""
+"""Profiles over a stretch of path whose limits depend on speed: a ladder of ramps about one Ruckig
+profile."""
 
 from __future__ import annotations
 
@@ -196,7 +197,8 @@ def _finish(
 def exactly(
     solver: ProfileSolver, distance: float, entry: float, exit_: float, ladder: list[Level], duration: float
 ) -> list[Profile] | None:
-    """Profiles that take ``duration`` to the rounding error, or None where the limits do not allow it (D-33)."""
+    """Profiles that take ``duration`` to the rounding error, or None where the limits do not allow it
+    (D-33)."""
     high = max(entry, exit_)
     for level in ladder:
         if level.velocity < high * (1.0 - 1e-12):

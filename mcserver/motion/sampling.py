@@ -38,8 +38,8 @@ def first_row(u: float) -> int:
 
 def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) -> Rows:
     """Rows ``first`` … ``last`` (both included) of a run that starts at u = ``origin`` [cycles]."""
-    u = np.arange(first, last + 1)
-    time = (u - origin) * cycle
+    u = np.arange(first, last + 1, dtype=np.float64)
+    time: Array = np.asarray((u - origin) * cycle, dtype=np.float64)
     sigma, speed = run.phases.at(time)
     index = np.clip(np.searchsorted(run.bounds, sigma, side="right") - 1, 0, len(run.segments) - 1)
     # a joint at which the motion stops is reached for good only after the stop: take the times there

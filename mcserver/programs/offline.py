@@ -102,8 +102,8 @@ def end_with_parent() -> None:
 
 def check_text(text: str, machine: Machine, positions: Mapping[int, float] | None) -> list[Diagnostic]:
     """`mcserver.gcode.check.check_program` with the machine's kinematics; runs in the worker."""
-    from mcserver.commands.machine_model import build_kinematics
     from mcserver.gcode.check import check_program
+    from mcserver.machine_model import build_kinematics
 
     return check_program(text, machine, build_kinematics(machine), positions=positions)
 

@@ -1,4 +1,5 @@
-"""What a program's pipeline has ready for the executor: rows and control entries, waiting for room in the rings."""
+"""What a program's pipeline has ready for the executor: rows and control entries, waiting for room in
+the rings."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ class Output:
     """Keeps the order between rows and control entries while the rings have no room.
 
     Control entries at u must be in the ring before the row that is played at u, so each is put when its
-    turn comes. ``last_u`` is where what has been handed over ends. The pipeline stops planning while anything waits here, so what waits is bounded by one
-    piece of a plan.
+    turn comes. ``last_u`` is where what has been handed over ends. The pipeline stops planning while
+    anything waits here, so what waits is bounded by one piece of a plan.
     """
 
     def __init__(self, sink: MotionSink) -> None:

@@ -6,11 +6,11 @@ import threading
 from collections.abc import Sequence
 from typing import cast
 
-from mcserver.commands.machine_model import build_kinematics
 from mcserver.config import Machine
 from mcserver.executor.entries import MotionSink
 from mcserver.gcode.interpreter import modal_before
 from mcserver.gcode.modal import ModalState
+from mcserver.machine_model import build_kinematics
 from mcserver.programs.executor_port import ExecutorPort
 from mcserver.programs.planner_thread import PipelineRequest
 from mcserver.programs.service_pipeline import ServicePipeline

@@ -349,7 +349,9 @@ class ProgramTable:
             "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
         )
         # a fault of the whole machine ends every program
-        hit = [program] if program is not None else [each for each in self.programs.values() if not each.ended]
+        hit = (
+            [program] if program is not None else [each for each in self.programs.values() if not each.ended]
+        )
         for each in hit:
             self.stop(each, "faulted", fault.message, fault)
 

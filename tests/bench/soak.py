@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import multiprocessing
 import os
 import signal
@@ -44,17 +45,18 @@ def _rss_mib(pid: int) -> float:
 
 def _children(pid: int) -> list[int]:
     found = []
-    for task in Path(f"/proc/{pid}/task").iterdir():
-        found += [int(child) for child in (task / "children").read_text().split()]
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            # the fields after the command's name, which may hold anything: state, parent, …
+            if int(stat.read_text().rpartition(")")[2].split()[1]) == pid:
+                found.append(int(stat.parent.name))
     return found
 
 
 def _floor(seconds: float, late: multiprocessing.sharedctypes.Synchronized[int]) -> None:  # type: ignore[type-arg]
     """Wakes each millisecond at realtime priority, with no work; counts wake-ups that came a cycle late."""
-    try:
+    with contextlib.suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))
-    except PermissionError:
-        pass
     due = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
     end = due + int(seconds * 1e9)
     while due < end:
@@ -90,7 +92,8 @@ async def _stream(endpoint: str, minutes: float, rate: float, server: int) -> No
                     memory.append((now - started, *sizes))
                     print(
                         f"{now - started:7.0f} s  sent {sent}  accepted {program.accepted_through}  "
-                        f"done {program.done_through}  server {sizes[0]:.1f} MiB  executor {sizes[1]:.1f} MiB",
+                        f"done {program.done_through}  "
+                        f"server {sizes[0]:.1f} MiB  executor {sizes[1]:.1f} MiB",
                         flush=True,
                     )
                 ahead = sent / rate - (now - started)

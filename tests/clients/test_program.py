@@ -124,6 +124,18 @@ async def test_an_operators_abort_is_raised_with_what_was_done(server: FakeServe
             await program.send("G01 X3")
 
 
+async def test_a_line_sent_while_the_program_is_being_aborted_is_told_why(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    async with Machine.connect(connect=server.endpoint) as machine:
+        program = await machine.program()
+        server.programs[program.id].state = "ending"
+        sending = asyncio.create_task(program.send("G01 X1"))
+        await asyncio.to_thread(server.wait_until, lambda: server.calls["programs"] == 1)
+        server.end(program.id, "aborted")
+        with pytest.raises(ProgramAborted):
+            await sending
+
+
 async def test_lines_after_the_end_of_the_program_are_not_waited_for(server: FakeServer) -> None:
     async with Machine.connect(connect=server.endpoint) as machine:
         program = await machine.program()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
+from fake_methods import Refusal
 from fake_server import FakeServer
 from mcclient import (
     Machine,
@@ -131,8 +132,6 @@ async def test_a_server_that_is_stopping_is_asked_again(
         refusals += 1
         server._answers.clear()
         monkeypatch.undo()
-        from fake_server import Refusal
-
         raise Refusal("MC515", "the server is stopping")
 
     async with Machine.connect(connect=server.endpoint) as machine:

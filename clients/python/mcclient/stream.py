@@ -31,6 +31,7 @@ FIRST_DOUBT_S = 0.25
 LONGEST_DOUBT_S = 2.0
 ACKS_LIMIT = 64
 VERDICT_ATTEMPT_S = 5.0
+ENDING_S = 2.0
 
 
 class LineStream:
@@ -182,10 +183,13 @@ class LineStream:
         """A refusal as what it means for the program: ended, interrupted, or itself."""
         if error.code in ("MC503", "MC504", "MC510"):
             await self._resynchronise()
+            if error.code == "MC510" and self.state == "ending":
+                # why it ends is told once it stands still
+                await self._hear_of_end(ENDING_S)
             if self.failure is not None:
                 return self.failure
             if error.code == "MC510":
-                return endings.closed(self.state if self.ended else "closed", self.extent)
+                return endings.closed(str(error.details.get("state") or "closed"), self.extent)
         return error
 
     # ------------------------------------------------------------ what the server says
@@ -326,6 +330,15 @@ class LineStream:
         if status.rejected and status.state not in ENDED:
             self._reject(status.rejected, status.accepted, status.diagnostics)
         self.progress(status.state, status.done, status.fault, status.diagnostics)
+
+    async def _hear_of_end(self, timeout_s: float) -> None:
+        try:
+            async with asyncio.timeout(timeout_s):
+                while not self.ended:
+                    self._changed.clear()
+                    await self._changed.wait()
+        except TimeoutError:
+            return
 
     async def _hear_of(self, timeout_s: float) -> None:
         self._changed.clear()

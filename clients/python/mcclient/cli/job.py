@@ -17,7 +17,14 @@ from mcclient.cli.options import Target
 from mcclient.cli.output import as_plain, error_as_json, exit_code_of, narration, say, show_error, write_json
 from mcclient.cli.progress import Display, LiveDisplay, NoDisplay, PlainDisplay, Snapshot, duration
 from mcclient.cli.source import ProgramSource
-from mcclient.errors import MotionError, NobodyAnswers, ProgramAborted, ProgramRejected, RequestRefused
+from mcclient.errors import (
+    MotionError,
+    NobodyAnswers,
+    ProgramAborted,
+    ProgramInterrupted,
+    ProgramRejected,
+    RequestRefused,
+)
 from mcclient.lines import from_thread
 from mcclient.machine import Machine
 from mcclient.program import Program
@@ -298,6 +305,8 @@ class Job:
             say(f"{self._source.name}: {error.message}", "yellow")
         else:
             show_error(error)
+        if isinstance(error, ProgramInterrupted):
+            say(f"  = here: mcctl run {self._source.path} --from-line {error.done + 1}")
         if error is not None:
             told |= error_as_json(error)
         if self._options.json:

@@ -62,9 +62,11 @@ def write_json(value: Any) -> None:
 def show_error(error: MotionError) -> None:
     """A coded error with its remedy, on standard error."""
     console = narration()
-    console.print(Text.assemble((f"error[{error.code}]", "bold red"), f": {error.message}"))
+    # at a terminal between words; in a file each is one line
+    soft = not console.is_terminal
+    console.print(Text.assemble((f"error[{error.code}]", "bold red"), f": {error.message}"), soft_wrap=soft)
     if error.hint:
-        console.print(Text.assemble("  = ", ("help", "bold"), f": {error.hint}"))
+        console.print(Text.assemble("  = ", ("help", "bold"), f": {error.hint}"), soft_wrap=soft)
 
 
 def error_as_json(error: MotionError) -> dict[str, Any]:

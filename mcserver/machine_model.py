@@ -5,13 +5,12 @@ from __future__ import annotations
 import importlib.util
 
 from kinematics.errors import KinematicsError
-from kinematics.pose import Kinematics
 from kinematics.solver import MachineKinematics
 from mcserver.config import Machine
 from mcserver.errors import ConfigurationError
 
 
-def build_kinematics(machine: Machine) -> Kinematics | None:
+def build_kinematics(machine: Machine) -> MachineKinematics | None:
     """The tools' kinematics; None without tools, and without Pinocchio (the dialect says so at a T word).
 
     Raises:

@@ -1,0 +1,296 @@
+"""Canonical lines into pieces of motion and control entries for the executor."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from mcserver.config import Machine
+from mcserver.executor.entries import Control, ControlKind, MotionSink
+from mcserver.motion.canonical import (
+    AxisLine,
+    AxisOperation,
+    Canonical,
+    DwellGroup,
+    EndLine,
+    FeedGroup,
+    Group,
+    MotionLine,
+    PauseLine,
+    RapidGroup,
+    SpeedGroup,
+    TorqueGroup,
+    requested_of,
+)
+from mcserver.motion.lookahead import PlannedRun
+from mcserver.motion.node import Bound
+from mcserver.motion.pieces import Activation, LineBound, LineMark, Piece
+from mcserver.motion.planner import MotionPlanner
+from mcserver.motion.sampling import Rows
+from mcserver.programs.output import Output
+from mcserver.programs.pipeline_reports import Report, ReportKind
+
+_OPERATIONS = list(AxisOperation)
+
+
+class InPosition(msgspec.Struct, frozen=True):
+    """The exact stop that ends a line whose motion has been planned."""
+
+    line: int
+    axes: tuple[int, ...]
+
+
+def then(first: Iterator[Piece | Control] | None, after: list[Control]) -> Iterator[Piece | Control]:
+    if first is not None:
+        yield from first
+    yield from after
+
+
+class LinePlanner:
+    """Plans the canonical lines of one program, one after the other.
+
+    A line that flows becomes a segment of the planner's window; every other one starts and ends at rest, so
+    the window is handed over first (``_flush``).
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        sink: MotionSink,
+        positions: Mapping[int, float],
+        energized: frozenset[int],
+    ) -> None:
+        self._machine = machine
+        self._width = len(machine.axes)
+        self._slots = {axis.index: column for column, axis in enumerate(machine.axes)}
+        start = np.array([positions[axis.index] for axis in machine.axes])
+        self._planner = MotionPlanner(machine, start)
+        self._output = Output(sink)
+        self._source: Iterator[Piece | Control] | None = None
+        self._canonical: deque[Canonical | InPosition] = deque()
+        self._energized = set(energized)
+        self._ideal = frozenset(axis.index for axis in machine.axes if axis.drive.kind == "ideal")
+        # axes that G1020 may still be moving
+        self._independent: set[int] = set()
+        # axes whose capture nobody has asked for the reading of yet; they stand
+        self._captured: set[int] = set()
+        self._unsettled: frozenset[int] = frozenset()
+        self._from_rest = False
+        self._tolerance = 0.0
+        self._token = 0
+        self._waiting_for: int | None = None
+        self._reports: deque[Report] = deque()
+        self._flush = False
+        self._last_line = 0
+
+    def _put(self, piece: Piece | Control) -> None:
+        if isinstance(piece, Rows | Control):
+            self._output.put(piece)
+        elif isinstance(piece, LineBound):
+            bound = f"axis {self._machine.axes[piece.bound.column].index} {piece.bound.kind}"
+            self._reports.append(Report(ReportKind.BOUND, piece.line, bound_by=bound))
+        elif isinstance(piece, LineMark):
+            kind = ControlKind.LINE_END if piece.ends else ControlKind.LINE_START
+            self._output.put(Control(kind, piece.u, piece.line))
+        else:
+            kind = ControlKind.BEGIN if isinstance(piece, Activation) else ControlKind.END
+            self._output.put(Control(kind, piece.u, piece.line, axes=piece.mask))
+
+    def _settle(self, axes: frozenset[int]) -> None:
+        """Asks the executor to bring axes to rest and to tell where they are (D-14, D-25)."""
+        self._planner.to_whole_cycle()
+        self._control(ControlKind.HALT_AXES, self._last_line, axes=self._mask(tuple(axes)))
+        self._independent -= axes
+        self._captured -= axes
+        self._await_settled(axes)
+
+    def _await_settled(self, axes: frozenset[int]) -> None:
+        self._token += 1
+        self._unsettled = axes
+        self._waiting_for = self._token
+        self._control(ControlKind.SETTLE, self._last_line, axes=self._mask(tuple(axes)), token=self._token)
+        self._output.flush()
+
+    def _step(self) -> bool:
+        """Plans the next canonical line; False where the window has to be handed over first."""
+        line = self._canonical[0]
+        if isinstance(line, MotionLine) and len(line.groups) == 1:
+            group = line.groups[0]
+            if isinstance(group, FeedGroup):
+                self._canonical.popleft()
+                if self._flow(line, group):
+                    return True
+                self._canonical.appendleft(line)
+        if self._planner.pending:
+            self._flush = True
+            return False
+        self._from_rest = False
+        self._canonical.popleft()
+        if isinstance(line, MotionLine):
+            self._stand(line)
+        elif isinstance(line, InPosition):
+            self._planner.to_whole_cycle()
+            self._output.put(self._wait(line.line, line.axes))
+            self._control(ControlKind.LINE_END, line.line)
+        elif isinstance(line, AxisLine):
+            self._axis_line(line)
+        elif isinstance(line, PauseLine):
+            self._planner.to_whole_cycle()
+            self._control(ControlKind.PAUSE, line.line)
+        elif isinstance(line, EndLine):
+            self._last_line = line.line
+        return True
+
+    def _report(self, line: MotionLine) -> None:
+        self._reports.append(
+            Report(
+                ReportKind.PLANNED, line.line, requested_s=requested_of(line), feed_length=line.feed_length
+            )
+        )
+
+    def _flow(self, line: MotionLine, group: FeedGroup) -> bool:
+        """Takes the line as a segment of the window; False where it does not travel or its axes do not
+        hold."""
+        if not self._energized.issuperset(group.axes) or self._independent.intersection(group.axes):
+            return False
+        segment = self._planner.segment(group, line.line)
+        if not segment.travels:
+            return False
+        self._report(line)
+        tolerance = min(self._tolerance, line.tolerance)
+        self._planner.append(segment, from_rest=self._from_rest, tolerance=tolerance)
+        self._tolerance = line.tolerance
+        # with drives that follow in the same cycle an exact stop is a stop, and waits for nothing
+        self._from_rest = line.exact_stop
+        if line.exact_stop and not self._ideal.issuperset(group.axes):
+            segment.closes = False
+            self._canonical.appendleft(InPosition(line.line, group.axes))
+            self._flush = True
+        return True
+
+    def _stand(self, line: MotionLine) -> None:
+        """A line that starts and ends at rest: rapids, dwells, comma groups, transmitted commands."""
+        planner = self._planner
+        feeds = [group for group in line.groups if isinstance(group, FeedGroup)]
+        loose = {axis for group in feeds for axis in group.axes} - self._energized
+        if loose:
+            self._ask_energized(line, frozenset(loose))
+            return
+        self._report(line)
+        waits = {
+            axis
+            for group in line.groups
+            if isinstance(group, RapidGroup) and group.wait
+            for axis in group.axes
+        }
+        if line.exact_stop:
+            waits |= {axis for group in feeds for axis in group.axes} - self._ideal
+        if any(isinstance(group, RapidGroup) for group in line.groups) or waits:
+            planner.to_whole_cycle()
+        start = planner.u
+        self._control(ControlKind.LINE_START, line.line)
+        for group in line.groups:
+            self._transmit(group, line.line)
+        end = start
+        bound: Bound | None = None
+        if feeds:
+            pieces, runs, end = planner.together(feeds, line.line)
+            bound = self._last_bound(runs)
+            if bound is not None:
+                self._put(LineBound(line.line, bound))
+        # what lasts without moving: a dwell beside other groups, a G93 line without travel (D-30)
+        lasting = [group.duration or 0.0 for group in feeds]
+        dwells = [group.seconds for group in line.groups if isinstance(group, DwellGroup)]
+        alone = dwells and len(line.groups) == 1
+        end = max(end, start + max(lasting + ([] if alone else dwells), default=0.0) * self._machine.cycle_hz)
+        if feeds and any(run is not None for run in runs):
+            self._source = pieces
+        planner.u = max(planner.u, end)
+        after: list[Control] = []
+        if alone:
+            after.append(Control(ControlKind.DWELL, planner.u, line.line, seconds=dwells[0]))
+        if waits:
+            planner.to_whole_cycle()
+            end = planner.u
+            after.append(self._wait(line.line, tuple(sorted(waits))))
+            self._independent -= waits
+        after.append(Control(ControlKind.LINE_END, end, line.line))
+        self._source = then(self._source, after)
+
+    def _last_bound(self, runs: list[PlannedRun | None]) -> Bound | None:
+        """What stretched the group that ends last."""
+        travelling = [run for run in runs if run is not None]
+        if not travelling:
+            return None
+        return max(travelling, key=lambda run: run.phases.duration).bound_by[0]
+
+    def _transmit(self, group: Group, line: int) -> None:
+        """Starts what the executor does by itself: independent motion, speed, torque."""
+        if isinstance(group, RapidGroup):
+            kind, values = ControlKind.RAPID, group.targets
+            for axis, target in zip(group.axes, group.targets, strict=True):
+                self._planner.position[self._slots[axis]] = target
+            self._independent |= set(group.axes)
+        elif isinstance(group, SpeedGroup):
+            kind, values = ControlKind.SPEED, group.velocities
+            self._independent -= set(group.axes)
+        elif isinstance(group, TorqueGroup):
+            kind, values = ControlKind.TORQUE, group.torques
+            self._independent -= set(group.axes)
+        else:
+            return
+        self._energized |= set(group.axes)
+        self._captured -= set(group.axes)
+        row = [0.0] * self._width
+        for axis, value in zip(group.axes, values, strict=True):
+            row[self._slots[axis]] = value
+        self._control(kind, line, axes=self._mask(group.axes), values=tuple(row))
+
+    def _axis_line(self, line: AxisLine) -> None:
+        """G1000-G1011 for axes whose motion has ended (D-40)."""
+        self._planner.to_whole_cycle()
+        moving = tuple(sorted(self._independent.intersection(line.axes)))
+        if moving:
+            self._output.put(self._wait(line.line, moving))
+            self._independent -= set(moving)
+        self._control(
+            ControlKind.AXIS,
+            line.line,
+            axes=self._mask(line.axes),
+            operation=_OPERATIONS.index(line.operation),
+        )
+        if line.operation is AxisOperation.CAPTURE:
+            self._captured |= set(line.axes) - self._energized
+            self._energized |= set(line.axes)
+        else:
+            self._captured -= set(line.axes)
+            self._energized -= set(line.axes)
+
+    def _ask_energized(self, line: MotionLine, axes: frozenset[int]) -> None:
+        """Lets the executor judge axes that no capture of this program holds (D-27): it faults, or
+        they hold."""
+        self._control(ControlKind.BEGIN, line.line, axes=self._mask(tuple(axes)))
+        self._canonical.appendleft(line)
+        self._await_settled(axes)
+
+    def _wait(self, line: int, axes: tuple[int, ...]) -> Control:
+        return Control(
+            ControlKind.WAIT,
+            self._planner.u,
+            line,
+            axes=self._mask(axes),
+            seconds=self._machine.exact_stop_timeout,
+        )
+
+    def _mask(self, axes: tuple[int, ...]) -> int:
+        mask = 0
+        for axis in axes:
+            mask |= 1 << self._slots[axis]
+        return mask
+
+    def _control(self, kind: ControlKind, line: int, **more: Any) -> None:
+        self._output.put(Control(kind, self._planner.u, line, **more))

@@ -1,0 +1,240 @@
+"""What the fake server answers: one function for each remote method of the key space."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+ENDED = ("finished", "aborted", "rejected", "faulted", "interrupted")
+QUEUE_LINES = 5000
+
+
+@dataclass
+class FakeProgram:
+    """Bookkeeping of one program."""
+
+    program: str
+    client: str
+    name: str
+    axes: list[int]
+    start_line: int
+    on_disconnect: str
+    step: bool
+    state: str = "running"
+    accepted: int = 0
+    done: int = 0
+    started: int = 0
+    closed: bool = False
+    rejected: int = 0
+    diagnostics: list[dict[str, Any]] = field(default_factory=list)
+    fault: dict[str, Any] | None = None
+    override: float = 100.0
+    resume_of: str | None = None
+    texts: dict[int, str] = field(default_factory=dict)
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ENDED
+
+
+class Refusal(Exception):
+    """Becomes an error reply."""
+
+    def __init__(self, code: str, message: str, **more: Any) -> None:
+        super().__init__(code)
+        self.reply = {"code": code, "message": message, **more}
+
+
+class FakeMethods:
+    """Methods by name, ``_do_`` before it; the rest of the server is `fake_server.FakeServer`."""
+
+    name: str
+    instance: str
+    axis_count: int
+    credit_limit: int
+    state: str
+    override: float
+    programs: dict[str, FakeProgram]
+    events: list[dict[str, Any]]
+    check_diagnostics: list[dict[str, Any]]
+    calls: Counter[str]
+    _ids: itertools.count[int]
+
+    def _program(self, request: dict[str, Any]) -> FakeProgram:
+        program = self.programs.get(request["program"])
+        if program is None:
+            raise Refusal("MC503", f"no program {request['program']}")
+        return program
+
+    def _chosen(self, request: dict[str, Any]) -> list[FakeProgram]:
+        if request.get("program") is not None:
+            return [self._program(request)]
+        return [program for program in self.programs.values() if not program.ended]
+
+    def _do_info(self, _: dict[str, Any]) -> dict[str, Any]:
+        axes = [
+            {
+                "index": index,
+                "type": "linear",
+                "unit": "mm",
+                "max_velocity": 1000.0,
+                "max_acceleration": 10000.0,
+                "drive": "simulated",
+                "added_later": 1,
+            }
+            for index in range(self.axis_count)
+        ]
+        return {
+            "machine": self.name,
+            "server": "0.1.0",
+            "protocol": [1],
+            "instance": self.instance,
+            "epoch": 0.0,
+            "cycle_s": 0.001,
+            "axes": axes,
+            "tools": [],
+            "telemetry": {
+                "axes": list(range(self.axis_count)),
+                "fields": ["setpoint", "position", "velocity", "torque"],
+                "cycles_a_message": 10,
+                "state_hz": 20.0,
+            },
+            "limits": {"max_line_bytes": 8192, "max_lines_a_message": 20000, "queue_lines": QUEUE_LINES},
+            "methods": ["open"],
+        }
+
+    def _do_open(self, request: dict[str, Any]) -> dict[str, Any]:
+        start = request.get("start_line", 1)
+        axes = request.get("axes")
+        if axes and max(axes) >= self.axis_count:
+            raise Refusal("MC507", f"the machine has no axis {max(axes)}", details={"axis": max(axes)})
+        program = FakeProgram(
+            f"p{next(self._ids)}",
+            request["client"],
+            request.get("name", ""),
+            list(range(self.axis_count)) if axes is None else axes,
+            start,
+            request.get("on_disconnect", "stop"),
+            request.get("step", False),
+            accepted=start - 1,
+            done=start - 1,
+            resume_of=request.get("resume_of"),
+            state="held" if request.get("hold") else "running",
+        )
+        self.programs[program.program] = program
+        self.publish_event("program.opened", program=program.program, state=program.state)
+        return {
+            "program": program.program,
+            "state": program.state,
+            "axes": program.axes,
+            "expected": start,
+            "credit": self.credit_limit,
+            "instance": self.instance,
+        }
+
+    def _do_submit(self, request: dict[str, Any]) -> dict[str, Any]:
+        program = self._program(request)
+        if program.ended or program.closed or program.state == "ending":
+            raise Refusal("MC510", "takes no more lines", details={"state": program.state})
+        told = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
+        if request["first"] > program.accepted + 1:
+            raise Refusal("MC505", "a gap", details={"expected": program.accepted + 1, **told})
+        before = program.rejected
+        self._take(program, request["first"], request["lines"])
+        self._acknowledge(program)
+        told = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
+        if program.rejected and (program.rejected != before or program.accepted < request["first"]):
+            raise Refusal(
+                program.diagnostics[0]["code"],
+                program.diagnostics[0]["message"],
+                details={"expected": program.accepted + 1, **told},
+                diagnostics=program.diagnostics,
+            )
+        return {"program": program.program, **told}
+
+    def _do_close(self, request: dict[str, Any]) -> dict[str, Any]:
+        program = self._program(request)
+        if program.state == "interrupted":
+            raise Refusal("MC510", "interrupted", details={"state": program.state})
+        program.closed = True
+        self._end_when_done(program)
+        self._acknowledge(program)
+        return {
+            "program": program.program,
+            "accepted": program.accepted,
+            "done": program.done,
+            "state": program.state,
+        }
+
+    def _do_status(self, _: dict[str, Any]) -> dict[str, Any]:
+        return self._status()
+
+    def _do_programs(self, request: dict[str, Any]) -> dict[str, Any]:
+        wanted = request.get("program")
+        if wanted is not None and wanted not in self.programs:
+            raise Refusal("MC503", f"no program {wanted}")
+        chosen = [program for program in self.programs.values() if wanted in (None, program.program)]
+        return {"programs": [self._program_status(program) for program in reversed(chosen)]}
+
+    def _do_hold(self, request: dict[str, Any]) -> dict[str, Any]:
+        return self._set_state(request, "held", "program.held")
+
+    def _do_resume(self, request: dict[str, Any]) -> dict[str, Any]:
+        return self._set_state(request, "running", "program.resumed")
+
+    def _set_state(self, request: dict[str, Any], state: str, kind: str) -> dict[str, Any]:
+        chosen = self._chosen(request)
+        for program in chosen:
+            program.state = state
+            self.publish_event(kind, program=program.program, state=state)
+            self._acknowledge(program)
+        return {"programs": [program.program for program in chosen]}
+
+    def _do_step(self, request: dict[str, Any]) -> dict[str, Any]:
+        program = self._program(request)
+        self._run(program, program.done + 1)
+        self._acknowledge(program)
+        return {"programs": [program.program]}
+
+    def _do_abort(self, request: dict[str, Any]) -> dict[str, Any]:
+        chosen = [program for program in self._chosen(request) if not program.ended]
+        for program in chosen:
+            self._end(program, "aborted")
+            self._acknowledge(program)
+        return {"programs": [program.program for program in chosen]}
+
+    def _do_override(self, request: dict[str, Any]) -> dict[str, Any]:
+        if not 0.0 <= request["percent"] <= 200.0:
+            raise Refusal("MC511", "the override goes from 0 to 200 %")
+        chosen = self._chosen(request)
+        for program in chosen:
+            program.override = request["percent"]
+        self.override = request["percent"]
+        return {"percent": request["percent"], "programs": [program.program for program in chosen]}
+
+    def _do_jog(self, request: dict[str, Any]) -> dict[str, Any]:
+        if request["axis"] >= self.axis_count:
+            raise Refusal("MC507", f"the machine has no axis {request['axis']}")
+        return {"program": request.get("program") or f"j{next(self._ids)}"}
+
+    def _do_reset(self, _: dict[str, Any]) -> dict[str, Any]:
+        self.state = "ready"
+        self.publish_event("reset", message="cleared")
+        return {"ok": True}
+
+    def _do_check(self, _: dict[str, Any]) -> dict[str, Any]:
+        return {"ok": not self.check_diagnostics, "diagnostics": self.check_diagnostics}
+
+    def _do_simulate(self, _: dict[str, Any]) -> dict[str, Any]:
+        return {"ok": True, "duration_s": 1.0, "lines": [], "diagnostics": []}
+
+    def _do_events(self, request: dict[str, Any]) -> dict[str, Any]:
+        told = [event for event in self.events if event["seq"] >= request["since"]][: request["limit"]]
+        return {
+            "instance": self.instance,
+            "oldest": self.events[0]["seq"] if self.events else 0,
+            "newest": self.events[-1]["seq"] if self.events else 0,
+            "events": told,
+        }

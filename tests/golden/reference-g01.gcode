@@ -1,0 +1,13 @@
+; the listing of G01 without its tool line
+G1010
+G94
+F6000
+G01 X-100 Y200 Z-100
+G01 U-10 V-50 W-100
+G93
+F120
+G01 [3]-45 [4]90 [5]-180
+G93 F240
+G01 X100 Y90 [3]45 [4]90
+G1000
+G1011

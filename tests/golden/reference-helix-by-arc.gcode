@@ -1,0 +1,7 @@
+; the listing of the helix, version 1
+G1010 P0
+G1010 P1
+G1010 P2
+G01 X0 Y0 Z0 F30000
+G03 X0 Y0 Z2000 I1000 J0 P2
+G1011
