@@ -171,7 +171,11 @@ class _Run:
         look."""
         if self._pipeline.waiting:
             return 1
-        return max(1, min(BURST, int(self._pipeline.handed_over_u - self._u())))
+        ahead = self._pipeline.handed_over_u
+        if self._pipeline.pause_u is not None:
+            # a pause is answered in the cycle in which it is reported
+            ahead = min(ahead, self._pipeline.pause_u)
+        return max(1, min(BURST, int(ahead - self._u())))
 
     def _u(self) -> float:
         return self._executor.u(SLOT)
@@ -221,10 +225,15 @@ class _Run:
                     code=f"MC{event.code}",
                     message=message,
                     line=event.line,
+                    column=1,
+                    end_column=1 + max(1, len(self._text_of(event.line))),
                     hint=hint,
                     axis=event.axis if event.axis >= 0 else None,
                 )
             )
+
+    def _text_of(self, line: int) -> str:
+        return self._lines[line - 1] if 0 < line <= len(self._lines) else ""
 
     def _come_to_rest(self) -> None:
         """Runs on until every positioned axis is at rest (G1020 too); G1030 and G1040 axes do not hold

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.config import Machine
+from mcserver.tool_poses import ToolPoses
 
 Array = NDArray[np.float64]
 
@@ -20,6 +22,7 @@ class Recorded:
 
     Attributes:
         time_s, line: shape (N,). axes: shape (K,), axis numbers. setpoint, actual: shape (N, K).
+        tools: by tool number the poses that the setpoints give, shape (N, 6): X Y Z A B C [mm, deg].
     """
 
     time_s: Array
@@ -27,6 +30,13 @@ class Recorded:
     axes: Array
     setpoint: Array
     actual: Array
+    tools: Mapping[int, Array] = field(default_factory=dict)
+
+    def with_tools(self, machine: Machine, poses: ToolPoses) -> Recorded:
+        """The same run with the poses of all the machine's tools."""
+        scale = np.array([axis.type.si_per_unit for axis in machine.axes])
+        positions = self.setpoint * scale
+        return replace(self, tools={tool: poses.of(tool, positions) for tool in poses.numbers})
 
 
 class Recorder:

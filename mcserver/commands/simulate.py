@@ -20,6 +20,7 @@ from mcserver.config import load_machine
 from mcserver.machine_model import build_kinematics
 from mcserver.recording import write_csv, write_npz
 from mcserver.simulation_record import Recorded
+from mcserver.tool_poses import ToolPoses
 
 OutputOption = Annotated[
     str | None,
@@ -47,16 +48,18 @@ def simulate_program(
             reject(program.faults, program)
         from mcserver.simulation import simulate
 
+        kinematics = build_kinematics(described)
         with live_progress() as progress:
             simulation = simulate(
                 program.text,
                 described,
-                kinematics=build_kinematics(described),
+                kinematics=kinematics,
                 progress=progress,
                 record=output is not None,
             )
         if output is not None and simulation.recording is not None:
-            write_recording(output, simulation.recording)
+            poses = ToolPoses(described, kinematics)
+            write_recording(output, simulation.recording.with_tools(described, poses))
     if json:
         write_json(simulation.report)
     diagnostics = diagnostics_of(simulation.report)

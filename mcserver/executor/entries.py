@@ -24,7 +24,7 @@ class ControlKind(enum.IntEnum):
     LINE_START = 1  # line begins at u (report its time)
     LINE_END = 2  # line has ended at u
     BEGIN = 3  # rows for ``axes`` follow: all must be energized (D-27), independent motion on them must have ended
-    END = 4  # rows for ``axes`` end at u: the axes hold their last setpoint
+    END = 4  # rows for ``axes`` end at u: the axes hold ``values``, or their last setpoint without
     WAIT = (
         5  # u stops here until ``axes`` have ended independent motion and are in position (exact stop, D-34)
     )

@@ -138,6 +138,9 @@ class Playback:
         self.active &= ~mask
         self._fresh &= ~mask
         self._unchecked &= ~mask
+        if not self.active:
+            # rows up to here are no start of a motion that begins later, even at this very u
+            self._first = self._next
 
     def leave(self, mask: int) -> None:
         """Columns are not driven any more; their setpoints stay."""

@@ -211,7 +211,8 @@ class ProgramSlot:
         self._decode()
         self._left = 1.0
         if not self._started:
-            if not self._waiting and self.playback.empty:
+            nothing = not self._waiting and self.playback.empty
+            if nothing and self.state is not SlotState.STOPPING:
                 self._left = -1.0
                 return
             # the first cycle plays u = 0

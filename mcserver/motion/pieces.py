@@ -39,11 +39,12 @@ class Activation:
 
 @dataclass(frozen=True)
 class Deactivation:
-    """Rows have stopped to drive the columns of ``mask`` at u."""
+    """Rows have stopped to drive the columns of ``mask`` at u; ``position`` (K,) is where they stay."""
 
     u: float
     line: int
     mask: int
+    position: tuple[float, ...]
 
 
 Piece = Rows | LineMark | LineBound | Activation | Deactivation

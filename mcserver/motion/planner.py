@@ -223,7 +223,9 @@ class MotionPlanner:
     def _closing(self, plan: PlannedRun, origin: float, end: float, mask: int) -> Iterator[Piece]:
         yield from self._output(plan, origin, whole_cycle(end), math.inf)
         self._announced = 0
-        yield Deactivation(float(whole_cycle(end)), plan.segments[-1].line, mask)
+        last = plan.segments[-1]
+        position = last.sample(np.array([last.finish]))[0][0]
+        yield Deactivation(float(whole_cycle(end)), last.line, mask, tuple(position.tolist()))
 
     def _output(self, plan: PlannedRun, origin: float, last: int, until: float) -> Iterator[Piece]:
         """Rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s], in

@@ -42,4 +42,9 @@ def side_by_side(
         count = high - low + 1
         yield Rows(low, position, velocity, np.full(count, mask, np.uint64), np.full(count, line, np.int64))
         low = high + 1
-    yield Deactivation(float(last), line, mask)
+    final = base.copy()
+    for run in travelling:
+        segment = run.segments[0]
+        moved = [column for column in range(len(base)) if segment.mask >> column & 1]
+        final[moved] = segment.sample(np.array([1.0]))[0][0][moved]
+    yield Deactivation(float(last), line, mask, tuple(final.tolist()))

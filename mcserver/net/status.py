@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.config import Axis, Machine
+from mcserver.machine_model import build_kinematics
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
 from mcserver.net.messages import (
     MAX_LINES_A_MESSAGE,
@@ -20,6 +21,7 @@ from mcserver.net.messages import (
     MachineStatus,
     TelemetryInfo,
     ToolInfo,
+    ToolPose,
 )
 from mcserver.programs.intake import OPEN_PROGRAMS
 from mcserver.programs.lease import EXECUTOR_SLOTS
@@ -27,6 +29,7 @@ from mcserver.programs.planner_thread import MAX_LINE_LENGTH
 from mcserver.programs.port import Cycles
 from mcserver.programs.queue import QUEUE_LINES
 from mcserver.programs.service import MachineService
+from mcserver.tool_poses import ToolPoses
 
 TELEMETRY_FIELDS = ("setpoint", "position", "velocity", "torque")
 CYCLES_A_MESSAGE = 10
@@ -34,7 +37,7 @@ STATE_HZ = 20.0
 
 
 class EdgeUnits:
-    """Converts arrays over a machine's axes from SI to mm and deg.
+    """Converts arrays over a machine's axes from SI to mm and deg, and to the poses of its tools.
 
     Attributes:
         scale: shape (K,), SI → mm or deg.
@@ -43,6 +46,12 @@ class EdgeUnits:
     def __init__(self, machine: Machine) -> None:
         self.index = [axis.index for axis in machine.axes]
         self.scale: NDArray[np.float64] = np.array([1.0 / axis.type.si_per_unit for axis in machine.axes])
+        self._poses = ToolPoses(machine, build_kinematics(machine))
+
+    def tools(self, position: NDArray[np.float64]) -> list[ToolPose]:
+        """Where each tool is with the axes at ``position``, shape (K,) [SI]."""
+        poses = {tool: self._poses.of(tool, position[np.newaxis])[0] for tool in self._poses.numbers}
+        return [ToolPose(tool, pose[:3].tolist(), pose[3:].tolist()) for tool, pose in poses.items()]
 
     def rows(self, cycles: Cycles) -> NDArray[np.float32]:
         """Telemetry of some cycles: shape (n, K, 4), the fields of `TELEMETRY_FIELDS`."""
@@ -77,6 +86,7 @@ def machine_status(service: MachineService, units: EdgeUnits, seq: int) -> Machi
         faults=service.faults,
         override=100.0 * service.override,
         late_cycles=snapshot.late_cycles,
+        tools=units.tools(snapshot.position),
     )
 
 

@@ -86,6 +86,8 @@ class LinePlanner:
         self._reports: deque[Report] = deque()
         self._flush = False
         self._last_line = 0
+        # where the next M00 or M01 stands on the time axis [cycles]
+        self.pause_u: float | None = None
 
     def _put(self, piece: Piece | Control) -> None:
         if isinstance(piece, Rows | Control):
@@ -96,9 +98,12 @@ class LinePlanner:
         elif isinstance(piece, LineMark):
             kind = ControlKind.LINE_END if piece.ends else ControlKind.LINE_START
             self._output.put(Control(kind, piece.u, piece.line))
+        elif isinstance(piece, Activation):
+            self._output.put(Control(ControlKind.BEGIN, piece.u, piece.line, axes=piece.mask))
         else:
-            kind = ControlKind.BEGIN if isinstance(piece, Activation) else ControlKind.END
-            self._output.put(Control(kind, piece.u, piece.line, axes=piece.mask))
+            self._output.put(
+                Control(ControlKind.END, piece.u, piece.line, axes=piece.mask, values=piece.position)
+            )
 
     def _settle(self, axes: frozenset[int]) -> None:
         """Asks the executor to bring axes to rest and to tell where they are (D-14, D-25)."""
@@ -140,6 +145,7 @@ class LinePlanner:
             self._axis_line(line)
         elif isinstance(line, PauseLine):
             self._planner.to_whole_cycle()
+            self.pause_u = self._planner.u
             self._control(ControlKind.PAUSE, line.line)
         elif isinstance(line, EndLine):
             self._last_line = line.line
@@ -253,6 +259,9 @@ class LinePlanner:
     def _axis_line(self, line: AxisLine) -> None:
         """G1000-G1011 for axes whose motion has ended (D-40)."""
         self._planner.to_whole_cycle()
+        if line.operation is not AxisOperation.CAPTURE:
+            # the last setpoint reaches the drives before they are told to let go
+            self._planner.rest(1.0)
         moving = tuple(sorted(self._independent.intersection(line.axes)))
         if moving:
             self._output.put(self._wait(line.line, moving))

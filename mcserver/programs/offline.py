@@ -111,5 +111,6 @@ def check_text(text: str, machine: Machine, positions: Mapping[int, float] | Non
 def simulate_text(text: str, machine: Machine) -> dict[str, Any]:
     """`mcserver.simulation.simulate`, its report; runs in the worker."""
     simulation = importlib.import_module("mcserver.simulation")
-    report: dict[str, Any] = simulation.simulate(text, machine).report
+    kinematics = importlib.import_module("mcserver.machine_model").build_kinematics(machine)
+    report: dict[str, Any] = simulation.simulate(text, machine, kinematics=kinematics).report
     return report

@@ -145,6 +145,8 @@ class Pipeline(LinePlanner):
                 self._interpreter.observe({axis: observed[axis] for axis in self._unsettled})
                 for axis in self._unsettled:
                     self._planner.position[self._slots[axis]] = observed[axis]
+        elif event.kind is EventKind.PAUSED:
+            self.pause_u = None
         elif event.kind in (EventKind.FAULT, EventKind.STOPPED):
             self.abort()
 
