@@ -16,13 +16,17 @@ PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 
 export PIP_NO_INPUT := 1
 
-.PHONY: help demo test lint format bench pictures clean
+.PHONY: help demo dog test lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
 
-demo: $(VENV)/.for-demo  ## run the reference's arc program over Zenoh and draw the path really taken: out/demo.png
+demo: $(VENV)/.for-demo  ## arcs, then a walking robot dog, over Zenoh; the paths really taken: out/demo.png, out/dog.png
 	@$(BIN)/python examples/demo.py examples/arcs.gcode --output out/demo.png
+	@$(BIN)/python examples/demo.py examples/robot-dog.gcode --machine robot-dog --output out/dog.png
+
+dog: $(VENV)/.for-demo  ## the robot dog of the demo alone: out/dog.png
+	@$(BIN)/python examples/demo.py examples/robot-dog.gcode --machine robot-dog --output out/dog.png
 
 test: $(VENV)/.for-development  ## run every test
 	$(BIN)/python -m pytest $(ARGS)
@@ -43,6 +47,7 @@ bench: $(VENV)/.for-development  ## every figure beside a floor measured in the 
 pictures: $(VENV)/.for-development  ## draw the pictures of the documentation anew, by the product itself
 	$(BIN)/mcserver plot examples/arcs.gcode --output docs/images/arcs.png
 	$(BIN)/mcserver plot examples/helix.gcode --output docs/images/helix.png
+	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --output docs/images/dog.png
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -15,11 +15,13 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from mcclient import Event, Feed, LineReport, Machine, MotionError, Samples
 from rich.console import Console
 
 from mcserver.config import load_machine
+from mcserver.machine_model import build_kinematics
 from mcserver.plot.figure import draw_png
 from mcserver.plot.scene import Scene, build_scene
 from mcserver.simulation_record import Recorded
@@ -113,10 +115,9 @@ def scene_of(program: Path, machine: str, samples: list[Samples], lines: list[Li
         setpoint=np.concatenate([block.setpoint for block in samples])[running],
         actual=np.concatenate([block.actual for block in samples])[running],
     )
-    path = np.diff(recorded.actual[:, :3], axis=0)
     report = {
         "duration_s": max((line.end_s for line in lines), default=begin) - begin,
-        "feed_length_mm": float(np.linalg.norm(path, axis=1).sum()),
+        "feed_length_mm": 0.0,
         "lines": [
             {**asdict(line), "start_s": line.start_s - begin, "end_s": line.end_s - begin} for line in lines
         ],
@@ -128,7 +129,10 @@ def scene_of(program: Path, machine: str, samples: list[Samples], lines: list[Li
         # motion waits on its path meanwhile, which shows as a dip of the speed
         title += f", {missed} cycle{'s' * (missed != 1)} late"
     source = program.read_text("utf-8").splitlines()
-    return build_scene(title, described, recorded, report, source)
+    scene = build_scene(title, described, recorded, report, source, build_kinematics(described))
+    steps = [np.diff(path.setpoint, axis=0) for path in scene.paths]
+    travelled = sum(float(np.linalg.norm(step, axis=1).sum()) for step in steps)
+    return msgspec.structs.replace(scene, feed_length_mm=travelled)
 
 
 async def start(command: str, *arguments: str) -> asyncio.subprocess.Process:

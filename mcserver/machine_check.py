@@ -1,4 +1,4 @@
-"""What is doubtful in a machine file that is valid: found before the machine is run."""
+"""What does not fit or is doubtful in a machine file that can be read: found before the machine is run."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import importlib.util
 import math
 from pathlib import Path
 
+from kinematics.check import check_machine
 from mcserver.config import Axis, Machine
 from mcserver.errors import Diagnostic
 
@@ -34,6 +35,25 @@ def find_doubts(machine: Machine) -> list[Diagnostic]:
         doubts += _doubts_of_tolerance(axis)
         doubts += _doubts_of_bus(axis)
     return doubts
+
+
+def find_tool_faults(machine: Machine) -> list[Diagnostic]:
+    """Everything that does not fit between the machine's tools, its axes and its URDF (MC301).
+
+    Errors: the machine cannot be used, or Pinocchio is not installed. Warnings: some motions of its tools
+    will be refused.
+    """
+    return [
+        Diagnostic(
+            code=finding.code,
+            severity=finding.severity,
+            message=finding.message,
+            hint=finding.hint,
+            tool=finding.tool,
+            axis=finding.axis,
+        )
+        for finding in check_machine(machine)
+    ]
 
 
 def _warning(code: str, axis: Axis, message: str, hint: str) -> Diagnostic:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import msgspec
 import numpy as np
@@ -42,14 +42,16 @@ def write_csv(recording: Recorded, stream: BinaryIO) -> None:
 
 
 def write_npz(recording: Recorded, stream: BinaryIO) -> None:
-    """Arrays ``time_s``, ``line``, ``axes``, ``setpoint``, ``actual``, and ``tool_3`` of each tool, all float64."""
-    tools = {f"tool_{tool}": np.asarray(poses, dtype=np.float64) for tool, poses in recording.tools.items()}
-    np.savez(
-        stream,
-        time_s=np.asarray(recording.time_s, dtype=np.float64),
-        line=np.asarray(recording.line, dtype=np.float64),
-        axes=np.asarray(recording.axes, dtype=np.float64),
-        setpoint=np.asarray(recording.setpoint, dtype=np.float64),
-        actual=np.asarray(recording.actual, dtype=np.float64),
-        **tools,
-    )
+    """Arrays ``time_s``, ``line``, ``axes``, ``setpoint``, ``actual``, ``tool_3`` of each tool: float64."""
+    arrays = {
+        "time_s": recording.time_s,
+        "line": recording.line,
+        "axes": recording.axes,
+        "setpoint": recording.setpoint,
+        "actual": recording.actual,
+    }
+    arrays |= {f"tool_{tool}": poses for tool, poses in recording.tools.items()}
+    converted: dict[str, Any] = {
+        name: np.asarray(values, dtype=np.float64) for name, values in arrays.items()
+    }
+    np.savez(stream, **converted)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -36,6 +37,7 @@ class LineRecord:
     end: float = math.nan
     requested: float | None = None
     bound_by: str | None = None
+    planning: float = 0.0
 
 
 @dataclass
@@ -62,12 +64,14 @@ def simulate(
     kinematics: Kinematics | None = None,
     progress: Callable[[float, int], None] | None = None,
     record: bool = False,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> Simulation:
     """Checks the program, then runs it.
 
     Args:
         progress: called now and then with the simulated time [s] and the line that runs.
         record: keep a row a cycle.
+        clock: what ``planning_s`` is measured with [s].
 
     Returns:
         The report; a program with faults is rejected as a whole and nothing of it is simulated.
@@ -75,7 +79,7 @@ def simulate(
     faults = check_program(text, machine, kinematics)
     if any(fault.severity == "error" for fault in faults):
         return Simulation(_rejected(machine, faults), 4)
-    return _Run(text, machine, kinematics, progress, record).run(faults)
+    return _Run(text, machine, kinematics, progress, record, clock).run(faults)
 
 
 def _rejected(machine: Machine, faults: list[Diagnostic]) -> dict[str, Any]:
@@ -108,6 +112,7 @@ class _Run:
         kinematics: Kinematics | None,
         progress: Callable[[float, int], None] | None,
         record: bool,
+        clock: Callable[[], float],
     ) -> None:
         self._machine = machine
         self._lines = split_lines(text)
@@ -117,7 +122,7 @@ class _Run:
         self._executor.open_slot(SLOT, mask)
         positions = {axis.index: axis.initial_position for axis in machine.axes}
         self._pipeline = Pipeline(
-            machine, self._executor.sink(SLOT), positions=positions, kinematics=kinematics
+            machine, self._executor.sink(SLOT), positions=positions, kinematics=kinematics, clock=clock
         )
         self._next = 0
         self._records: dict[int, LineRecord] = {}
@@ -171,7 +176,7 @@ class _Run:
         look."""
         if self._pipeline.waiting:
             return 1
-        ahead = self._pipeline.handed_over_u
+        ahead = self._pipeline.playable_u
         if self._pipeline.pause_u is not None:
             # a pause is answered in the cycle in which it is reported
             ahead = min(ahead, self._pipeline.pause_u)
@@ -190,6 +195,8 @@ class _Run:
             if report.kind is ReportKind.PLANNED:
                 self._record(report.line).requested = report.requested_s
                 self._feed_length += report.feed_length
+            elif report.kind is ReportKind.SOLVED:
+                self._record(report.line).planning = report.planning_s
             elif report.kind is ReportKind.BOUND:
                 self._record(report.line).bound_by = report.bound_by
             elif report.kind is ReportKind.REJECTED:
@@ -256,16 +263,17 @@ class _Run:
             actual = record.end - record.start
             asked = record.requested
             stretched = actual / asked if asked else None
-            lines.append(
-                {
-                    "line": record.line,
-                    "start_s": record.start,
-                    "end_s": record.end,
-                    "requested_s": asked,
-                    "stretched_by": stretched,
-                    "bound_by": record.bound_by,
-                }
-            )
+            line = {
+                "line": record.line,
+                "start_s": record.start,
+                "end_s": record.end,
+                "requested_s": asked,
+                "stretched_by": stretched,
+                "bound_by": record.bound_by,
+            }
+            if self._machine.tools:
+                line["planning_s"] = record.planning
+            lines.append(line)
         axes = {}
         low, high, last = self._recorder.low, self._recorder.high, self._recorder.last
         for column, axis in enumerate(self._machine.axes):

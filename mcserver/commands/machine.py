@@ -1,4 +1,4 @@
-"""``mcserver machine check``: a machine file read, explained, and its doubts named."""
+"""``mcserver machine check``: a machine file read and explained, and all that does not fit listed."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import typer
 from rich.table import Table
 
 from mcserver.commands.console import json_answer_on_error, narration, results, show_diagnostics, write_json
+from mcserver.commands.faults import ExitCode
 from mcserver.commands.options import JsonOption
 from mcserver.config import Axis, Machine, load_machine
-from mcserver.machine_check import axis_name, find_doubts
-from mcserver.machine_model import build_kinematics
+from mcserver.machine_check import axis_name, find_doubts, find_tool_faults
 
 
 def build_app() -> typer.Typer:
@@ -33,25 +33,36 @@ def check_machine(
     ],
     json: JsonOption = False,
 ) -> None:
-    """Read a machine file, build its kinematics, say what is doubtful. Exit code 3 where it does not fit."""
+    """Read a machine file, list all that does not fit or is doubtful. Exit code 3 where it cannot be used."""
     with json_answer_on_error(json):
         machine = load_machine(file)
-        build_kinematics(machine)
-    doubts = find_doubts(machine)
+    findings = [*find_tool_faults(machine), *find_doubts(machine)]
+    errors = sum(each.severity == "error" for each in findings)
     if json:
-        write_json({"ok": True, "name": machine.name, "diagnostics": [each.as_json() for each in doubts]})
-        return
+        found = [each.as_json() for each in findings]
+        write_json({"ok": not errors, "name": machine.name, "diagnostics": found})
+    else:
+        _describe(machine)
+    if errors or not json:
+        show_diagnostics(findings, [], file)
+    if errors:
+        narration().print(
+            f"{errors} error{'s' * (errors != 1)}: the machine cannot be used as it is", style="bold red"
+        )
+        raise typer.Exit(int(ExitCode.CONFIGURATION))
+    if findings and not json:
+        narration().print(f"{len(findings)} doubtful; the machine can be run", style="yellow")
+
+
+def _describe(machine: Machine) -> None:
     results().print(_table_of_axes(machine))
     for tool in machine.tools:
         chain = " ".join(axis_name(index) for index in tool.axes)
         results().print(f"T{tool.number}: {tool.frame}, moved by {chain}")
-    show_diagnostics(doubts, [], file)
     results().print(
         f"{machine.name}: {len(machine.axes)} axes, {len(machine.tools)} tools, "
         f"{machine.cycle_hz:g} cycles a second"
     )
-    if doubts:
-        narration().print(f"{len(doubts)} doubtful; the machine can be run", style="yellow")
 
 
 def _table_of_axes(machine: Machine) -> Table:

@@ -54,7 +54,7 @@ def plot(
         simulation.recording,
         simulation.report,
         program.lines,
-        build_kinematics(described),
+        kinematics,
     )
     if suffix == ".png":
         from mcserver.plot.figure import draw_png

@@ -1,8 +1,8 @@
 """The seam between the executor and drives: one exchange a cycle for all axes of a bus.
 
-Arrays run over the bus's own axes, in the order of `DriveBus.columns`. Everything is SI: m or rad, per second,
-N·m at the motor's shaft. Buses keep no reference to the executor; the executor owns the setpoint arrays, the bus
-owns the feedback arrays, both for the bus's whole life, so that a cycle allocates nothing.
+Arrays run over the bus's own axes, in the order of `DriveBus.columns`. Everything is SI: m or rad, per
+second, N·m at the motor's shaft. Buses keep no reference to the executor; the executor owns the setpoint
+arrays, the bus owns the feedback arrays, both for the bus's whole life, so that a cycle allocates nothing.
 """
 
 from __future__ import annotations

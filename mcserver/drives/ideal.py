@@ -24,7 +24,8 @@ _STATE_OF_MODE = np.array(
 
 
 class IdealBus:
-    """actual = setpoint where the drive is energized in position or velocity mode; else the axis stands still.
+    """actual = setpoint where the drive is energized in position or velocity mode; else the axis stands
+    still.
 
     In torque mode an axis has no setpoint to be at: it stands, and shows the torque.
     """

@@ -20,7 +20,8 @@ from mcserver.units import TURN
 
 Array = NDArray[np.float64]
 
-# Shares of velocity and acceleration that are fed forward: a lag that is not zero, 0.04 mm at 1 m/s and 40 Hz.
+# Shares of velocity and acceleration that are fed forward: a lag that is not zero, 0.04 mm at 1 m/s and 40
+# Hz.
 VELOCITY_FEED_FORWARD = 0.995
 ACCELERATION_FEED_FORWARD = 0.98
 # A drive that names no friction slows down, free-wheeling, at this share of the axis's acceleration limit.
@@ -67,7 +68,8 @@ class ServoModel:
         """One cycle of the loops.
 
         Args:
-            state: shape (4, n): position minus new position setpoint, velocity, old and new velocity setpoint.
+            state: shape (4, n): position minus new position setpoint, velocity, old and new velocity
+                setpoint.
             result: shape (2, n), filled with the new tracking error and the new velocity.
         """
         np.multiply(self._coefficients, state, out=self._terms)

@@ -191,7 +191,9 @@ class SimulatedBus:
         self._follow(reference)
 
     def _follow(self, reference: Array) -> None:
-        """Loops of all axes; ``reference``: the position setpoints that row 0 of the loop was taken against."""
+        """Loops of all axes; ``reference``: the position setpoints that row 0 of the loop was taken
+        against.
+        """
         loop = self._loop
         self._model.step(loop, self._result)
         velocity = self._result[1]

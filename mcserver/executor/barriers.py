@@ -1,7 +1,7 @@
 """What a program's time axis can stand at: each barrier says when it is passed.
 
-A barrier is asked twice a cycle. Before the exchange with the drives it may be passed in the midst of the cycle, so
-that what needs no drive costs no cycle; after the exchange it sees fresh feedback.
+A barrier is asked twice a cycle. Before the exchange with the drives it may be passed in the midst of the
+cycle, so that what needs no drive costs no cycle; after the exchange it sees fresh feedback.
 """
 
 from __future__ import annotations
@@ -132,7 +132,9 @@ class ExactStop:
         return False
 
     def _was_within(self, column: int, tolerance: float) -> bool:
-        """Whether the encoder has been within tolerance of the target for the configured cycles, this one included."""
+        """Whether the encoder has been within tolerance of the target for the configured cycles, this one
+        included.
+        """
         cycle = self._cycle
         distance = abs(cycle.history[:, column] - cycle.row.setpoint[column])
         return bool((distance <= tolerance).all())
@@ -201,8 +203,12 @@ class Paused:
 class NextCycle:
     """The entry is tried again in each cycle."""
 
+    def __init__(self, cycle: Cycle) -> None:
+        self._cycle = cycle
+        self._number = cycle.number
+
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
         return None
 
     def after(self, held: bool) -> bool:  # noqa: ARG002
-        return True
+        return self._cycle.number != self._number

@@ -293,7 +293,7 @@ def _settle(slot: ProgramSlot, control: Control, left: float, waited: bool) -> B
     if cycle.emit(EventKind.SETTLED, slot.index, control.line, left, token=control.token, values=values):
         return None
     # the planner waits for this report: it is made again as soon as there is room
-    return NextCycle()
+    return NextCycle(cycle)
 
 
 def _finish(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:

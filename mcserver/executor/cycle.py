@@ -20,7 +20,8 @@ class Cycle:
         time: executor time of the cycle [s].
         estop: the emergency stop is latched.
         number: of the cycle.
-        history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n % exact_stop_cycles.
+        history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n %
+            exact_stop_cycles.
     """
 
     def __init__(

@@ -23,7 +23,7 @@ class ControlKind(enum.IntEnum):
 
     LINE_START = 1  # line begins at u (report its time)
     LINE_END = 2  # line has ended at u
-    BEGIN = 3  # rows for ``axes`` follow: all must be energized (D-27), independent motion on them must have ended
+    BEGIN = 3  # rows for ``axes`` follow: all must be energized (D-27) and free of independent motion
     END = 4  # rows for ``axes`` end at u: the axes hold ``values``, or their last setpoint without
     WAIT = (
         5  # u stops here until ``axes`` have ended independent motion and are in position (exact stop, D-34)
@@ -49,8 +49,8 @@ class Control(msgspec.Struct, frozen=True):
         u: where on the program's time axis [cycles], not below the entry before.
         line: number of the G-code line that it belongs to.
         axes: bit mask over the machine's columns (bit 0 = first axis of the machine).
-        values: shape (K,) for RAPID, SPEED and TORQUE; for END optionally the final positions (without them the
-            axes hold the row at or right after u); else None.
+        values: shape (K,) for RAPID, SPEED and TORQUE; for END optionally the final positions (without them
+            the axes hold the row at or right after u); else None.
         seconds: for DWELL; for WAIT the time-out.
         operation: for AXIS: index of the operation in ``list(AxisOperation)``.
         token: for SETTLE: a number that the executor reports back with the positions.

@@ -1,7 +1,7 @@
 """The ring of reports from the executor to the server: line starts and ends, faults, positions.
 
-Single writer, single reader, as `mcserver.executor.rings`. When it is full the executor does not wait: the report is
-counted as lost, and the reader sees the count.
+Single writer, single reader, as `mcserver.executor.rings`. When it is full the executor does not wait: the
+report is counted as lost, and the reader sees the count.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The executor: one call is one cycle, on whatever clock.
 
-In a cycle: the mailbox is read; every program's time axis advances and sets its axes' setpoints; drives are exchanged
-with; faults are looked for; barriers see the fresh feedback; the cycle is reported.
+In a cycle: the mailbox is read; every program's time axis advances and sets its axes' setpoints; drives are
+exchanged with; faults are looked for; barriers see the fresh feedback; the cycle is reported.
 """
 
 from __future__ import annotations
@@ -33,6 +33,9 @@ from mcserver.executor.rings import ProgramRing
 from mcserver.executor.slot import ProgramSlot
 from mcserver.executor.supervision import Supervision
 
+# Beside the columns to reset: a reset was asked for at all.
+_RESET_ASKED = 1 << 64
+
 
 class Executor:
     """Plays programs on drives.
@@ -62,6 +65,8 @@ class Executor:
         self.motions = IndependentMotions(machine, self._row)
         self._cycle = Cycle(machine, self.bank, self.motions, events)
         self._slots = tuple(ProgramSlot(index, ring, self._cycle) for index, ring in enumerate(rings))
+        # slots that have had a program; the others cost no time
+        self._used: list[ProgramSlot] = []
         self._supervision = Supervision(self._cycle, self._slots, feedback)
         self._mailbox = mailbox
         self._feedback = feedback
@@ -83,7 +88,9 @@ class Executor:
 
     @property
     def at_rest(self) -> bool:
-        """Whether nothing is commanded to move: no program runs, and no axis moves to a position by itself."""
+        """Whether nothing is commanded to move: no program runs, and no axis moves to a position by
+        itself.
+        """
         running = any(slot.running for slot in self._slots)
         return not running and not self.motions.mask & ~self.motions.speeding and not self.bank.starting
 
@@ -93,7 +100,7 @@ class Executor:
 
     def line(self) -> int:
         """The line that set the latest cycle's row; 0: none."""
-        for slot in self._slots:
+        for slot in self._used:
             if slot.shown_line:
                 return slot.shown_line
         return 0
@@ -113,7 +120,7 @@ class Executor:
         self.bank.exchange()
         cycle.history[cycle.number % len(cycle.history)] = row.actual
         self._supervision.after_exchange()
-        for slot in self._slots:
+        for slot in self._used:
             if slot.barrier is not None:
                 slot.settle()
         if cycle.estop or self._reset_wanted:
@@ -163,8 +170,10 @@ class Executor:
                         taken |= other.axes
                 if slot.running or taken & orders.axes or orders.axes & ~self.bank.all:
                     slot.refuse(orders)
-                    continue
-                slot.open(orders)
+                else:
+                    slot.open(orders)
+                if slot not in self._used:
+                    self._used.append(slot)
             if slot.running:
                 slot.obey(orders, machine)
         if machine.stop != self._stop_seen:
@@ -172,7 +181,7 @@ class Executor:
             self._stop(SlotState.STOPPED)
         if machine.reset != self._reset_seen:
             self._reset_seen = machine.reset
-            self._reset_wanted |= machine.reset_mask & self.bank.all or 1 << 63
+            self._reset_wanted |= machine.reset_mask & self.bank.all | _RESET_ASKED
 
     def _stop(self, state: SlotState) -> None:
         owned = 0
@@ -214,7 +223,7 @@ class Executor:
 
     def _advance(self) -> None:
         rates = self._rates
-        for slot in self._slots:
+        for slot in self._used:
             slot.prepare()
             rates[slot.index] = slot.rapid_ramp.rate
         if self.motions.mask:
@@ -224,16 +233,15 @@ class Executor:
                 orphans.step(wanted, self.motions.slopes(-1, orphans.rate))
             rates[-1] = orphans.rate
         self.motions.advance(rates)
-        for slot in self._slots:
+        for slot in self._used:
             slot.advance()
 
     def _report(self) -> None:
         cells = self._row.cells
         active = self.motions.mask
-        for slot in self._slots:
+        for slot in self._used:
             active |= slot.playback.active
-            if slot.generation:
-                self._row.set_slot(slot.index, slot.u, slot.ramp.rate, slot.state, slot.generation)
+            self._row.set_slot(slot.index, slot.u, slot.ramp.rate, slot.state, slot.generation)
         self.bank.show_conditions(active)
         cells[TIME] = self._cycle.time
         cells[CYCLE] = self._cycle.number

@@ -32,6 +32,12 @@ class FaultCode(enum.IntEnum):
     AXIS_NOT_LEASED = 419
     DRIVE_STATE_LOST = 420
     NO_TRAJECTORY = 421
+    # 422 is the server's: the executor's process did not come up
+    SPEED_AT_LIMIT = 423
+
+
+# Codes that are told and stop no program.
+WARNINGS = frozenset({FaultCode.NO_REALTIME, FaultCode.SPEED_AT_LIMIT})
 
 
 _OF_DRIVE = {
@@ -70,7 +76,7 @@ _TEXT: dict[int, tuple[str, str]] = {
     ),
     FaultCode.EXACT_STOP_TIMEOUT: (
         "axis {axis} did not reach its target within the exact-stop time-out",
-        "look for friction or a blocked axis, or widen in_position or exact_stop_timeout_s in the machine file",
+        "look for friction or a blocked axis, or widen in_position or exact_stop_timeout_s",
     ),
     FaultCode.AXIS_BUSY: (
         "axis {axis} is still in motion of its own as a coordinated motion begins",
@@ -117,6 +123,10 @@ _TEXT: dict[int, tuple[str, str]] = {
         "open the program with that axis",
     ),
     FaultCode.DRIVE_STATE_LOST: ("the drive of axis {axis} de-energized by itself", _RESET_HINT),
+    FaultCode.SPEED_AT_LIMIT: (
+        "axis {axis} was stopped on the end of its travel, and its speed command ended",
+        "leave min_position and max_position out of the machine file for an axis that turns on and on",
+    ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",
         "this is a mistake of the executor: report it with the program",

@@ -1,7 +1,7 @@
 """Feedback of every cycle, from the executor to the server: a ring of rows that the writer overwrites.
 
-A cycle is one row of doubles, copied at once. The writer announces a row after it is complete; the reader copies
-rows and then drops those that the writer may have begun to overwrite meanwhile.
+A cycle is one row of doubles, copied at once. The writer announces a row after it is complete; the reader
+copies rows and then drops those that the writer may have begun to overwrite meanwhile.
 """
 
 from __future__ import annotations
@@ -165,7 +165,8 @@ class FeedbackRing:
         """Rows from ``sequence`` on, or from the oldest that is left.
 
         Returns:
-            Sequence number of the first row, and the rows, shape (n, `row_width`); see `time_of` and the others.
+            Sequence number of the first row, and the rows, shape (n, `row_width`); see `time_of` and the
+            others.
         """
         written = self._counter[0]
         first = max(sequence, written - self._cycles + GUARD, 0)
@@ -188,7 +189,9 @@ class FeedbackRing:
                 return self.state_of(row)
 
     def block(self, rows: Array, name: str) -> Array:
-        """One quantity of rows, shape (n, K): setpoint, velocity, actual, actual_velocity, torque, condition."""
+        """One quantity of rows, shape (n, K): setpoint, velocity, actual, actual_velocity, torque,
+        condition.
+        """
         names = ("setpoint", "velocity", "actual", "actual_velocity", "torque", "condition")
         start = _HEAD + names.index(name) * self._axes
         part: Array = rows[:, start : start + self._axes]

@@ -1,9 +1,11 @@
-"""What each setpoint row leaves of the axes' limits: how fast it may be played, how fast playback may slow down.
+"""What each setpoint row leaves of the axes' limits: how fast it may be played, how fast playback may slow
+down.
 
 With playback rate r (in cycles of the program a cycle), w = r² and row velocity q', row acceleration q'':
-an axis moves at r·q' and accelerates at r²·q'' + r'·q', and dw/du = 2·r'. So a bound b on |r'| in each row gives, by
-sums of 2·b·dt, how much w can fall between two rows. The sums are made by the writer, a batch at a time; the executor
-then knows by one subtraction whether it can still stop before a row, or slow down to what a row allows.
+an axis moves at r·q' and accelerates at r²·q'' + r'·q', and dw/du = 2·r'. So a bound b on |r'| in each row
+gives, by sums of 2·b·dt, how much w can fall between two rows. The sums are made by the writer, a batch at a
+time; the executor then knows by one subtraction whether it can still stop before a row, or slow down to what
+a row allows.
 """
 
 from __future__ import annotations
@@ -113,10 +115,11 @@ class HeadroomWriter:
 
 
 def stopping_rows(machine: Machine) -> int:
-    """Rows ahead with which playback at 100 % never slows down: the longest stop of any axis from its top speed.
+    """Rows ahead with which playback at 100 % never slows down: the longest stop of any axis from its top
+    speed.
 
-    Playback can always stop before the last row it has, unless that row is at rest. A planner that hands over fewer
-    rows of a motion under way is played more slowly; one that hands over a motion's whole stop is not.
+    Playback can always stop before the last row it has, unless that row is at rest. A planner that hands over
+    fewer rows of a motion under way is played more slowly; one that hands over a motion's whole stop is not.
     """
     longest = max(axis.max_velocity / axis.max_acceleration for axis in machine.axes)
     # a stop that rows make themselves, and before it room for one that playback makes

@@ -5,7 +5,8 @@ from __future__ import annotations
 from mcserver.drives.bus import DriveMode
 from mcserver.executor.cycle import Cycle
 
-# A speed command's setpoint is kept where its encoder is no further behind than the axis goes in this time [s].
+# A speed command's setpoint is kept where its encoder is no further behind than the axis goes in this time
+# [s].
 KEPT_LAG_S = 0.01
 
 

@@ -1,8 +1,8 @@
 """Independent motion: one Ruckig trajectory an axis, sampled each cycle (G00, G1020, G1030, stops).
 
-A trajectory is calculated once, from the axis's setpoint state at the exact moment of the command, so a command
-to a moving axis supersedes it within the axis's limits. Position motions pass time at the rate of feed hold and of
-overrides below 100 %; speed commands and stops do not.
+A trajectory is calculated once, from the axis's setpoint state at the exact moment of the command, so a
+command to a moving axis supersedes it within the axis's limits. Position motions pass time at the rate of
+feed hold and of overrides below 100 %; speed commands and stops do not.
 """
 
 from __future__ import annotations
@@ -80,7 +80,8 @@ class IndependentMotions:
 
     Attributes:
         mask: their columns. speeding: those among them that hold a speed. halting: those that come to a halt.
-        ended: columns that came to rest in this cycle. limited: columns that a soft limit stops since this cycle.
+        ended: columns that came to rest in this cycle. limited: columns that a soft limit stops since this
+            cycle.
     """
 
     def __init__(self, machine: Machine, row: FeedbackRow) -> None:
@@ -103,7 +104,8 @@ class IndependentMotions:
         state = self.state(column, left, rate)
         if column not in self._motions and state[0] == target:
             return
-        self._start(column, slot, MotionKind.POSITION, self._to_position(column, state, target), state[0], target)
+        trajectory = self._to_position(column, state, target)
+        self._start(column, slot, MotionKind.POSITION, trajectory, state[0], target)
         self._pass(self._motions[column], rate, left)
 
     def speed(self, column: int, slot: int, velocity: float, left: float, rate: float) -> None:

@@ -1,9 +1,9 @@
 """What the server tells the executor besides motion: the newest value wins.
 
-Every field is one aligned word with one writer. Requests that must not be missed are counters: each request raises its
-counter, and the executor compares with what it has seen. Fields that belong together (a slot's axes and its generation)
-are written before the counter that announces them. A change counter tells the executor in one read that there is
-nothing new.
+Every field is one aligned word with one writer. Requests that must not be missed are counters: each request
+raises its counter, and the executor compares with what it has seen. Fields that belong together (a slot's
+axes and its generation) are written before the counter that announces them. A change counter tells the
+executor in one read that there is nothing new.
 """
 
 from __future__ import annotations
@@ -123,7 +123,8 @@ class CommandMailbox:
             words[at + _S_ROWS], words[at + _S_CONTROLS] = base
             words[at + _S_HOLD] = int(hold)
             words[at + _S_SINGLE] = 0
-            # requests count from the program's beginning, so that none made for another one is taken for its own
+            # requests count from the program's beginning, so that none made for another one is taken for its
+            # own
             words[at + _S_ABORT] = words[at + _S_RESUME] = words[at + _S_STEP] = 0
             self._numbers[at + _S_OVERRIDE] = _bounded(override)
             words[at + _S_GENERATION] += 1
@@ -225,7 +226,8 @@ class CommandMailbox:
 
     def machine_orders(self) -> MachineOrders:
         words = self._words
-        # the counter first: a newer mask with an older counter is read again, the other way round it would be missed
+        # the counter first: a newer mask with an older counter is read again, the other way round it would be
+        # missed
         reset = words[_RESET]
         return MachineOrders(
             self._numbers[_OVERRIDE], words[_HOLD] != 0, words[_STOP], reset, words[_RESET_MASK] & _ALL

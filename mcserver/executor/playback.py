@@ -1,8 +1,7 @@
-"""Setpoints from a program's rows: exact at whole u, cubic Hermite between, and how fast u may pass."""
+"""Setpoints from a program's rows: exact at whole u, cubic Hermite between."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +9,8 @@ from numpy.typing import NDArray
 
 from mcserver.executor.axes import ColumnMasks
 from mcserver.executor.feedback import FeedbackRow
-from mcserver.executor.headroom import CAP, FULL, HALF, OWN, SLOPE_MAX, Array
-from mcserver.executor.rate import FLOOR_SHARE, SMOOTHING_S, USED_SHARE, RateRamp, Slopes
+from mcserver.executor.headroom import Array
+from mcserver.executor.hermite import between_rows
 from mcserver.executor.rings import ProgramRing, scalar_view
 
 # Two values of u that are closer are the same [cycles].
@@ -31,7 +30,8 @@ class Playback:
     """The rows of one program as they are played.
 
     Attributes:
-        active: mask of the columns between BEGIN and END.
+        active: mask of the columns between BEGIN and END. driven: the same, shape (K,).
+        first: number of the program's first row. following: number of the row after u.
         line: line of the row played last.
     """
 
@@ -40,7 +40,6 @@ class Playback:
         ring: ProgramRing,
         row: FeedbackRow,
         masks: ColumnMasks,
-        acceleration: Array,
         jump: Array,
         cycle_s: float,
     ) -> None:
@@ -48,24 +47,21 @@ class Playback:
         self._ring = ring
         self._row = row
         self._masks = masks
-        self._acceleration = acceleration
         self._jump = jump
         self._cycle = cycle_s
         count = ring.axes
         self._u_cells = scalar_view(ring.row_u)
         self._mask_cells = scalar_view(ring.row_mask)
         self._line_cells = scalar_view(ring.row_line)
-        self._headroom = scalar_view(ring.headroom)
         self._scratch = np.zeros(count)
-        self._difference = np.zeros(count)
         self._start_position = np.zeros(count)
         self._start_u = np.zeros(count)
         self.open(0)
 
     def open(self, base: int) -> None:
         """Begins with row number ``base``."""
-        self._first = base
-        self._next = base
+        self.first = base
+        self.following = base
         self.active = 0
         self._fresh = 0
         self._unchecked = 0
@@ -75,34 +71,38 @@ class Playback:
     # ------------------------------------------------------------------ rows
 
     @property
+    def driven(self) -> NDArray[np.bool_]:
+        return self._masks.bools(self.active)
+
+    @property
     def empty(self) -> bool:
         """Whether no row of this program has come yet."""
-        return self._ring.rows_written == self._first
+        return self._ring.rows_written == self.first
 
     @property
     def last_u(self) -> float:
         """u of the last row there is; below 0 where there is none."""
         written = self._ring.rows_written
-        if written == self._first:
+        if written == self.first:
             return -1.0
         return float(self._u_cells[(written - 1) % self._ring.rows])
 
     def seek(self, u: float) -> None:
         """Lets the row at or before u be the current one, and frees those before it."""
         ring, cells = self._ring, self._u_cells
-        number, written, rows = self._next, ring.rows_written, ring.rows
+        number, written, rows = self.following, ring.rows_written, ring.rows
         bound = u + NEAR_U
         while number < written and cells[number % rows] <= bound:
             number += 1
-        if number != self._next:
-            self._next = number
+        if number != self.following:
+            self.following = number
             # the row before the current one is not needed any more
-            ring.free_rows(max(self._first, number - 1))
+            ring.free_rows(max(self.first, number - 1))
 
     def drop(self) -> None:
         """Frees all rows: nothing more of this program is played."""
-        self._first = self._next = self._ring.rows_written
-        self._ring.free_rows(self._next)
+        self.first = self.following = self._ring.rows_written
+        self._ring.free_rows(self.following)
         self.active = self._fresh = 0
 
     # ------------------------------------------------------------------ beginning and ending
@@ -122,13 +122,13 @@ class Playback:
         mask &= self.active
         self.seek(u)
         bools = self._masks.bools(mask)
-        ring, number = self._ring, self._next
+        ring, number = self._ring, self.following
         if final is not None:
             np.copyto(self._row.setpoint, np.array(final), where=bools)
         else:
             self._interpolate(u, 0.0)
             current = number - 1
-            exact = current >= self._first and self._u_cells[current % ring.rows] > u - NEAR_U
+            exact = current >= self.first and self._u_cells[current % ring.rows] > u - NEAR_U
             if not exact and number < ring.rows_written and self._u_cells[number % ring.rows] < u + 1.0:
                 # the row after a fractional end holds the target where it stands still
                 at = number % ring.rows
@@ -140,7 +140,7 @@ class Playback:
         self._unchecked &= ~mask
         if not self.active:
             # rows up to here are no start of a motion that begins later, even at this very u
-            self._first = self._next
+            self.first = self.following
 
     def leave(self, mask: int) -> None:
         """Columns are not driven any more; their setpoints stay."""
@@ -153,8 +153,8 @@ class Playback:
     def jump(self) -> Jump | None:
         """A first row that is too far from where its axis is; looked at once it has come."""
         ring = self._ring
-        number = self._next
-        if number - 1 >= self._first and self._u_cells[(number - 1) % ring.rows] >= self._latest_start():
+        number = self.following
+        if number - 1 >= self.first and self._u_cells[(number - 1) % ring.rows] >= self._latest_start():
             number -= 1
         if number >= ring.rows_written:
             return None
@@ -202,8 +202,8 @@ class Playback:
     def play(self, u: float, rate: float) -> None:
         """Setpoints of the active columns at u; ``rate`` scales their velocities."""
         self.seek(u)
-        number = self._next - 1
-        if number >= self._first:
+        number = self.following - 1
+        if number >= self.first:
             at = number % self._ring.rows
             if self._u_cells[at] > u - NEAR_U:
                 self._play_row(at, rate)
@@ -225,13 +225,13 @@ class Playback:
 
     def _interpolate(self, u: float, rate: float) -> None:
         ring = self._ring
-        before, after = self._next - 1, self._next
-        if before >= self._first:
+        before, after = self.following - 1, self.following
+        if before >= self.first:
             at = before % ring.rows
             reached = self._fresh & self._mask_cells[at] & self._started_by(self._u_cells[at])
             self._fresh &= ~reached
         if after >= ring.rows_written:
-            if before >= self._first:
+            if before >= self.first:
                 self._play_row(before % ring.rows, 0.0)
             return
         at = after % ring.rows
@@ -239,19 +239,22 @@ class Playback:
         self.line = self._line_cells[at]
         driven = self.active & self._mask_cells[at]
         joined = 0
-        if before >= self._first and self._u_cells[before % ring.rows] == after_u - 1:
+        if before >= self.first and self._u_cells[before % ring.rows] == after_u - 1:
             joined = driven & self._mask_cells[before % ring.rows] & ~self._fresh
         if joined:
             first = before % ring.rows
-            self._hermite(
+            position, velocity = between_rows(
                 ring.position[first],
+                ring.position[at],
                 ring.velocity[first],
-                at,
+                ring.velocity[at],
                 u - (after_u - 1),
-                1.0,
-                rate,
-                self._masks.bools(joined),
+                self._cycle,
             )
+            velocity *= rate
+            bools = self._masks.bools(joined)
+            np.copyto(self._row.setpoint, position, where=bools)
+            np.copyto(self._row.velocity, velocity, where=bools)
         for column in self._masks.columns(driven & ~joined):
             self._lead_in(column, at, after_u, u, rate)
 
@@ -270,7 +273,7 @@ class Playback:
             start = max(start, self._start_u[column])
             origin = self._start_position[column]
         else:
-            origin = ring.position[(self._next - 1) % ring.rows, column]
+            origin = ring.position[(self.following - 1) % ring.rows, column]
         span = after_u - start
         share = (u - start) / span if span > NEAR_U else 1.0
         if share <= 0.0:
@@ -286,180 +289,3 @@ class Playback:
             6.0 * share * (1.0 - share) * (target - origin) / seconds + share * (3.0 * share - 2.0) * speed
         )
         row.velocity[column] = slope * rate
-
-    def _hermite(
-        self,
-        start: Array,
-        speed: Array,
-        at: int,
-        share: float,
-        span: float,
-        rate: float,
-        where: NDArray[np.bool_],
-    ) -> None:
-        """Cubic from (start, speed) to the row at ``at``, ``share`` of the way; span in cycles."""
-        ring, row = self._ring, self._row
-        seconds = span * self._cycle
-        difference, scratch = self._difference, self._scratch
-        end_speed = ring.velocity[at]
-        np.subtract(ring.position[at], start, out=difference)
-        if not (speed * end_speed).any() and self._steep(start, speed, at, share, rate, where):
-            return
-        left = 1.0 - share
-        np.multiply(difference, share * share * (3.0 - 2.0 * share), out=scratch)
-        scratch += start
-        scratch += (seconds * share * left * left) * speed
-        scratch -= (seconds * share * share * left) * ring.velocity[at]
-        np.copyto(row.setpoint, scratch, where=where)
-        np.multiply(difference, 6.0 * share * left / seconds, out=scratch)
-        scratch += (left * (1.0 - 3.0 * share)) * speed
-        scratch += (share * (3.0 * share - 2.0)) * ring.velocity[at]
-        scratch *= rate
-        np.copyto(row.velocity, scratch, where=where)
-
-    def _steep(
-        self, start: Array, speed: Array, at: int, share: float, rate: float, where: NDArray[np.bool_]
-    ) -> bool:
-        """A motion that ends, or begins, between two rows: a cubic would swing past its rest.
-
-        With one speed zero, the other v and the way d, a cubic is monotone up to v·dt = 3·d. Beyond that the motion is
-        at rest for a part of the cycle; at constant acceleration the part in which it moves is 2·d/v.
-
-        Returns:
-            False where no axis is like that, and nothing was done.
-        """
-        ring, row, difference = self._ring, self._row, self._difference
-        end_speed = ring.velocity[at]
-        moving = speed + end_speed
-        steep = where & (np.abs(moving) * self._cycle > 3.0 * np.abs(difference))
-        if not steep.any():
-            return False
-        self._steep_axes(steep, start, speed, at, share, rate)
-        rest = where & ~steep
-        if rest.any():
-            left = 1.0 - share
-            rise = share * share * (3.0 - 2.0 * share)
-            position = start + rise * difference + (self._cycle * share * left) * (left * speed - share * end_speed)
-            slope = (
-                (6.0 * share * left / self._cycle) * difference
-                + (left * (1.0 - 3.0 * share)) * speed
-                + (share * (3.0 * share - 2.0)) * end_speed
-            )
-            np.copyto(row.setpoint, position, where=rest)
-            np.copyto(row.velocity, rate * slope, where=rest)
-        return True
-
-    def _steep_axes(
-        self, steep: NDArray[np.bool_], start: Array, speed: Array, at: int, share: float, rate: float
-    ) -> None:
-        row, difference = self._row, self._difference
-        end_speed = self._ring.velocity[at]
-        for column in np.nonzero(steep)[0].tolist():
-            way, moving = float(difference[column]), float(speed[column] + end_speed[column])
-            part = max(0.0, 2.0 * way / (moving * self._cycle))
-            # seen from the row with the speed
-            from_speed = share if speed[column] != 0.0 else 1.0 - share
-            left = max(0.0, 1.0 - from_speed / part) if part > 0.0 else 0.0
-            gone = way * (1.0 - left * left)
-            row.setpoint[column] = start[column] + (gone if speed[column] != 0.0 else way - gone)
-            row.velocity[column] = rate * moving * left
-
-    # ------------------------------------------------------------------ how fast u may pass
-
-    def slopes(self, u: float, rate: float) -> Slopes:
-        """How fast the rate may change over the rows that u passes in the next cycle."""
-        ring = self._ring
-        before = max(self._next - 1, self._first)
-        last = ring.rows_written - 1
-        if last < self._first:
-            return Slopes()
-        passed = 2
-        if before < self._next:
-            passed += int(u - self._u_cells[before % ring.rows] + rate - NEAR_U)
-        numbers = [min(before + step, last) % ring.rows for step in range(passed)]
-        where = self._masks.bools(self.active)
-        velocity = ring.velocity[numbers] * where
-        acceleration = np.diff(velocity, axis=0) / self._cycle
-        direction = np.sign(velocity.sum(axis=0))
-        along = acceleration * (direction * rate * rate)
-        speed = np.abs(velocity).max(axis=0) + 1e-30
-        floor = FLOOR_SHARE * self._acceleration
-        room = USED_SHARE * self._acceleration
-        down = (np.maximum(room + along.min(axis=0), floor) / speed).min()
-        up = (np.maximum(room - along.max(axis=0), floor) / speed).min()
-        return Slopes(min(float(down), SLOPE_MAX), min(float(up), SLOPE_MAX))
-
-    def fastest(self, u: float, ramp: RateRamp, target: float, edge: float | None) -> float:
-        """The greatest rate, up to ``target``, from which u can still stop before ``edge`` and keep all limits.
-
-        See `mcserver.executor.headroom`: w = r² may be as large as what it can lose until each row, plus what
-        that row allows. Up to 100 % only the edge counts; rows allow 100 %.
-
-        Args:
-            ramp: the rate at present and its slope, for what passes until another slope has built up.
-        """
-        ring = self._ring
-        before, after = self._next - 1, self._next
-        if before < self._first or after >= ring.rows_written:
-            return min(target, 1.0) if after < ring.rows_written else 0.0
-        share = min(max(u - self._u_cells[before % ring.rows], 0.0), 1.0)
-        slow = 1.0
-        if edge is not None:
-            there, part = self._row_before(edge)
-            slow = max(
-                self._stoppable(before, share, there, part, FULL, math.inf),
-                self._stoppable(before, share, there, part, HALF, 0.5),
-            )
-            slow = max(0.0, slow - max(ramp.slope, 0.0) * SMOOTHING_S)
-        if target <= 1.0 or slow < 1.0:
-            return min(target, slow)
-        way = ramp.rate * SMOOTHING_S / self._cycle
-        ahead, part = self._row_before(u + way)
-        own = self._headroom_at(ahead, part, OWN)
-        last = ring.rows_written - 1 if edge is None else max(self._row_before(edge)[0], after)
-        w = min(
-            self._least(after, max(min(ahead, last), after), near=True),
-            self._least(ahead, max(ahead, last), near=False) - own,
-        )
-        if edge is not None:
-            w = min(w, self._headroom_at(*self._row_before(edge), OWN) - own)
-        return max(1.0, min(target, math.sqrt(max(w, 0.0))))
-
-    def _stoppable(self, here: int, share: float, there: int, part: float, column: int, most: float) -> float:
-        """The rate from which u can stop by one of the sums; while the slope builds up, the rate falls less."""
-        w = self._headroom_at(there, part, column) - self._headroom_at(here, share, column)
-        gain = self._headroom_at(here + 1, 0.0, column) - self._headroom_at(here, 0.0, column)
-        lag = 0.5 * gain / self._cycle * SMOOTHING_S
-        return math.sqrt(lag * lag + max(min(w, most), 0.0)) - lag
-
-    def _row_before(self, u: float) -> tuple[int, float]:
-        """Number of the last row at or before u, and the share of the way to the next one."""
-        ring = self._ring
-        last = ring.rows_written - 1
-        base = max(self._next - 1, self._first)
-        number = base + int(u - self._u_cells[base % ring.rows] + NEAR_U)
-        number = min(max(number, base), last)
-        while number > base and self._u_cells[number % ring.rows] > u + NEAR_U:
-            number -= 1
-        return number, min(max(u - self._u_cells[number % ring.rows], 0.0), 1.0)
-
-    def _headroom_at(self, number: int, part: float, column: int) -> float:
-        cells, rows = self._headroom, self._ring.rows
-        here: float = cells[number % rows, column]
-        if part <= 0.0 or number + 1 >= self._ring.rows_written:
-            return here
-        there: float = cells[(number + 1) % rows, column]
-        return here + part * (there - here)
-
-    def _least(self, first: int, last: int, *, near: bool) -> float:
-        """Least w that rows allow: by themselves, or (not ``near``) plus the sum that stands at them."""
-        ring = self._ring
-        low, high = first % ring.rows, last % ring.rows
-        slices = [slice(low, high + 1)] if low <= high else [slice(low, ring.rows), slice(0, high + 1)]
-        least = math.inf
-        for part in slices:
-            caps = ring.headroom[part, CAP]
-            if near:
-                caps = caps - ring.headroom[part, OWN]
-            least = min(least, float(caps.min()))
-        return least

@@ -30,8 +30,8 @@ _POLL_S = 0.002
 class ExecutorProcess:
     """Starts, watches and ends the executor's process.
 
-    A fresh interpreter is started for it, so that it has nothing of the server's in it. The memory that they share
-    has no name; it is gone with the last of the two, however they end.
+    A fresh interpreter is started for it, so that it has nothing of the server's in it. The memory that they
+    share has no name; it is gone with the last of the two, however they end.
 
     Args:
         machine: what it drives.

@@ -1,4 +1,6 @@
-"""The playback rate of a program and how it changes: overrides and feed hold, along the path, within limits."""
+"""The playback rate of a program and how it changes: overrides and feed hold, along the path, within
+limits.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,8 @@ from mcserver.executor.headroom import RATE_MAX, SLOPE_MAX
 
 # Time in which the slope of the rate builds up and fades [s].
 SMOOTHING_S = 0.004
-# Share of an axis's acceleration that a change of the rate may use up, and what it may use where none is left.
+# Share of an axis's acceleration that a change of the rate may use up, and what it may use where none is
+# left.
 USED_SHARE = 0.995
 FLOOR_SHARE = 0.01
 # Below this distance from its target the rate is there [1].
@@ -16,7 +19,8 @@ NEAR = 1e-9
 
 
 class Slopes:
-    """Largest slopes at which the rate may fall and rise so that |r²·q'' + r'·q'| stays within every axis's limit.
+    """Largest slopes at which the rate may fall and rise so that |r²·q'' + r'·q'| stays within every axis's
+    limit.
 
     Attributes:
         down, up: [1/s], both positive.

@@ -1,7 +1,7 @@
 """The executor's process: ``python -m mcserver.executor.realtime_loop``, with its machine on standard input.
 
-One thread, nothing else. It wakes at absolute deadlines; a wake-up that is a whole cycle late or more is counted and
-the missed cycles are left out, so motion is delayed by them and never jumps or bursts.
+One thread, nothing else. It wakes at absolute deadlines; a wake-up that is a whole cycle late or more is
+counted and the missed cycles are left out, so motion is delayed by them and never jumps or bursts.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from mcserver.executor.mailbox import CommandMailbox
 from mcserver.executor.realtime import PRIORITY, MonotonicClock, lock_memory, take_realtime_priority
 from mcserver.executor.shared import SharedParts, map_block
 
-# Without a beat of the server for this time motion is stopped [s]. A server that has died is noticed sooner, as the
-# parent process that is gone; this is about one that hangs. A loaded computer of two cores was seen to keep a living
-# server from beating for more than 0.1 s.
+# Without a beat of the server for this time motion is stopped [s]. A server that has died is noticed sooner,
+# as the parent process that is gone; this is about one that hangs. A loaded computer of two cores was seen to
+# keep a living server from beating for more than 0.1 s.
 SERVER_TIMEOUT_S = 0.5
 # How long axes are held after that stop before they are de-energized [s].
 HOLD_AFTER_STOP_S = 1.0
@@ -73,8 +73,8 @@ class Clock(Protocol):
 
 
 class ServerWatch:
-    """Whether the server lives, by its beats. Counted in executed cycles, so that a stall of the whole computer,
-    server included, is no loss."""
+    """Whether the server lives, by its beats. Counted in executed cycles, so that a stall of the whole
+    computer, server included, is no loss."""
 
     def __init__(self, mailbox: CommandMailbox, cycle_s: float, parent: int) -> None:
         self._mailbox = mailbox

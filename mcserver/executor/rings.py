@@ -1,9 +1,10 @@
 """One program's ring of setpoint rows and ring of control entries, over one buffer.
 
-Single writer (the planner's side), single reader (the executor's). The counters only grow; each is written by one
-side. A payload is written before the counter that announces it, and read before the counter that frees it: on
-x86-64 stores become visible in program order and CPython reorders nothing, so aligned 8-byte counters are
-enough; other architectures would need a barrier here. A full ring has no room, and nothing is ever overwritten.
+Single writer (the planner's side), single reader (the executor's). The counters only grow; each is written by
+one side. A payload is written before the counter that announces it, and read before the counter that frees
+it: on x86-64 stores become visible in program order and CPython reorders nothing, so aligned 8-byte counters
+are enough; other architectures would need a barrier here. A full ring has no room, and nothing is ever
+overwritten.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One block of memory that server and executor share: mailbox, feedback, events and the programs' rings.
 
-It is anonymous (memfd): it has no name in the file system, and the kernel frees it with the last process that has it,
-however that process ends. So nothing can be left behind.
+It is anonymous (memfd): it has no name in the file system, and the kernel frees it with the last process that
+has it, however that process ends. So nothing can be left behind.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ def _sizes(machine: Machine, slots: int) -> list[int]:
 
 
 def create_block(machine: Machine, slots: int) -> int:
-    """A zeroed block of the size that `map_block` expects; returns its file descriptor, which the caller closes."""
+    """A zeroed block of the size that `map_block` expects; returns its file descriptor, which the caller
+    closes.
+    """
     descriptor = os.memfd_create("mcserver-executor", os.MFD_CLOEXEC)
     try:
         os.ftruncate(descriptor, sum(_sizes(machine, slots)))
@@ -49,7 +51,9 @@ def create_block(machine: Machine, slots: int) -> int:
 
 
 def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
-    """The parts of a block; it stays mapped as long as one of them lives, also after the descriptor is closed."""
+    """The parts of a block; it stays mapped as long as one of them lives, also after the descriptor is
+    closed.
+    """
     sizes = _sizes(machine, slots)
     whole = memoryview(mmap.mmap(descriptor, sum(sizes)))
     axes = len(machine.axes)

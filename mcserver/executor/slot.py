@@ -1,17 +1,17 @@
 """One program in the executor: its time axis u, its control entries, its rate.
 
-A cycle lets u pass by the rate. Control entries on the way are passed at their exact moments; one that has to wait
-puts up a barrier, and u stands there. ``left`` is always what remains of the cycle at the moment in question, in
+A cycle lets u pass by the rate. Control entries on the way are passed at their exact moments; one that has to
+wait puts up a barrier, and u stands there. ``left`` is always what remains of the cycle at the moment in
+question, in
 cycles: 1 at its beginning, 0 at the exchange with the drives.
 """
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 
 from mcserver.executor.barriers import Barrier, BarrierFault, Paused
+from mcserver.executor.control_queue import ControlQueue
 from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Control, ControlKind, EventKind
@@ -19,12 +19,11 @@ from mcserver.executor.faults import FaultCode
 from mcserver.executor.feedback import SlotState
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.mailbox import MachineOrders, SlotOrders
+from mcserver.executor.pace import Pace
 from mcserver.executor.playback import NEAR_U, Playback
 from mcserver.executor.rate import RateRamp
 from mcserver.executor.rings import ProgramRing
 
-# Control entries taken out of the ring in a cycle.
-DECODED_A_CYCLE = 64
 # This close to an edge u is put onto it [cycles].
 LANDING = 2e-3
 # Rows that a motion begins, or goes on, with at the least while its end is not known.
@@ -35,14 +34,6 @@ STANDSTILL = 1e-6
 JUMP_CYCLES = 1.5
 
 _ALWAYS = (ControlKind.LINE_END, ControlKind.END)
-_WAITING = (
-    ControlKind.WAIT,
-    ControlKind.DWELL,
-    ControlKind.AXIS,
-    ControlKind.PAUSE,
-    ControlKind.SETTLE,
-    ControlKind.HALT_AXES,
-)
 
 
 class ProgramSlot:
@@ -50,7 +41,7 @@ class ProgramSlot:
 
     Attributes:
         index: of the slot. axes: mask of the columns that the program may move.
-        u: on the program's time axis [cycles]. state: for feedback.
+        u: on the program's time axis [cycles]. running: a program is played, or being stopped.
         line: of the line under way, 0 for none. shown_line: the line that set this cycle's row.
         step_seen: steps of single-line mode that were used up.
     """
@@ -64,29 +55,24 @@ class ProgramSlot:
         self.index = index
         self.cycle = cycle
         self.ring = ring
-        self.playback = Playback(ring, cycle.row, cycle.bank.masks, acceleration, jump, cycle.cycle_s)
+        self.playback = Playback(ring, cycle.row, cycle.bank.masks, jump, cycle.cycle_s)
+        self._queue = ControlQueue(ring, self.playback)
+        self._pace = Pace(ring, self.playback, acceleration, cycle.cycle_s)
         self.ramp = RateRamp(cycle.cycle_s)
         self.rapid_ramp = RateRamp(cycle.cycle_s)
         self.axes = 0
         self.u = 0.0
-        self.state = SlotState.IDLE
+        self._state = SlotState.IDLE
+        self.running = False
         self.line = 0
         self.shown_line = 0
         self.generation = 0
         self.orders: SlotOrders | None = None
         self.step_seen = 0
-        self._waiting: deque[Control] = deque()
-        self._decoded = 0
         self._begin(0)
 
     def _begin(self, base: int) -> None:
-        self._waiting.clear()
-        self._decoded = base
-        self._tail_open = 0
-        self._tail_end = -1.0
-        self._stops: deque[float] = deque()
-        self._line_stops: deque[float] = deque()
-        self._last_control_u = 0.0
+        self._queue.open(base)
         self.barrier: Barrier | None = None
         self.pending: Control | None = None
         self._started = False
@@ -105,9 +91,15 @@ class ProgramSlot:
     # ------------------------------------------------------------------ opening and orders
 
     @property
-    def running(self) -> bool:
-        """Whether the slot plays, or stops, a program."""
-        return not self.state.free
+    def state(self) -> SlotState:
+        """For feedback."""
+        return self._state
+
+    @state.setter
+    def state(self, state: SlotState) -> None:
+        if state is not self._state:
+            self._state = state
+            self.running = not state.free
 
     def open(self, orders: SlotOrders) -> None:
         """A new program; nothing that was put for another one is played."""
@@ -126,7 +118,9 @@ class ProgramSlot:
     def refuse(self, orders: SlotOrders) -> None:
         """The program cannot be opened: it is at fault before it began."""
         self.generation = orders.generation
-        self._decoded = orders.controls_base
+        # a program that runs here has lost its rows to the other one: its axes stand where they are
+        self.playback.leave(self.playback.active)
+        self._queue.open(orders.controls_base)
         self.playback.open(orders.rows_base)
         self.axes = 0
         self.state = SlotState.FAULTED
@@ -153,7 +147,7 @@ class ProgramSlot:
                 barrier.passed = True
 
     def _wanted(self, most: float) -> float:
-        if self._hold or self.state is SlotState.STOPPING:
+        if self._hold or self._state is SlotState.STOPPING:
             return 0.0
         return min(self._override, most)
 
@@ -163,7 +157,7 @@ class ProgramSlot:
         """Ramps down along the path; then all that is left is dropped and the slot is in ``state``."""
         if not self.running:
             return
-        if self.state is not SlotState.STOPPING:
+        if self._state is not SlotState.STOPPING:
             self.state = SlotState.STOPPING
             self._stop_line = self.line
             self._stop_state = state
@@ -197,9 +191,7 @@ class ProgramSlot:
 
     def _drop(self) -> None:
         self.playback.drop()
-        self._waiting.clear()
-        self._decoded = self.ring.controls_written
-        self.ring.free_controls(self._decoded)
+        self._queue.drop()
 
     # ------------------------------------------------------------------ the cycle
 
@@ -208,10 +200,10 @@ class ProgramSlot:
         self._mean_rate = 0.0
         if not self.running:
             return
-        self._decode()
+        self._queue.decode(self.u)
         self._left = 1.0
         if not self._started:
-            nothing = not self._waiting and self.playback.empty
+            nothing = self._queue.head is None and self.playback.empty
             if nothing and self.state is not SlotState.STOPPING:
                 self._left = -1.0
                 return
@@ -231,11 +223,11 @@ class ProgramSlot:
             self.shown_line = self.playback.line or self.line
             if self.playback.unchecked:
                 self._check_first_row()
-            if self.state is SlotState.STOPPING and self.ramp.rate <= STANDSTILL:
+            if self._state is SlotState.STOPPING and self.ramp.rate <= STANDSTILL:
                 self.playback.leave(self.playback.active)
         elif self.line:
             self.shown_line = self.line
-        if self.state is SlotState.STOPPING:
+        if self._state is SlotState.STOPPING:
             self._finish_stop()
         elif self.running:
             self._note_state()
@@ -250,19 +242,16 @@ class ProgramSlot:
 
     def settle(self) -> None:
         """After the exchange: barriers see fresh feedback."""
-        barrier = self.barrier
-        if barrier is None or not self.running:
-            return
-        try:
-            if not barrier.after(self._held):
+        while self.barrier is not None and self.running:
+            try:
+                if not self.barrier.after(self._held):
+                    return
+            except BarrierFault as fault:
+                line = self.pending.line if self.pending else self.line
+                self.fault(fault.code, line, fault.column, fault.values)
                 return
-        except BarrierFault as fault:
-            self.fault(
-                fault.code, self.pending.line if self.pending else self.line, fault.column, fault.values
-            )
-            return
-        self._clear_barrier(0.0)
-        self._run(0.0, 0.0)
+            self._clear_barrier(0.0)
+            self._run(0.0, 0.0)
 
     def _run(self, left: float, rate: float) -> None:
         """Lets what is left of the cycle pass: control entries on the way, then u."""
@@ -281,19 +270,17 @@ class ProgramSlot:
                 continue
             if not self.running:
                 return
-            if not self._waiting:
+            control = self._queue.head
+            if control is None:
                 break
-            control = self._waiting[0]
             if control.u > reach + NEAR_U or not self._may_pass(control):
                 break
             if control.u > self.u:
                 if rate > 0.0:
                     left = max(0.0, left - (control.u - self.u) / rate)
                 self.u = control.u
-            self._waiting.popleft()
-            self.ring.free_controls(self._decoded - len(self._waiting))
-            self._leave_stops(control)
-            if self.state is SlotState.STOPPING and control.kind not in (*_ALWAYS, ControlKind.LINE_START):
+            self._queue.pop()
+            if self._state is SlotState.STOPPING and control.kind not in (*_ALWAYS, ControlKind.LINE_START):
                 continue
             self._pass(control, left)
             # a motion that begins or ends in this cycle changes how far u may go
@@ -302,12 +289,6 @@ class ProgramSlot:
         if reach > self.u:
             whole = round(reach)
             self.u = float(whole) if abs(reach - whole) < NEAR_U else reach
-
-    def _leave_stops(self, control: Control) -> None:
-        stops = self._line_stops if control.kind is ControlKind.LINE_END else self._stops
-        if control.kind is ControlKind.LINE_END or control.kind in _WAITING:
-            while stops and stops[0] <= control.u + NEAR_U:
-                stops.popleft()
 
     def _pass(self, control: Control, left: float) -> None:
         try:
@@ -333,7 +314,7 @@ class ProgramSlot:
 
     def _may_pass(self, control: Control) -> bool:
         """In feed hold nothing new begins; inside a stop only what ends."""
-        if self.state is SlotState.STOPPING:
+        if self._state is SlotState.STOPPING:
             return self.playback.active != 0
         return not self._held or control.kind in _ALWAYS
 
@@ -349,47 +330,8 @@ class ProgramSlot:
 
     # ------------------------------------------------------------------ how far and how fast
 
-    def _decode(self) -> None:
-        """Takes new control entries out of the ring and notes where motion has to be able to end."""
-        ring = self.ring
-        written = ring.controls_written
-        if written == self._decoded:
-            return
-        for number in range(self._decoded, min(written, self._decoded + DECODED_A_CYCLE)):
-            control = ring.control(number)
-            self._waiting.append(control)
-            kind = control.kind
-            if kind is ControlKind.BEGIN:
-                self._tail_open |= control.axes
-            elif kind is ControlKind.END:
-                self._tail_open &= ~control.axes
-                self._tail_end = control.u
-            elif self._tail_open and kind is ControlKind.LINE_END:
-                self._line_stops.append(control.u)
-            elif self._tail_open and kind in _WAITING:
-                self._stops.append(control.u)
-            self._last_control_u = control.u
-            self._decoded = number + 1
-
     def _edge(self) -> tuple[float | None, bool]:
-        """Before which u the motion under way has to be able to stop, and whether more rows would move that on.
-
-        None: it ends by itself before all that.
-        """
-        edge: float | None = None
-        dry = False
-        last = self.playback.last_u
-        if (self._tail_open or last < self._tail_end - 1.0 + NEAR_U) and not self.playback.rests_at_end:
-            edge, dry = last, True
-        stops = [self._stops]
-        if self.orders is not None and self.orders.single_line:
-            stops.append(self._line_stops)
-        for each in stops:
-            while each and each[0] < self.u - NEAR_U:
-                each.popleft()
-            if each and (edge is None or each[0] < edge):
-                edge, dry = each[0], False
-        return edge, dry
+        return self._queue.edge(self.u, self.orders is not None and self.orders.single_line)
 
     def _too_dry(self, edge: float | None, dry: bool) -> bool:
         """Whether a motion that stands had better stand on until more rows come."""
@@ -421,12 +363,12 @@ class ProgramSlot:
                 limit = before = 0.0
             elif edge is not None or wanted > 1.0:
                 self.playback.seek(self.u)
-                limit = self.playback.fastest(self.u, ramp, wanted, edge)
+                limit = self._pace.fastest(self.u, ramp, wanted, edge)
             if before != limit and self.playback.unmoved(self.u):
                 before = min(limit, 1.0)
                 ramp.jump(before)
             elif before != limit:
-                ramp.step(limit, self.playback.slopes(self.u, before))
+                ramp.step(limit, self._pace.slopes(self.u, before))
             self._note_starved(dry, wanted)
         self._held = (self._hold or self._override <= 0.0) and ramp.rate <= STANDSTILL
         return 0.5 * (before + ramp.rate)
@@ -443,10 +385,10 @@ class ProgramSlot:
         playback = self.playback
         last = playback.last_u
         if not playback.active:
-            return max(self.u, min(goal, max(self._last_control_u, last)))
+            return max(self.u, min(goal, max(self._queue.last_u, last)))
         edge, dry = self._edge()
         if edge is None:
-            return max(self.u, min(goal, max(self._last_control_u, last)))
+            return max(self.u, min(goal, max(self._queue.last_u, last)))
         if self._too_dry(edge, dry):
             return self.u
         if goal >= edge - LANDING:

@@ -99,8 +99,9 @@ class Supervision:
             slot = self._slot_of(column)
             index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)
             axis = cycle.machine.axes[column]
-            limit = axis.max_position if row.velocity[column] > 0.0 else axis.min_position
-            cycle.fault(FaultCode.SOFT_LIMIT, index, line, column, (float(row.setpoint[column]), limit))
+            position = float(row.setpoint[column])
+            limit = min(axis.min_position, axis.max_position, key=lambda end: abs(end - position))
+            cycle.fault(FaultCode.SPEED_AT_LIMIT, index, line, column, (position, limit))
 
     def _count_silence(self) -> None:
         bank = self._cycle.bank

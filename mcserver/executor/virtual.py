@@ -1,4 +1,6 @@
-"""The executor in this process, on a virtual clock, with rings in memory: for `mcserver simulate` and tests."""
+"""The executor in this process, on a virtual clock, with rings in memory: for `mcserver simulate` and
+tests.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ class VirtualExecutor:
         buses: drives of another make; None: as the machine file says.
 
     Attributes:
-        mailbox: orders to it. recorder: called after each cycle with (t, line, setpoint (K,), actual (K,)); the
-            arrays are the executor's own, to be copied. executor: the executor itself.
+        mailbox: orders to it. recorder: called after each cycle with (t, line, setpoint (K,), actual (K,));
+            the arrays are the executor's own, to be copied. executor: the executor itself.
     """
 
     def __init__(

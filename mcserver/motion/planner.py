@@ -231,6 +231,8 @@ class MotionPlanner:
         """Rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s], in
         order of u."""
         low = first_row(origin)
+        # where the run closes, rounding must not put a mark behind its last row
+        latest = float(last) if math.isinf(until) else math.inf
         for index, segment in enumerate(plan.segments):
             begins, ends = float(plan.times[index]), float(plan.times[index + 1])
             if begins >= until:
@@ -241,7 +243,7 @@ class MotionPlanner:
                 high = min(low + PIECE - 1, before)
                 yield sample(plan, origin, low, high, self._cycle)
                 low = high + 1
-            u = origin + begins / self._cycle
+            u = min(origin + begins / self._cycle, latest)
             new = segment.active & ~self._announced
             if new:
                 self._announced |= new
@@ -258,7 +260,7 @@ class MotionPlanner:
                 if bound is not None:
                     yield LineBound(segment.line, bound)
                 if segment.closes:
-                    yield LineMark(origin + ends / self._cycle, segment.line, ends=True)
+                    yield LineMark(min(origin + ends / self._cycle, latest), segment.line, ends=True)
         while low <= last:
             high = min(low + PIECE - 1, last)
             yield sample(plan, origin, low, high, self._cycle)

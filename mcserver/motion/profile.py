@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 NO_DISTANCE = 1e-12
 # Longest profile that is given to Ruckig as it is [s].
 LONGEST_S = 1000.0
+# Acceleration that a profile of a given duration is solved with, beside the mean speed over that duration.
+PLENTY = 1e4
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,12 @@ class ProfileSolver:
             None where no profile keeps the limits without going backwards, or none takes ``duration``.
         """
         given = self._input
+        if duration is not None:
+            # a move that has plenty of time needs no more than a small part of the limits; numbers of very
+            # different sizes are beyond the solver
+            pace = distance / duration + max(entry, exit_)
+            acceleration = min(acceleration, PLENTY * pace / duration)
+            jerk = min(jerk, PLENTY**2 * pace / duration**2)
         # the unit of the coordinate is scaled so that the distance is 1, for Ruckig's tolerances are
         # absolute; the unit of time so that no profile lasts longer than the 7600 s that Ruckig takes
         unit = max(1.0, (duration or 0.0) / LONGEST_S, distance / velocity / LONGEST_S)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,21 +13,12 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
-from mcserver.plot.scene import AxisTrace, Lines, PathTrace, Scene
+from mcserver.plot.scene import AxisTrace, PathTrace, Scene
+from mcserver.plot.side_views import draw_side_views, side_views
+from mcserver.plot.strokes import moving_strokes
 from mcserver.plot.theme import ACTUAL, FAINT_INK, INK, PAPER
 
 MAX_LABELS = 24
-# a stroke shorter than this share of the whole picture is a drive settling, not a motion
-LEAST_STROKE = 1e-3
-
-
-def runs_of(line: Lines) -> list[tuple[int, int, int]]:
-    """Stretches of one line as (line, first row, end row)."""
-    if len(line) == 0:
-        return []
-    edges = np.flatnonzero(np.diff(line)) + 1
-    bounds = [0, *edges.tolist(), len(line)]
-    return [(int(line[first]), first, end) for first, end in itertools.pairwise(bounds)]
 
 
 def draw_path(figure: Figure, place: SubplotSpec, scene: Scene, colours: Mapping[int, str]) -> None:
@@ -36,26 +26,17 @@ def draw_path(figure: Figure, place: SubplotSpec, scene: Scene, colours: Mapping
     if not scene.paths:
         _draw_positions(figure.add_subplot(place), scene)
         return
+    views = side_views(scene.paths)
     if len(scene.paths[0].names) == 2:
         _draw_plane(figure.add_subplot(place), scene.paths[0], colours)
+    elif views:
+        draw_side_views(figure, place, views, colours)
     else:
         _draw_space(figure.add_subplot(place, projection="3d", computed_zorder=False), scene.paths, colours)
 
 
-def _strokes(path: PathTrace) -> list[tuple[int, NDArray[np.float64]]]:
-    """Polylines by line; each takes the first point of the next one, so that no gap shows."""
-    return [(number, path.setpoint[first : end + 1]) for number, first, end in runs_of(path.line)]
-
-
-def _moving(path: PathTrace) -> list[tuple[int, NDArray[np.float64]]]:
-    least = LEAST_STROKE * float(np.ptp(path.setpoint, axis=0).max())
-    return [
-        (number, points) for number, points in _strokes(path) if float(np.ptp(points, axis=0).max()) > least
-    ]
-
-
 def _draw_plane(axes: Any, path: PathTrace, colours: Mapping[int, str]) -> None:
-    strokes = _moving(path)
+    strokes = moving_strokes(path)
     axes.add_collection(
         LineCollection(
             [points for _, points in strokes],
@@ -105,7 +86,7 @@ def _label_line(axes: Any, number: int, points: NDArray[np.float64], colour: str
 
 def _draw_space(axes: Any, paths: Sequence[PathTrace], colours: Mapping[int, str]) -> None:
     for path in paths:
-        strokes = _moving(path)
+        strokes = moving_strokes(path)
         axes.add_collection3d(
             Line3DCollection(
                 [points for _, points in strokes],

@@ -9,11 +9,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.pose import Kinematics
+from kinematics.solver import MachineKinematics
 from mcserver.config import Axis, Machine
 from mcserver.machine_check import axis_name
 from mcserver.simulation_record import Recorded
-from mcserver.units import MM, AxisType
+from mcserver.tool_poses import tool_poses
+from mcserver.units import AxisType
 
 Array = NDArray[np.float64]
 Lines = NDArray[np.int64]
@@ -113,7 +114,7 @@ def build_scene(
     recording: Recorded,
     report: Mapping[str, Any],
     source_lines: Sequence[str],
-    kinematics: Kinematics | None = None,
+    kinematics: MachineKinematics | None = None,
 ) -> Scene:
     """Everything that a picture needs, from a recorded run.
 
@@ -172,7 +173,7 @@ def _axes_path(time: Array, line: Lines, traces: Sequence[AxisTrace]) -> tuple[P
 
 
 def _tool_paths(
-    machine: Machine, recording: Recorded, line: Lines, kinematics: Kinematics
+    machine: Machine, recording: Recorded, line: Lines, kinematics: MachineKinematics
 ) -> tuple[PathTrace, ...]:
     columns = {int(number): column for column, number in enumerate(recording.axes)}
     si_per_unit = np.array([axis.type.si_per_unit for axis in machine.axes])
@@ -196,12 +197,10 @@ def _tool_paths(
     return tuple(paths)
 
 
-def _tips(kinematics: Kinematics, tool: int, positions: Array, columns: Mapping[int, int]) -> Array:
+def _tips(kinematics: MachineKinematics, tool: int, positions: Array, columns: Mapping[int, int]) -> Array:
     """Where the tool's tip is [mm], from the positions of all axes [m, rad]."""
-    chain = kinematics.axes(tool)
-    joints = positions[:, [columns[axis] for axis in chain]]
-    tips = [kinematics.pose(tool, dict(zip(chain, row, strict=True))).position for row in joints.tolist()]
-    return np.asarray(tips) / MM
+    joints = positions[:, [columns[axis] for axis in kinematics.axes(tool)]]
+    return tool_poses(kinematics, tool, joints)[:, :3]
 
 
 def _timed_line(each: Mapping[str, Any], source_lines: Sequence[str]) -> TimedLine:

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
-from mcserver.plot.path_panel import runs_of
 from mcserver.plot.scene import AxisTrace, Scene, TimedLine
+from mcserver.plot.strokes import runs_of
 from mcserver.plot.theme import FAINT_INK, INK, LIMIT
 
 MAX_BARS = 20

@@ -6,8 +6,10 @@ server calls it from its planner thread, `mcserver simulate` between the cycles 
 
 from __future__ import annotations
 
+import time
+import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from kinematics.pose import Kinematics
 from mcserver.config import Machine
@@ -20,6 +22,7 @@ from mcserver.motion.node import PlanningError
 from mcserver.motion.sampling import Rows
 from mcserver.programs.line_planner import LinePlanner
 from mcserver.programs.pipeline_reports import Report, ReportKind
+from mcserver.programs.solving_time import TimedKinematics
 
 __all__ = ["Pipeline", "Report", "ReportKind"]
 
@@ -27,6 +30,8 @@ __all__ = ["Pipeline", "Report", "ReportKind"]
 QUEUE = 4096
 # How far ahead of the executor motion is handed over [cycles]; what is not can still flow into later lines.
 AHEAD = 200
+# The longest stop that is provided for: the ring of rows has to hold it [cycles].
+LONGEST_STOP = 2500
 # Below this lead motion is handed over although more lines are waiting to be read [cycles].
 URGENT = 80
 # Below this lead the stop at the window's end is handed over too: no more lines came in time [cycles].
@@ -45,6 +50,7 @@ class Pipeline(LinePlanner):
         energized: axes that hold a position at the start.
         lease: axes that the program may name; None: all.
         modal: state to start with, for a program that starts in its middle.
+        clock: what the time of inverse kinematics is measured with [s].
     """
 
     def __init__(
@@ -57,11 +63,16 @@ class Pipeline(LinePlanner):
         energized: frozenset[int] = frozenset(),
         lease: frozenset[int] | None = None,
         modal: ModalState | None = None,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         super().__init__(machine, sink, positions, energized)
+        self._solving = None if kinematics is None else TimedKinematics(kinematics, clock)
         self._interpreter = Interpreter(
-            machine, kinematics=kinematics, positions=positions, lease=lease, modal=modal or INITIAL
+            machine, kinematics=self._solving, positions=positions, lease=lease, modal=modal or INITIAL
         )
+        # the executor begins to stop when fewer rows are left than a stop takes
+        slowest = max(axis.max_velocity / axis.max_acceleration for axis in machine.axes)
+        self._stop = min(math.ceil(1.2 * slowest * machine.cycle_hz), LONGEST_STOP)
         self._queue: deque[tuple[int, str]] = deque()
         self._held: ParsedLine | None = None
         self._closed = False
@@ -110,9 +121,10 @@ class Pipeline(LinePlanner):
         return self._waiting_for is not None
 
     @property
-    def handed_over_u(self) -> float:
-        """Up to where rows are in the ring or motion has ended, on the program's time axis [cycles]."""
-        return self._output.last_u
+    def playable_u(self) -> float:
+        """Up to where the executor may play before the next `pump` without beginning to stop [cycles]."""
+        going_on = self._planner.moving or self._source is not None or self._output.blocked
+        return self._output.last_u - (self._stop + DRY if going_on else 0)
 
     @property
     def failed(self) -> bool:
@@ -123,10 +135,6 @@ class Pipeline(LinePlanner):
     def planned_end_u(self) -> float:
         """Where what has been planned so far ends on the program's time axis [cycles]."""
         return self._planner.end_u
-
-    def remaining_s(self, u: float) -> float:
-        """Time from ``u`` to the end of what has been planned, at 100 % and without waits [s]."""
-        return max(0.0, (self.planned_end_u - u) * self._machine.cycle_s)
 
     def take_reports(self) -> list[Report]:
         """Reports since the last call."""
@@ -203,18 +211,18 @@ class Pipeline(LinePlanner):
         if more and not self._planner.moving:
             # a start from rest: the first lines decide how soon, those behind them how fast
             return self._planner.pending >= FIRST_WINDOW
-        return lead < (URGENT if more else AHEAD)
+        return lead < self._stop + (URGENT if more else AHEAD)
 
     def _hand_over(self, u: float | None, lead: float | None) -> bool:
         if self._flush:
             self._flush = False
             self._source = self._planner.close()
             return True
-        want = float("inf") if u is None else max(u, self._planner.u) + AHEAD
+        want = float("inf") if u is None else max(u, self._planner.u) + self._stop + AHEAD
         self._source = self._planner.commit(want)
         if self._source is None:
             more = bool(self._queue or self._canonical)
-            if self._planner.full or (not more and (lead is None or lead < DRY or not self._planner.moving)):
+            if self._planner.full or (not more and (lead is None or lead < self._stop + DRY or not self._planner.moving)):
                 self._source = self._planner.close()
         return self._source is not None
 
@@ -287,6 +295,9 @@ class Pipeline(LinePlanner):
             return False
         self._held = None
         self._canonical.extend(self._interpreter.interpret(parsed))
+        planning_s = 0.0 if self._solving is None else self._solving.take()
+        if planning_s > 0.0:
+            self._reports.append(Report(ReportKind.SOLVED, parsed.number, planning_s=planning_s))
         if self._interpreter.ended:
             self._ended = True
             self._closed = True

@@ -61,7 +61,8 @@ class LinePipeline(Protocol):
     def pump(self, u: float | None = None) -> bool: ...
     def on_event(self, event: ExecutorEvent) -> None: ...
     def take_reports(self) -> Sequence[PlannedLine]: ...
-    def remaining_s(self, u: float) -> float: ...
+    @property
+    def planned_end_u(self) -> float: ...
 
 
 class PipelineRequest(msgspec.Struct, frozen=True):
@@ -133,11 +134,11 @@ class Planned(msgspec.Struct, frozen=True):
 
 
 class Judged(msgspec.Struct, frozen=True):
-    """Lines through ``through`` are right and planned; ``remaining_s`` is left of what is planned."""
+    """Lines through ``through`` are right and planned; what is planned ends at ``end_u`` [cycles]."""
 
     program: str
     through: int
-    remaining_s: float
+    end_u: float
 
 
 class Happened(msgspec.Struct, frozen=True):
@@ -290,7 +291,7 @@ class PlannerThread:
             except Exception as error:
                 self._break(plan, error)
             if event.kind in (EventKind.FINISHED, EventKind.STOPPED):
-                self._judge(plan, float("inf"))
+                self._judge(plan)
                 self._plans.pop(plan.program, None)
                 by_slot.pop(event.program, None)
         self._outcomes.append(Happened(events))
@@ -310,7 +311,7 @@ class PlannerThread:
             return False
         if reports:
             self._report(plan, reports)
-        self._judge(plan, u)
+        self._judge(plan)
         return more or fed
 
     def _feed(self, plan: _Plan) -> bool:
@@ -357,11 +358,11 @@ class PlannerThread:
         if final:
             plan.closing = True
 
-    def _judge(self, plan: _Plan, u: float) -> None:
+    def _judge(self, plan: _Plan) -> None:
         through = plan.pipeline.planned_line
         if through > plan.judged:
             plan.judged = through
-            self._outcomes.append(Judged(plan.program, through, plan.pipeline.remaining_s(u)))
+            self._outcomes.append(Judged(plan.program, through, plan.pipeline.planned_end_u))
 
     def _break(self, plan: _Plan, error: Exception) -> None:
         log.error("the pipeline of %s failed", plan.program, exc_info=error)

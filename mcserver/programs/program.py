@@ -63,6 +63,8 @@ class Program:
         self.journaled = start_line - 1
         self.judged = start_line - 1
         self.progress = LineProgress(start_line)
+        # where what has been planned ends on the executor's time axis of this program [cycles]
+        self.planned_end_u: float | None = None
         self.eta_s: float | None = None
         self.closed = False
         self.held = False

@@ -292,7 +292,7 @@ class ProgramTable:
 
     def _judged(self, program: Program, outcome: Judged) -> None:
         program.judged = max(program.judged, outcome.through)
-        program.eta_s = outcome.remaining_s
+        program.planned_end_u = outcome.end_u
         program.progress.planned_through(outcome.through)
         program.settle()
         self._has_moved(program)

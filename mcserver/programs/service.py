@@ -193,6 +193,7 @@ class MachineService(ProgramIntake):
     def current(self) -> list[Program]:
         """Programs that have not ended, and those that ended a moment ago."""
         since = self.options.clock() - SHOWN_ENDED_S
+        self._estimate()
         return [
             program
             for program in self._table.programs.values()
@@ -201,6 +202,7 @@ class MachineService(ProgramIntake):
 
     async def known(self, *, program_id: str | None, ended: bool, limit: int) -> list[ProgramStatus]:
         """Programs of this start and, from the journal, of earlier ones; newest first."""
+        self._estimate()
         mine = {key: program for key, program in self._table.programs.items() if program_id in (None, key)}
         found = [program.status() for program in reversed(mine.values()) if ended or not program.ended]
         if ended and len(found) < limit:
@@ -213,6 +215,16 @@ class MachineService(ProgramIntake):
         return found[:limit]
 
     # ------------------------------------------------------------ inside
+
+    def _estimate(self) -> None:
+        """Time left of what is planned, at the override in force; waits and dwells come on top."""
+        slots = self.port.slots()
+        for program in self._table.programs.values():
+            if program.ended or program.slot is None or program.planned_end_u is None:
+                continue
+            left = max(0.0, program.planned_end_u - slots[program.slot].u) * self.machine.cycle_s
+            pace = min(1.0, program.override) if program.override > 0.0 else 1.0
+            program.eta_s = left / pace
 
     def _chosen(self, program_id: str | None) -> list[Program]:
         if program_id is None:

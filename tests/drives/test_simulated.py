@@ -21,7 +21,8 @@ CYCLE_S = 1e-3
 def machine(drive: str = "", kind: str = "simulated", axes: int = 1) -> Machine:
     text = '[machine]\nname = "m"\n'
     for index in range(axes):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 1000.0\nmax_acceleration = 10000.0\n'
+        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 1000.0\n'
+        text += "max_acceleration = 10000.0\n"
         text += f'[axis.drive]\nkind = "{kind}"\n{drive}\n'
     return parse_machine(text)
 
@@ -35,7 +36,9 @@ class Bench:
         self.feedback: Feedback = self.bus.boot()
         self.setpoints = Setpoints.of(1)
 
-    def exchange(self, mode: DriveMode, position: float = 0.0, velocity: float = 0.0, torque: float = 0.0) -> None:
+    def exchange(
+        self, mode: DriveMode, position: float = 0.0, velocity: float = 0.0, torque: float = 0.0
+    ) -> None:
         self.setpoints.mode[0] = mode
         self.setpoints.position[0] = position
         self.setpoints.velocity[0] = velocity
@@ -235,7 +238,8 @@ def test_delayed_feedback_is_old_by_as_many_cycles() -> None:
 def test_a_machine_may_mix_ideal_and_simulated_drives() -> None:
     text = '[machine]\nname = "m"\n'
     for index, kind in enumerate(("ideal", "simulated", "ideal")):
-        text += f'[[axis]]\nindex = {index}\ntype = "rotary"\nmax_velocity = 100.0\nmax_acceleration = 1000.0\n'
+        text += f'[[axis]]\nindex = {index}\ntype = "rotary"\nmax_velocity = 100.0\n'
+        text += "max_acceleration = 1000.0\n"
         text += f'[axis.drive]\nkind = "{kind}"\n'
     buses = create_buses(parse_machine(text))
     assert {bus.columns: bus.follows_exactly for bus in buses} == {(0, 2): True, (1,): False}

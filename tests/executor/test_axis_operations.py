@@ -42,7 +42,8 @@ def test_capture_waits_until_a_simulated_drive_holds() -> None:
 
 
 def test_capture_takes_the_encoder_as_setpoint_without_a_jump() -> None:
-    rig = simulated(axis="in_position = 0.1", drive_keys="initial_position = 12.3456\nencoder_resolution = 0.01")
+    keys = "initial_position = 12.3456\nencoder_resolution = 0.01"
+    rig = simulated(axis="in_position = 0.1", drive_keys=keys)
     rig.program.capture()
     rig.program.finish()
     rig.run()
@@ -233,3 +234,30 @@ def test_settle_tells_setpoints_and_encoders() -> None:
     rig.program.control(ControlKind.SETTLE, axes=3, token=5)
     settled = rig.run_until(EventKind.SETTLED)
     assert settled.values == pytest.approx((0.003,) * 4)
+
+
+def test_an_exact_stop_of_an_axis_that_stands_costs_simulated_drives_no_cycle() -> None:
+    rig = simulated()
+    program = rig.program
+    program.capture()
+    for line in (1, 2, 3):
+        program.start_line(line)
+        program.rapid({0: 0.0})
+        program.wait(3)
+        program.end_line()
+    program.finish()
+    rig.run()
+    assert rig.time_of(EventKind.LINE_END, 3) == rig.time_of(EventKind.LINE_START, 1)
+
+
+def test_a_report_of_positions_that_finds_no_room_is_made_again_until_it_does() -> None:
+    rig = Rig(machine())
+    for token in range(300):
+        rig.program.control(ControlKind.SETTLE, axes=1, token=token)
+    rig.program.finish()
+    rig.executor.step(5)
+    first = rig.executor.events()
+    rig.executor.step(5)
+    tokens = [event.token for event in first + rig.executor.events() if event.kind is EventKind.SETTLED]
+    assert len(first) < 300
+    assert tokens == list(range(300))

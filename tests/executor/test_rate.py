@@ -31,7 +31,9 @@ def trapezoid(length: float, speed: float, acceleration: float) -> tuple[Array, 
     return position, velocity
 
 
-def straight(program: Program, length: float, speed: float, direction: tuple[float, float] = (1.0, 0.0)) -> None:
+def straight(
+    program: Program, length: float, speed: float, direction: tuple[float, float] = (1.0, 0.0)
+) -> None:
     position, velocity = trapezoid(length, speed, ACCELERATION)
     program.control(ControlKind.BEGIN, axes=3)
     program.rows(np.outer(position, direction), np.outer(velocity, direction), 3)

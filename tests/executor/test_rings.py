@@ -56,7 +56,7 @@ def test_control_entries_come_out_as_they_were_put(turns: list[tuple[bool, int]]
                 number = len(expected)
                 values = (number + 0.5, -float(number)) if number % 2 else None
                 control = Control(
-                    ControlKind(1 + number % 14), number / 4, number, 1 << number % 64, values, 0.1, number % 5, number
+                    ControlKind(1 + number % 14), number / 4, number, 1 << number % 64, values, 0.1, 3, number
                 )
                 ring.put_control(control)
                 expected.append(control)

@@ -5,6 +5,7 @@ Each ``name.gcode`` has a ``name.json`` beside it; numbers are {"value", "within
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcserver.machine_model import build_kinematics
 from mcserver.config import BUILT_IN, Machine, load_machine
+from mcserver.machine_model import build_kinematics
 from mcserver.simulation import Simulation, simulate
 from mcserver.simulation_record import Recorded
 
@@ -70,7 +71,7 @@ def test_lines_take_the_time_that_they_ask_for(golden: Golden) -> None:
 def test_lines_follow_each_other_in_time(golden: Golden) -> None:
     _, simulation, expected = golden
     lines = simulation.report["lines"]
-    for before, after in zip(lines[:-1], lines[1:], strict=True):
+    for before, after in itertools.pairwise(lines):
         assert after["start_s"] >= before["end_s"] - 1e-9
         if expected.get("contiguous"):
             assert after["start_s"] == pytest.approx(before["end_s"], abs=1e-9)
@@ -131,7 +132,7 @@ def test_a_loop_comes_back_to_its_start(golden: Golden) -> None:
 
 
 def test_setpoints_keep_every_velocity_and_acceleration_limit(golden: Golden) -> None:
-    machine, simulation, expected = golden
+    machine, simulation, _expected = golden
     recording = simulation.recording
     if recording is None or len(recording.time_s) < 3:
         return

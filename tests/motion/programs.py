@@ -1,4 +1,4 @@
-"""Hypothesis strategies: machines with 2 to 12 axes and programs of lines, arcs, helices and concatenations."""
+"""Hypothesis strategies: machines with 2 to 12 axes; programs of lines, arcs, helices and concatenations."""
 
 from __future__ import annotations
 
@@ -11,17 +11,8 @@ from hypothesis import strategies as st
 from mcserver.config import Machine
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.path import Array, Curve
-from tests.motion.support import (
-    AxisSpec,
-    Commit,
-    Move,
-    arc_curve,
-    at_speed,
-    in_time,
-    line_curve,
-    machine_of,
-    tangent,
-)
+from tests.motion.measure import tangent
+from tests.motion.support import AxisSpec, Commit, Move, arc_curve, at_speed, in_time, line_curve, machine_of
 
 VELOCITIES = (50.0, 200.0, 1000.0)
 ACCELERATIONS = (500.0, 2000.0, 20000.0)
@@ -41,7 +32,9 @@ class Program:
     commits: tuple[Commit, ...]
 
 
-def axis_specs(*, rotary: st.SearchStrategy[bool], jerks: tuple[float | None, ...]) -> st.SearchStrategy[AxisSpec]:
+def axis_specs(
+    *, rotary: st.SearchStrategy[bool], jerks: tuple[float | None, ...]
+) -> st.SearchStrategy[AxisSpec]:
     return st.builds(
         AxisSpec,
         velocity=st.sampled_from(VELOCITIES),
@@ -83,7 +76,9 @@ class _Builder:
         share = draw(st.sampled_from([0.05, 0.3, 0.9, 1.5]))
         fastest = min(self.machine.axes[axis].max_velocity for axis in first.axes)
         types = {self.machine.axes[axis].type for axis in first.axes}
-        by_path = len(types) == 1 and (len(first.axes) == 1 if first.axes[0] not in self.linear else len(first.axes) <= 3)
+        by_path = len(types) == 1 and (
+            len(first.axes) == 1 if first.axes[0] not in self.linear else len(first.axes) <= 3
+        )
         lasting = first.length / (share * fastest)
         if by_path and draw(st.booleans()):
             return at_speed(first.length / min(lasting, LONGEST), *curves)
@@ -91,7 +86,9 @@ class _Builder:
 
     def line(self) -> list[Curve]:
         draw = self.draw
-        axes = draw(st.lists(st.sampled_from(range(len(self.machine.axes))), min_size=1, max_size=4, unique=True))
+        axes = draw(
+            st.lists(st.sampled_from(range(len(self.machine.axes))), min_size=1, max_size=4, unique=True)
+        )
         return [self._line(axes, draw(st.sampled_from(LENGTHS)))]
 
     def _line(self, axes: list[int], length: float) -> Curve:

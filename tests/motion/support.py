@@ -1,14 +1,11 @@
-"""Machines, moves and measurements for the laws of motion: what a planner's rows do, judged from outside.
-
-Nothing here uses the planner's own arithmetic: rows are differenced at the cycle rate (D-36) and compared with
-the programmed curves and the machine's limits.
-"""
+"""Machines, moves and motions for the laws of motion: what is asked of a planner, and all that it gives."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,12 +15,6 @@ from mcserver.motion.path import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.planner import LineBound, LineMark, MotionPlanner, Piece
 from mcserver.motion.sampling import Rows
 from mcserver.units import AxisType
-
-VELOCITY_SLACK = 1.001
-ACCELERATION_SLACK = 1.01
-JERK_SLACK = 1.05
-# A joint's tangents that differ by less are one tangent.
-SAME_DIRECTION = 1e-9
 
 
 @dataclass(frozen=True)
@@ -77,14 +68,14 @@ class Move:
 # ---------------------------------------------------------------------- programmed moves
 
 
-def line_curve(machine: Machine, axes: Sequence[int], start: Sequence[float], end: Sequence[float]) -> LineCurve:
-    """A line whose length follows D-30: the root of the sum of squares over linear axes, else over rotary ones."""
+def line_curve(
+    machine: Machine, axes: Sequence[int], start: Sequence[float], end: Sequence[float]
+) -> LineCurve:
+    """A line whose length follows D-30: over its linear axes, else over the rotary ones."""
     linear = [axes[i] for i in range(len(axes)) if machine.axes[axes[i]].type is AxisType.LINEAR]
     counted = linear or list(axes)
     length = math.sqrt(sum((end[list(axes).index(a)] - start[list(axes).index(a)]) ** 2 for a in counted))
-    return LineCurve(
-        tuple(axes), tuple(float(x) for x in start), tuple(float(x) for x in end), length
-    )
+    return LineCurve(tuple(axes), tuple(float(x) for x in start), tuple(float(x) for x in end), length)
 
 
 def arc_curve(
@@ -96,7 +87,7 @@ def arc_curve(
     further: Sequence[float] = (),
     growth: float = 0.0,
 ) -> ArcCurve:
-    """An arc or helix from ``start`` (plane first) about ``centre``; ``further`` is the travel of the other axes."""
+    """An arc or helix from ``start`` (plane first); ``further`` is the travel of the other axes."""
     angle = math.atan2(start[1] - centre[1], start[0] - centre[0]) + sweep
     radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
     end_radius = radius + growth
@@ -104,7 +95,12 @@ def arc_curve(
     end += [a + b for a, b in zip(start[2:], further, strict=True)]
     length = math.hypot(abs(sweep) * (radius + end_radius) / 2.0, *further)
     return ArcCurve(
-        tuple(axes), tuple(float(x) for x in start), tuple(end), (float(centre[0]), float(centre[1])), sweep, length
+        tuple(axes),
+        tuple(float(x) for x in start),
+        tuple(end),
+        (float(centre[0]), float(centre[1])),
+        sweep,
+        length,
     )
 
 
@@ -123,10 +119,7 @@ def polyline(machine: Machine, points: Iterable[Sequence[float]], speed: float) 
     """G94 lines over the first axes from point to point [m]."""
     listed = [tuple(float(x) for x in point) for point in points]
     axes = range(len(listed[0]))
-    return [
-        at_speed(speed, line_curve(machine, tuple(axes), a, b))
-        for a, b in zip(listed[:-1], listed[1:], strict=True)
-    ]
+    return [at_speed(speed, line_curve(machine, tuple(axes), a, b)) for a, b in pairwise(listed)]
 
 
 # ---------------------------------------------------------------------- what the planner makes of them
@@ -232,211 +225,3 @@ def collect(machine: Machine, moves: list[Move], start: Array, pieces: list[Piec
         pieces=pieces,
         bounds={piece.line: piece for piece in pieces if isinstance(piece, LineBound)},
     )
-
-
-# ---------------------------------------------------------------------- measurements
-
-
-def velocity_ratio(motion: Motion) -> float:
-    """Greatest first difference at the cycle rate over the axis's limit."""
-    limit = np.array([axis.max_velocity for axis in motion.machine.axes])
-    return float((np.abs(np.diff(motion.rested, axis=0)) / motion.cycle / limit).max())
-
-
-def row_velocity_ratio(motion: Motion) -> float:
-    """Greatest velocity that a row states over the axis's limit."""
-    limit = np.array([axis.max_velocity for axis in motion.machine.axes])
-    return float((np.abs(motion.velocity) / limit).max())
-
-
-def acceleration_ratio(motion: Motion) -> float:
-    """Greatest second difference at the cycle rate over the axis's limit."""
-    limit = np.array([axis.max_acceleration for axis in motion.machine.axes])
-    return float((np.abs(np.diff(motion.rested, 2, axis=0)) / motion.cycle**2 / limit).max())
-
-
-def jerk_ratio(motion: Motion, *, vertices: Sequence[float] = ()) -> float:
-    """Greatest third difference over the axis's limit, leaving out three rows about each u in ``vertices``."""
-    limit = np.array([axis.max_jerk for axis in motion.machine.axes])
-    ratio = np.abs(np.diff(motion.rested, 3, axis=0)) / motion.cycle**3 / limit
-    # rested[i] is row u = i - 2; the third difference k spans rows u = k - 2 … k + 1
-    centre = np.arange(len(ratio)) - 0.5
-    for u in vertices:
-        ratio[np.abs(centre - u) <= 3.0] = 0.0
-    return float(ratio.max())
-
-
-def vertices_of(motion: Motion) -> list[float]:
-    """The u at which lines meet with a step of the tangent (D-36)."""
-    return [
-        motion.starts[number]
-        for number, (before, after) in enumerate(zip(motion.moves[:-1], motion.moves[1:], strict=True), start=2)
-        if turn(motion.machine, before.group, after.group) > SAME_DIRECTION
-    ]
-
-
-def turn(machine: Machine, before: FeedGroup, after: FeedGroup) -> float:
-    """Length of the difference of the unit tangents where two groups meet."""
-    return float(np.linalg.norm(tangent(machine, after, 0.0) - tangent(machine, before, 1.0)))
-
-
-def tangent(machine: Machine, group: FeedGroup, s: float) -> Array:
-    """Unit tangent over the machine's axes at one end of a group, shape (K,)."""
-    slope = np.zeros(len(machine.axes))
-    for curve in group.curves:
-        slope[[machine.slot(axis) for axis in curve.axes]] = curve.derivatives(np.array([s]))[0][0]
-    result: Array = slope / np.linalg.norm(slope)
-    return result
-
-
-def end_of(machine: Machine, moves: Sequence[Move], start: Array) -> Array:
-    """Where the programmed path ends, shape (K,)."""
-    position = start.copy()
-    for move in moves:
-        for curve in move.group.curves:
-            position[[machine.slot(axis) for axis in curve.axes]] = curve.position(np.array([1.0]))[0]
-    return position
-
-
-def bases(motion: Motion) -> Iterator[Array]:
-    """Positions before each move, shape (K,) each."""
-    for count in range(len(motion.moves)):
-        yield end_of(motion.machine, motion.moves[:count], motion.start)
-
-
-def group_position(machine: Machine, group: FeedGroup, base: Array, s: Array) -> Array:
-    """All columns along a group, shape (len(s), K); other columns rest at ``base``."""
-    points = np.tile(base, (len(s), 1))
-    for curve in group.curves:
-        points[:, [machine.slot(axis) for axis in curve.axes]] = curve.position(s)
-    return points
-
-
-def group_slope(machine: Machine, group: FeedGroup, s: Array) -> Array:
-    slope = np.zeros((len(s), len(machine.axes)))
-    for curve in group.curves:
-        slope[:, [machine.slot(axis) for axis in curve.axes]] = curve.derivatives(s)[0]
-    return slope
-
-
-def away_from(machine: Machine, group: FeedGroup, base: Array, points: Array) -> Array:
-    """Distance of points (n, K) from a group's path over all axes, shape (n,).
-
-    The nearest s by Gauss-Newton from the nearest sample of each turn: turns of a helix lie close together.
-    """
-    sweep = max((abs(curve.sweep) for curve in group.curves if isinstance(curve, ArcCurve)), default=0.0)
-    turns = max(1, math.ceil(sweep / (2.0 * math.pi)))
-    count = 2 + int(16 * sweep / turns)
-    best = np.full(len(points), math.inf)
-    for which in range(turns):
-        # not the ends: a point just before the start of one turn lies on the turn before it
-        grid = (which + (np.arange(count) + 0.5) / count) / turns
-        path = group_position(machine, group, base, grid)
-        # squared distances up to a constant of each point
-        nearness = (path * path).sum(axis=1) - 2.0 * points @ path.T
-        nearest = grid[np.argmin(nearness, axis=1)]
-        for _ in range(8):
-            gap = points - group_position(machine, group, base, nearest)
-            best = np.minimum(best, np.linalg.norm(gap, axis=1))
-            slope = group_slope(machine, group, nearest)
-            step = (gap * slope).sum(axis=1) / np.maximum((slope * slope).sum(axis=1), 1e-300)
-            nearest = np.clip(nearest + step, 0.0, 1.0)
-    return best
-
-
-def farthest_from_path(motion: Motion) -> float:
-    """Greatest distance of a row from the path of its own line or of a neighbour [m or rad]."""
-    worst = 0.0
-    based = list(bases(motion))
-    for number in range(1, len(motion.moves) + 1):
-        points = motion.position[motion.row_line == number]
-        if not len(points):
-            continue
-        distance = np.full(len(points), math.inf)
-        for other in (number, number - 1, number + 1):
-            unsettled = distance > 1e-9
-            if 1 <= other <= len(motion.moves) and unsettled.any():
-                group, base = motion.moves[other - 1].group, based[other - 1]
-                distance[unsettled] = np.minimum(
-                    distance[unsettled], away_from(motion.machine, group, base, points[unsettled])
-                )
-        worst = max(worst, float(distance.max()))
-    return worst
-
-
-def path_missed_by(motion: Motion, points_a_line: int = 33) -> float:
-    """Greatest distance of a programmed point from the polyline of the rows [m or rad]."""
-    polyline = np.concatenate([motion.start[None, :], motion.position])
-    worst = 0.0
-    for move, base, number in zip(motion.moves, bases(motion), range(1, len(motion.moves) + 1), strict=True):
-        low = max(0, math.floor(motion.starts[number]) - 2)
-        high = min(len(polyline), math.ceil(motion.ends[number]) + 3)
-        near = polyline[low:high]
-        s = np.concatenate([np.linspace(0.0, 1.0, points_a_line), 10.0 ** -np.arange(1.0, 5.0)])
-        programmed = group_position(motion.machine, move.group, base, s)
-        worst = max(worst, _from_polyline(programmed, near))
-    return worst
-
-
-def _from_polyline(points: Array, nodes: Array) -> float:
-    travel = np.diff(nodes, axis=0)
-    length = np.maximum((travel * travel).sum(axis=1), 1e-300)
-    away = points[:, None, :] - nodes[None, :-1, :]
-    along = np.clip((away * travel).sum(axis=2) / length, 0.0, 1.0)
-    gap = away - along[:, :, None] * travel
-    return float(np.sqrt((gap * gap).sum(axis=2).min(axis=1).max()))
-
-
-def speed_over_feed(motion: Motion) -> float:
-    """Greatest path speed (D-30) of rows within one G94 line over its F."""
-    worst = 0.0
-    rows = np.concatenate([motion.start[None, :], motion.position])
-    for number, move in enumerate(motion.moves, start=1):
-        group = move.group
-        if group.speed is None:
-            continue
-        curve = group.curves[group.reference]
-        linear = [a for a in curve.axes if motion.machine.axes[motion.machine.slot(a)].type is AxisType.LINEAR]
-        columns = [motion.machine.slot(axis) for axis in (linear or curve.axes)]
-        low, high = math.ceil(motion.starts[number]), math.floor(motion.ends[number])
-        inside = rows[low : high + 1, columns]
-        if len(inside) > 1:
-            speed = np.linalg.norm(np.diff(inside, axis=0), axis=1) / motion.cycle
-            worst = max(worst, float(speed.max()) / group.speed)
-    return worst
-
-
-def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: float) -> float:
-    """Least time over a distance from rest to rest under three limits, by bisection on the peak speed [s]."""
-
-    def ramp_time(speed: float) -> float:
-        if math.isinf(jerk):
-            return speed / acceleration
-        if speed * jerk >= acceleration**2:
-            return speed / acceleration + acceleration / jerk
-        return 2.0 * math.sqrt(speed / jerk)
-
-    if velocity * ramp_time(velocity) <= distance:
-        return 2.0 * ramp_time(velocity) + (distance - velocity * ramp_time(velocity)) / velocity
-    low, high = 0.0, velocity
-    for _ in range(200):
-        middle = (low + high) / 2.0
-        if middle * ramp_time(middle) <= distance:
-            low = middle
-        else:
-            high = middle
-    return 2.0 * ramp_time(high)
-
-
-def least_time(machine: Machine, group: FeedGroup) -> float:
-    """Least time of a group of lines from rest to rest under its axes' limits [s]."""
-    velocity = acceleration = jerk = math.inf
-    for curve in group.curves:
-        assert isinstance(curve, LineCurve)
-        for axis, a, b in zip(curve.axes, curve.start, curve.end, strict=True):
-            if a != b:
-                limits = machine.axes[machine.slot(axis)]
-                velocity = min(velocity, limits.max_velocity / abs(b - a))
-                acceleration = min(acceleration, limits.max_acceleration / abs(b - a))
-                jerk = min(jerk, limits.max_jerk / abs(b - a))
-    return rest_to_rest(1.0, velocity, acceleration, jerk)

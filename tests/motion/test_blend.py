@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -12,21 +13,14 @@ from hypothesis import strategies as st
 from mcserver.motion.blend import Blend, blend
 from mcserver.motion.path import Array, Curve
 from mcserver.motion.segment import Segment, segment_of
-from tests.motion.support import (
-    Move,
+from tests.motion.measure import (
     acceleration_ratio,
-    alike,
-    arc_curve,
-    at_speed,
     farthest_from_path,
-    in_time,
     jerk_ratio,
-    line_curve,
     path_missed_by,
-    plan,
-    polyline,
     velocity_ratio,
 )
+from tests.motion.support import Move, alike, arc_curve, at_speed, in_time, line_curve, plan, polyline
 from tests.motion.test_laws import law
 
 WIDTH = 3
@@ -110,7 +104,7 @@ def test_position_tangent_and_curvature_go_on_through_every_joint_of_a_blend(
     assert made is not None
     parts = [made.before, made.first, made.second, made.after]
     size = tolerance + min(part.extent for part in parts)
-    for left, right in zip(parts[:-1], parts[1:], strict=True):
+    for left, right in itertools.pairwise(parts):
         end, begin = np.array([left.finish]), np.array([right.begin])
         assert left.sample(end)[0] == pytest.approx(right.sample(begin)[0], abs=1e-12)
         t1, k1 = tangent_and_curvature(left, end)
@@ -146,7 +140,10 @@ def test_a_line_with_a_time_of_its_own_is_not_trimmed() -> None:
     machine = alike(WIDTH)
     there = segment(line_curve(machine, (0,), (0.0,), (0.1,)), 1, np.zeros(WIDTH))
     timed = segment_of(
-        in_time(1.0, line_curve(machine, (1,), (0.0,), (0.1,))), 2, {axis: axis for axis in range(WIDTH)}, WIDTH
+        in_time(1.0, line_curve(machine, (1,), (0.0,), (0.1,))),
+        2,
+        {axis: axis for axis in range(WIDTH)},
+        WIDTH,
     )
     timed.base = np.array([0.1, 0.0, 0.0])
     assert made_of(there, timed, 1e-3) is None

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from mcserver.motion.planner import Activation, Deactivation, LineMark, Piece
 from mcserver.motion.sampling import Rows
-from tests.motion.programs import JERKS, Program, programs
-from tests.motion.support import (
+from tests.motion.measure import (
     ACCELERATION_SLACK,
     JERK_SLACK,
     VELOCITY_SLACK,
@@ -21,12 +20,13 @@ from tests.motion.support import (
     farthest_from_path,
     jerk_ratio,
     path_missed_by,
-    plan,
     row_velocity_ratio,
     speed_over_feed,
     velocity_ratio,
     vertices_of,
 )
+from tests.motion.programs import JERKS, Program, programs
+from tests.motion.support import alike, at_speed, line_curve, plan
 
 EXACT = 1e-9
 # What the order of two moments on the time axis may miss [cycles].
@@ -158,8 +158,6 @@ def test_a_program_planned_twice_is_the_same_to_the_last_bit(data: st.DataObject
 
 
 def test_the_measurements_see_a_limit_that_is_broken() -> None:
-    from tests.motion.support import alike, at_speed, line_curve
-
     machine = alike(2, velocity=200.0, acceleration=1000.0)
     weak = alike(2, velocity=100.0, acceleration=500.0, jerk=1000.0)
     motion = plan(machine, [at_speed(0.2, line_curve(machine, (0, 1), (0.0, 0.0), (0.2, 0.0)))])

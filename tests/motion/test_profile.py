@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -20,7 +21,7 @@ from mcserver.motion.profile import (
     speed_change_time,
 )
 from mcserver.motion.ramps import exactly, fastest, ramp
-from tests.motion.support import rest_to_rest
+from tests.motion.measure import rest_to_rest
 from tests.motion.test_laws import law
 
 DISTANCES = st.floats(-9.0, 1.0).map(lambda power: 10.0**power)
@@ -75,9 +76,7 @@ def test_a_duration_that_is_too_short_has_no_profile(
 def test_a_profile_never_goes_back_nor_past_its_limits_nor_past_its_end(
     distance: float, velocity: float, acceleration: float, jerk: float, entry: float, exit_: float
 ) -> None:
-    solved = ProfileSolver().solve(
-        distance, entry * velocity, exit_ * velocity, velocity, acceleration, jerk
-    )
+    solved = ProfileSolver().solve(distance, entry * velocity, exit_ * velocity, velocity, acceleration, jerk)
     assume(solved is not None)
     assert solved is not None
     phases = join([solved])
@@ -107,9 +106,7 @@ def test_a_profile_never_goes_back_nor_past_its_limits_nor_past_its_end(
 def test_time_at_is_the_inverse_of_at(
     distance: float, velocity: float, acceleration: float, jerk: float, entry: float, exit_: float
 ) -> None:
-    solved = ProfileSolver().solve(
-        distance, entry * velocity, exit_ * velocity, velocity, acceleration, jerk
-    )
+    solved = ProfileSolver().solve(distance, entry * velocity, exit_ * velocity, velocity, acceleration, jerk)
     assume(solved is not None)
     assert solved is not None
     phases = join([solved, ramp(exit_ * velocity, velocity, acceleration, jerk)] if exit_ < 1.0 else [solved])
@@ -178,7 +175,13 @@ LADDERS = st.sampled_from(
     [
         [Level(0.2, 2.0, math.inf)],
         [Level(0.1, 2.0, 100.0), Level(0.15, 1.0, 50.0), Level(0.2, 0.2, 20.0)],
-        [Level(0.09, 9.0, 1e4), Level(0.13, 7.0, 9e3), Level(0.16, 5.0, 7e3), Level(0.18, 3.0, 5e3), Level(0.2, 0.3, 1e3)],
+        [
+            Level(0.09, 9.0, 1e4),
+            Level(0.13, 7.0, 9e3),
+            Level(0.16, 5.0, 7e3),
+            Level(0.18, 3.0, 5e3),
+            Level(0.2, 0.3, 1e3),
+        ],
     ]
 )
 
@@ -192,7 +195,7 @@ def test_a_ladder_is_climbed_within_its_rungs(ladder: list[Level], distance: flo
     for part in made:
         level = next(level for level in ladder if part.peak_velocity <= level.velocity * (1.0 + 1e-9))
         assert part.peak_acceleration <= level.acceleration * (1.0 + 1e-9)
-    for before, after in zip(made[:-1], made[1:], strict=True):
+    for before, after in itertools.pairwise(made):
         assert after.velocities[0] == pytest.approx(before.velocities[-1], rel=1e-9)
 
 

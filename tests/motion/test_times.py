@@ -9,21 +9,19 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mcserver.motion.canonical import FeedGroup
+from tests.motion.measure import acceleration_ratio, least_time, rest_to_rest
 from tests.motion.programs import ACCELERATIONS, JERKS, LENGTHS, VELOCITIES, Program, programs
 from tests.motion.support import (
     AxisSpec,
     Commit,
     Move,
-    acceleration_ratio,
     alike,
     arc_curve,
     at_speed,
     in_time,
-    least_time,
     line_curve,
     machine_of,
     plan,
-    rest_to_rest,
 )
 from tests.motion.test_laws import law
 
@@ -74,10 +72,17 @@ def test_a_line_asked_to_be_too_quick_is_stretched_by_the_least_and_says_what_bo
 
 @given(programs(kinds=("line", "onward", "back")))
 @law(60)
-def test_no_line_of_a_chain_takes_longer_than_t_if_it_could_be_kept_from_rest_to_rest(program: Program) -> None:
+def test_no_line_of_a_chain_takes_longer_than_t_if_it_could_be_kept_from_rest_to_rest(
+    program: Program,
+) -> None:
     """D-33: the speeds between lines are chosen so that every T that is feasible is kept."""
     moves = [
-        Move(in_time(max(move.group.requested, 1.0001 * least_time(program.machine, move.group)), *move.group.curves))
+        Move(
+            in_time(
+                max(move.group.requested, 1.0001 * least_time(program.machine, move.group)),
+                *move.group.curves,
+            )
+        )
         for move in program.moves
     ]
     assume(sum(move.group.requested for move in moves) < 60.0)
@@ -98,12 +103,19 @@ def test_lines_that_follow_each_other_straight_keep_a_t_that_none_could_keep_bet
 ) -> None:
     machine = alike(2, velocity=200.0, acceleration=2000.0, jerk=jerk)
     duration = length / (share * 0.2)
-    motion = plan(machine, [in_time(duration, line_curve(machine, (0,), (i * length,), ((i + 1) * length,))) for i in range(count)])
+    motion = plan(
+        machine,
+        [
+            in_time(duration, line_curve(machine, (0,), (i * length,), ((i + 1) * length,)))
+            for i in range(count)
+        ],
+    )
     least = least_time(machine, motion.moves[0].group)
     for line in range(1, count + 1):
-        fast = motion.starts[line] * machine.cycle_s > 2.0 * least and (
-            motion.ends[count] - motion.ends[line]
-        ) * machine.cycle_s > 2.0 * least
+        fast = (
+            motion.starts[line] * machine.cycle_s > 2.0 * least
+            and (motion.ends[count] - motion.ends[line]) * machine.cycle_s > 2.0 * least
+        )
         if fast:
             assert motion.took(line) == pytest.approx(duration, abs=MICROSECOND)
 

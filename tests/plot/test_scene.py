@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcserver.plot.path_panel import runs_of
 from mcserver.plot.scene import build_scene
+from mcserver.plot.strokes import runs_of
 from mcserver.plot.time_panels import peaks
 from tests.plot.synthetic import machine, report, run, scene, smooth
 

@@ -237,8 +237,9 @@ class FakePipeline:
         reports, self._reports = self._reports, []
         return reports
 
-    def remaining_s(self, u: float) -> float:
-        return 1.0 + 0.0 * u
+    @property
+    def planned_end_u(self) -> float:
+        return 1000.0
 
 
 class FakePipelines:

@@ -85,8 +85,8 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
 
 def _tools_table(status: MachineStatus) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("tool", "x", "y", "z", "a", "b", "c"):
-        table.add_column(title, justify="right")
+    for title in ("tool", "x mm", "y mm", "z mm", "a deg", "b deg", "c deg"):
+        table.add_column(title, justify="right", no_wrap=True)
     for tool in status.tools:
         table.add_row(
             f"T{tool.number}",

@@ -86,5 +86,10 @@ async def _plain(machine: Machine) -> None:
             continue
         shown_at = status.t
         positions = " ".join(f"{position:.3f}" for position in status.axes.position)
+        tools = " ".join(
+            f"T{tool.number}:" + ",".join(f"{value:.3f}" for value in (*tool.position, *tool.orientation))
+            for tool in status.tools
+        )
         programs = " ".join(f"{each.program}:{each.state}:{each.line}" for each in status.programs)
-        results().print(f"{status.t:.1f} {status.state} {positions} {programs}".rstrip(), markup=False)
+        said = (f"{status.t:.1f}", status.state, positions, tools, programs)
+        results().print(" ".join(word for word in said if word), markup=False)

@@ -1,0 +1,115 @@
+"""Control entries that wait for u, and where motion has to be able to stop before them."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.playback import NEAR_U, Playback
+from mcserver.executor.rings import ProgramRing
+
+# Control entries taken out of the ring in a cycle, besides those that this cycle may pass.
+DECODED_A_CYCLE = 64
+# Entries up to this far ahead of u are always taken out [cycles].
+DECODED_AHEAD = 8.0
+
+# Entries at which u may have to wait.
+WAITING = frozenset(
+    (
+        ControlKind.WAIT,
+        ControlKind.DWELL,
+        ControlKind.AXIS,
+        ControlKind.PAUSE,
+        ControlKind.SETTLE,
+        ControlKind.HALT_AXES,
+    )
+)
+
+
+class ControlQueue:
+    """Entries taken out of a program's ring, in order.
+
+    Attributes:
+        last_u: u of the last entry known.
+    """
+
+    def __init__(self, ring: ProgramRing, playback: Playback) -> None:
+        self._ring = ring
+        self._playback = playback
+        self._waiting: deque[Control] = deque()
+        self._stops: deque[float] = deque()
+        self._line_stops: deque[float] = deque()
+        self.open(0)
+
+    def open(self, base: int) -> None:
+        """Begins with entry number ``base``."""
+        self._waiting.clear()
+        self._stops.clear()
+        self._line_stops.clear()
+        self._decoded = base
+        self._open = 0
+        self._end = -1.0
+        self.last_u = 0.0
+
+    def drop(self) -> None:
+        """Frees everything: nothing more of this program is done."""
+        self.open(self._ring.controls_written)
+        self._ring.free_controls(self._decoded)
+
+    @property
+    def head(self) -> Control | None:
+        """The next entry."""
+        return self._waiting[0] if self._waiting else None
+
+    def pop(self) -> None:
+        """The next entry has been reached."""
+        control = self._waiting.popleft()
+        self._ring.free_controls(self._decoded - len(self._waiting))
+        if control.kind is ControlKind.LINE_END:
+            _leave(self._line_stops, control.u + NEAR_U)
+        elif control.kind in WAITING:
+            _leave(self._stops, control.u + NEAR_U)
+
+    def decode(self, u: float) -> None:
+        """Takes new entries out of the ring and notes where motion has to be able to end."""
+        ring = self._ring
+        written = ring.controls_written
+        number, limit = self._decoded, self._decoded + DECODED_A_CYCLE
+        while number < written and (number < limit or self.last_u <= u + DECODED_AHEAD):
+            control = ring.control(number)
+            number += 1
+            self._waiting.append(control)
+            kind = control.kind
+            if kind is ControlKind.BEGIN:
+                self._open |= control.axes
+            elif kind is ControlKind.END:
+                self._open &= ~control.axes
+                self._end = control.u
+            elif self._open and kind is ControlKind.LINE_END:
+                self._line_stops.append(control.u)
+            elif self._open and kind in WAITING:
+                self._stops.append(control.u)
+            self.last_u = control.u
+        self._decoded = number
+
+    def edge(self, u: float, single_line: bool) -> tuple[float | None, bool]:
+        """Before which u the motion under way has to be able to stop, and whether more rows would move that
+        on.
+
+        None: it ends by itself before all that.
+        """
+        edge: float | None = None
+        dry = False
+        last = self._playback.last_u
+        if (self._open or last < self._end - 1.0 + NEAR_U) and not self._playback.rests_at_end:
+            edge, dry = last, True
+        for stops in (self._stops, self._line_stops) if single_line else (self._stops,):
+            _leave(stops, u - NEAR_U)
+            if stops and (edge is None or stops[0] < edge):
+                edge, dry = stops[0], False
+        return edge, dry
+
+
+def _leave(stops: deque[float], u: float) -> None:
+    while stops and stops[0] <= u:
+        stops.popleft()

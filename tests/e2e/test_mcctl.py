@@ -1,0 +1,104 @@
+"""``mcctl`` against a real server."""
+
+from __future__ import annotations
+
+import json
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.e2e.conftest import Mcctl
+from tests.e2e.servers import ServerProcess
+
+
+@pytest.fixture
+def target(server: ServerProcess) -> tuple[str, ...]:
+    """Options that reach the shared server."""
+    return ("--machine", server.name, "--connect", server.endpoint)
+
+
+def written(folder: Path, text: str) -> str:
+    path = folder / "part.gcode"
+    path.write_text(text, "utf-8")
+    return str(path)
+
+
+def test_run_ends_with_0_and_narrates_on_standard_error(
+    mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path
+) -> None:
+    file = written(tmp_path, "G1010\nG94 F30000\nG01 X20 Y10\nG01 X0\n")
+    done = mcctl("run", file, *target)
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    assert "part.gcode: finished, 4 lines" in done.stderr
+
+
+def test_run_json_tells_the_end_on_standard_output(
+    mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path
+) -> None:
+    file = written(tmp_path, "G1010\nG94 F30000 G01 X10\n")
+    done = mcctl("run", file, *target, "--json")
+    told = json.loads(done.stdout)
+    assert (done.returncode, told["ok"], told["state"]) == (0, True, "finished")
+    assert (told["accepted"], told["done"]) == (2, 2)
+
+
+def test_run_records_the_path_really_taken(mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path) -> None:
+    file = written(tmp_path, "G1010\nG00 X0 Y0\nG94 F12000\nG02 X20 Y20 R20\n")
+    done = mcctl("run", file, *target, "--record", str(tmp_path / "out.npz"), "--axes", "0,1")
+    assert done.returncode == 0, done.stderr
+    with np.load(tmp_path / "out.npz") as recording:
+        assert recording["axes"].tolist() == [0, 1]
+        arc = recording["setpoint"][recording["line"] == 4]
+        assert np.diff(recording["time_s"]) == pytest.approx(0.001, abs=1e-6)
+    assert np.linalg.norm(arc - (20.0, 0.0), axis=1) == pytest.approx(20.0, abs=0.01)
+
+
+def test_a_rejected_program_ends_with_4_and_points_at_the_fault(
+    mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path
+) -> None:
+    file = written(tmp_path, "G1010\nG94 F600\nG01 X1\nG02 X100 Y0 R30\n")
+    done = mcctl("run", file, *target)
+    assert done.returncode == 4, done.stderr
+    assert "error[MC104]" in done.stderr
+    assert "part.gcode:4:" in done.stderr
+    (caret,) = [line for line in done.stderr.splitlines() if "^^^" in line]
+    (text,) = [line for line in done.stderr.splitlines() if "G02 X100 Y0 R30" in line]
+    assert caret.index("^") == text.index("R30")
+
+
+def test_a_program_rejected_in_its_stream_ends_with_4_after_the_lines_before(
+    mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path
+) -> None:
+    file = written(tmp_path, "G1010\nG94 F6000 G01 X3 Y0\nGO1 X9\n")
+    done = mcctl("run", file, "--no-check", *target)
+    assert done.returncode == 4, done.stderr
+    assert "part.gcode:3:" in done.stderr
+    status = mcctl("status", *target, "--json")
+    assert json.loads(status.stdout)["axes"]["setpoint"][0] == pytest.approx(3.0, abs=0.001)
+
+
+def test_a_runtime_fault_ends_with_1(mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path) -> None:
+    file = written(tmp_path, "G1011\nG94 F600\nG01 X1\n")
+    done = mcctl("run", file, *target)
+    assert done.returncode == 1, done.stderr
+    assert "G1010" in done.stderr
+    assert mcctl("reset", *target).returncode == 0
+
+
+def test_nobody_answering_ends_with_5(mcctl: Mcctl, tmp_path: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        # bound and not listening: nobody answers there, and nobody else can take the port
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        done = mcctl("run", written(tmp_path, "G1010\n"), "--machine", "cell", "--connect", endpoint)
+    assert done.returncode == 5, done.stderr
+    assert "MC530" in done.stderr
+
+
+def test_orders_of_the_operator_end_with_0(mcctl: Mcctl, target: tuple[str, ...]) -> None:
+    assert mcctl("list", "--connect", target[3]).stdout.split()[0:1] != []
+    for arguments in (("override", "50"), ("override", "100"), ("hold",), ("resume",), ("abort",)):
+        done = mcctl(*arguments, *target)
+        assert done.returncode == 0, (arguments, done.stderr)

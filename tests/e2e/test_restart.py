@@ -1,0 +1,163 @@
+"""The server or its executor killed in the middle of a program."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from mcclient import MotionError, ProgramInterrupted
+
+from tests.e2e.conftest import connected
+from tests.e2e.observing import (
+    LIMIT_S,
+    event,
+    known,
+    line_started,
+    listening,
+    listening_events,
+    recorded,
+    run,
+)
+from tests.e2e.servers import ServerProcess, command_line, wait_for_end
+
+# increments in inches with an F of their own: modal state that a restart must not lose
+MODAL = [
+    *["G1010", "G20 G91", "G94 F300"],
+    *["G01 X1", "G01 X1", "G01 X1", "G01 X1 F20", "G01 X1 F300", "G01 X1"],
+]
+SLOW = 7
+END_MM = 6 * 25.4
+# the executor stops when the server's beat stays out, and then goes
+EXECUTOR_LIMIT_S = 15.0
+
+
+async def test_a_killed_server_shows_the_program_interrupted_and_moves_nothing(
+    own_server: ServerProcess,
+) -> None:
+    async with connected(own_server) as machine:
+        program = await machine.program("part", [0])
+        reports = await listening(machine, program)
+        await program.send_lines(MODAL)
+        await line_started(reports, SLOW)
+        own_server.end(signal.SIGKILL)
+        own_server.start()
+        with pytest.raises(ProgramInterrupted) as interrupted:
+            async with asyncio.timeout(LIMIT_S):
+                await program.finish()
+        error = interrupted.value
+        assert (error.program, error.accepted, error.done) == (program.id, len(MODAL), SLOW - 1)
+        assert f"resume_program({program.id!r}, start_line={SLOW})" in error.hint
+        assert f"line {SLOW} may have begun" in error.message
+
+        found = await known(machine, program.id)
+        assert (found.state, found.accepted, found.done) == ("interrupted", len(MODAL), SLOW - 1)
+        async with recorded(machine) as recording:
+            status = await machine.status()
+            assert status.programs == ()
+            assert set(status.axes.state) == {"off"}
+        assert abs(recording.velocity).max() == 0.0
+
+
+async def test_a_client_resumes_with_the_modal_state_rebuilt_and_ends_where_the_program_ends(
+    own_server: ServerProcess,
+) -> None:
+    async with connected(own_server) as machine:
+        program = await machine.program("part", [0])
+        reports = await listening(machine, program)
+        await program.send_lines(MODAL)
+        await line_started(reports, SLOW)
+        own_server.end(signal.SIGKILL)
+        own_server.start()
+        with pytest.raises(ProgramInterrupted) as interrupted:
+            async with asyncio.timeout(LIMIT_S):
+                await program.finish()
+        start = interrupted.value.done + 1
+        # to where the interrupted line begins
+        await run(machine, ["G1010", "G00 X76.2"])
+        async with asyncio.timeout(LIMIT_S):
+            resumed = await machine.resume_program(program.id, start_line=start + 1, axes=[0])
+            await resumed.abort()
+            resumed = await machine.resume_program(program.id, start_line=start, axes=[0])
+            reports = await listening(machine, resumed)
+            assert await resumed.send_lines(MODAL[start - 1 :]) == len(MODAL)
+            await resumed.finish()
+            timings = [each.timing async for each in reports if each.timing is not None]
+        assert [each.line for each in timings] == [7, 8, 9]
+        # an inch at 20 and at 300 inches a minute
+        assert [each.requested_s for each in timings] == pytest.approx([3.0, 0.2, 0.2])
+        assert (await machine.status()).axes.setpoint[0] == pytest.approx(END_MM, abs=0.01)
+        assert (await known(machine, resumed.id)).resume_of == program.id
+
+
+async def test_f_of_an_earlier_line_is_in_force_after_a_resume(own_server: ServerProcess) -> None:
+    async with connected(own_server) as machine:
+        program = await machine.program("part", [0])
+        reports = await listening(machine, program)
+        await program.send_lines(["G1010", "G20 G91", "G94 F300", "G01 X1", "G04 P30", "G01 X1"])
+        await line_started(reports, 5)
+        own_server.end(signal.SIGKILL)
+        own_server.start()
+        await machine.refresh_info(deadline_s=LIMIT_S)
+        await run(machine, ["G1010"])
+        async with asyncio.timeout(LIMIT_S):
+            resumed = await machine.resume_program(program.id, start_line=6, axes=[0])
+            reports = await listening(machine, resumed)
+            await resumed.send_lines(["G01 X1"])
+            await resumed.finish()
+            (timing,) = [each.timing async for each in reports if each.timing is not None]
+        assert timing.requested_s == pytest.approx(0.2)
+        # the drives are simulated and began at 0 again: one inch from there
+        assert (await machine.status()).axes.setpoint[0] == pytest.approx(25.4, abs=0.01)
+
+
+async def test_a_killed_executor_is_reported_and_ends_the_server(own_server: ServerProcess) -> None:
+    async with connected(own_server) as machine:
+        program = await machine.program("part", [0])
+        events = await listening_events(machine)
+        reports = await listening(machine, program)
+        await program.send_lines(["G1010", "G94 F600", "G01 X500"])
+        await line_started(reports, 3)
+        (executor,) = own_server.executors()
+        os.kill(executor, signal.SIGKILL)
+        fault = await event(events, "fault")
+        assert fault.fault is not None
+        assert fault.fault.code == "MC518"
+        assert own_server.wait() != 0
+        assert "MC518" in "".join(own_server.said)
+        own_server.start()
+        found = await known(machine, program.id)
+        assert found.state in ("faulted", "interrupted")
+        with pytest.raises(MotionError) as told:
+            async with asyncio.timeout(LIMIT_S):
+                await program.finish()
+        assert told.value.code in ("MC518", "MC534")
+        assert set((await machine.status()).axes.state) == {"off"}
+
+
+async def test_a_killed_server_leaves_no_process_and_no_memory(own_server: ServerProcess) -> None:
+    named = named_memory()
+    async with connected(own_server) as machine:
+        program = await machine.program("part", [0])
+        reports = await listening(machine, program)
+        await program.send_lines(["G1010", "G94 F6000", "G01 X500"])
+        await line_started(reports, 3)
+        (executor,) = own_server.executors()
+        own_server.end(signal.SIGKILL)
+        assert await asyncio.to_thread(wait_for_end, executor, EXECUTOR_LIMIT_S)
+        assert command_line(executor) == ""
+        own_server.start()
+        (again,) = own_server.executors()
+        assert again != executor
+        await run(machine, ["G1010", "G93 F600 G01 X1"])
+    assert own_server.end(signal.SIGTERM) == 0
+    assert command_line(again) == ""
+    assert named_memory() <= named
+
+
+def named_memory() -> set[str]:
+    """Shared memory with a name that a process could leave behind."""
+    names = {entry.name for entry in Path("/dev/shm").iterdir()} if Path("/dev/shm").is_dir() else set()
+    return {name for name in names if "mcserver" in name or name.startswith(("psm_", "wnsm_"))}
