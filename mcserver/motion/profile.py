@@ -142,13 +142,27 @@ class ProfileSolver:
         Returns:
             None where no profile keeps the limits without going backwards, or none takes ``duration``.
         """
-        given = self._input
-        if duration is not None:
-            # a move that has plenty of time needs no more than a small part of the limits; numbers of very
+        solved = self._solve(distance, entry, exit_, velocity, acceleration, jerk, duration)
+        if solved is None and duration is not None:
+            # a move that has plenty of time needs no more than a small part of the limits, and numbers of very
             # different sizes are beyond the solver
             pace = distance / duration + max(entry, exit_)
-            acceleration = min(acceleration, PLENTY * pace / duration)
-            jerk = min(jerk, PLENTY**2 * pace / duration**2)
+            gentle = min(acceleration, PLENTY * pace / duration)
+            smooth = min(jerk, PLENTY**2 * pace / duration**2)
+            solved = self._solve(distance, entry, exit_, velocity, gentle, smooth, duration)
+        return solved
+
+    def _solve(
+        self,
+        distance: float,
+        entry: float,
+        exit_: float,
+        velocity: float,
+        acceleration: float,
+        jerk: float,
+        duration: float | None,
+    ) -> Profile | None:
+        given = self._input
         # the unit of the coordinate is scaled so that the distance is 1, for Ruckig's tolerances are
         # absolute; the unit of time so that no profile lasts longer than the 7600 s that Ruckig takes
         unit = max(1.0, (duration or 0.0) / LONGEST_S, distance / velocity / LONGEST_S)

@@ -13,7 +13,7 @@ import numpy as np
 from mcserver.config import Machine
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.path import ArcCurve, Array, LineCurve
-from mcserver.units import AxisType
+from mcserver.units import MM, AxisType
 from tests.motion.support import Motion, Move
 
 VELOCITY_SLACK = 1.001
@@ -107,26 +107,33 @@ def group_slope(machine: Machine, group: FeedGroup, s: Array) -> Array:
     return slope
 
 
+def weights_of(machine: Machine) -> Array:
+    """What each axis weighs in a distance from the path, shape (K,)."""
+    return np.array([MM / axis.type.si_per_unit for axis in machine.axes])
+
+
 def away_from(machine: Machine, group: FeedGroup, base: Array, points: Array) -> Array:
-    """Distance of points (n, K) from a group's path over all axes, shape (n,).
+    """Distance of points (n, K) from a group's path over all axes, shape (n,): a degree counts as a millimetre.
 
     The nearest s by Gauss-Newton from the nearest sample of each turn: turns of a helix lie close together.
     """
     sweep = max((abs(curve.sweep) for curve in group.curves if isinstance(curve, ArcCurve)), default=0.0)
     turns = max(1, math.ceil(sweep / (2.0 * math.pi)))
     count = 2 + int(16 * sweep / turns)
+    weights = weights_of(machine)
+    points = points * weights
     best = np.full(len(points), math.inf)
     for which in range(turns):
         # not the ends: a point just before the start of one turn lies on the turn before it
         grid = (which + (np.arange(count) + 0.5) / count) / turns
-        path = group_position(machine, group, base, grid)
+        path = group_position(machine, group, base, grid) * weights
         # squared distances up to a constant of each point
         nearness = (path * path).sum(axis=1) - 2.0 * points @ path.T
         nearest = grid[np.argmin(nearness, axis=1)]
         for _ in range(8):
-            gap = points - group_position(machine, group, base, nearest)
+            gap = points - group_position(machine, group, base, nearest) * weights
             best = np.minimum(best, np.linalg.norm(gap, axis=1))
-            slope = group_slope(machine, group, nearest)
+            slope = group_slope(machine, group, nearest) * weights
             step = (gap * slope).sum(axis=1) / np.maximum((slope * slope).sum(axis=1), 1e-300)
             nearest = np.clip(nearest + step, 0.0, 1.0)
     return best
@@ -155,13 +162,14 @@ def farthest_from_path(motion: Motion) -> float:
 def path_missed_by(motion: Motion, points_a_line: int = 33) -> float:
     """Greatest distance of a programmed point from the polyline of the rows [m or rad]."""
     polyline = np.concatenate([motion.start[None, :], motion.position])
+    weights = weights_of(motion.machine)
     worst = 0.0
     for move, base, number in zip(motion.moves, bases(motion), range(1, len(motion.moves) + 1), strict=True):
         low = max(0, math.floor(motion.starts[number]) - 2)
         high = min(len(polyline), math.ceil(motion.ends[number]) + 3)
-        near = polyline[low:high]
+        near = polyline[low:high] * weights
         s = np.concatenate([np.linspace(0.0, 1.0, points_a_line), 10.0 ** -np.arange(1.0, 5.0)])
-        programmed = group_position(motion.machine, move.group, base, s)
+        programmed = group_position(motion.machine, move.group, base, s) * weights
         worst = max(worst, _from_polyline(programmed, near))
     return worst
 

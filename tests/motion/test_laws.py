@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from mcserver.motion.planner import Activation, Deactivation, LineMark, Piece
 from mcserver.motion.sampling import Rows
+from mcserver.units import MM
 from tests.motion.measure import (
     ACCELERATION_SLACK,
     JERK_SLACK,
@@ -70,7 +71,7 @@ def test_rounded_corners_keep_every_limit_and_the_tolerance(program: Program) ->
     assert acceleration_ratio(motion) <= ACCELERATION_SLACK
     assert jerk_ratio(motion, vertices=vertices_of(motion)) <= JERK_SLACK
     assert farthest_from_path(motion) <= tolerance
-    fastest = max(axis.max_acceleration for axis in program.machine.axes)
+    fastest = max(axis.max_acceleration / axis.type.si_per_unit * MM for axis in program.machine.axes)
     # rows are points of the commanded path: between two of them it bows by a·dt²/8 at most
     bow = np.sqrt(len(program.machine.axes)) * fastest * motion.cycle**2 / 8.0
     assert path_missed_by(motion) <= tolerance + bow

@@ -28,6 +28,7 @@ DISTANCES = st.floats(-9.0, 1.0).map(lambda power: 10.0**power)
 JERKS = st.sampled_from([math.inf, 10.0, 1000.0, 1e5])
 ACCELERATIONS = st.sampled_from([0.5, 10.0, 100.0])
 VELOCITIES = st.sampled_from([1e-3, 0.2, 5.0])
+A_DAY = 86_400.0
 SHARES = st.sampled_from([0.0, 0.1, 0.7, 1.0])
 
 
@@ -55,6 +56,7 @@ def test_a_duration_that_is_long_enough_is_kept_exactly(
     distance: float, velocity: float, acceleration: float, jerk: float, slower: float
 ) -> None:
     wanted = slower * rest_to_rest(distance, velocity, acceleration, jerk) + 1e-9
+    assume(wanted < A_DAY)
     solved = ProfileSolver().solve(distance, 0.0, 0.0, velocity, acceleration, jerk, wanted)
     assert solved is not None
     assert solved.duration == pytest.approx(wanted, rel=1e-9, abs=1e-9)
@@ -184,6 +186,23 @@ LADDERS = st.sampled_from(
         ],
     ]
 )
+
+
+@pytest.mark.parametrize("velocity", [0.05, 0.1, 0.2])
+@pytest.mark.parametrize("acceleration", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("jerk", [5.0, 10.0, 20.0, 50.0, math.inf])
+def test_round_numbers_at_the_borders_between_kinds_of_profiles_are_solved(
+    velocity: float, acceleration: float, jerk: float
+) -> None:
+    borders = {2.0 * speed_change_distance(0.0, velocity, acceleration, jerk)}
+    if math.isfinite(jerk):
+        borders.add(2.0 * acceleration**3 / jerk**2)
+    for distance in [*sorted(borders), 1e-5, 0.001, 0.01, 0.02, 0.04, 0.05, 0.1]:
+        made = fastest(ProfileSolver(), distance, 0.0, 0.0, [Level(velocity, acceleration, jerk)])
+        assert made is not None
+        least = rest_to_rest(distance, velocity, acceleration, jerk)
+        assert sum(part.duration for part in made) == pytest.approx(least, rel=1e-6)
+        assert sum(part.positions[-1] for part in made) == pytest.approx(distance, rel=1e-9)
 
 
 @given(LADDERS, DISTANCES)

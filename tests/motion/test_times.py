@@ -86,7 +86,7 @@ def test_no_line_of_a_chain_takes_longer_than_t_if_it_could_be_kept_from_rest_to
         for move in program.moves
     ]
     assume(sum(move.group.requested for move in moves) < 60.0)
-    motion = plan(program.machine, moves, commits=program.commits)
+    motion = plan(program.machine, moves)
     for number, move in enumerate(moves, start=1):
         assert motion.took(number) == pytest.approx(move.group.requested, abs=MICROSECOND)
 
