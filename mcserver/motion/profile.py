@@ -21,6 +21,8 @@ NO_DISTANCE = 1e-12
 LONGEST_S = 1000.0
 # Acceleration that a profile of a given duration is solved with, beside the mean speed over that duration.
 PLENTY = 1e4
+# Shares of the limits that are tried one after the other.
+NUDGES = (1.0, 1.0 - 1e-10, 1.0 - 1e-8)
 
 
 @dataclass(frozen=True)
@@ -142,10 +144,17 @@ class ProfileSolver:
         Returns:
             None where no profile keeps the limits without going backwards, or none takes ``duration``.
         """
-        solved = self._solve(distance, entry, exit_, velocity, acceleration, jerk, duration)
-        if solved is None and duration is not None:
-            # a move that has plenty of time needs no more than a small part of the limits, and numbers of very
-            # different sizes are beyond the solver
+        solved: Profile | None = None
+        for share in NUDGES:
+            # exactly at the border between two shapes of profile the solver finds neither; just beside it does
+            solved = self._solve(
+                distance, entry, exit_, velocity, share * acceleration, share * share * jerk, duration
+            )
+            if solved is not None:
+                return solved
+        if duration is not None:
+            # a move that has plenty of time needs no more than a small part of the limits, and numbers of
+            # very different sizes are beyond the solver
             pace = distance / duration + max(entry, exit_)
             gentle = min(acceleration, PLENTY * pace / duration)
             smooth = min(jerk, PLENTY**2 * pace / duration**2)

@@ -189,9 +189,36 @@ def _finish(
     # the middle may have to pass the rung that the faster end stands on
     level = rest[max(0, start - index)] if start > index else rest[0]
     middle = solver.solve(left, up, down, max(level.velocity, up, down), level.acceleration, level.jerk)
-    if middle is None:
+    between = [middle] if middle is not None else _over_a_peak(left, up, down, level)
+    return None if between is None else [*head, *between, *tail[::-1]]
+
+
+def _over_a_peak(distance: float, entry: float, exit_: float, level: Level) -> list[Profile] | None:
+    """Up to the greatest speed that the distance allows, along it, and down: in closed form, never missing."""
+
+    def need(peak: float) -> float:
+        return _distance(entry, peak, level) + _distance(exit_, peak, level)
+
+    low, top = max(entry, exit_), max(level.velocity, entry, exit_)
+    if _distance(min(entry, exit_), low, level) > distance * (1.0 + 1e-12):
         return None
-    return [*head, middle, *tail[::-1]]
+    if need(top) > distance:
+        for _ in range(100):
+            middle = (low + top) / 2.0
+            if need(middle) <= distance:
+                low = middle
+            else:
+                top = middle
+        top = low
+    parts = [ramp(entry, top, level.acceleration, level.jerk)] if top > entry else []
+    left = distance - need(top)
+    if left > NO_DISTANCE * max(1.0, distance):
+        if top <= 0.0:
+            return None
+        parts.append(_cruise(left, top))
+    if top > exit_:
+        parts.append(ramp(top, exit_, level.acceleration, level.jerk))
+    return parts or None
 
 
 def exactly(
@@ -217,7 +244,7 @@ def exactly(
     for _ in range(60):
         middle = (low + top) / 2.0
         capped = [level for level in ladder if level.velocity < middle]
-        above = next(level for level in ladder if level.velocity >= middle)
+        above = next((level for level in ladder if level.velocity >= middle), ladder[-1])
         trial = fastest(
             solver, distance, entry, exit_, [*capped, Level(middle, above.acceleration, above.jerk)]
         )
