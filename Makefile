@@ -47,7 +47,7 @@ bench: $(VENV)/.for-development  ## every figure beside a floor measured in the 
 pictures: $(VENV)/.for-development  ## draw the pictures of the documentation anew, by the product itself
 	$(BIN)/mcserver plot examples/arcs.gcode --output docs/images/arcs.png
 	$(BIN)/mcserver plot examples/helix.gcode --output docs/images/helix.png
-	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --output docs/images/dog.png
+	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --no-limits --output docs/images/dog.png
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

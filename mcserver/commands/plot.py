@@ -26,6 +26,9 @@ def plot(
         str, typer.Option("--output", "-o", metavar="P.png|.html", help="A picture, or a page to explore.")
     ],
     machine: MachineOption = DEFAULT_MACHINE,
+    limits: Annotated[
+        bool, typer.Option("--limits/--no-limits", help="In a picture, draw each axis against its limits.")
+    ] = True,
 ) -> None:
     """Simulate a program and draw its path, its speed, and each axis against its limits."""
     suffix = check_output(output, (".png", ".html"))
@@ -59,7 +62,7 @@ def plot(
     if suffix == ".png":
         from mcserver.plot.figure import draw_png
 
-        write_atomically(output, lambda stream: draw_png(scene, stream))
+        write_atomically(output, lambda stream: draw_png(scene, stream, limits=limits))
     else:
         from mcserver.plot.html import page_of
 

@@ -79,7 +79,7 @@ class Executor:
         self._override = 1.0
         # position motions that outlive their program
         self._orphans = RateRamp(machine.cycle_s)
-        self._rates: dict[int, float] = {}
+        self._ramps = {-1: self._orphans, **{slot.index: slot.rapid_ramp for slot in self._slots}}
         self.late_cycles = 0
 
     @property
@@ -189,7 +189,7 @@ class Executor:
             if slot.running:
                 owned |= slot.axes
                 slot.stop(state)
-        stop_independent(self._cycle, self.bank.all & ~owned, -1, self._orphans.rate)
+        stop_independent(self._cycle, self.bank.all & ~owned, -1, self._orphans)
 
     def _latch_estop(self) -> None:
         if self._cycle.estop:
@@ -222,17 +222,15 @@ class Executor:
     # ------------------------------------------------------------------ the cycle
 
     def _advance(self) -> None:
-        rates = self._rates
         for slot in self._used:
             slot.prepare()
-            rates[slot.index] = slot.rapid_ramp.rate
-        if self.motions.mask:
-            orphans = self._orphans
+        motions, orphans = self.motions, self._orphans
+        if motions.mask:
             wanted = 0.0 if self._hold else min(1.0, self._override)
+            orphans.begin_cycle()
             if orphans.rate != wanted:
-                orphans.step(wanted, self.motions.slopes(-1, orphans.rate))
-            rates[-1] = orphans.rate
-        self.motions.advance(rates)
+                orphans.step(wanted, motions.slopes(-1, orphans.rate))
+        motions.advance(self._ramps)
         for slot in self._used:
             slot.advance()
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Mapping
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
 from mcserver.config import Machine
 from mcserver.executor.feedback import FeedbackRow
-from mcserver.executor.rate import Slopes
+from mcserver.executor.rate import RateRamp, Slopes
 
 State = tuple[float, float, float]
 
@@ -99,32 +100,29 @@ class IndependentMotions:
 
     # ------------------------------------------------------------------ commands
 
-    def move(self, column: int, slot: int, target: float, left: float, rate: float) -> None:
-        """To a position; ``left``: what is left of this cycle [cycles], ``rate``: the slot's rate."""
-        state = self.state(column, left, rate)
+    def move(self, column: int, slot: int, target: float, left: float, ramp: RateRamp) -> None:
+        """To a position; ``left``: what is left of this cycle [cycles], ``ramp``: the slot's rate."""
+        state = self.state(column, left, ramp)
         if column not in self._motions and state[0] == target:
             return
         trajectory = self._to_position(column, state, target)
         self._start(column, slot, MotionKind.POSITION, trajectory, state[0], target)
-        self._pass(self._motions[column], rate, left)
+        self._pass(self._motions[column], 0.5 * (ramp.at(left) + ramp.rate), ramp.rate, left)
 
-    def speed(self, column: int, slot: int, velocity: float, left: float, rate: float) -> None:
+    def speed(self, column: int, slot: int, velocity: float, left: float, ramp: RateRamp) -> None:
         """To a speed, within the axis's limit of speed; it is held until superseded."""
         top = self._axes[column].max_velocity
         velocity = max(-top, min(top, velocity))
-        state = self.state(column, left, rate)
+        state = self.state(column, left, ramp)
         trajectory = self._to_velocity(column, state, velocity, jerk=True)
         self._start(column, slot, MotionKind.SPEED, trajectory, state[0], velocity)
         self._guard(self._motions[column])
-        self._pass(self._motions[column], 1.0, left)
+        self._pass(self._motions[column], 1.0, 1.0, left)
 
-    def halt(
-        self, column: int, slot: int, left: float = 0.0, rate: float = 1.0, *, jerk: bool = True
-    ) -> None:
+    def halt(self, column: int, slot: int, ramp: RateRamp, left: float = 0.0, *, jerk: bool = True) -> None:
         """To standstill as soon as the limits allow; without ``jerk`` at full deceleration at once."""
-        if column not in self._motions:
-            return
-        self.halt_from(column, slot, self.state(column, left, rate), left, jerk=jerk)
+        if column in self._motions:
+            self.halt_from(column, slot, self.state(column, left, ramp), left, jerk=jerk)
 
     def halt_from(
         self, column: int, slot: int, state: State, left: float = 0.0, *, jerk: bool = True
@@ -132,7 +130,7 @@ class IndependentMotions:
         """To standstill from a given state, for instance that of a captured axis that coasts."""
         trajectory = self._to_velocity(column, state, 0.0, jerk=jerk)
         self._start(column, slot, MotionKind.HALT, trajectory, state[0], 0.0)
-        self._pass(self._motions[column], 1.0, left)
+        self._pass(self._motions[column], 1.0, 1.0, left)
 
     def drop(self, mask: int) -> None:
         """Forgets motions; the setpoints stay where they are."""
@@ -149,14 +147,18 @@ class IndependentMotions:
 
     # ------------------------------------------------------------------ states
 
-    def state(self, column: int, left: float, rate: float) -> State:
+    def state(self, column: int, left: float, ramp: RateRamp) -> State:
         """The axis's setpoint state, ``left`` cycles before the end of this cycle."""
         motion = self._motions.get(column)
         if motion is None:
-            return self._row.setpoint[column], 0.0, 0.0
-        pace = rate if motion.kind is MotionKind.POSITION else 1.0
-        position, velocity, acceleration = motion.at(motion.elapsed - left * self._cycle * pace)
-        return position, velocity * pace, acceleration * pace * pace
+            return float(self._row.setpoint[column]), 0.0, 0.0
+        if motion.kind is not MotionKind.POSITION:
+            return motion.at(motion.elapsed - left * self._cycle)
+        pace = ramp.at(left)
+        passed = left * 0.5 * (pace + ramp.rate)
+        position, velocity, acceleration = motion.at(motion.elapsed - passed * self._cycle)
+        change = (ramp.rate - ramp.before) / self._cycle
+        return position, velocity * pace, acceleration * pace * pace + velocity * change
 
     def end_left(self, mask: int) -> float:
         """How much of this cycle was left when the last of these axes came to rest [cycles]."""
@@ -179,27 +181,33 @@ class IndependentMotions:
             if motion.slot != slot or motion.kind is not MotionKind.POSITION:
                 continue
             limit = self._axes[motion.column].max_acceleration
-            for ahead in (0.0, self._cycle * max(rate, 0.1)):
+            for ahead in (0.0, self._cycle * rate, 2.0 * self._cycle * rate):
                 _, velocity, acceleration = motion.at(motion.elapsed + ahead)
                 slopes.limit(abs(velocity), math.copysign(1.0, velocity) * acceleration * rate * rate, limit)
         return slopes
 
     # ------------------------------------------------------------------ the cycle
 
-    def advance(self, rates: dict[int, float]) -> None:
-        """One cycle; ``rates``: of position motions, by slot."""
+    def advance(self, ramps: Mapping[int, RateRamp]) -> None:
+        """One cycle; ``ramps``: of position motions, by slot."""
         self.ended = 0
         self._left.clear()
         self.limited.clear()
         for motion in tuple(self._motions.values()):
-            pace = rates[motion.slot] if motion.kind is MotionKind.POSITION else 1.0
+            if motion.kind is MotionKind.POSITION:
+                ramp = ramps[motion.slot]
+                self._pass(motion, ramp.mean, ramp.rate, 1.0)
+                continue
             if motion.kind is MotionKind.SPEED:
                 self._guard(motion)
-                motion = self._motions[motion.column]
-            self._pass(motion, pace, 1.0)
+            self._pass(self._motions[motion.column], 1.0, 1.0, 1.0)
 
-    def _pass(self, motion: Motion, pace: float, share: float) -> None:
-        """Lets ``share`` of a cycle pass on a motion, and ends it where it is over."""
+    def _pass(self, motion: Motion, pace: float, end_pace: float, share: float) -> None:
+        """Lets ``share`` of a cycle pass on a motion, and ends it where it is over.
+
+        Args:
+            pace: mean of the rate in that time. end_pace: at its end.
+        """
         motion.elapsed += self._cycle * pace * share
         column = motion.column
         position, velocity, _ = motion.at(motion.elapsed)
@@ -214,7 +222,7 @@ class IndependentMotions:
             self._remask()
             return
         row.setpoint[column] = position
-        row.velocity[column] = velocity * pace
+        row.velocity[column] = velocity * end_pace
 
     def _start(
         self, column: int, slot: int, kind: MotionKind, trajectory: Trajectory, origin: float, goal: float

@@ -8,7 +8,8 @@ import math
 
 import numpy as np
 
-from mcserver.executor.headroom import CAP, FULL, HALF, OWN, SLOPE_MAX, Array
+from mcserver.config import Machine
+from mcserver.executor.headroom import CAP, FULL, HALF, OWN, SLOPE_MAX
 from mcserver.executor.playback import NEAR_U, Playback
 from mcserver.executor.rate import FLOOR_SHARE, SMOOTHING_S, USED_SHARE, RateRamp, Slopes
 from mcserver.executor.rings import ProgramRing, scalar_view
@@ -17,13 +18,13 @@ from mcserver.executor.rings import ProgramRing, scalar_view
 class Pace:
     """Looks at the rows ahead of a playback; see `mcserver.executor.headroom`."""
 
-    def __init__(self, ring: ProgramRing, playback: Playback, acceleration: Array, cycle_s: float) -> None:
-        """``acceleration``: the axes' limits, shape (K,)."""
+    def __init__(self, ring: ProgramRing, playback: Playback, machine: Machine) -> None:
+        acceleration = np.array([axis.max_acceleration for axis in machine.axes])
         self._ring = ring
         self._playback = playback
         self._room = USED_SHARE * acceleration
         self._floor = FLOOR_SHARE * acceleration
-        self._cycle = cycle_s
+        self._cycle = machine.cycle_s
         self._u_cells = scalar_view(ring.row_u)
         self._cells = scalar_view(ring.headroom)
 

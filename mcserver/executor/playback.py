@@ -7,14 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.config import Machine
 from mcserver.executor.axes import ColumnMasks
 from mcserver.executor.feedback import FeedbackRow
-from mcserver.executor.headroom import Array
 from mcserver.executor.hermite import between_rows
 from mcserver.executor.rings import ProgramRing, scalar_view
 
 # Two values of u that are closer are the same [cycles].
 NEAR_U = 1e-7
+# The first row of a motion may be this many cycles of the axis's greatest velocity away, plus in_position.
+JUMP_CYCLES = 1.5
 
 
 @dataclass(frozen=True)
@@ -35,20 +37,14 @@ class Playback:
         line: line of the row played last.
     """
 
-    def __init__(
-        self,
-        ring: ProgramRing,
-        row: FeedbackRow,
-        masks: ColumnMasks,
-        jump: Array,
-        cycle_s: float,
-    ) -> None:
-        """``jump``: shape (K,), how far the first row of a motion may be from the axis's setpoint."""
+    def __init__(self, ring: ProgramRing, row: FeedbackRow, masks: ColumnMasks, machine: Machine) -> None:
         self._ring = ring
         self._row = row
         self._masks = masks
-        self._jump = jump
-        self._cycle = cycle_s
+        self._cycle = machine.cycle_s
+        self._jump = np.array(
+            [axis.max_velocity * machine.cycle_s * JUMP_CYCLES + axis.in_position for axis in machine.axes]
+        )
         count = ring.axes
         self._u_cells = scalar_view(ring.row_u)
         self._mask_cells = scalar_view(ring.row_mask)

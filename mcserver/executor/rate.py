@@ -51,19 +51,32 @@ class RateRamp:
     """A rate on its way to a target.
 
     Attributes:
-        rate: now [1]. slope: its change [1/s].
+        rate: at the end of this cycle [1]. before: at its beginning. slope: its change [1/s].
     """
 
-    __slots__ = ("_cycle", "rate", "slope")
+    __slots__ = ("_cycle", "before", "rate", "slope")
 
     def __init__(self, cycle_s: float, rate: float = 1.0) -> None:
         self._cycle = cycle_s
-        self.rate = rate
+        self.rate = self.before = rate
         self.slope = 0.0
+
+    @property
+    def mean(self) -> float:
+        """What passes in this cycle [cycles]."""
+        return 0.5 * (self.before + self.rate)
+
+    def at(self, left: float) -> float:
+        """The rate when ``left`` of this cycle remains [1]."""
+        return self.rate + (self.before - self.rate) * left
+
+    def begin_cycle(self) -> None:
+        """A cycle begins, in which the rate stays unless it is told otherwise."""
+        self.before = self.rate
 
     def jump(self, rate: float) -> None:
         """At once: nothing moves by this rate."""
-        self.rate = rate
+        self.rate = self.before = rate
         self.slope = 0.0
 
     def step(self, target: float, slopes: Slopes) -> None:
@@ -75,6 +88,11 @@ class RateRamp:
         # the slope from which it can fade to 0 in steps of `change` right at the target
         fading = math.sqrt(0.25 * change * change + 2.0 * change * abs(error) / cycle) - 0.5 * change
         wanted = math.copysign(min(bound, fading), error)
+        if self.slope * error < 0.0:
+            # it runs away from its target: that ends as fast as it began
+            change = max(
+                change, max(slopes.up, slopes.down, abs(self.slope)) / max(SMOOTHING_S, cycle) * cycle
+            )
         slope = self.slope + max(-change, min(change, wanted - self.slope))
         slope = max(-slopes.down, min(slopes.up, slope))
         rate = self.rate + slope * cycle

@@ -8,8 +8,6 @@ cycles: 1 at its beginning, 0 at the exchange with the drives.
 
 from __future__ import annotations
 
-import numpy as np
-
 from mcserver.executor.barriers import Barrier, BarrierFault, Paused
 from mcserver.executor.control_queue import ControlQueue
 from mcserver.executor.control_rules import pass_control
@@ -30,8 +28,6 @@ LANDING = 2e-3
 START_ROWS = 16.0
 # A rate below this is standstill [1].
 STANDSTILL = 1e-6
-# The first row of a motion may be this many cycles of the axis's greatest velocity away, plus in_position.
-JUMP_CYCLES = 1.5
 
 _ALWAYS = (ControlKind.LINE_END, ControlKind.END)
 
@@ -47,17 +43,12 @@ class ProgramSlot:
     """
 
     def __init__(self, index: int, ring: ProgramRing, cycle: Cycle) -> None:
-        machine = cycle.machine
-        jump = np.array(
-            [axis.max_velocity * cycle.cycle_s * JUMP_CYCLES + axis.in_position for axis in machine.axes]
-        )
-        acceleration = np.array([axis.max_acceleration for axis in machine.axes])
         self.index = index
         self.cycle = cycle
         self.ring = ring
-        self.playback = Playback(ring, cycle.row, cycle.bank.masks, jump, cycle.cycle_s)
+        self.playback = Playback(ring, cycle.row, cycle.bank.masks, cycle.machine)
         self._queue = ControlQueue(ring, self.playback)
-        self._pace = Pace(ring, self.playback, acceleration, cycle.cycle_s)
+        self._pace = Pace(ring, self.playback, cycle.machine)
         self.ramp = RateRamp(cycle.cycle_s)
         self.rapid_ramp = RateRamp(cycle.cycle_s)
         self.axes = 0
@@ -164,7 +155,7 @@ class ProgramSlot:
             self.barrier = None
             self.pending = None
             mask = self.cycle.motions.owned_by(self.index) | self.axes & ~self.cycle.motions.mask
-            stop_independent(self.cycle, mask, self.index, self.rapid_ramp.rate)
+            stop_independent(self.cycle, mask, self.index, self.rapid_ramp)
         elif state is SlotState.FAULTED:
             self._stop_state = state
 
@@ -343,6 +334,7 @@ class ProgramSlot:
         """Rates of this cycle; returns the mean of the old and new rate, by which u passes."""
         rapid = self.rapid_ramp
         wanted = self._wanted(1.0)
+        rapid.begin_cycle()
         if rapid.rate != wanted:
             rapid.step(wanted, self.cycle.motions.slopes(self.index, rapid.rate))
         ramp = self.ramp

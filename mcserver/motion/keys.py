@@ -32,13 +32,21 @@ class Solution:
     stretches: list[list[Profile]]
     bound_by: list[Bound | None]
 
+    @property
+    def late(self) -> list[int]:
+        """Timed groups that take longer than their T."""
+        return [group for group, bound in enumerate(self.bound_by) if bound is not None]
+
 
 class KeySolver:
     """Solves one run.
 
     Args:
         nodes: first nodes of its groups, n of them. edges: σ at the groups' starts and at the end, (n+1,).
-        run: limits of the groups. entry: speed at the beginning [m/s or rad/s along σ].
+        entry: speed at the beginning [m/s or rad/s along σ].
+
+    Attributes:
+        run: limits of the groups, set before each `solve`.
     """
 
     def __init__(
@@ -47,14 +55,13 @@ class KeySolver:
         limits: AxisLimits,
         nodes: list[Node],
         edges: Array,
-        run: RunLimits,
         entry: float,
     ) -> None:
         self._solver = solver
         self._limits = limits
         self.nodes = nodes
         self.edges = edges
-        self.run = run
+        self.run: RunLimits
         self._entry = entry
 
     def solve(self, keys: list[int], caps: Array) -> Solution:

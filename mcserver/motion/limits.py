@@ -249,10 +249,11 @@ _DEMAND_FIELDS = ("slope", "bend", "twist", "step", "spacing", "kick", "ceiling"
 
 @dataclass(frozen=True)
 class Junction:
-    """How two segments meet: greatest speed over the joint, and what the joint asks of its neighbours."""
+    """How two segments meet: greatest speed over the joint, and what it asks of the one before and after."""
 
     speed: float
-    demand: Demand | None
+    before: Demand | None
+    after: Demand | None
 
 
 def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
@@ -283,7 +284,7 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         with np.errstate(divide="ignore"):
             crawl = CRAWL * cycle * float((limits.acceleration / np.maximum(along, _TINY)).min())
         if isolated and speed < crawl:
-            return Junction(0.0, None)
+            return Junction(0.0, None, None)
     # beside a vertex the bend of an arc takes its part of the same axis's acceleration
     bend: Array = np.maximum(
         np.abs(before.bend_last) / before.scale**2, np.abs(after.bend_first) / after.scale**2
@@ -295,18 +296,21 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
     if sharpest > 0.0:
         speed = min(speed, math.sqrt(VERTEX_SHARE * cycle / sharpest))
     if math.isinf(speed):
-        return Junction(speed, None)
+        return Junction(speed, None, None)
     zero = np.zeros((1, len(step)))
-    demand = Demand(
-        slope=along[None, :],
-        bend=bend[None, :],
-        twist=zero,
-        step=step[None, :],
-        spacing=np.full(1, spacing),
-        kick=kick[None, :],
-        ceiling=np.full(1, speed),
+    asked, other = (
+        Demand(
+            slope=np.abs(tangent)[None, :],
+            bend=bend[None, :],
+            twist=zero,
+            step=step[None, :],
+            spacing=np.full(1, spacing),
+            kick=kick[None, :],
+            ceiling=np.full(1, speed),
+        )
+        for tangent in (t1, t2)
     )
-    return Junction(speed, demand)
+    return Junction(speed, asked, other)
 
 
 def _speed_at_bent_vertex(step: Array, bend: Array, acceleration: Array) -> float:

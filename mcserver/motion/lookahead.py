@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.keys import KeySolver
+from mcserver.motion.keys import KeySolver, Solution
 from mcserver.motion.limits import Demand, Junction, RunLimits, junction, samples_of, speed_limit
-from mcserver.motion.node import Bound, Node
+from mcserver.motion.node import Bound, Node, PlanningError
 from mcserver.motion.path import Array
 from mcserver.motion.profile import Phases, ProfileSolver, join, reachable_speed
 from mcserver.motion.segment import AxisLimits, Segment
@@ -25,6 +26,8 @@ SHORT = 5.0
 # Cycles that a group of segments may last, and how alike their speeds have to be.
 GROUP = 4.0
 SAME = 0.9
+# Late segments of one window that stops are tried for.
+MOST_STOPS = 8
 
 
 @dataclass(frozen=True)
@@ -56,28 +59,28 @@ class Lookahead:
 
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
         """Joins a segment that travels to the run; the joint's cap says whether it can flow."""
-        met = Junction(0.0, None) if from_rest else self._joint(segment)
+        met = Junction(0.0, None, None) if from_rest else self._joint(segment)
         demand = samples_of(segment, len(self._limits.velocity))
         limit = speed_limit(demand, self._limits)
-        if met.demand is not None:
-            demand = Demand.stack([demand, met.demand])
+        if met.before is not None and met.after is not None:
+            demand = Demand.stack([demand, met.after])
             last = self.nodes[-1]
             self.nodes[-1] = dataclasses.replace(
-                last, demand=Demand.stack([last.demand, met.demand]), vertex_after=True
+                last, demand=Demand.stack([last.demand, met.before]), vertex_after=True
             )
         top = min(limit.velocity, segment.feed * segment.scale)
-        self.nodes.append(Node(segment, met.speed, limit, top, demand, vertex_before=met.demand is not None))
+        self.nodes.append(Node(segment, met.speed, limit, top, demand, vertex_before=met.after is not None))
 
     def _joint(self, segment: Segment) -> Junction:
         """How the run meets ``segment``; scales its coordinate so that speed is continuous where it
         can flow."""
         if not self.nodes:
-            return Junction(0.0, None)
+            return Junction(0.0, None, None)
         before = self.nodes[-1].segment
         end = math.sqrt(float(before.last @ before.last))
         begin = math.sqrt(float(segment.first @ segment.first))
         if end <= 0.0 or begin <= 0.0:
-            return Junction(0.0, None)
+            return Junction(0.0, None, None)
         natural = segment.scale
         segment.scale = begin * before.scale / end
         met = junction(before, segment, self._limits)
@@ -130,15 +133,19 @@ class Lookahead:
         caps = self._with_nominal(hard)
         group_tops = self._tops_of(starts, tops, inner)
         first = [nodes[index] for index in starts.tolist()]
-        run = RunLimits(self._demands(caps), starts, group_tops, self._limits)
-        caps[1:-1] = np.minimum(caps[1:-1], np.minimum(run.tops[:-1], run.tops[1:]))
-        solver = KeySolver(self._solver, self._limits, first, edges, run, self.entry)
-        solution = solver.solve(_first_keys(first, caps), caps)
-        late = [group for group in range(len(first)) if solution.bound_by[group] is not None]
-        if late and solver.raise_speeds(late, solution.speeds, caps, hard):
-            solver.run = run = RunLimits(self._demands(caps), starts, group_tops, self._limits)
-            caps[1:-1] = np.minimum(caps[1:-1], np.minimum(run.tops[:-1], run.tops[1:]))
-            solution = solver.solve(_first_keys(first, caps), caps)
+        solver = KeySolver(self._solver, self._limits, first, edges, self.entry)
+
+        def attempt(caps: Array) -> Solution:
+            solver.run = RunLimits(self._demands(caps), starts, group_tops, self._limits)
+            bound = caps.copy()
+            bound[1:-1] = np.minimum(bound[1:-1], np.minimum(solver.run.tops[:-1], solver.run.tops[1:]))
+            return solver.solve(_first_keys(first, bound), bound)
+
+        solution = attempt(caps)
+        if solution.late and solver.raise_speeds(solution.late, solution.speeds, caps, hard):
+            solution = attempt(caps)
+        if solution.late:
+            solution = self._with_stops(solution, caps, attempt)
         phases = join([profile for stretch in solution.stretches for profile in stretch])
         times = phases.time_at(bounds)
         # at keys the solver's own durations are exact; where the motion rests, positions tell time poorly
@@ -177,6 +184,28 @@ class Lookahead:
                 ceiling[first] = min(ceiling[first], caps[group])
             demands[index] = dataclasses.replace(node.demand, ceiling=ceiling)
         return demands
+
+    def _with_stops(self, solution: Solution, caps: Array, attempt: Callable[[Array], Solution]) -> Solution:
+        """Stops at vertices beside timed segments that are late, where that lets more of them keep their T.
+
+        A vertex that is passed with speed takes its part of the acceleration of the whole segment.
+        """
+        for group in solution.late[:MOST_STOPS]:
+            for ends in ((group,), (group + 1,), (group, group + 1)):
+                inner = [end for end in ends if 0 < end < len(caps) - 1 and caps[end] > 0.0]
+                if len(inner) < len(ends):
+                    continue
+                trial = caps.copy()
+                trial[inner] = 0.0
+                try:
+                    other = attempt(trial)
+                except PlanningError:
+                    continue
+                if len(other.late) < len(solution.late):
+                    solution = other
+                    caps[inner] = 0.0
+                    break
+        return solution
 
     def _groups(self, bounds: Array, caps: Array, tops: Array) -> NDArray[np.intp]:
         """First segments of groups that are planned as one: short ones under nearly the same speed.

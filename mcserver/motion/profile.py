@@ -146,7 +146,8 @@ class ProfileSolver:
         """
         solved: Profile | None = None
         for share in NUDGES:
-            # exactly at the border between two shapes of profile the solver finds neither; just beside it does
+            # exactly at the border between two shapes of profile the solver finds neither; just beside
+            # it does
             solved = self._solve(
                 distance, entry, exit_, velocity, share * acceleration, share * share * jerk, duration
             )

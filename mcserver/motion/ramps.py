@@ -194,7 +194,8 @@ def _finish(
 
 
 def _over_a_peak(distance: float, entry: float, exit_: float, level: Level) -> list[Profile] | None:
-    """Up to the greatest speed that the distance allows, along it, and down: in closed form, never missing."""
+    """Up to the greatest speed that the distance allows, along it, and down: in closed form, never
+    missing."""
 
     def need(peak: float) -> float:
         return _distance(entry, peak, level) + _distance(exit_, peak, level)

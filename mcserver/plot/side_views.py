@@ -71,7 +71,7 @@ def draw_side_views(
     grid = place.subgridspec(len(views), 1)
     points = np.concatenate([path.setpoint for view in views for path in view.paths])
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.1 * float((high - low).max())
+    margin = 0.05 * float((high - low).max())
     for row, view in enumerate(views):
         axes = figure.add_subplot(grid[row])
         for path in view.paths:

@@ -138,7 +138,8 @@ class ProgramTable:
         program.ended_as = as_state
         program.reason = reason
         program.fault = fault
-        if program.slot is None:
+        # an executor that has died brings nothing to rest
+        if program.slot is None or not self.port.alive():
             self._end(program, as_state)
             return
         program.state = "ending"

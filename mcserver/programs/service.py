@@ -37,6 +37,8 @@ class MachineService(ProgramIntake):
         if self._stopping:
             return
         self._stopping = True
+        if not self.port.alive():
+            self._fail_without_executor()
         self.events.publish("server.stopping")
         for program in self._chosen(None):
             self._table.stop(program, "aborted", "the server is stopping")
@@ -215,6 +217,19 @@ class MachineService(ProgramIntake):
         return found[:limit]
 
     # ------------------------------------------------------------ inside
+
+    def _fail_without_executor(self) -> None:
+        fault = Fault(
+            code="MC518",
+            message="the executor process has died; the drives stop by their own heartbeat time-out",
+            hint="start the server again; axes have to be captured anew",
+            t=self.now(),
+        )
+        self._table.latch(fault)
+        self.events.publish("fault", fault=fault, message=fault.message)
+        # the newest first, so that none is given the axes of one before it
+        for program in reversed(self._chosen(None)):
+            self._table.stop(program, "faulted", fault.message, fault)
 
     def _estimate(self) -> None:
         """Time left of what is planned, at the override in force; waits and dwells come on top."""

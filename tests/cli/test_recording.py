@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,25 @@ def _csv(run: Recorded) -> bytes:
 
 def test_the_header_names_time_line_and_each_axis_of_the_machine(run: Recorded) -> None:
     assert _csv(run).split(b"\n")[0] == b"time_s,line,setpoint_0,actual_0,setpoint_7,actual_7"
+
+
+def test_tools_follow_the_axes_in_the_header(run: Recorded) -> None:
+    tools = {3: np.zeros((9000, 6)), 12: np.ones((9000, 6))}
+    head, first, *_ = _csv(replace(run, tools=tools)).decode().splitlines()
+    columns = "tool_3_x,tool_3_y,tool_3_z,tool_3_a,tool_3_b,tool_3_c"
+    assert head == (
+        f"time_s,line,setpoint_0,actual_0,setpoint_7,actual_7,{columns},{columns.replace('_3_', '_12_')}"
+    )
+    assert first.split(",")[-12:] == ["0.0"] * 6 + ["1.0"] * 6
+
+
+def test_npz_holds_an_array_for_each_tool(run: Recorded, tmp_path: Path) -> None:
+    path = tmp_path / "t.npz"
+    poses = np.arange(54000.0).reshape(9000, 6)
+    write_atomically(str(path), lambda stream: write_npz(replace(run, tools={3: poses}), stream))
+    with np.load(path) as arrays:
+        assert arrays["tool_3"].dtype == np.float64
+        assert np.array_equal(arrays["tool_3"], poses)
 
 
 def test_every_number_reads_back_exactly(run: Recorded) -> None:

@@ -22,17 +22,24 @@ class Recording:
 
     Attributes:
         blocks: as they came.
+        since_s: executor time from which on they count.
     """
 
     blocks: list[Samples] = field(default_factory=list)
+    since_s: float = 0.0
 
     def _joined(self, name: str) -> Array:
-        return np.concatenate([block.fields[name] for block in self.blocks])
+        rows = np.concatenate([block.fields[name] for block in self.blocks])
+        return rows[self._all_times() >= self.since_s]
+
+    def _all_times(self) -> Array:
+        return np.concatenate([block.time_s for block in self.blocks])
 
     @property
     def time_s(self) -> Array:
         """Shape (N,), executor time [s]."""
-        return np.concatenate([block.time_s for block in self.blocks])
+        times = self._all_times()
+        return times[times >= self.since_s]
 
     @property
     def setpoint(self) -> Array:
@@ -75,7 +82,9 @@ async def recorded(machine: Machine) -> AsyncIterator[Recording]:
 
     keeping = asyncio.create_task(keep())
     try:
-        await reach(0.0)
+        # the first message may hold cycles from before
+        recording.since_s = (await machine.status()).t
+        await reach(recording.since_s)
         yield recording
         await reach((await machine.status()).t)
     finally:

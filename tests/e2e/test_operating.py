@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from collections.abc import AsyncIterator, Callable
 
 import numpy as np
@@ -62,6 +63,11 @@ async def until(machine: Machine, condition: Callable[[MachineStatus], bool]) ->
     raise AssertionError("the states ended")
 
 
+def speed(status: MachineStatus) -> float:
+    """Along X and Y [mm/s]."""
+    return math.hypot(*status.axes.velocity[:2])
+
+
 def at_rest(status: MachineStatus) -> bool:
     return max(abs(velocity) for velocity in status.axes.velocity[:2]) < 0.01
 
@@ -91,12 +97,12 @@ async def test_hold_stands_still_on_the_path_and_resume_ends_where_programmed(ma
 async def test_override_scales_the_speed_on_the_path(machine: Machine) -> None:
     async with moving(machine) as (program, _, recording):
         await machine.override(50)
-        slow = await until(machine, lambda status: abs(np.hypot(*status.axes.velocity[:2]) - 50.0) < 2.0)
+        slow = await until(machine, lambda status: abs(speed(status) - 50.0) < 2.0)
         assert slow.override == 50.0
         await machine.override(0)
         await until(machine, at_rest)
         await machine.override(200)
-        await until(machine, lambda status: np.hypot(*status.axes.velocity[:2]) > 190.0)
+        await until(machine, lambda status: speed(status) > 190.0)
         await program.finish()
         await machine.override(100)
     path = recording.setpoint[:, :2]
@@ -135,7 +141,7 @@ async def test_emergency_stop_latches_and_faults_the_program_until_reset(machine
         await reset(machine)
         assert (await machine.status()).state == "ready"
         # nothing starts by itself, and axes have to be captured anew
-        assert not (await machine.status()).programs or at_rest(await machine.status())
+        assert at_rest(await machine.status())
         with pytest.raises((ProgramFaulted, ProgramRejected)):
             await run(machine, ["G93 F600 G01 X0 Y0"], [0, 1])
         await reset(machine)

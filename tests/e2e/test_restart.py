@@ -26,7 +26,7 @@ from tests.e2e.servers import ServerProcess, command_line, wait_for_end
 # increments in inches with an F of their own: modal state that a restart must not lose
 MODAL = [
     *["G1010", "G20 G91", "G94 F300"],
-    *["G01 X1", "G01 X1", "G01 X1", "G01 X1 F20", "G01 X1 F300", "G01 X1"],
+    *["G01 X1", "G01 X1", "G01 X1", "G01 X1 F60", "G01 X1 F300", "G01 X1"],
 ]
 SLOW = 7
 END_MM = 6 * 25.4
@@ -39,9 +39,8 @@ async def test_a_killed_server_shows_the_program_interrupted_and_moves_nothing(
 ) -> None:
     async with connected(own_server) as machine:
         program = await machine.program("part", [0])
-        reports = await listening(machine, program)
         await program.send_lines(MODAL)
-        await line_started(reports, SLOW)
+        await program.wait_done(SLOW - 1)
         own_server.end(signal.SIGKILL)
         own_server.start()
         with pytest.raises(ProgramInterrupted) as interrupted:
@@ -66,9 +65,8 @@ async def test_a_client_resumes_with_the_modal_state_rebuilt_and_ends_where_the_
 ) -> None:
     async with connected(own_server) as machine:
         program = await machine.program("part", [0])
-        reports = await listening(machine, program)
         await program.send_lines(MODAL)
-        await line_started(reports, SLOW)
+        await program.wait_done(SLOW - 1)
         own_server.end(signal.SIGKILL)
         own_server.start()
         with pytest.raises(ProgramInterrupted) as interrupted:
@@ -86,8 +84,8 @@ async def test_a_client_resumes_with_the_modal_state_rebuilt_and_ends_where_the_
             await resumed.finish()
             timings = [each.timing async for each in reports if each.timing is not None]
         assert [each.line for each in timings] == [7, 8, 9]
-        # an inch at 20 and at 300 inches a minute
-        assert [each.requested_s for each in timings] == pytest.approx([3.0, 0.2, 0.2])
+        # an inch at 60 and at 300 inches a minute
+        assert [each.requested_s for each in timings] == pytest.approx([1.0, 0.2, 0.2])
         assert (await machine.status()).axes.setpoint[0] == pytest.approx(END_MM, abs=0.01)
         assert (await known(machine, resumed.id)).resume_of == program.id
 
@@ -95,9 +93,8 @@ async def test_a_client_resumes_with_the_modal_state_rebuilt_and_ends_where_the_
 async def test_f_of_an_earlier_line_is_in_force_after_a_resume(own_server: ServerProcess) -> None:
     async with connected(own_server) as machine:
         program = await machine.program("part", [0])
-        reports = await listening(machine, program)
         await program.send_lines(["G1010", "G20 G91", "G94 F300", "G01 X1", "G04 P30", "G01 X1"])
-        await line_started(reports, 5)
+        await program.wait_done(4)
         own_server.end(signal.SIGKILL)
         own_server.start()
         await machine.refresh_info(deadline_s=LIMIT_S)

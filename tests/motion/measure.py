@@ -113,7 +113,7 @@ def weights_of(machine: Machine) -> Array:
 
 
 def away_from(machine: Machine, group: FeedGroup, base: Array, points: Array) -> Array:
-    """Distance of points (n, K) from a group's path over all axes, shape (n,): a degree counts as a millimetre.
+    """Distance of points (n, K) from a group's path, shape (n,); a degree counts as a millimetre.
 
     The nearest s by Gauss-Newton from the nearest sample of each turn: turns of a helix lie close together.
     """

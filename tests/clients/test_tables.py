@@ -1,0 +1,30 @@
+"""What people see of a machine."""
+
+from __future__ import annotations
+
+from mcclient.cli.tables import machine_view
+from mcclient.types import AxesStatus, Info, MachineStatus, ToolPose
+from rich.console import Console
+
+INFO = Info(machine="dog", server="1", protocol=(1,), instance="i", epoch=0.0, cycle_s=0.001)
+FOOT = ToolPose(number=3, position=(-159.0, -400.0, 12.3456), orientation=(-8.913, 0.0, 90.0))
+
+
+def shown(*tools: ToolPose) -> str:
+    status = MachineStatus(0, 0.0, 0.0, "i", "ready", AxesStatus(), tools=tools)
+    console = Console(width=100, color_system=None)
+    with console.capture() as capture:
+        console.print(machine_view("dog", INFO, status))
+    return capture.get()
+
+
+def test_each_tool_is_shown_with_its_pose_and_units() -> None:
+    said = shown(FOOT)
+    assert "x mm" in said
+    assert "c deg" in said
+    (row,) = [line.split() for line in said.splitlines() if "T3" in line]
+    assert row == ["T3", "-159.000", "-400.000", "12.346", "-8.91", "0.00", "90.00"]
+
+
+def test_a_machine_without_tools_has_no_table_of_them() -> None:
+    assert "tool" not in shown()
