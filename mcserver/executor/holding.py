@@ -18,7 +18,8 @@ def hold_position(cycle: Cycle, mask: int, slot: int, ramp: RateRamp, left: floa
     never reached), from the encoder.
 
     Args:
-        slot: whose motion it is, -1: the machine's. ramp: the rate of its position motions. left: what is left of the cycle [cycles].
+        slot: whose motion it is, -1: the machine's. ramp: the rate of its position motions.
+        left: what is left of the cycle [cycles].
     """
     bank, row, motions = cycle.bank, cycle.row, cycle.motions
     for column in bank.masks.columns(mask & bank.energized):

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
-from mcserver.config import Machine
+from mcserver.config import Axis, Machine
 from mcserver.executor.feedback import FeedbackRow
 from mcserver.executor.rate import RateRamp, Slopes
 
@@ -260,8 +260,7 @@ class IndependentMotions:
         limited = jerk and math.isfinite(axis.max_jerk)
         wanted.max_jerk = [axis.max_jerk if limited else math.inf]
         # without a limit of jerk the acceleration of the start does not bind
-        bound = axis.max_acceleration
-        wanted.current_acceleration = [max(-bound, min(bound, state[2])) if limited else 0.0]
+        wanted.current_acceleration = [_bounded_acceleration(axis, state) if limited else 0.0]
         return wanted
 
     def _calculated(self, wanted: InputParameter) -> Trajectory | None:
@@ -311,3 +310,16 @@ class IndependentMotions:
         trajectory = self._to_position(motion.column, state, limit)
         self._start(motion.column, motion.slot, MotionKind.HALT, trajectory, state[0], 0.0)
         self._motions[motion.column].final = (limit, 0.0)
+
+
+def _bounded_acceleration(axis: Axis, state: State) -> float:
+    """The acceleration of a state, no more than can be taken back before the speed is above its limit.
+
+    A trajectory's own acceleration is always less; that of a rate which rises in its midst may be more.
+    """
+    _, velocity, acceleration = state
+    bound = axis.max_acceleration
+    if velocity * acceleration > 0.0:
+        room = max(0.0, axis.max_velocity - abs(velocity))
+        bound = min(bound, math.sqrt(2.0 * axis.max_jerk * room))
+    return max(-bound, min(bound, acceleration))

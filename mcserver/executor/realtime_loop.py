@@ -27,8 +27,8 @@ from mcserver.executor.shared import SharedParts, map_block
 
 # Without a beat of the server for this time motion is stopped [s]. A server that has died is noticed sooner,
 # as the parent process that is gone; this is about one that hangs. A loaded computer of two cores was seen to
-# keep a living server from beating for more than 0.1 s.
-SERVER_TIMEOUT_S = 0.5
+# keep a living server from beating for more than 0.5 s.
+SERVER_TIMEOUT_S = 2.0
 # How long axes are held after that stop before they are de-energized [s].
 HOLD_AFTER_STOP_S = 1.0
 # Motion that has not come to rest in this time, while ending, is cut off [s].

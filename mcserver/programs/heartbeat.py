@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 
 PERIOD_S = 0.02
-LOOP_LIMIT_S = 1.0
+LOOP_LIMIT_S = 3.0
 PLANNER_LIMIT_S = 5.0
 LOOP_PERIOD_S = 0.1
 

@@ -79,6 +79,7 @@ class LinePlanner:
         # axes whose capture nobody has asked for the reading of yet; they stand
         self._captured: set[int] = set()
         self._unsettled: frozenset[int] = frozenset()
+        self._observing = False
         self._from_rest = False
         self._tolerance = 0.0
         self._token = 0
@@ -111,10 +112,11 @@ class LinePlanner:
         self._control(ControlKind.HALT_AXES, self._last_line, axes=self._mask(tuple(axes)))
         self._independent -= axes
         self._captured -= axes
-        self._await_settled(axes)
+        self._await_settled(axes, observing=True)
 
-    def _await_settled(self, axes: frozenset[int]) -> None:
+    def _await_settled(self, axes: frozenset[int], *, observing: bool) -> None:
         self._token += 1
+        self._observing = observing
         self._unsettled = axes
         self._waiting_for = self._token
         self._control(ControlKind.SETTLE, self._last_line, axes=self._mask(tuple(axes)), token=self._token)
@@ -275,6 +277,9 @@ class LinePlanner:
         if line.operation is AxisOperation.CAPTURE:
             self._captured |= set(line.axes) - self._energized
             self._energized |= set(line.axes)
+            if self._captured:
+                # asked for now, while everything rests: a later line that needs the reading need not stop for it
+                self._settle(frozenset(self._captured))
         else:
             self._captured -= set(line.axes)
             self._energized -= set(line.axes)
@@ -284,7 +289,7 @@ class LinePlanner:
         they hold."""
         self._control(ControlKind.BEGIN, line.line, axes=self._mask(tuple(axes)))
         self._canonical.appendleft(line)
-        self._await_settled(axes)
+        self._await_settled(axes, observing=False)
 
     def _wait(self, line: int, axes: tuple[int, ...]) -> Control:
         return Control(

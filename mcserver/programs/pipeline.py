@@ -6,8 +6,8 @@ server calls it from its planner thread, `mcserver simulate` between the cycles 
 
 from __future__ import annotations
 
-import time
 import math
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 
@@ -149,7 +149,7 @@ class Pipeline(LinePlanner):
             setpoints = event.values[: self._width]
             observed = {axis.index: setpoints[column] for column, axis in enumerate(self._machine.axes)}
             self._energized |= self._unsettled
-            if self._held is not None:
+            if self._observing:
                 self._interpreter.observe({axis: observed[axis] for axis in self._unsettled})
                 for axis in self._unsettled:
                     self._planner.position[self._slots[axis]] = observed[axis]
@@ -263,7 +263,8 @@ class Pipeline(LinePlanner):
                 worked = True
             else:
                 break
-            if self._planner.full or self._flush or self._source is not None or self._output.blocked:
+            busy = self._planner.full or self._flush or self._waiting_for is not None
+            if busy or self._source is not None or self._output.blocked:
                 return True
         if not self._canonical and not self._queue and self._held is None and self._closed:
             if self._planner.pending:

@@ -60,7 +60,7 @@ def corners(draw: st.DrawFn) -> tuple[Segment, Segment]:
     return segment(first, 1, base), segment(second, 2, np.zeros(WIDTH))
 
 
-def dense_path(parts: list[Segment], count: int = 400) -> Array:
+def dense_path(parts: list[Segment], count: int = 200) -> Array:
     return np.concatenate([part.sample(np.linspace(part.begin, part.finish, count))[0] for part in parts])
 
 
@@ -75,7 +75,7 @@ def made_of(before: Segment, after: Segment, tolerance: float) -> Blend | None:
 
 
 @given(corners(), TOLERANCES)
-@law(60)
+@law(50)
 def test_a_blend_is_within_the_tolerance_in_either_direction(
     corner: tuple[Segment, Segment], tolerance: float
 ) -> None:
@@ -84,8 +84,8 @@ def test_a_blend_is_within_the_tolerance_in_either_direction(
     assert made is not None
     rounded = dense_path([made.first, made.second])
     # the part of the programmed path that the blend replaces
-    left = before.sample(np.linspace(made.before.finish, 1.0, 400))[0]
-    right = after.sample(np.linspace(0.0, made.after.begin, 400))[0]
+    left = before.sample(np.linspace(made.before.finish, 1.0, 200))[0]
+    right = after.sample(np.linspace(0.0, made.after.begin, 200))[0]
     programmed = np.concatenate([left, right])
     spacing = max(
         float(np.linalg.norm(np.diff(path, axis=0), axis=1).max()) for path in (rounded, left, right)
@@ -96,7 +96,7 @@ def test_a_blend_is_within_the_tolerance_in_either_direction(
 
 
 @given(corners(), TOLERANCES)
-@law(60)
+@law(50)
 def test_position_tangent_and_curvature_go_on_through_every_joint_of_a_blend(
     corner: tuple[Segment, Segment], tolerance: float
 ) -> None:

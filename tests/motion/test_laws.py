@@ -47,7 +47,7 @@ def law(examples: int) -> Any:
 
 
 @given(programs())
-@law(100)
+@law(70)
 def test_no_axis_passes_its_velocity_or_acceleration_limit(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     assert velocity_ratio(motion) <= VELOCITY_SLACK
@@ -56,7 +56,7 @@ def test_no_axis_passes_its_velocity_or_acceleration_limit(program: Program) -> 
 
 
 @given(programs(jerks=JERKS[1:]))
-@law(100)
+@law(70)
 def test_no_axis_passes_its_jerk_limit_but_at_a_vertex_passed_with_speed(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     assert jerk_ratio(motion, vertices=vertices_of(motion)) <= JERK_SLACK

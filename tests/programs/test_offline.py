@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
+from mcserver.config import load_machine
 from mcserver.errors import ServiceError
 from mcserver.programs.offline import WAITING, OfflineWorker
 from tests.programs.fakes import three_axes
@@ -34,3 +35,13 @@ async def test_more_than_a_few_that_wait_are_refused(worker: OfflineWorker) -> N
         await worker.check("G90", None)
     assert refused.value.code == "MC508"
     assert await asyncio.gather(*tasks) == [[]] * len(tasks)
+
+
+async def test_a_simulation_solves_the_tools_of_the_machine() -> None:
+    arm = OfflineWorker(load_machine("arm6"))
+    try:
+        report = await arm.simulate("G1010\nG93 F60\nG01 T1 Z650\n")
+    finally:
+        arm.close()
+    assert report["diagnostics"] == []
+    assert report["lines"][0]["planning_s"] > 0.0
