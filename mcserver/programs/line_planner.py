@@ -278,7 +278,8 @@ class LinePlanner:
             self._captured |= set(line.axes) - self._energized
             self._energized |= set(line.axes)
             if self._captured:
-                # asked for now, while everything rests: a later line that needs the reading need not stop for it
+                # asked for now, while everything rests: a later line that needs the reading need not
+                # stop for it
                 self._settle(frozenset(self._captured))
         else:
             self._captured -= set(line.axes)

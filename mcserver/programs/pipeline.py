@@ -222,7 +222,9 @@ class Pipeline(LinePlanner):
         self._source = self._planner.commit(want)
         if self._source is None:
             more = bool(self._queue or self._canonical)
-            if self._planner.full or (not more and (lead is None or lead < self._stop + DRY or not self._planner.moving)):
+            if self._planner.full or (
+                not more and (lead is None or lead < self._stop + DRY or not self._planner.moving)
+            ):
                 self._source = self._planner.close()
         return self._source is not None
 
