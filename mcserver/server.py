@@ -126,6 +126,7 @@ async def _until_stopped(stopping: asyncio.Event, port: MotionPort) -> None:
         if not port.alive():
             raise ServiceError(
                 "MC518",
-                "the executor process has died; the drives stop by their own heartbeat time-out",
+                f"the executor process has died ({port.ending()}); the drives stop by their own heartbeat "
+                "time-out",
                 "start the server again; axes have to be captured anew",
             )

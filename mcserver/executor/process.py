@@ -16,14 +16,14 @@ from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.mailbox import SLOTS, CommandMailbox
 from mcserver.executor.realtime import PRIORITY
-from mcserver.executor.realtime_loop import ProcessState, Start
+from mcserver.executor.realtime_loop import ExitCode, ProcessState, Start
 from mcserver.executor.rings import ProgramRing
 from mcserver.executor.shared import SharedParts, create_block, map_block
 
 START_TIMEOUT_S = 30.0
 STOP_TIMEOUT_S = 12.0
 # An executor whose beat stands still for this time does not run [s].
-BEAT_TIMEOUT_S = 0.5
+BEAT_TIMEOUT_S = 2.0
 _POLL_S = 0.002
 
 
@@ -127,6 +127,18 @@ class ExecutorProcess:
             self._beat_seen = (beat, now)
             return True
         return now - self._beat_seen[1] <= BEAT_TIMEOUT_S
+
+    @property
+    def ending(self) -> str:
+        """How it came to its end, for a message; empty while it runs."""
+        code = self.exit_code
+        if code is None:
+            return "" if self.alive else f"it has run no cycle for {BEAT_TIMEOUT_S:g} s"
+        if code < 0:
+            return f"it was ended by signal {-code}"
+        if code == ExitCode.SERVER_LOST:
+            return "it stopped all axes because the server did not beat"
+        return f"it ended with code {code}"
 
     @property
     def exit_code(self) -> int | None:

@@ -50,6 +50,8 @@ class ExecutorFaces(Protocol):
     def epoch(self) -> float: ...
     @property
     def alive(self) -> bool: ...
+    @property
+    def ending(self) -> str: ...
     def events(self) -> list[ExecutorEvent]: ...
     def open_slot(
         self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
@@ -150,6 +152,10 @@ class ExecutorPort:
             velocity=history.block(rows, "actual_velocity"),
             torque=history.block(rows, "torque"),
         )
+
+    def ending(self) -> str:
+        """How the executor came to its end; empty while it runs."""
+        return self._executor.ending
 
     def alive(self) -> bool:
         return self._executor.alive

@@ -104,6 +104,9 @@ class MotionPort(Protocol):
     def cycles_since(self, cycle: int, limit: int) -> Cycles | None:
         """Up to ``limit`` cycles from number ``cycle`` on, or later where these are gone; None: none yet."""
 
+    def ending(self) -> str:
+        """How the executor came to its end, for a message; empty while it runs."""
+
     def alive(self) -> bool:
         """Whether the executor runs."""
 

@@ -1,7 +1,6 @@
 """The programs of one machine and what moves them on: journal, leases, planner thread, executor events.
 
-Everything here runs in the asyncio loop, but the two methods that take what the journal and the planner
-thread hand over. `mcserver.programs.service` decides what clients may do with it.
+Everything here runs in the asyncio loop, but the two methods that take what journal and planner thread hand over.
 """
 
 from __future__ import annotations

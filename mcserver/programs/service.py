@@ -221,7 +221,8 @@ class MachineService(ProgramIntake):
     def _fail_without_executor(self) -> None:
         fault = Fault(
             code="MC518",
-            message="the executor process has died; the drives stop by their own heartbeat time-out",
+            message=f"the executor process has died ({self.port.ending()}); the drives stop by their own "
+            "heartbeat time-out",
             hint="start the server again; axes have to be captured anew",
             t=self.now(),
         )

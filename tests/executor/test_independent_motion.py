@@ -238,3 +238,23 @@ def test_a_coordinated_motion_on_an_axis_under_way_is_refused() -> None:
     program.move({0: 0.1}, 100)
     fault = rig.run_until(EventKind.FAULT)
     assert (fault.code, fault.axis, fault.line) == (403, 0, 8)
+
+
+@settings(max_examples=20, deadline=None)
+@given(hold_at=st.integers(5, 600), halt_after=st.integers(0, 120), jerk=st.sampled_from([None, 200000.0]))
+def test_superseding_a_rapid_while_its_rate_changes_keeps_its_limits(
+    hold_at: int, halt_after: int, jerk: float | None
+) -> None:
+    rig = Rig(machine(jerk=jerk))
+    program = rig.program
+    program.rapid({0: 0.5})
+    program.dwell((hold_at + 40) * CYCLE_S)
+    program.rapid({0: -0.2})
+    program.finish()
+    rig.step(hold_at)
+    rig.executor.mailbox.set_override(0.1, 0)
+    rig.step(halt_after)
+    rig.executor.mailbox.set_override(1.0, 0)
+    rig.run()
+    assert rig.setpoint[-1, 0] == -0.2
+    within_limits(rig, 0)

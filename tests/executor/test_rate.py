@@ -318,3 +318,19 @@ def test_a_program_may_be_opened_held_and_begins_with_resume() -> None:
     assert not rig.of(EventKind.LINE_START)
     rig.executor.mailbox.resume(1)
     rig.run_until(EventKind.LINE_END)
+
+
+def test_an_override_that_comes_down_again_in_a_motion_at_its_limits_does_not_run_away() -> None:
+    rig = Rig(machine())
+    program = rig.program
+    program.capture()
+    # peak acceleration 9.6 m/s²: hardly any room above 100 %
+    program.move({0: 0.25}, 388)
+    program.finish()
+    rig.executor.mailbox.set_override(1.5, 0)
+    rig.step(120)
+    rig.executor.mailbox.set_hold(True, 0)
+    rig.step(60)
+    rig.executor.mailbox.resume(0)
+    rig.run()
+    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION

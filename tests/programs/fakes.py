@@ -145,6 +145,9 @@ class FakePort:
         setpoint = np.arange(first, first + limit)[:, None] * 0.001 * np.ones(shape)
         return Cycles(first, first * 0.001, setpoint, setpoint, np.zeros(shape), np.zeros(shape))
 
+    def ending(self) -> str:
+        return ""
+
     def alive(self) -> bool:
         return not self.closed
 
