@@ -152,7 +152,9 @@ class MotionPlanner:
             return self._fall_back()
         moment = self._moment(plan, (want - self.u) * self._cycle)
         if moment < self._cycle:
-            # less than a cycle is not worth a new plan, and a trace of rounding would go on for ever
+            # less than a cycle is not worth a new plan, and a trace of rounding would go on for ever: the
+            # window has to grow before the next one
+            self._left = self.pending
             return None
         nodes = self._window.nodes
         index = int(np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(nodes) - 1))

@@ -1,6 +1,6 @@
 """The programs of one machine and what moves them on: journal, leases, planner thread, executor events.
 
-Everything here runs in the asyncio loop, but the two methods that take what journal and planner thread hand over.
+Everything here runs in the asyncio loop, but the two methods that take what other threads hand over.
 """
 
 from __future__ import annotations
