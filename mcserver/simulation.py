@@ -12,7 +12,7 @@ from kinematics.pose import Kinematics
 from mcserver.config import Machine
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
-from mcserver.executor.faults import remedy_of
+from mcserver.executor.faults import WARNINGS, remedy_of
 from mcserver.executor.virtual import VirtualExecutor
 from mcserver.gcode.check import check_program
 from mcserver.gcode.source import split_lines
@@ -137,7 +137,7 @@ class _Run:
 
     def run(self, warnings: list[Diagnostic]) -> Simulation:
         idle = 0
-        while not self._finished and not self._faults:
+        while not self._finished and not self._failed:
             self._supply()
             while self._pipeline.pump():
                 self._supply()
@@ -153,10 +153,14 @@ class _Run:
         self._come_to_rest()
         return Simulation(
             self._report(warnings),
-            1 if any(fault.severity == "error" for fault in self._faults) else 0,
+            1 if self._failed else 0,
             self._recorder.recording(),
             self._feed_length,
         )
+
+    @property
+    def _failed(self) -> bool:
+        return any(fault.severity == "error" for fault in self._faults)
 
     # ------------------------------------------------------------------ the run
 
@@ -230,6 +234,7 @@ class _Run:
             self._faults.append(
                 Diagnostic(
                     code=f"MC{event.code}",
+                    severity="warning" if event.code in WARNINGS else "error",
                     message=message,
                     line=event.line,
                     column=1,
@@ -283,7 +288,7 @@ class _Run:
                 *(float(each[column]) / unit for each in (last, low, high)),
             )
         return {
-            "ok": not any(fault.severity == "error" for fault in self._faults),
+            "ok": not self._failed,
             "duration_s": self._end,
             "feed_length_mm": self._feed_length / MM,
             "lines": lines,

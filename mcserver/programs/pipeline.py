@@ -6,7 +6,6 @@ server calls it from its planner thread, `mcserver simulate` between the cycles 
 
 from __future__ import annotations
 
-import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -15,6 +14,8 @@ from kinematics.pose import Kinematics
 from mcserver.config import Machine
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.faults import WARNINGS
+from mcserver.executor.headroom import stopping_rows
 from mcserver.gcode.interpreter import Interpreter
 from mcserver.gcode.modal import INITIAL, ModalState
 from mcserver.gcode.parser import ParsedLine, scan_line
@@ -71,8 +72,7 @@ class Pipeline(LinePlanner):
             machine, kinematics=self._solving, positions=positions, lease=lease, modal=modal or INITIAL
         )
         # the executor begins to stop when fewer rows are left than a stop takes
-        slowest = max(axis.max_velocity / axis.max_acceleration for axis in machine.axes)
-        self._stop = min(math.ceil(1.2 * slowest * machine.cycle_hz), LONGEST_STOP)
+        self._stop = min(stopping_rows(machine), LONGEST_STOP)
         self._queue: deque[tuple[int, str]] = deque()
         self._held: ParsedLine | None = None
         self._closed = False
@@ -155,7 +155,9 @@ class Pipeline(LinePlanner):
                     self._planner.position[self._slots[axis]] = observed[axis]
         elif event.kind is EventKind.PAUSED:
             self.pause_u = None
-        elif event.kind in (EventKind.FAULT, EventKind.STOPPED):
+        elif event.kind is EventKind.STOPPED or (
+            event.kind is EventKind.FAULT and event.code not in WARNINGS
+        ):
             self.abort()
 
     # ------------------------------------------------------------------ work

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
-from mcserver.executor.faults import FaultCode
+from mcserver.executor.faults import WARNINGS, FaultCode
 from mcserver.programs.acks import AckSender
 from mcserver.programs.events import EventLog
 from mcserver.programs.faults import fault_of
@@ -44,7 +44,6 @@ log = logging.getLogger(__name__)
 ENDED_PROGRAMS = 100
 TICK_S = 0.02
 LATCHED_FAULTS = 64
-WARNINGS = frozenset({FaultCode.NO_REALTIME})
 # feedback may show the latch a moment after the event
 FAULT_SHOWN_S = 0.5
 
