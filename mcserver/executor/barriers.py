@@ -100,7 +100,9 @@ class ExactStop:
         bank = self._cycle.bank
         if left_at_rest is None or self._axes & bank.positioned & ~bank.exact:
             return None
-        return left_at_rest
+        # u goes on with the next cycle: rows stand at whole u, and are played as they are only while u is
+        # whole at each cycle
+        return 0.0
 
     def after(self, held: bool) -> bool:
         cycle = self._cycle

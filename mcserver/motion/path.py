@@ -136,19 +136,26 @@ class ArcCurve(msgspec.Struct, frozen=True):
     def bounds(self) -> tuple[Array, Array]:
         low = np.minimum(self.start, self.end)
         high = np.maximum(self.start, self.end)
-        # extrema in the plane: the quarter angles within the sweep (spirals differ from a circle by less
-        # than their radius mismatch, which the larger radius covers)
-        radius = max(self.start_radius, self.end_radius)
+        # extrema in the plane lie at the quarter angles; those of a spiral are shifted by atan(r'/r)
+        growth = self.end_radius - self.start_radius
         first, last = sorted((self.start_angle, self.start_angle + self.sweep))
+        candidates = []
         for quarter in range(4):
             angle = quarter * math.pi / 2.0
-            turns = math.ceil((first - angle) / (2.0 * math.pi) - 1e-12)
-            if angle + turns * 2.0 * math.pi <= last + 1e-12:
-                for column, part in ((0, math.cos(angle)), (1, math.sin(angle))):
-                    if abs(part) > 0.5:
-                        extreme = self.centre[column] + radius * part
-                        low[column] = min(low[column], extreme)
-                        high[column] = max(high[column], extreme)
+            turns = math.ceil((first - angle) / (2.0 * math.pi) - 1.0)
+            while angle + turns * 2.0 * math.pi <= last + math.pi / 2.0:
+                s = (angle + turns * 2.0 * math.pi - self.start_angle) / self.sweep
+                for _ in range(3):
+                    radius = self.start_radius + growth * min(max(s, 0.0), 1.0)
+                    shift = math.atan2(growth / self.sweep, radius)
+                    s = (angle + shift + turns * 2.0 * math.pi - self.start_angle) / self.sweep
+                candidates.append(s)
+                turns += 1
+        inside = np.array([s for s in candidates if 0.0 < s < 1.0])
+        if len(inside):
+            points = self.position(inside)
+            low = np.minimum(low, points.min(axis=0))
+            high = np.maximum(high, points.max(axis=0))
         return low, high
 
 

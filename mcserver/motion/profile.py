@@ -194,11 +194,14 @@ class ProfileSolver:
         total = self._trajectory.duration * unit
         if duration is not None and total > duration * (1.0 + 1e-9) + 1e-9:
             return None
+        # the solver arrives within some 1e-8 of the distance; a step of that size at the end would be seen as
+        # acceleration at the cycle rate
+        exact = 1.0 / profile.p[-1]
         times = [t * unit for t in profile.t]
-        jerks = [j / unit**3 for j in profile.j]
-        velocities = [v / unit for v in profile.v]
-        accelerations = [a / unit**2 for a in profile.a]
-        positions = list(profile.p)
+        jerks = [j * exact / unit**3 for j in profile.j]
+        velocities = [v * exact / unit for v in profile.v]
+        accelerations = [a * exact / unit**2 for a in profile.a]
+        positions = [p * exact for p in profile.p]
         # Ruckig may go back and forth where a monotone profile does not exist
         if min(velocities) < -1e-7 * max(1.0, max(velocities)) or _dips_below_zero(profile):
             return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -28,9 +29,9 @@ from mcserver.motion.canonical import (
 )
 from mcserver.motion.lookahead import PlannedRun
 from mcserver.motion.node import Bound
-from mcserver.motion.pieces import Activation, LineBound, LineMark, Piece
+from mcserver.motion.pieces import Activation, Deactivation, LineBound, LineMark, Piece
 from mcserver.motion.planner import MotionPlanner
-from mcserver.motion.sampling import Rows
+from mcserver.motion.sampling import CYCLE_ROUNDING, Rows
 from mcserver.programs.output import Output
 from mcserver.programs.pipeline_reports import Report, ReportKind
 
@@ -45,9 +46,14 @@ class InPosition(msgspec.Struct, frozen=True):
 
 
 def then(first: Iterator[Piece | Control] | None, after: list[Control]) -> Iterator[Piece | Control]:
-    if first is not None:
-        yield from first
-    yield from after
+    """``first`` and then ``after``, in order of u: motion may end within the cycle whose row is its last."""
+    left = list(after)
+    for piece in first or ():
+        if isinstance(piece, Deactivation):
+            while left and left[0].u < piece.u:
+                yield left.pop(0)
+        yield piece
+    yield from left
 
 
 class LinePlanner:
@@ -220,7 +226,14 @@ class LinePlanner:
         planner.u = max(planner.u, end)
         after: list[Control] = []
         if alone:
-            after.append(Control(ControlKind.DWELL, planner.u, line.line, seconds=dwells[0]))
+            # whole cycles are waited for; the rest of the dwell is a part of the time axis, so that what
+            # follows is still sampled at the cycle
+            cycles = math.floor(dwells[0] * self._machine.cycle_hz + CYCLE_ROUNDING)
+            seconds = cycles * self._machine.cycle_s
+            if cycles:
+                after.append(Control(ControlKind.DWELL, planner.u, line.line, seconds=seconds))
+            planner.rest(max(0.0, dwells[0] * self._machine.cycle_hz - cycles))
+            end = planner.u
         if waits:
             planner.to_whole_cycle()
             end = planner.u
