@@ -22,7 +22,7 @@ from mcserver.motion.lookahead import Lookahead, PlannedRun
 from mcserver.motion.node import PlanningError
 from mcserver.motion.path import Array
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
-from mcserver.motion.sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
+from mcserver.motion.sampling import CYCLE_ROUNDING, Rows, first_row, sample, whole_cycle
 from mcserver.motion.segment import AxisLimits, Segment, segment_of
 from mcserver.motion.side_by_side import side_by_side
 from mcserver.units import MM
@@ -243,7 +243,7 @@ class MotionPlanner:
             before = min(math.floor(origin + begins / self._cycle + CYCLE_ROUNDING), last)
             while low <= before:
                 high = min(low + PIECE - 1, before)
-                yield sample(plan, origin, low, high, self._cycle)
+                yield self._rows(plan, origin, low, high)
                 low = high + 1
             u = min(origin + begins / self._cycle, latest)
             new = segment.active & ~self._announced
@@ -256,7 +256,7 @@ class MotionPlanner:
                 stop = min(math.floor(origin + ends / self._cycle + CYCLE_ROUNDING), last)
                 while low <= stop:
                     high = min(low + PIECE - 1, stop)
-                    yield sample(plan, origin, low, high, self._cycle)
+                    yield self._rows(plan, origin, low, high)
                     low = high + 1
                 bound = plan.bound_by[index]
                 if bound is not None:
@@ -265,8 +265,14 @@ class MotionPlanner:
                     yield LineMark(min(origin + ends / self._cycle, latest), segment.line, ends=True)
         while low <= last:
             high = min(low + PIECE - 1, last)
-            yield sample(plan, origin, low, high, self._cycle)
+            yield self._rows(plan, origin, low, high)
             low = high + 1
+
+    def _rows(self, plan: PlannedRun, origin: float, low: int, high: int) -> Rows:
+        """Rows that drive no column before its activation, which may stand a rounding error behind a row."""
+        rows = sample(plan, origin, low, high, self._cycle)
+        np.bitwise_and(rows.axes, np.uint64(self._announced), out=rows.axes)
+        return rows
 
     def _moment(self, plan: PlannedRun, want: float) -> float:
         """A moment without acceleration at or after ``want`` [s], before the stop begins; 0: there is

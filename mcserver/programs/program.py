@@ -6,6 +6,8 @@ from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
 
+import msgspec
+
 from mcserver.programs.deferred import Deferred
 from mcserver.programs.progress import LineProgress
 from mcserver.programs.queue import LineQueue
@@ -25,6 +27,13 @@ class Verdict(IntEnum):
 
     TAKEN = 0
     REJECTED = 1
+
+
+class Reached(msgspec.Struct, frozen=True):
+    """What the journal holds once it has written this far: lines through ``done`` have ended."""
+
+    program: str
+    done: int
 
 
 class Program:
@@ -65,6 +74,8 @@ class Program:
         self.progress = LineProgress(start_line)
         # where what has been planned ends on the executor's time axis of this program [cycles]
         self.planned_end_u: float | None = None
+        # lines through this one have ended and are in the journal as such
+        self.recorded = start_line - 1
         self.eta_s: float | None = None
         self.closed = False
         self.held = False
@@ -102,7 +113,8 @@ class Program:
         return Ack(
             program=self.program,
             accepted=self.journaled,
-            done=self.done,
+            # an end is told once it is in the journal, which the program's own end is a part of
+            done=self.done if self.ended else min(self.done, self.recorded),
             credit=self.told_credit,
             state=self.state,
             rejected=self.rejected,

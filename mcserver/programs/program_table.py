@@ -34,7 +34,7 @@ from mcserver.programs.planner_thread import (
     Rejected,
 )
 from mcserver.programs.port import MotionPort
-from mcserver.programs.program import Program, Verdict
+from mcserver.programs.program import Program, Reached, Verdict
 from mcserver.programs.reports import Ack, AxisState, Event, Fault, ProgramState, wire_diagnostic
 from mcserver.programs.reports import EventKind as Kind
 from mcserver.programs.service_options import ServiceOptions
@@ -236,10 +236,13 @@ class ProgramTable:
             self.journal_failure = ""
             self.events.publish("warning", reason="MC519", message="the journal can be written again")
         for tag in tags:
-            if not isinstance(tag, Lines):
+            program = self.programs.get(tag.program) if isinstance(tag, Lines | Reached) else None
+            if program is None:
                 continue
-            program = self.programs.get(tag.program)
-            if program is not None and tag.epoch == program.epoch:
+            if isinstance(tag, Reached):
+                program.recorded = max(program.recorded, tag.done)
+                self.acks.acknowledge(program)
+            elif isinstance(tag, Lines) and tag.epoch == program.epoch:
                 program.journaled = tag.first + len(tag.lines) - 1
                 program.settle()
                 if tag.asked:
@@ -397,4 +400,4 @@ class ProgramTable:
         program.told_started, program.told_done = progress.started, program.done
         program.told_accepted = program.journaled
         self.journal.progress(program.program, progress.started, program.done, ended)
-        self.acks.acknowledge(program)
+        self.journal.after(Reached(program.program, program.done))
