@@ -127,10 +127,7 @@ def requested_of(line: MotionLine) -> float | None:
     times = [
         group.requested if isinstance(group, FeedGroup) else group.seconds
         for group in line.groups
-        if isinstance(group, FeedGroup | DwellGroup) and math.isfinite(_time(group))
+        if isinstance(group, FeedGroup | DwellGroup)
     ]
+    times = [time for time in times if math.isfinite(time)]
     return max(times) if times else None
-
-
-def _time(group: FeedGroup | DwellGroup) -> float:
-    return group.requested if isinstance(group, FeedGroup) else group.seconds

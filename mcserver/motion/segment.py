@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mcserver.config import Machine
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.path import ArcCurve, Array, Curve, LineCurve
+from mcserver.motion.path import Array, Curve, LineCurve
 
 # A path whose tangent is shorter than this does not travel [m or rad].
 NO_TRAVEL = 1e-10
@@ -144,14 +144,6 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -
         bend_first=bend_first,
         bend_last=bend_last,
         scale=scale,
-    )
-
-
-def is_circular(curve: Curve) -> bool:
-    """Whether the curve's tangent has one length all along (an arc or helix of one radius)."""
-    return (
-        isinstance(curve, ArcCurve)
-        and abs(curve.end_radius - curve.start_radius) <= 1e-9 * curve.start_radius
     )
 
 
