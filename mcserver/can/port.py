@@ -1,0 +1,65 @@
+"""What a realtime thread needs of a CAN bus: take what has come, give what goes out, never wait.
+
+Classic CAN only: 11-bit identifiers, up to 8 bytes. Remote frames, error frames, extended identifiers and
+malformed packets are counted and left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+# (identifier, payload)
+Frame = tuple[int, bytes]
+MAX_PAYLOAD = 8
+# At most so many frames are taken in one call, so that a babbling bus cannot hold the cycle.
+MAX_DRAINED = 512
+
+
+@dataclass
+class PortCounters:
+    """What happened on a port since it was opened.
+
+    Attributes:
+        sent, received: frames. unsent: frames that found no room, or no bus, and are gone. malformed: packets
+            that are no classic CAN data frame. errors: error frames and failed system calls.
+        down: whether the bus is away now (interface down, bus off, connection lost).
+    """
+
+    sent: int = 0
+    received: int = 0
+    unsent: int = 0
+    malformed: int = 0
+    errors: int = 0
+    down: bool = False
+
+
+class CanPort(Protocol):
+    """One end on a bus, as a sender and a receiver of frames. Not thread-safe."""
+
+    @property
+    def counters(self) -> PortCounters: ...
+
+    def fileno(self) -> int:
+        """For `select`; −1 while the bus is away."""
+
+    def prepare(self, identifier: int, length: int) -> bytearray:
+        """A buffer for a frame that is sent again and again; its payload begins at `payload_offset`."""
+
+    @property
+    def payload_offset(self) -> int:
+        """Where the payload of a prepared buffer begins."""
+
+    def send_prepared(self, buffer: bytearray) -> bool:
+        """Sends a prepared buffer as it is now; False: it is gone (`PortCounters.unsent`). Never waits, never
+        raises."""
+
+    def send(self, identifier: int, payload: bytes) -> bool:
+        """Sends one frame; as `send_prepared`."""
+
+    def drain(self) -> list[Frame]:
+        """What has come since the last call, oldest first, at most `MAX_DRAINED`. Never waits, never raises.
+        A bus that came back is used again by itself."""
+
+    def close(self) -> None:
+        """Gives the bus back; a second call does nothing."""

@@ -1,0 +1,65 @@
+"""The process data that master and drive agree on: written into the drives at boot-up, packed in every cycle.
+
+An axis takes one RPDO and one TPDO a cycle: RPDO1 in position mode, RPDO2 in velocity and torque mode (both in the
+cycle of a change of mode, since only RPDO1 has the mode). TPDO2 comes with every `SLOW_SYNCS`-th SYNC.
+"""
+
+from __future__ import annotations
+
+import enum
+import struct
+from typing import NamedTuple
+
+
+class Entry(NamedTuple):
+    """One mapped object (CiA 301, 1600h ff.): index, subindex, length in bits."""
+
+    index: int
+    subindex: int
+    bits: int
+
+
+class Pdo(NamedTuple):
+    """One PDO.
+
+    Attributes:
+        number: 1 … 4, of the predefined connection set. entries: in order. packing: the same as a `struct`.
+        transmission: type (1400h:2, 1800h:2): n = at every n-th SYNC.
+    """
+
+    number: int
+    entries: tuple[Entry, ...]
+    packing: struct.Struct
+    transmission: int
+
+
+class Mode(enum.IntEnum):
+    """Modes of operation, 6060h and 6061h."""
+
+    NONE = 0
+    PROFILE_POSITION = 1
+    PROFILE_VELOCITY = 3
+    CYCLIC_POSITION = 8
+    CYCLIC_VELOCITY = 9
+    CYCLIC_TORQUE = 10
+
+
+SLOW_SYNCS = 10
+
+CONTROLWORD = Entry(0x6040, 0, 16)
+STATUSWORD = Entry(0x6041, 0, 16)
+MODE = Entry(0x6060, 0, 8)
+MODE_DISPLAY = Entry(0x6061, 0, 8)
+POSITION_ACTUAL = Entry(0x6064, 0, 32)
+VELOCITY_ACTUAL = Entry(0x606C, 0, 32)
+TARGET_TORQUE = Entry(0x6071, 0, 16)
+TORQUE_ACTUAL = Entry(0x6077, 0, 16)
+TARGET_POSITION = Entry(0x607A, 0, 32)
+TARGET_VELOCITY = Entry(0x60FF, 0, 32)
+
+RPDO1 = Pdo(1, (CONTROLWORD, MODE, TARGET_POSITION), struct.Struct("<Hbi"), 1)
+RPDO2 = Pdo(2, (CONTROLWORD, TARGET_VELOCITY, TARGET_TORQUE), struct.Struct("<Hih"), 1)
+TPDO1 = Pdo(1, (STATUSWORD, MODE_DISPLAY, POSITION_ACTUAL), struct.Struct("<Hbi"), 1)
+TPDO2 = Pdo(2, (VELOCITY_ACTUAL, TORQUE_ACTUAL), struct.Struct("<ih"), SLOW_SYNCS)
+RPDOS = (RPDO1, RPDO2)
+TPDOS = (TPDO1, TPDO2)
