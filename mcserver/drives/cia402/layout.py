@@ -1,17 +1,18 @@
 """The process data that master and drive agree on: written into the drives at boot-up, packed in every cycle.
 
-An axis takes one RPDO and one TPDO a cycle: RPDO1 in position mode, RPDO2 in velocity and torque mode (both in
-the cycle of a change of mode, since only RPDO1 has the mode). TPDO2 comes with every `SLOW_SYNCS`-th SYNC.
+An axis takes one RPDO and one TPDO a cycle: RPDO1 in position mode, RPDO2 in velocity and torque mode (both
+in the cycle of a change of mode, since only RPDO1 has the mode). TPDO2 comes with every `SLOW_SYNCS`-th SYNC.
 """
 
 from __future__ import annotations
 
 import enum
 import struct
-from typing import NamedTuple
+from dataclasses import dataclass
 
 
-class Entry(NamedTuple):
+@dataclass(frozen=True)
+class Entry:
     """One mapped object (CiA 301, 1600h ff.): index, subindex, length in bits."""
 
     index: int
@@ -19,7 +20,8 @@ class Entry(NamedTuple):
     bits: int
 
 
-class Pdo(NamedTuple):
+@dataclass(frozen=True)
+class Pdo:
     """One PDO.
 
     Attributes:
