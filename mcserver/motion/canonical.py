@@ -10,8 +10,10 @@ import enum
 import math
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
-from mcserver.motion.path import Curve
+from mcserver.motion.path import Array, Curve, LineCurve
 
 
 class AxisOperation(enum.Enum):
@@ -93,6 +95,54 @@ class MotionLine(msgspec.Struct, frozen=True):
     exact_stop: bool = False
     tolerance: float = 0.0
     feed_length: float = 0.0
+
+
+class PlainRun(msgspec.Struct, frozen=True, eq=False):
+    """Lines of a single G01 each that follow one another and name the same axes: the same as so many
+    `MotionLine`, in columns, so that a long run costs no object a line.
+
+    Attributes:
+        lines: shape (n,), numbers of the lines in the file or program, increasing.
+        axes: K axis numbers.
+        points: shape (n+1, K), where the first line starts and where each line ends [m or rad].
+        lengths: shape (n,), as `LineCurve.length`. travels: shape (n,), the linear part of each [m].
+        requested: shape (n,), T that the program asks for [s]: 60/F, or length/F.
+        speeds: G94: path speeds, shape (n,) [m/s or rad/s]; None under G93, where T is ``requested``.
+        exact_stop, tolerance: as of `MotionLine`, the same for all.
+    """
+
+    lines: NDArray[np.int64]
+    axes: tuple[int, ...]
+    points: Array
+    lengths: Array
+    travels: Array
+    requested: Array
+    speeds: Array | None
+    exact_stop: bool = False
+    tolerance: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def motion_lines(self) -> list[MotionLine]:
+        """The same, an object a line."""
+        points = [tuple(point) for point in self.points.tolist()]
+        speeds = [None] * len(self) if self.speeds is None else self.speeds.tolist()
+        found = []
+        for index, (line, length, travel, requested) in enumerate(
+            zip(
+                self.lines.tolist(),
+                self.lengths.tolist(),
+                self.travels.tolist(),
+                self.requested.tolist(),
+                strict=True,
+            )
+        ):
+            curve = LineCurve(self.axes, points[index], points[index + 1], length)
+            duration = requested if self.speeds is None else None
+            group = FeedGroup((curve,), requested, duration, speeds[index])
+            found.append(MotionLine(line, (group,), self.exact_stop, self.tolerance, travel))
+        return found
 
 
 class AxisLine(msgspec.Struct, frozen=True):
