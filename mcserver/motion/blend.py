@@ -188,6 +188,7 @@ def _segment(
         base=base,
         opens=True,
         closes=True,
+        straight=False,
     )
 
 

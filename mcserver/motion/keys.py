@@ -7,29 +7,34 @@ again. Segments of G93 stand between keys of their own, since each has its T.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mcserver.motion.kernels.keys import SOLVED, find_keys
 from mcserver.motion.limits import Level, RunLimits
 from mcserver.motion.node import Bound, Node, PlanningError
 from mcserver.motion.path import Array
-from mcserver.motion.profile import Profile, ProfileSolver, join
-from mcserver.motion.ramps import exactly, fastest, reachable
+from mcserver.motion.profile import Profile, ProfileSolver, rows_of
+from mcserver.motion.ramps import exactly, fastest
 from mcserver.motion.segment import AxisLimits
-
-_SLACK = 1.0 + 1e-9
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Key nodes, their speeds, the profiles between them, and what stretched timed segments."""
+    """Key nodes, their speeds, the time law, and what stretched timed segments.
+
+    Attributes:
+        phases: rows of `mcserver.motion.kernels.phases`. first: the first phase behind each key, and one past
+            the last, shape (k,).
+    """
 
     keys: list[int]
     speeds: dict[int, float]
-    stretches: list[list[Profile]]
+    phases: Array
+    first: NDArray[np.intp]
     bound_by: list[Bound | None]
 
     @property
@@ -66,64 +71,51 @@ class KeySolver:
 
     def solve(self, keys: list[int], caps: Array) -> Solution:
         """Adds keys until no stretch passes a cap; each round binds the lowest cap of each stretch
-        that does."""
-        solved: dict[tuple[int, int, float, float], list[Profile]] = {}
+        that does.
+
+        Raises:
+            PlanningError: no time law keeps all limits.
+        """
+        run = self.run
+        is_key = np.zeros(len(caps), np.bool_)
+        is_key[keys] = True
+        timed = np.array([node.segment.duration is not None for node in self.nodes])
+        status, blamed, found, key_speeds, phases, first = find_keys(
+            self.edges,
+            caps,
+            run.tops,
+            timed,
+            is_key,
+            run.rows,
+            run.offset,
+            self._limits.rows,
+            self._limits.cycle,
+            run.rest,
+            run.weak,
+            run.ceiling,
+            self._entry,
+        )
+        if status != SOLVED:
+            raise PlanningError(self.nodes[blamed].segment.line)
+        keys = found.tolist()
+        for index in set(keys) - {0, len(self.nodes)}:
+            self.nodes[index].key = True
+        speeds = dict(zip(keys, key_speeds.tolist(), strict=True))
         bound_by: list[Bound | None] = [None] * len(self.nodes)
-        split: set[int] = set()
-        for _ in range(4 * len(self.nodes) + 8):
-            speeds = self._key_speeds(keys, caps)
-            found: list[int] = []
-            result: list[list[Profile]] = []
-            for left, right in pairwise(keys):
-                question = (left, right, speeds[left], speeds[right])
-                answer = solved.get(question)
-                if answer is None:
-                    if self.nodes[left].segment.duration is not None:
-                        answer, bound_by[left] = self._timed(left, speeds[left], speeds[right])
-                    else:
-                        answer = self._stretch(left, right, speeds[left], speeds[right])
-                        found += self._bind(left, right, answer, caps, split)
-                    solved[question] = answer
-                result.append(answer)
-            if not found:
-                return Solution(keys, speeds, result, bound_by)
-            for index in found:
-                self.nodes[index].key = True
-            keys = sorted({*keys, *found})
-        raise PlanningError(self.nodes[0].segment.line)
-
-    def _bind(
-        self, left: int, right: int, profiles: list[Profile], caps: Array, split: set[int]
-    ) -> list[int]:
-        """Nodes of a stretch that have to become keys."""
-        if right - left == 1:
-            return []
-        worst = self._worst(left, right, profiles, caps)
-        if worst is not None:
-            return [worst]
-        if left in split and right in split:
-            return []
-        better = self._plateau_nodes(left, right, profiles)
-        top = max(part.peak_velocity for part in profiles)
-        for node in better:
-            caps[node] = min(caps[node], top)
-        split.update(better, (left, right))
-        return better
-
-    def _key_speeds(self, keys: list[int], caps: Array) -> dict[int, float]:
-        """Speeds at keys so that each can be reached from its neighbours (forward and backward pass)."""
-        speeds = {key: float(caps[key]) for key in keys}
-        pairs = list(pairwise(keys))
-        for order in (pairs, [(b, a) for a, b in pairs[::-1]]):
-            for known, key in order:
-                if speeds[key] > speeds[known]:
-                    ladder = self.run.ladder(min(known, key), max(known, key))
-                    distance = abs(float(self.edges[key] - self.edges[known])) * (1.0 - 1e-9)
-                    speeds[key] = reachable(speeds[known], distance, ladder, speeds[key])
-        if speeds[0] < self._entry * (1.0 - 1e-9):
-            # the speed that is already there cannot be brought down by the limits assumed here
-            raise PlanningError(self.nodes[0].segment.line)
-        return speeds
+        if not timed.any():
+            return Solution(keys, speeds, phases, np.append(first, len(phases)), bound_by)
+        # stretches with a time of their own between those without
+        parts: list[Array] = []
+        ends = [*first.tolist(), len(phases)]
+        for index, (left, right) in enumerate(pairwise(keys)):
+            if ends[index] < 0:
+                profiles, bound_by[left] = self._timed(left, speeds[left], speeds[right])
+                parts.append(rows_of(profiles, float(self.edges[left])))
+            else:
+                until = next(end for end in ends[index + 1 :] if end >= 0)
+                parts.append(phases[ends[index] : until])
+        offsets = np.concatenate([[0], np.cumsum([len(part) for part in parts])])
+        return Solution(keys, speeds, np.concatenate(parts), offsets, bound_by)
 
     def _timed(self, index: int, entry: float, exit_: float) -> tuple[list[Profile], Bound | None]:
         """One G93 segment: T to the rounding error where the limits allow it, else as short as they allow."""
@@ -134,7 +126,7 @@ class KeySolver:
         kept = exactly(self._solver, node.segment.extent, entry, exit_, ladder, duration)
         if kept is not None:
             return kept, None
-        quickest = fastest(self._solver, node.segment.extent, entry, exit_, ladder)
+        quickest = fastest(node.segment.extent, entry, exit_, ladder)
         if quickest is None:
             raise PlanningError(node.segment.line)
         return quickest, self._bound_of(node, quickest, ladder)
@@ -188,7 +180,7 @@ class KeySolver:
         peak = max(part.peak_velocity for part in profiles)
         if peak >= 0.999 * ladder[-1].velocity:
             return Bound(node.limit.column, node.limit.kind)
-        slope = node.demand.slope.max(axis=0)
+        slope = np.concatenate(node.rows)[:, : len(self._limits.velocity)].max(axis=0)
         with np.errstate(divide="ignore"):
             by_acceleration = self._limits.acceleration / np.maximum(slope, 1e-300)
             by_jerk = self._limits.jerk / np.maximum(slope, 1e-300)
@@ -196,62 +188,3 @@ class KeySolver:
         if strongest >= 0.999 * min(level.acceleration for level in ladder):
             return Bound(int(np.argmin(by_acceleration)), "acceleration")
         return Bound(int(np.argmin(by_jerk)), "jerk")
-
-    # ------------------------------------------------------------------ stretches under G94
-
-    def _stretch(self, left: int, right: int, entry: float, exit_: float) -> list[Profile]:
-        """Profiles between two keys as if no cap bound them between."""
-        distance = float(self.edges[right] - self.edges[left])
-        solved = fastest(self._solver, distance, entry, exit_, self.run.ladder(left, right))
-        if solved is None:
-            # the speeds were chosen for the weakest of the limits: with these they can be joined
-            acceleration, jerk = self.run.weakest(left, right)
-            top = max(entry, exit_, float(self.run.tops[left:right].min()))
-            solved = fastest(self._solver, distance, entry, exit_, [Level(top, acceleration, jerk)])
-        if solved is None:
-            raise PlanningError(self.nodes[left].segment.line)
-        return solved
-
-    def _worst(self, i: int, j: int, profiles: list[Profile], caps: Array) -> int | None:
-        """The node to bind: one at the lowest cap which the profiles pass, or None."""
-        tops = self.run.tops
-        phases = join(profiles)
-        inner = self.edges[i + 1 : j] - self.edges[i]
-        at_nodes = phases.at(phases.time_at(inner))[1]
-        speeds = np.concatenate([[profiles[0].velocities[0]], at_nodes, [profiles[-1].velocities[-1]]])
-        # speed rises to one peak and falls: elsewhere the greatest is at an end of a segment
-        in_segments = np.maximum(speeds[:-1], speeds[1:])
-        peak = int(np.argmax(phases.velocity))
-        where = int(np.clip(np.searchsorted(inner, phases.position[peak], side="right"), 0, j - i - 1))
-        in_segments[where] = max(in_segments[where], phases.velocity[peak])
-        worst, lowest = None, math.inf
-        over = np.nonzero(at_nodes > caps[i + 1 : j] * _SLACK)[0]
-        if len(over):
-            best = int(over[np.argmin(caps[i + 1 : j][over])])
-            worst, lowest = i + 1 + best, float(caps[i + 1 + best])
-        over = np.nonzero(in_segments > tops[i:j] * _SLACK)[0]
-        if len(over):
-            segment = i + int(over[np.argmin(tops[i:j][over])])
-            if tops[segment] < lowest:
-                # a segment is bound by keys at both of its ends: the one that is not a key yet
-                worst = segment if segment > i else segment + 1
-        return worst
-
-    def _plateau_nodes(self, i: int, j: int, solved: list[Profile]) -> list[int]:
-        """Nodes passed at constant top speed whose outer sides have better limits than the whole."""
-        top = max(part.peak_velocity for part in solved)
-        origin = float(self.edges[i])
-        span: tuple[float, float] | None = None
-        for part in solved:
-            if part.plateau[1] > part.plateau[0] and part.peak_velocity >= top * (1.0 - 1e-12):
-                span = (origin + part.plateau[0], origin + part.plateau[1])
-            origin += part.positions[-1]
-        if span is None:
-            return []
-        weak = [self.run.weakest(k, k + 1)[0] for k in (i, j - 1)]
-        if max(weak) <= 1.1 * self.run.weakest(i, j)[0]:
-            return []
-        inside = [k for k in range(i + 1, j) if span[0] <= self.edges[k] <= span[1]]
-        if not inside:
-            return []
-        return sorted({inside[0], inside[-1]})

@@ -7,18 +7,18 @@ the tangent is. Its nodes are the joints, each with the greatest speed at which 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.kernels.ramps import reachable_speed
 from mcserver.motion.keys import KeySolver, Solution
-from mcserver.motion.limits import Demand, Junction, RunLimits, junction, samples_of, speed_limit
+from mcserver.motion.limits import RunLimits, junction, samples_of
 from mcserver.motion.node import Bound, Node, PlanningError
 from mcserver.motion.path import Array
-from mcserver.motion.profile import Phases, ProfileSolver, join, reachable_speed
+from mcserver.motion.profile import Phases, ProfileSolver, time_law
 from mcserver.motion.segment import AxisLimits, Segment
 
 # Cycles below which a segment's own top speed is that of its joints.
@@ -47,6 +47,29 @@ class PlannedRun:
     bound_by: list[Bound | None]
 
 
+@dataclass(frozen=True)
+class _Samples:
+    """Samples of all nodes.
+
+    Attributes:
+        rows: see `mcserver.motion.kernels.limits`. offset: the groups' first rows, and one past the last.
+        vertices: rows at the ends of timed segments, with the node that each stands at.
+    """
+
+    rows: Array
+    offset: NDArray[np.intp]
+    vertices: list[tuple[int, int]]
+
+    def under(self, caps: Array) -> Array:
+        """The rows where a vertex at the end of a timed segment asks for no more than its cap does."""
+        if not self.vertices:
+            return self.rows
+        rows = self.rows.copy()
+        for row, node in self.vertices:
+            rows[row, -1] = min(rows[row, -1], caps[node])
+        return rows
+
+
 class Lookahead:
     """Collects segments into a run and gives its time law."""
 
@@ -59,41 +82,23 @@ class Lookahead:
 
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
         """Joins a segment that travels to the run; the joint's cap says whether it can flow."""
-        met = Junction(0.0, None, None) if from_rest else self._joint(segment)
-        demand = samples_of(segment, len(self._limits.velocity))
-        limit = speed_limit(demand, self._limits)
-        if met.before is not None and met.after is not None:
-            demand = Demand.stack([demand, met.after])
+        cap = 0.0
+        vertex: Array | None = None
+        if not from_rest and self.nodes:
             last = self.nodes[-1]
-            self.nodes[-1] = dataclasses.replace(
-                last, demand=Demand.stack([last.demand, met.before]), vertex_after=True
-            )
+            met = junction(last.segment, segment, self._limits)
+            cap, segment.scale = met.speed, met.scale
+            if met.samples is not None:
+                vertex = met.samples[1:]
+                # a node may be in a plan that is held in reserve: it is not changed
+                self.nodes[-1] = dataclasses.replace(last, vertex_after=met.samples[:1])
+        samples, limit = samples_of(segment, self._limits)
         top = min(limit.velocity, segment.feed * segment.scale)
-        self.nodes.append(Node(segment, met.speed, limit, top, demand, vertex_before=met.after is not None))
-
-    def _joint(self, segment: Segment) -> Junction:
-        """How the run meets ``segment``; scales its coordinate so that speed is continuous where it
-        can flow."""
-        if not self.nodes:
-            return Junction(0.0, None, None)
-        before = self.nodes[-1].segment
-        end = math.sqrt(float(before.last @ before.last))
-        begin = math.sqrt(float(segment.first @ segment.first))
-        if end <= 0.0 or begin <= 0.0:
-            return Junction(0.0, None, None)
-        natural = segment.scale
-        segment.scale = begin * before.scale / end
-        met = junction(before, segment, self._limits)
-        if met.speed <= 0.0:
-            segment.scale = natural
-        return met
+        self.nodes.append(Node(segment, cap, limit, top, samples, vertex_before=vertex))
 
     def joint_speed(self, segment: Segment) -> float:
         """Greatest speed over the joint with a segment that is not in the run yet [m/s or rad/s along σ]."""
-        natural = segment.scale
-        speed = self._joint(segment).speed
-        segment.scale = natural
-        return speed
+        return junction(self.nodes[-1].segment, segment, self._limits).speed if self.nodes else 0.0
 
     def replace_last(self, segment: Segment) -> None:
         """Puts a trimmed segment in the place of the last one."""
@@ -103,7 +108,8 @@ class Lookahead:
         """Sets the entry to the speed that the first segment could have reached from rest in its own
         length."""
         first = self.nodes[0]
-        run = RunLimits([first.demand], np.zeros(1, np.intp), np.array([first.top]), self._limits)
+        rows = np.concatenate(first.rows)
+        run = RunLimits(rows, np.array([0, len(rows)]), np.array([first.top]), self._limits)
         acceleration, jerk = run.weakest(0, 1)
         whole = first.segment.scale
         self.entry = 0.5 * reachable_speed(0.0, whole, acceleration, jerk, float(run.tops[0]))
@@ -134,9 +140,10 @@ class Lookahead:
         group_tops = self._tops_of(starts, tops, inner)
         first = [nodes[index] for index in starts.tolist()]
         solver = KeySolver(self._solver, self._limits, first, edges, self.entry)
+        samples = self._samples(starts)
 
         def attempt(caps: Array) -> Solution:
-            solver.run = RunLimits(self._demands(caps), starts, group_tops, self._limits)
+            solver.run = RunLimits(samples.under(caps), samples.offset, group_tops, self._limits)
             bound = caps.copy()
             bound[1:-1] = np.minimum(bound[1:-1], np.minimum(solver.run.tops[:-1], solver.run.tops[1:]))
             return solver.solve(_first_keys(first, bound), bound)
@@ -146,11 +153,11 @@ class Lookahead:
             solution = attempt(caps)
         if solution.late:
             solution = self._with_stops(solution, caps, attempt)
-        phases = join([profile for stretch in solution.stretches for profile in stretch])
+        phases = time_law(solution.phases, float(edges[-1]))
         times = phases.time_at(bounds)
-        # at keys the solver's own durations are exact; where the motion rests, positions tell time poorly
-        ends = np.cumsum([sum(part.duration for part in stretch) for stretch in solution.stretches])
-        times[np.append(starts, count)[solution.keys]] = np.concatenate([[0.0], ends])
+        # at keys the time law's own times are exact; where the motion rests, positions tell time poorly
+        at_keys = np.append(phases.start, phases.duration)[solution.first]
+        times[np.append(starts, count)[solution.keys]] = at_keys
         bound_by: list[Bound | None] = [None] * count
         for group, index in enumerate(starts.tolist()):
             bound_by[index] = solution.bound_by[group]
@@ -169,21 +176,26 @@ class Lookahead:
                         caps[end] = min(caps[end], nominal)
         return caps
 
-    def _demands(self, caps: Array) -> list[Demand]:
-        """Demands of the nodes; a vertex at the end of a timed segment asks for no more than its cap does."""
-        demands = [node.demand for node in self.nodes]
-        for group, index in enumerate(self._starts.tolist()):
-            node = self.nodes[index]
-            if node.segment.duration is None or not (node.vertex_before or node.vertex_after):
-                continue
-            ceiling = node.demand.ceiling.copy()
-            if node.vertex_after:
-                ceiling[-1] = min(ceiling[-1], caps[group + 1])
-            if node.vertex_before:
-                first = -2 if node.vertex_after else -1
-                ceiling[first] = min(ceiling[first], caps[group])
-            demands[index] = dataclasses.replace(node.demand, ceiling=ceiling)
-        return demands
+    def _samples(self, starts: NDArray[np.intp]) -> _Samples:
+        parts: list[Array] = []
+        lengths: list[int] = []
+        vertices: list[tuple[int, int]] = []
+        group, at = -1, 0
+        first = set(starts.tolist())
+        for index, node in enumerate(self.nodes):
+            group += index in first
+            here = at
+            for each in node.rows:
+                parts.append(each)
+                at += len(each)
+            lengths.append(at - here)
+            if node.segment.duration is not None:
+                if node.vertex_after is not None:
+                    vertices.append((at - 1, group + 1))
+                if node.vertex_before is not None:
+                    vertices.append((at - 1 - (node.vertex_after is not None), group))
+        ends = np.concatenate([[0], np.cumsum(lengths)])
+        return _Samples(np.concatenate(parts), ends[np.append(starts, len(self.nodes))], vertices)
 
     def _with_stops(self, solution: Solution, caps: Array, attempt: Callable[[Array], Solution]) -> Solution:
         """Stops at vertices beside timed segments that are late, where that lets more of them keep their T.

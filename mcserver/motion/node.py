@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mcserver.motion.limits import Demand, SpeedLimit
+from mcserver.motion.limits import SpeedLimit
+from mcserver.motion.path import Array
 from mcserver.motion.segment import Segment
 
 
@@ -15,7 +16,9 @@ class Node:
     Attributes:
         cap: greatest speed at its start, from the joint with the segment before.
         limit: greatest speed by the axes, and which one binds. top: with the feed too.
-        demand: samples; the last ones are the vertices at its start and its end, where there are such.
+        samples: of the segment, rows of `mcserver.motion.kernels.limits`.
+        vertex_before, vertex_after: the sample (1, 5 K + 2) of the vertex at its start and its end, where
+            there is one.
         key: a plan had to bind its start; the next one begins with that.
     """
 
@@ -23,10 +26,15 @@ class Node:
     cap: float
     limit: SpeedLimit
     top: float
-    demand: Demand
+    samples: Array
     key: bool = False
-    vertex_before: bool = False
-    vertex_after: bool = False
+    vertex_before: Array | None = None
+    vertex_after: Array | None = None
+
+    @property
+    def rows(self) -> list[Array]:
+        """All its samples; a vertex at its start stands before one at its end."""
+        return [each for each in (self.samples, self.vertex_before, self.vertex_after) if each is not None]
 
 
 @dataclass(frozen=True)

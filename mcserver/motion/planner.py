@@ -22,8 +22,8 @@ from mcserver.motion.lookahead import Lookahead, PlannedRun
 from mcserver.motion.node import PlanningError
 from mcserver.motion.path import Array
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
-from mcserver.motion.sampling import CYCLE_ROUNDING, Rows, first_row, sample, whole_cycle
-from mcserver.motion.segment import AxisLimits, Segment, segment_of
+from mcserver.motion.sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
+from mcserver.motion.segment import AxisLimits, Segment, place, segment_of
 from mcserver.motion.side_by_side import side_by_side
 from mcserver.units import MM
 
@@ -32,7 +32,7 @@ from mcserver.units import MM
 WINDOW = 512
 LARGEST_WINDOW = 8192
 
-_ONE = np.array([1.0])
+_ALL = (1 << 64) - 1
 
 
 class MotionPlanner:
@@ -88,9 +88,7 @@ class MotionPlanner:
     def segment(self, group: FeedGroup, line: int) -> Segment:
         """The segment of a group; the commanded position moves on to its end."""
         segment = segment_of(group, line, self._slots, self._width)
-        segment.base = self.position.copy()
-        for curve, columns in zip(group.curves, segment.columns, strict=True):
-            self.position[columns] = curve.position(_ONE)[0]
+        place(segment, self.position)
         return segment
 
     def append(self, segment: Segment, *, from_rest: bool = False, tolerance: float = 0.0) -> None:
@@ -230,49 +228,60 @@ class MotionPlanner:
         yield Deactivation(float(whole_cycle(end)), last.line, mask, tuple(position.tolist()))
 
     def _output(self, plan: PlannedRun, origin: float, last: int, until: float) -> Iterator[Piece]:
-        """Rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s], in
-        order of u."""
-        low = first_row(origin)
-        # where the run closes, rounding must not put a mark behind its last row
-        latest = float(last) if math.isinf(until) else math.inf
+        """Rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s].
+
+        Each piece of rows comes behind the marks that stand before its last row; marks are in order of u.
+        """
+        marks = self._marks(plan, origin, until, float(last) if math.isinf(until) else math.inf)
+        low, mark = first_row(origin), next(marks, None)
+        while low <= last:
+            high = min(low + PIECE - 1, last)
+            starting: list[Activation] = []
+            while mark is not None and mark[0] < high:
+                if isinstance(mark[1], Activation):
+                    starting.append(mark[1])
+                yield mark[1]
+                mark = next(marks, None)
+            rows = sample(plan, origin, low, high, self._cycle)
+            np.bitwise_and(rows.axes, np.uint64(self._announced), out=rows.axes)
+            for activation in starting:
+                # rows drive no column before its activation, which may stand a rounding error behind a row
+                early = max(math.floor(activation.u + CYCLE_ROUNDING) - low + 1, 0)
+                rows.axes[:early] &= np.uint64(~activation.mask & _ALL)
+            yield rows
+            low = high + 1
+        while mark is not None:
+            yield mark[1]
+            mark = next(marks, None)
+
+    def _marks(
+        self, plan: PlannedRun, origin: float, until: float, latest: float
+    ) -> Iterator[tuple[int, Piece]]:
+        """What happens before ``until`` [s], each with the last row that stands before it.
+
+        Where the run closes, rounding must not put a mark behind its last row, ``latest``.
+        """
+        at = origin + plan.times / self._cycle
+        before = np.floor(at + CYCLE_ROUNDING).astype(np.int64).tolist()
+        places = np.minimum(at, latest).tolist()
+        times = plan.times.tolist()
         for index, segment in enumerate(plan.segments):
-            begins, ends = float(plan.times[index]), float(plan.times[index + 1])
-            if begins >= until:
+            if times[index] >= until:
                 break
-            # rows up to the segment's beginning come before its marks
-            before = min(math.floor(origin + begins / self._cycle + CYCLE_ROUNDING), last)
-            while low <= before:
-                high = min(low + PIECE - 1, before)
-                yield self._rows(plan, origin, low, high)
-                low = high + 1
-            u = min(origin + begins / self._cycle, latest)
+            u, row = places[index], before[index]
             new = segment.active & ~self._announced
             if new:
                 self._announced |= new
-                yield Activation(u, segment.line, new)
+                yield row, Activation(u, segment.line, new)
             if segment.opens:
-                yield LineMark(u, segment.line, ends=False)
-            if ends <= until:
-                stop = min(math.floor(origin + ends / self._cycle + CYCLE_ROUNDING), last)
-                while low <= stop:
-                    high = min(low + PIECE - 1, stop)
-                    yield self._rows(plan, origin, low, high)
-                    low = high + 1
+                yield row, LineMark(u, segment.line, ends=False)
+            if times[index + 1] <= until:
+                row = before[index + 1]
                 bound = plan.bound_by[index]
                 if bound is not None:
-                    yield LineBound(segment.line, bound)
+                    yield row, LineBound(segment.line, bound)
                 if segment.closes:
-                    yield LineMark(min(origin + ends / self._cycle, latest), segment.line, ends=True)
-        while low <= last:
-            high = min(low + PIECE - 1, last)
-            yield self._rows(plan, origin, low, high)
-            low = high + 1
-
-    def _rows(self, plan: PlannedRun, origin: float, low: int, high: int) -> Rows:
-        """Rows that drive no column before its activation, which may stand a rounding error behind a row."""
-        rows = sample(plan, origin, low, high, self._cycle)
-        np.bitwise_and(rows.axes, np.uint64(self._announced), out=rows.axes)
-        return rows
+                    yield row, LineMark(places[index + 1], segment.line, ends=True)
 
     def _moment(self, plan: PlannedRun, want: float) -> float:
         """A moment without acceleration at or after ``want`` [s], before the stop begins; 0: there is
@@ -351,7 +360,7 @@ class MotionPlanner:
         mask = 0
         for group in groups:
             segment = segment_of(group, line, self._slots, self._width)
-            segment.base = base
+            place(segment, self.position)
             segment.active = segment.mask
             mask |= segment.mask
             if segment.travels:
@@ -360,8 +369,6 @@ class MotionPlanner:
                 runs.append(window.plan())
             else:
                 runs.append(None)
-            for curve, columns in zip(group.curves, segment.columns, strict=True):
-                self.position[columns] = curve.position(_ONE)[0]
         origin = self.u
         end = (
             origin + max((run.phases.duration for run in runs if run is not None), default=0.0) / self._cycle

@@ -6,17 +6,15 @@ motion is sampled with numpy in one go and its duration is exact, not rounded to
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import ruckig
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mcserver.motion.kernels.phases import PHASE, times_of
+from mcserver.motion.kernels.ramps import NO_DISTANCE
+from mcserver.motion.path import Array
 
-# Distances below this are not motion [m or rad along the path]: far under any encoder's resolution.
-NO_DISTANCE = 1e-12
 # Longest profile that is given to Ruckig as it is [s].
 LONGEST_S = 1000.0
 # Acceleration that a profile of a given duration is solved with, beside the mean speed over that duration.
@@ -80,21 +78,10 @@ class Phases:
 
     def time_at(self, positions: Array) -> Array:
         """First times at which the coordinate reaches ``positions`` (n,), which increase [s]."""
-        nodes = np.append(self.position, self.end)
-        bounds = np.append(self.start, self.duration)
-        phase = np.clip(np.searchsorted(nodes, positions, side="left") - 1, 0, len(self.start) - 1)
-        low = np.zeros(len(positions))
-        high = bounds[phase + 1] - bounds[phase]
-        a, j, v, p = (x[phase] for x in (self.acceleration, self.jerk, self.velocity, self.position))
-        # bisection: monotone, safe where a phase ends at rest (Newton would divide by a vanishing speed)
-        for _ in range(52):
-            middle = (low + high) / 2.0
-            short = p + middle * (v + middle * (a / 2.0 + middle * j / 6.0)) < positions
-            low = np.where(short, middle, low)
-            high = np.where(short, high, middle)
-        times: Array = bounds[phase] + high
-        times[positions >= self.end - NO_DISTANCE] = self.duration
-        times[positions <= self.position[0]] = 0.0
+        lasts = np.diff(np.append(self.start, self.duration))
+        rows = np.column_stack((lasts, self.position, self.velocity, self.acceleration, self.jerk))
+        times: Array = np.empty(len(positions))
+        times_of(self.start, self.duration, rows, self.end, positions, NO_DISTANCE, times)
         return times
 
 
@@ -113,7 +100,6 @@ class Profile:
     positions: list[float]
     peak_velocity: float
     peak_acceleration: float
-    plateau: tuple[float, float]
 
 
 class ProfileSolver:
@@ -208,11 +194,6 @@ class ProfileSolver:
         if sum(profile.brake.t) > 0.0:
             return None
         top = max(velocities)
-        plateau = (0.0, 0.0)
-        for index, time in enumerate(times):
-            steady = time > 0.0 and jerks[index] == 0.0 and abs(accelerations[index]) < 1e-9 * top
-            if steady and velocities[index] >= top * (1.0 - 1e-9):
-                plateau = (positions[index] * distance, positions[index + 1] * distance)
         return Profile(
             duration=total,
             times=times,
@@ -222,7 +203,6 @@ class ProfileSolver:
             positions=[p * distance for p in positions],
             peak_velocity=top * distance,
             peak_acceleration=max(abs(a) for a in accelerations) * distance,
-            plateau=plateau,
         )
 
 
@@ -237,83 +217,40 @@ def _dips_below_zero(profile: ruckig.Profile) -> bool:
     return False
 
 
-def speed_change_time(low: float, high: float, acceleration: float, jerk: float) -> float:
-    """Least time in which speed goes from ``low`` to ``high`` with zero acceleration at both ends [s]."""
-    change = high - low
-    if change <= 0.0:
-        return 0.0
-    if math.isinf(jerk):
-        return change / acceleration
-    if change * jerk >= acceleration * acceleration:
-        return change / acceleration + acceleration / jerk
-    return 2.0 * math.sqrt(change / jerk)
-
-
-def speed_change_distance(low: float, high: float, acceleration: float, jerk: float) -> float:
-    """The distance that such a change takes [m]: half way between the speeds, as it is symmetric."""
-    return (low + high) / 2.0 * speed_change_time(low, high, acceleration, jerk)
-
-
-def reachable_speed(low: float, distance: float, acceleration: float, jerk: float, cap: float) -> float:
-    """Greatest speed ≤ ``cap`` reached from ``low`` within ``distance``, with zero acceleration at
-    both ends."""
-    if cap <= low or speed_change_distance(low, cap, acceleration, jerk) <= distance:
-        return max(cap, low) if cap > low else low
-    # without a jerk limit: v² = v0² + 2 a d
-    free = math.sqrt(low * low + 2.0 * acceleration * distance)
-    if math.isinf(jerk):
-        return min(free, cap)
-    below, above = low, min(free, cap)
-    for _ in range(60):
-        middle = (below + above) / 2.0
-        if speed_change_distance(low, middle, acceleration, jerk) <= distance:
-            below = middle
-        else:
-            above = middle
-        if above - below <= 1e-12 * above:
-            break
-    return below
-
-
-def join(profiles: list[Profile]) -> Phases:
-    """The phases of consecutive profiles as one time law."""
-    start: list[float] = []
-    position: list[float] = []
-    velocity: list[float] = []
-    acceleration: list[float] = []
-    jerk: list[float] = []
-    clock = 0.0
-    origin = 0.0
+def rows_of(profiles: list[Profile], origin: float = 0.0) -> Array:
+    """Consecutive profiles as phases, shape (n, `PHASE`), with the coordinate counted from ``origin``."""
+    rows: list[tuple[float, ...]] = []
     for profile in profiles:
-        begin = clock
         for index, time in enumerate(profile.times):
             if time <= 0.0:
                 continue
             a, j = profile.accelerations[index], profile.jerks[index]
             p, v = origin + profile.positions[index], profile.velocities[index]
-            start.append(clock)
-            position.append(p)
-            velocity.append(v)
-            acceleration.append(a)
-            jerk.append(j)
             # a phase that passes zero acceleration is two: the moment between is where a plan may be cut
             turn = -a / j if j != 0.0 else 0.0
             if 1e-9 * time < turn < (1.0 - 1e-9) * time:
-                start.append(clock + turn)
-                position.append(p + turn * (v + turn * (a / 2.0 + turn * j / 6.0)))
-                velocity.append(v + turn * a / 2.0)
-                acceleration.append(0.0)
-                jerk.append(j)
-            clock += time
-        # the sum of the phases is the duration up to rounding; keep the solver's figure
-        clock = begin + profile.duration
+                rows.append((turn, p, v, a, j))
+                p, v = p + turn * (v + turn * (a / 2.0 + turn * j / 6.0)), v + turn * a / 2.0
+                a, time = 0.0, time - turn
+            rows.append((time, p, v, a, j))
         origin += profile.positions[-1]
+    return np.array(rows).reshape(-1, PHASE)
+
+
+def time_law(rows: Array, end: float) -> Phases:
+    """The time law of consecutive phases, shape (n, `PHASE`), that ends at the coordinate ``end``."""
+    until = np.cumsum(rows[:, 0])
     return Phases(
-        start=np.array(start),
-        duration=clock,
-        position=np.array(position),
-        velocity=np.array(velocity),
-        acceleration=np.array(acceleration),
-        jerk=np.array(jerk),
-        end=origin,
+        start=until - rows[:, 0],
+        duration=float(until[-1]),
+        position=rows[:, 1].copy(),
+        velocity=rows[:, 2].copy(),
+        acceleration=rows[:, 3].copy(),
+        jerk=rows[:, 4].copy(),
+        end=end,
     )
+
+
+def join(profiles: list[Profile]) -> Phases:
+    """The phases of consecutive profiles as one time law."""
+    return time_law(rows_of(profiles), sum(profile.positions[-1] for profile in profiles))

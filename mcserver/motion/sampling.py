@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.kernels.sampling import sample_lines
 from mcserver.motion.lookahead import PlannedRun
 from mcserver.motion.path import Array
 
@@ -47,22 +49,41 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
         index, np.clip(np.searchsorted(run.times, time, side="right") - 1, 0, len(run.segments) - 1)
     )
     index[time >= run.phases.duration] = len(run.segments) - 1
-    width = len(run.segments[0].base)
-    position = np.empty((len(u), width))
-    velocity = np.empty((len(u), width))
-    axes = np.empty(len(u), dtype=np.uint64)
-    line = np.empty(len(u), dtype=np.int64)
-    # segments are in order along time, so equal indices stand together
-    cuts = np.concatenate([[0], np.nonzero(np.diff(index))[0] + 1, [len(u)]])
-    for low, high in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
-        which = int(index[low])
-        segment = run.segments[which]
-        s = segment.begin + (sigma[low:high] - run.bounds[which]) / segment.scale
-        at_end = sigma[low:high] >= run.bounds[which + 1]
-        s = np.where(at_end, segment.finish, np.clip(s, segment.begin, segment.finish))
-        points, slope = segment.sample(s)
-        position[low:high] = points
-        velocity[low:high] = slope * (speed[low:high, None] / segment.scale)
-        axes[low:high] = segment.active
-        line[low:high] = segment.line
+    low, high = int(index[0]), int(index[-1]) + 1
+    segments = run.segments[low:high]
+    position = np.empty((len(u), len(segments[0].base)))
+    velocity = np.empty_like(position)
+    straight = [each.straight for each in segments]
+    here = index - low
+    if any(straight):
+        curved = np.logical_not(straight)
+        lines = np.where(curved[here], -1, here)
+        spans = np.array([(each.scale, each.begin, each.finish) for each in segments])
+        spans = np.column_stack((run.bounds[low:high], run.bounds[low + 1 : high + 1], spans))
+        sample_lines(
+            sigma,
+            speed,
+            lines,
+            spans,
+            np.array([each.base for each in segments]),
+            np.array([each.first for each in segments]),
+            np.array([each.end if each.straight else each.base for each in segments]),
+            position,
+            velocity,
+        )
+    if not all(straight):
+        # segments are in order along time, so equal indices stand together
+        cuts = [0, *(np.nonzero(np.diff(here))[0] + 1).tolist(), len(u)]
+        for start, stop in pairwise(cuts):
+            segment = segments[here[start]]
+            if not segment.straight:
+                part = slice(start, stop)
+                which = int(index[start])
+                s = segment.begin + (sigma[part] - run.bounds[which]) / segment.scale
+                at_end = sigma[part] >= run.bounds[which + 1]
+                s = np.where(at_end, segment.finish, np.clip(s, segment.begin, segment.finish))
+                position[part], slope = segment.sample(s)
+                velocity[part] = slope * (speed[part, None] / segment.scale)
+    axes = np.array([each.active for each in segments], dtype=np.uint64)[here]
+    line = np.array([each.line for each in segments], dtype=np.int64)[here]
     return Rows(first, position, velocity, axes, line)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from mcserver.config import Machine
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.path import Array, Curve, LineCurve
 
+_NOWHERE = np.zeros(0)
 # A path whose tangent is shorter than this does not travel [m or rad].
 NO_TRAVEL = 1e-10
 
@@ -24,6 +26,11 @@ class AxisLimits:
     acceleration: Array
     jerk: Array
     cycle: float
+
+    @cached_property
+    def rows(self) -> Array:
+        """The three of them, shape (3, K)."""
+        return np.array([self.velocity, self.acceleration, self.jerk])
 
     @classmethod
     def of(cls, machine: Machine) -> AxisLimits:
@@ -52,8 +59,10 @@ class Segment:
         begin, finish: fractions between which the segment is passed: 0 and 1 but for one that is under way or
             has a rounded corner.
         base: commanded positions of all columns when the segment starts, shape (K,).
+        end: where a straight one ends, shape (K,).
         active: mask of all columns that the run has moved up to this segment.
         opens, closes: whether the line's time begins or ends with this segment.
+        straight: whether all its curves are lines.
     """
 
     line: int
@@ -70,10 +79,12 @@ class Segment:
     scale: float
     begin: float = 0.0
     finish: float = 1.0
-    base: Array = field(default_factory=lambda: np.zeros(0))
+    base: Array = field(default_factory=lambda: _NOWHERE)
+    end: Array = field(default_factory=lambda: _NOWHERE)
     active: int = 0
     opens: bool = True
     closes: bool = True
+    straight: bool = False
 
     @property
     def extent(self) -> float:
@@ -103,22 +114,24 @@ class Segment:
 
 
 _ENDS = np.array([0.0, 1.0])
+_END = _ENDS[1:]
 
 
 def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -> Segment:
     """The segment of a feed group; ``slots`` maps axis numbers to columns."""
     columns = tuple(np.array([slots[axis] for axis in curve.axes], dtype=np.intp) for curve in group.curves)
-    first, last = np.zeros(width), np.zeros(width)
-    bend_first, bend_last = np.zeros(width), np.zeros(width)
+    first, last, bend_first, bend_last = np.zeros((4, width))
     mask = 0
+    straight = True
     for curve, where in zip(group.curves, columns, strict=True):
-        for column in where.tolist():
-            mask |= 1 << column
+        for axis in curve.axes:
+            mask |= 1 << slots[axis]
         if isinstance(curve, LineCurve):
             travel = np.subtract(curve.end, curve.start)
             first[where] = travel
             last[where] = travel
         else:
+            straight = False
             slope, bend, _ = curve.derivatives(_ENDS)
             first[where], last[where] = slope
             bend_first[where], bend_last[where] = bend
@@ -144,7 +157,21 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -
         bend_first=bend_first,
         bend_last=bend_last,
         scale=scale,
+        straight=straight,
     )
+
+
+def place(segment: Segment, position: Array) -> None:
+    """Puts a segment where the machine stands, and moves ``position`` (K,) on to its end."""
+    segment.base = position.copy()
+    for curve, columns in zip(segment.curves, segment.columns, strict=True):
+        if isinstance(curve, LineCurve):
+            segment.base[columns] = curve.start
+            position[columns] = curve.end
+        else:
+            position[columns] = curve.position(_END)[0]
+    if segment.straight:
+        segment.end = position.copy()
 
 
 def columns_of(mask: int) -> NDArray[np.intp]:

@@ -10,15 +10,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from mcserver.motion.kernels.ramps import change_distance, change_time, reachable_speed
 from mcserver.motion.limits import Level
 from mcserver.motion.profile import (
     Phases,
     Profile,
     ProfileSolver,
     join,
-    reachable_speed,
-    speed_change_distance,
-    speed_change_time,
 )
 from mcserver.motion.ramps import exactly, fastest, ramp
 from tests.motion.measure import rest_to_rest
@@ -156,8 +154,8 @@ def test_a_ramp_is_the_quickest_change_of_speed(
     assume(start != end)
     made = ramp(start * velocity, end * velocity, acceleration, jerk)
     low, high = sorted((start * velocity, end * velocity))
-    assert made.duration == pytest.approx(speed_change_time(low, high, acceleration, jerk))
-    assert made.positions[-1] == pytest.approx(speed_change_distance(low, high, acceleration, jerk))
+    assert made.duration == pytest.approx(change_time(low, high, acceleration, jerk))
+    assert made.positions[-1] == pytest.approx(change_distance(low, high, acceleration, jerk))
     assert made.velocities[-1] == pytest.approx(end * velocity)
     assert made.peak_acceleration <= acceleration * (1.0 + 1e-12)
 
@@ -169,9 +167,9 @@ def test_the_reachable_speed_is_reached_in_the_distance_and_no_more(
 ) -> None:
     speed = reachable_speed(low * cap, distance, acceleration, jerk, cap)
     assert low * cap <= speed <= cap
-    assert speed_change_distance(low * cap, speed, acceleration, jerk) <= distance * (1.0 + 1e-6)
+    assert change_distance(low * cap, speed, acceleration, jerk) <= distance * (1.0 + 1e-6)
     if speed < cap:
-        beyond = speed_change_distance(low * cap, speed * (1.0 + 1e-6) + 1e-12, acceleration, jerk)
+        beyond = change_distance(low * cap, speed * (1.0 + 1e-6) + 1e-12, acceleration, jerk)
         assert beyond >= distance * (1.0 - 1e-6)
 
 
@@ -196,11 +194,11 @@ LADDERS = st.sampled_from(
 def test_round_numbers_at_the_borders_between_kinds_of_profiles_are_solved(
     velocity: float, acceleration: float, jerk: float
 ) -> None:
-    borders = {2.0 * speed_change_distance(0.0, velocity, acceleration, jerk)}
+    borders = {2.0 * change_distance(0.0, velocity, acceleration, jerk)}
     if math.isfinite(jerk):
         borders.add(2.0 * acceleration**3 / jerk**2)
     for distance in [*sorted(borders), 1e-5, 0.001, 0.01, 0.02, 0.04, 0.05, 0.1]:
-        made = fastest(ProfileSolver(), distance, 0.0, 0.0, [Level(velocity, acceleration, jerk)])
+        made = fastest(distance, 0.0, 0.0, [Level(velocity, acceleration, jerk)])
         assert made is not None
         least = rest_to_rest(distance, velocity, acceleration, jerk)
         assert sum(part.duration for part in made) == pytest.approx(least, rel=1e-6)
@@ -210,7 +208,7 @@ def test_round_numbers_at_the_borders_between_kinds_of_profiles_are_solved(
 @given(LADDERS, DISTANCES)
 @law(60)
 def test_a_ladder_is_climbed_within_its_rungs(ladder: list[Level], distance: float) -> None:
-    made = fastest(ProfileSolver(), distance, 0.0, 0.0, ladder)
+    made = fastest(distance, 0.0, 0.0, ladder)
     assert made is not None
     assert sum(part.positions[-1] for part in made) == pytest.approx(distance, rel=1e-9)
     for part in made:
@@ -225,7 +223,7 @@ def test_a_ladder_is_climbed_within_its_rungs(ladder: list[Level], distance: flo
 def test_a_ladder_keeps_every_duration_from_the_quickest_on(
     ladder: list[Level], distance: float, slower: float
 ) -> None:
-    quickest = fastest(ProfileSolver(), distance, 0.0, 0.0, ladder)
+    quickest = fastest(distance, 0.0, 0.0, ladder)
     assert quickest is not None
     wanted = slower * sum(part.duration for part in quickest) + 1e-9
     made = exactly(ProfileSolver(), distance, 0.0, 0.0, ladder, wanted)

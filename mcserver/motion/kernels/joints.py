@@ -1,0 +1,127 @@
+"""Straight samples, and the speed over the joint of two segments (D-35, D-36)."""
+
+from __future__ import annotations
+
+import math
+
+from mcserver.motion.kernels.compiled import compiled
+from mcserver.motion.kernels.limits import TINY, ripple
+from mcserver.motion.path import Array
+
+# Share of the acceleration that a curve may take where it is made of short lines.
+_POLYLINE_SHARE = 0.97
+# A vertex between segments that last many cycles is passed in one cycle: half of the limit is left beside it.
+VERTEX_SHARE = 0.5
+# Short segments that turn by less than this are a polyline in place of a curve [rad].
+POLYLINE_TURN = 0.35
+# A joint that can be passed at no more than this many times max_acceleration·dt is a stop.
+CRAWL = 10.0
+# Tangents that differ by less than this share of an axis's acceleration are one tangent.
+_ONE_TANGENT = 1e-12
+
+
+@compiled
+def line_sample(travel: Array, scale: float, limits: Array, rows: Array) -> tuple[float, int]:
+    """Writes the one sample of a straight segment into ``rows`` (1, 5 K + 2), zeroed before.
+
+    Returns:
+        The greatest speed along it, and the column that binds it.
+    """
+    width = len(travel)
+    best, column = math.inf, 0
+    for k in range(width):
+        slope = abs(travel[k]) / scale
+        rows[0, k] = slope
+        speed = limits[0, k] / max(slope, TINY)
+        if speed < best:
+            best, column = speed, k
+    rows[0, 5 * width] = math.inf
+    rows[0, 5 * width + 1] = math.inf
+    return best, column
+
+
+@compiled
+def _length(vector: Array) -> float:
+    total = 0.0
+    for k in range(len(vector)):
+        total += vector[k] * vector[k]
+    return math.sqrt(total)
+
+
+@compiled
+def meet(
+    last: Array,
+    bend_last: Array,
+    before_scale: float,
+    first: Array,
+    bend_first: Array,
+    limits: Array,
+    cycle: float,
+    samples: Array,
+) -> tuple[float, float]:
+    """Speed over a joint, and what it asks of both sides.
+
+    Args:
+        last, bend_last: dp/ds and d²p/ds² at the end of the segment before, shape (K,). first, bend_first: at
+            the start of the one after. before_scale: of the one before.
+        samples: shape (2, 5 K + 2), zeroed; written where the joint is passed with a bounded speed.
+
+    Returns:
+        The greatest speed (infinite: unbounded), and the scale of the segment after with which speed along σ
+        is continuous; 0 where one of the two does not travel.
+    """
+    width = len(last)
+    end, begin = _length(last), _length(first)
+    if end <= 0.0 or begin <= 0.0:
+        return 0.0, 0.0
+    scale = begin * before_scale / end
+    worst = turned = bent = 0.0
+    crawl_limit = math.inf
+    for k in range(width):
+        t1, t2 = last[k] / before_scale, first[k] / scale
+        step = abs(t2 - t1)
+        worst = max(worst, step / limits[1, k])
+        turned += step * step
+        bent = max(bent, abs(bend_last[k]), abs(bend_first[k]))
+        crawl_limit = min(crawl_limit, limits[1, k] / max(abs(t1), abs(t2), TINY))
+    speed = math.inf
+    spacing = min(before_scale, scale)
+    if worst > _ONE_TANGENT:
+        speed = VERTEX_SHARE * cycle / worst
+        isolated = True
+        dense = math.sqrt(_POLYLINE_SHARE * spacing / worst)
+        dense /= math.sqrt(1.0 + ripple(min(1.0, spacing / (dense * cycle))))
+        turn = math.sqrt(turned) * before_scale / end
+        if turn < POLYLINE_TURN and spacing < 10.0 * cycle * dense:
+            # many short segments: a polyline stands for a curve, and the speed is that of the curve
+            speed = min(_POLYLINE_SHARE * cycle / worst, dense)
+            isolated = False
+        if isolated and speed < CRAWL * cycle * crawl_limit:
+            return 0.0, 0.0
+    sharpest = 0.0
+    for k in range(width):
+        b1, b2 = bend_last[k] / before_scale**2, bend_first[k] / scale**2
+        bend = max(abs(b1), abs(b2))
+        if worst > _ONE_TANGENT and bent > 0.0:
+            # beside a vertex the bend of an arc takes its part of the same axis's acceleration: the greatest
+            # v with step·v + bend·v² ≤ acceleration
+            step = abs(first[k] / scale - last[k] / before_scale) / (cycle * VERTEX_SHARE)
+            share = _POLYLINE_SHARE * limits[1, k]
+            speed = min(speed, 2.0 * share / max(step + math.sqrt(step * step + 4.0 * bend * share), TINY))
+        sharpest = max(sharpest, abs(b2 - b1) / limits[2, k])
+    if sharpest > 0.0:
+        speed = min(speed, math.sqrt(VERTEX_SHARE * cycle / sharpest))
+    if math.isinf(speed):
+        return speed, scale
+    for k in range(width):
+        t1, t2 = last[k] / before_scale, first[k] / scale
+        b1, b2 = bend_last[k] / before_scale**2, bend_first[k] / scale**2
+        for side in range(2):
+            samples[side, k] = abs(t1) if side == 0 else abs(t2)
+            samples[side, width + k] = max(abs(b1), abs(b2))
+            samples[side, 3 * width + k] = abs(t2 - t1)
+            samples[side, 4 * width + k] = abs(b2 - b1)
+    for side in range(2):
+        samples[side, 5 * width] = spacing
+        samples[side, 5 * width + 1] = speed
+    return speed, scale

@@ -1,0 +1,313 @@
+"""Changes of speed with zero acceleration at both ends, and the quickest way over a distance made of them.
+
+A *move* is one row of `MOVE` numbers: speed at its start and end, acceleration and jerk that it may use, and
+its length. A move of equal speeds is a cruise. A *ladder* is an array (n, 3) of rungs: up to a speed these
+accelerations and jerks are free; speeds rise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mcserver.motion.kernels.compiled import compiled
+from mcserver.motion.path import Array
+
+MOVE = 5
+# Two ramps a rung at the most, three moves about the peak.
+MOST_RUNGS = 8
+MOST_MOVES = 2 * MOST_RUNGS + 4
+# Distances below this are not motion [m or rad along the path]: far under any encoder's resolution.
+NO_DISTANCE = 1e-12
+# A speed found by bisection is exact to this share.
+_EXACT = 1e-15
+
+
+@compiled
+def change_time(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """Least time in which speed goes from ``low`` to ``high`` with zero acceleration at both ends [s]."""
+    change = high - low
+    if change <= 0.0:
+        return 0.0
+    if math.isinf(jerk):
+        return change / acceleration
+    if change * jerk >= acceleration * acceleration:
+        return change / acceleration + acceleration / jerk
+    return 2.0 * math.sqrt(change / jerk)
+
+
+@compiled
+def change_distance(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """The distance that such a change takes [m]: half way between the speeds, as it is symmetric."""
+    return (low + high) / 2.0 * change_time(low, high, acceleration, jerk)
+
+
+@compiled
+def reachable_speed(low: float, distance: float, acceleration: float, jerk: float, cap: float) -> float:
+    """Greatest speed ≤ ``cap`` reached from ``low`` within ``distance``, with zero acceleration at
+    both ends."""
+    if cap <= low:
+        return low
+    if change_distance(low, cap, acceleration, jerk) <= distance:
+        return cap
+    # without a jerk limit: v² = v0² + 2 a d
+    free = math.sqrt(low * low + 2.0 * acceleration * distance)
+    if math.isinf(jerk):
+        return min(free, cap)
+    below, above = low, min(free, cap)
+    for _ in range(60):
+        middle = (below + above) / 2.0
+        if change_distance(low, middle, acceleration, jerk) <= distance:
+            below = middle
+        else:
+            above = middle
+        if above - below <= 1e-12 * above:
+            break
+    return below
+
+
+@compiled
+def _reach(
+    low: float, distance: float, ladder: Array, first: int, step: int, count: int, cap: float
+) -> float:
+    speed, left = low, distance
+    for index in range(first, count, step):
+        if ladder[index, 0] <= speed:
+            continue
+        target = min(ladder[index, 0], cap)
+        need = change_distance(speed, target, ladder[index, 1], ladder[index, 2])
+        if need > left:
+            return reachable_speed(speed, left, ladder[index, 1], ladder[index, 2], target)
+        speed, left = target, left - need
+        if speed >= cap:
+            break
+    return speed
+
+
+@compiled
+def reachable(low: float, distance: float, ladder: Array, count: int, cap: float) -> float:
+    """Greatest speed ≤ ``cap`` that `fastest` reaches from ``low`` within ``distance``."""
+    best = _reach(low, distance, ladder, 0, 1, count, cap)
+    if count > 2:
+        best = max(best, _reach(low, distance, ladder, 1, 2, count, cap))
+        best = max(best, _reach(low, distance, ladder, count - 1, 1, count, cap))
+    return best
+
+
+@compiled
+def _put(moves: Array, at: int, start: float, end: float, acceleration: float, jerk: float) -> int:
+    moves[at, 0] = start
+    moves[at, 1] = end
+    moves[at, 2] = acceleration
+    moves[at, 3] = jerk
+    moves[at, 4] = change_distance(min(start, end), max(start, end), acceleration, jerk)
+    return at + 1
+
+
+@compiled
+def _cruise(moves: Array, at: int, speed: float, length: float) -> int:
+    moves[at, 0] = speed
+    moves[at, 1] = speed
+    moves[at, 2] = 0.0
+    moves[at, 3] = 0.0
+    moves[at, 4] = length
+    return at + 1
+
+
+@compiled
+def duration_of(moves: Array, count: int) -> float:
+    """How long moves take [s]."""
+    total = 0.0
+    for index in range(count):
+        start, end = moves[index, 0], moves[index, 1]
+        if start == end:
+            total += moves[index, 4] / start
+        else:
+            total += change_time(min(start, end), max(start, end), moves[index, 2], moves[index, 3])
+    return total
+
+
+@compiled
+def _peak_need(peak: float, entry: float, exit_: float, acceleration: float, jerk: float) -> float:
+    return change_distance(entry, peak, acceleration, jerk) + change_distance(exit_, peak, acceleration, jerk)
+
+
+@compiled
+def over_a_peak(
+    moves: Array,
+    at: int,
+    distance: float,
+    entry: float,
+    exit_: float,
+    top: float,
+    acceleration: float,
+    jerk: float,
+) -> int:
+    """Up to the greatest speed ≤ ``top`` that the distance allows, along it, and down.
+
+    With zero acceleration at both ends this is the quickest way.
+
+    Returns:
+        How many moves there are now; −1 where the speeds cannot be joined over the distance.
+    """
+    low = max(entry, exit_)
+    if change_distance(min(entry, exit_), low, acceleration, jerk) > distance * (1.0 + 1e-12):
+        return -1
+    need = _peak_need(top, entry, exit_, acceleration, jerk)
+    if need > distance:
+        above = top
+        for _ in range(100):
+            middle = (low + above) / 2.0
+            if _peak_need(middle, entry, exit_, acceleration, jerk) <= distance:
+                low = middle
+            else:
+                above = middle
+            if above - low <= _EXACT * above:
+                break
+        top = low
+        need = _peak_need(top, entry, exit_, acceleration, jerk)
+    first = at
+    if top > entry:
+        at = _put(moves, at, entry, top, acceleration, jerk)
+    left = distance - need
+    if left > NO_DISTANCE * max(1.0, distance):
+        if top <= 0.0:
+            return -1
+        at = _cruise(moves, at, top, left)
+    if top > exit_:
+        at = _put(moves, at, top, exit_, acceleration, jerk)
+    return at if at > first else -1
+
+
+@compiled
+def _climb(
+    moves: Array,
+    distance: float,
+    entry: float,
+    exit_: float,
+    ladder: Array,
+    first: int,
+    step: int,
+    count: int,
+) -> int:
+    """Ramps from rung to rung on both sides as far as the distance allows, and a peak between them."""
+    high = max(entry, exit_)
+    start = -1
+    for index in range(first, count, step):
+        if ladder[index, 0] >= high * (1.0 - 1e-12):
+            start = index
+            break
+    if start < 0:
+        return 0
+    last = first + (count - 1 - first) // step * step
+    tail = np.empty((MOST_RUNGS, MOVE))
+    at, tails = 0, 0
+    up, down, left = entry, exit_, distance
+    rung = last
+    for index in range(first, count, step):
+        speed, acceleration, jerk = ladder[index, 0], ladder[index, 1], ladder[index, 2]
+        if speed <= min(up, down) or index == last:
+            continue
+        need = change_distance(up, speed, acceleration, jerk) + change_distance(
+            down, speed, acceleration, jerk
+        )
+        if need > left * (1.0 - 1e-9):
+            rung = index
+            break
+        if up < speed:
+            at = _put(moves, at, up, speed, acceleration, jerk)
+            up = speed
+        if down < speed:
+            tails = _put(tail, tails, speed, down, acceleration, jerk)
+            down = speed
+        left -= need
+    if left <= NO_DISTANCE:
+        if up != down:
+            return 0
+    else:
+        # the middle may have to pass the rung that the faster end stands on
+        rung = max(rung, start)
+        top = max(ladder[rung, 0], up, down)
+        at = over_a_peak(moves, at, left, up, down, top, ladder[rung, 1], ladder[rung, 2])
+        if at < 0:
+            return 0
+    for index in range(tails - 1, -1, -1):
+        moves[at] = tail[index]
+        at += 1
+    return at
+
+
+@compiled
+def _ramps_only(
+    moves: Array,
+    distance: float,
+    entry: float,
+    exit_: float,
+    ladder: Array,
+    first: int,
+    step: int,
+    count: int,
+) -> int:
+    """The change of speed by ramps alone, and the greater speed kept over what is left of the distance."""
+    low, high = min(entry, exit_), max(entry, exit_)
+    speed, left, at = low, distance, 0
+    for index in range(first, count, step):
+        if ladder[index, 0] <= speed or speed >= high:
+            continue
+        target = min(ladder[index, 0], high)
+        at = _put(moves, at, speed, target, ladder[index, 1], ladder[index, 2])
+        left -= moves[at - 1, 4]
+        speed = target
+    if speed < high or left < 0.0 or high <= 0.0:
+        return 0
+    if left > NO_DISTANCE:
+        at = _cruise(moves, at, high, left)
+    if entry > exit_:
+        for index in range(at // 2):
+            other = at - 1 - index
+            for column in range(MOVE):
+                kept = moves[index, column]
+                moves[index, column] = moves[other, column]
+                moves[other, column] = kept
+        for index in range(at):
+            kept = moves[index, 0]
+            moves[index, 0] = moves[index, 1]
+            moves[index, 1] = kept
+    return at
+
+
+@compiled
+def fastest_moves(
+    moves: Array, spare: Array, distance: float, entry: float, exit_: float, ladder: Array, count: int
+) -> int:
+    """The quickest moves over ``distance`` from speed ``entry`` to ``exit_`` under a ladder's limits.
+
+    Each rung that is used costs a moment without acceleration, so fewer rungs may be quicker: the whole
+    ladder, every other rung and the top rung alone are tried.
+
+    Args:
+        moves, spare: shape (`MOST_MOVES`, `MOVE`), written.
+
+    Returns:
+        How many moves; 0 where the speeds cannot be joined over this distance.
+    """
+    choices = 3 if count > 2 else 1
+    best, least = 0, math.inf
+    for choice in range(choices):
+        first, step = (0, 1) if choice == 0 else (1, 2) if choice == 1 else (count - 1, 1)
+        found = _climb(spare, distance, entry, exit_, ladder, first, step, count)
+        if found > 0:
+            total = duration_of(spare, found)
+            if total < least:
+                best, least = found, total
+                moves[:found] = spare[:found]
+    if best > 0:
+        return best
+    # where a change of speed fills the whole distance the peak may be missed by rounding
+    for choice in range(choices):
+        first, step = (0, 1) if choice == 0 else (1, 2) if choice == 1 else (count - 1, 1)
+        found = _ramps_only(moves, distance, entry, exit_, ladder, first, step, count)
+        if found > 0:
+            return found
+    return 0
