@@ -93,6 +93,10 @@ class KeySolver:
             run.rest,
             run.weak,
             run.ceiling,
+            run.kinds,
+            run.at_rest,
+            run.grid,
+            run.known,
             self._entry,
         )
         if status != SOLVED:

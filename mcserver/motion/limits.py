@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.kernels.joints import line_sample, meet
-from mcserver.motion.kernels.limits import TINY, make_ladder, prepare, weakest
+from mcserver.motion.kernels.limits import GRID, GRID_SIZE, TINY, make_ladder, prepare, weakest
 from mcserver.motion.kernels.ramps import MOST_RUNGS
 from mcserver.motion.path import Array, LineCurve, PolynomialCurve, SampledCurve
 from mcserver.motion.segment import AxisLimits, Segment
@@ -112,6 +112,7 @@ class RunLimits:
     Attributes:
         tops: lowered where a speed would leave hardly any acceleration or jerk to get to it.
         rest, weak: acceleration and jerk free at rest and at every speed, (n, 2). ceiling: of each sample.
+        kinds, at_rest, grid, known: see `mcserver.motion.kernels.limits`.
     """
 
     def __init__(self, rows: Array, offset: NDArray[np.intp], tops: Array, limits: AxisLimits) -> None:
@@ -121,7 +122,22 @@ class RunLimits:
         self.rest: Array = np.empty((len(tops), 2))
         self.weak: Array = np.empty((len(tops), 2))
         self.ceiling: Array = np.empty(len(rows))
-        prepare(rows, offset, self.tops, limits.rows, limits.cycle, self.rest, self.weak, self.ceiling)
+        self.kinds: NDArray[np.int8] = np.empty(len(rows), np.int8)
+        self.at_rest: Array = np.empty((len(rows), 2))
+        self.grid: Array = self.tops.max() * GRID ** np.arange(GRID_SIZE)
+        self.known: Array = np.full((len(tops), GRID_SIZE, 2), math.nan)
+        prepare(
+            rows,
+            offset,
+            self.tops,
+            limits.rows,
+            limits.cycle,
+            self.rest,
+            self.weak,
+            self.ceiling,
+            self.kinds,
+            self.at_rest,
+        )
 
     def weakest(self, left: int, right: int) -> tuple[float, float]:
         """Acceleration and jerk that are free at every speed on groups ``left`` … ``right`` - 1."""
@@ -139,6 +155,10 @@ class RunLimits:
             self.rest,
             self.weak,
             self.ceiling,
+            self.kinds,
+            self.at_rest,
+            self.grid,
+            self.known,
             left,
             right,
             rungs,

@@ -138,6 +138,10 @@ def find_keys(
     rest: Array,
     weak: Array,
     ceiling: Array,
+    kinds: NDArray[np.int8],
+    at_rest: Array,
+    grid: Array,
+    known: Array,
     entry: float,
 ) -> tuple[int, int, NDArray[np.intp], Array, Array, NDArray[np.intp]]:
     """Adds keys until no stretch between two of them passes a cap, and gives the stretches' phases.
@@ -179,7 +183,21 @@ def find_keys(
             left, right = keys[index], keys[index + 1]
             if ladder_to[left] != right:
                 rungs[left] = make_ladder(
-                    rows, offset, tops, limits, cycle, rest, weak, ceiling, left, right, ladders[left]
+                    rows,
+                    offset,
+                    tops,
+                    limits,
+                    cycle,
+                    rest,
+                    weak,
+                    ceiling,
+                    kinds,
+                    at_rest,
+                    grid,
+                    known,
+                    left,
+                    right,
+                    ladders[left],
                 )
                 ladder_to[left] = right
         # forward and backward pass: each speed can be reached from the neighbours
@@ -187,15 +205,15 @@ def find_keys(
             for step in range(count - 1):
                 index = step if way == 0 else count - 2 - step
                 left, right = keys[index], keys[index + 1]
-                known, key = (left, right) if way == 0 else (right, left)
-                if speeds[key] <= speeds[known]:
+                other, key = (left, right) if way == 0 else (right, left)
+                if speeds[key] <= speeds[other]:
                     continue
                 question = asked[way, key]
-                if question[0] != known or question[1] != speeds[known] or question[2] != speeds[key]:
-                    question[0], question[1], question[2] = known, speeds[known], speeds[key]
+                if question[0] != other or question[1] != speeds[other] or question[2] != speeds[key]:
+                    question[0], question[1], question[2] = other, speeds[other], speeds[key]
                     distance = (edges[right] - edges[left]) * (1.0 - 1e-9)
                     answer[way, key] = reachable(
-                        speeds[known], distance, ladders[left], rungs[left], speeds[key]
+                        speeds[other], distance, ladders[left], rungs[left], speeds[key]
                     )
                 speeds[key] = answer[way, key]
         if speeds[0] < entry * (1.0 - 1e-9):

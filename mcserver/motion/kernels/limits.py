@@ -15,10 +15,17 @@ from numpy.typing import NDArray
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.path import Array
 
-# Speeds of the rungs below the top one, as shares of the top speed.
-RUNGS = (0.45, 0.65, 0.8, 0.9, 0.96)
+# Speeds of the rungs, as shares of the lowest top speed of a stretch; the last one where others are higher.
+RUNGS = (0.45, 0.65, 0.8, 0.9, 0.96, 1.0)
+# Rungs stand on a grid of speeds from the highest one down, each this share of the one above; below the last
+# of them a ladder has no rungs.
+GRID = 0.95
+GRID_SIZE = 128
 # Top speeds leave at least this share of the acceleration and jerk that are free at rest.
 LEAST_FREE = 0.01
+
+# What of a sample's demand depends on speed: nothing, a vertex's step, all.
+CONSTANT, VERTEX, BENT = range(3)
 
 TINY = 1e-300
 _HUGE = 1e100
@@ -68,6 +75,38 @@ def free_at(rows: Array, i: int, limits: Array, cycle: float, v: float) -> tuple
 
 
 @compiled
+def _kind_of(rows: Array, i: int, width: int) -> int:
+    """Which of what a sample asks for depends on speed."""
+    kind = CONSTANT
+    for k in range(width):
+        if rows[i, width + k] > 0.0 or rows[i, 2 * width + k] > 0.0 or rows[i, 4 * width + k] > 0.0:
+            return BENT
+        if rows[i, 3 * width + k] > 0.0:
+            kind = VERTEX
+    return kind
+
+
+@compiled
+def _free(
+    rows: Array, i: int, limits: Array, cycle: float, v: float, kind: int, at_rest: Array
+) -> tuple[float, float]:
+    """As `free_at`, with what is known of the sample: what is free at rest, shape (m, 2)."""
+    if kind == BENT:
+        return free_at(rows, i, limits, cycle, v)
+    acceleration: float = at_rest[i, 0]
+    jerk: float = at_rest[i, 1]
+    if kind == VERTEX:
+        width = limits.shape[1]
+        apart = min(rows[i, 5 * width] / max(v * cycle, TINY), 1.0)
+        crowded = v * (1.0 + ripple(apart)) / apart / cycle
+        acceleration = math.inf
+        for k in range(width):
+            left = limits[1, k] - rows[i, 3 * width + k] * crowded
+            acceleration = min(acceleration, left / max(rows[i, k], TINY))
+    return acceleration, jerk
+
+
+@compiled
 def prepare(
     rows: Array,
     offset: NDArray[np.intp],
@@ -77,6 +116,8 @@ def prepare(
     rest: Array,
     weak: Array,
     ceiling: Array,
+    kinds: NDArray[np.int8],
+    at_rest: Array,
 ) -> None:
     """What is free at rest and at the top speed of each group of samples.
 
@@ -85,13 +126,16 @@ def prepare(
         tops: greatest speeds of the groups (n,); lowered where a speed would leave hardly any acceleration
             or jerk to get to it.
         rest, weak: shape (n, 2), written: acceleration and jerk free at rest, and at every speed.
-        ceiling: shape (m,), written: the greatest speed at each sample.
+        ceiling: shape (m,), written: the greatest speed at each sample. kinds, at_rest: shape (m,) and
+            (m, 2), written: what of a sample depends on speed, and what it leaves free at rest.
     """
     for group in range(len(tops)):
         low, high = offset[group], offset[group + 1]
         full = full_jerk = math.inf
         for i in range(low, high):
             acceleration, jerk = free_at(rows, i, limits, cycle, 0.0)
+            kinds[i] = _kind_of(rows, i, limits.shape[1])
+            at_rest[i, 0], at_rest[i, 1] = acceleration, jerk
             full, full_jerk = min(full, acceleration), min(full_jerk, jerk)
         rest[group, 0], rest[group, 1] = full, full_jerk
         at_top = at_top_jerk = math.inf
@@ -99,7 +143,7 @@ def prepare(
             at_top = at_top_jerk = math.inf
             for i in range(low, high):
                 ceiling[i] = min(tops[group], rows[i, rows.shape[1] - 1])
-                acceleration, jerk = free_at(rows, i, limits, cycle, ceiling[i])
+                acceleration, jerk = _free(rows, i, limits, cycle, ceiling[i], kinds[i], at_rest)
                 at_top, at_top_jerk = min(at_top, acceleration), min(at_top_jerk, jerk)
             short = at_top < LEAST_FREE * full
             if not math.isinf(full_jerk):
@@ -122,20 +166,33 @@ def weakest(values: Array, left: int, right: int) -> tuple[float, float]:
 @compiled
 def _rung(
     rows: Array,
+    offset: NDArray[np.intp],
     ceiling: Array,
-    low: int,
-    high: int,
+    kinds: NDArray[np.int8],
+    at_rest: Array,
+    left: int,
+    right: int,
     limits: Array,
     cycle: float,
-    speed: float,
+    grid: Array,
+    known: Array,
+    place: int,
     out: Array,
     at: int,
 ) -> int:
+    """Writes the rung at one speed of the grid."""
     acceleration = jerk = math.inf
-    for i in range(low, high):
-        a, j = free_at(rows, i, limits, cycle, min(ceiling[i], speed))
-        acceleration, jerk = min(acceleration, a), min(jerk, j)
-    out[at, 0], out[at, 1], out[at, 2] = speed, acceleration, jerk
+    for group in range(left, right):
+        if math.isnan(known[group, place, 0]):
+            least = least_jerk = math.inf
+            for i in range(offset[group], offset[group + 1]):
+                speed = min(ceiling[i], grid[place])
+                a, j = _free(rows, i, limits, cycle, speed, kinds[i], at_rest)
+                least, least_jerk = min(least, a), min(least_jerk, j)
+            known[group, place, 0], known[group, place, 1] = least, least_jerk
+        acceleration = min(acceleration, known[group, place, 0])
+        jerk = min(jerk, known[group, place, 1])
+    out[at, 0], out[at, 1], out[at, 2] = grid[place], acceleration, jerk
     return at + 1
 
 
@@ -149,6 +206,10 @@ def make_ladder(
     rest: Array,
     weak: Array,
     ceiling: Array,
+    kinds: NDArray[np.int8],
+    at_rest: Array,
+    grid: Array,
+    known: Array,
     left: int,
     right: int,
     out: Array,
@@ -157,7 +218,12 @@ def make_ladder(
     rung where bends hardly count.
 
     Low speeds leave nearly all of the acceleration to the way along the path, the top speed little: the
-    ladder lets a start from rest use what is there.
+    ladder lets a start from rest use what is there. Its rungs stand on the grid, so that what is free at them
+    is found once for each group.
+
+    Args:
+        grid: falling speeds, each `GRID` times the one before, shape (g,). known: shape (n, g, 2), what is
+            free of a group at each of them; NaN where nobody has asked yet.
 
     Returns:
         How many rungs there are in ``out``, shape (`MOST_RUNGS`, 3).
@@ -168,11 +234,17 @@ def make_ladder(
     at_top, jerk_at_top = weakest(weak, left, right)
     full, full_jerk = weakest(rest, left, right)
     at = 0
-    if not (at_top >= 0.9 * full and (math.isinf(full_jerk) or jerk_at_top >= 0.9 * full_jerk)):
-        first, last = offset[left], offset[right]
+    if low > 0.0 and not (at_top >= 0.9 * full and (math.isinf(full_jerk) or jerk_at_top >= 0.9 * full_jerk)):
+        last = -1
         for share in RUNGS:
-            at = _rung(rows, ceiling, first, last, limits, cycle, share * low, out, at)
-        if top > low * 1.001:
-            at = _rung(rows, ceiling, first, last, limits, cycle, low, out, at)
+            if share == 1.0 and top <= low * 1.001:
+                continue
+            place = math.ceil(math.log(share * low / grid[0]) / math.log(GRID) - 1e-9)
+            if place >= len(grid) or place == last:
+                continue
+            last = place
+            at = _rung(
+                rows, offset, ceiling, kinds, at_rest, left, right, limits, cycle, grid, known, place, out, at
+            )
     out[at, 0], out[at, 1], out[at, 2] = top, at_top, jerk_at_top
     return at + 1

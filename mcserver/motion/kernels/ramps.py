@@ -20,8 +20,10 @@ MOST_RUNGS = 8
 MOST_MOVES = 2 * MOST_RUNGS + 4
 # Distances below this are not motion [m or rad along the path]: far under any encoder's resolution.
 NO_DISTANCE = 1e-12
-# A speed found by bisection is exact to this share.
+# A speed found by iteration is exact to this share.
 _EXACT = 1e-15
+# Taken off a speed that must not need more than the distance, for rounding.
+_ROUNDED = 1e-14
 
 
 @compiled
@@ -44,6 +46,12 @@ def change_distance(low: float, high: float, acceleration: float, jerk: float) -
 
 
 @compiled
+def _larger_root(b: float, c: float) -> float:
+    """The positive v with v² + b v = c, for b ≥ 0 and c ≥ 0, without cancellation."""
+    return 2.0 * c / (b + math.sqrt(b * b + 4.0 * c)) if c > 0.0 else 0.0
+
+
+@compiled
 def reachable_speed(low: float, distance: float, acceleration: float, jerk: float, cap: float) -> float:
     """Greatest speed ≤ ``cap`` reached from ``low`` within ``distance``, with zero acceleration at
     both ends."""
@@ -51,20 +59,24 @@ def reachable_speed(low: float, distance: float, acceleration: float, jerk: floa
         return low
     if change_distance(low, cap, acceleration, jerk) <= distance:
         return cap
-    # without a jerk limit: v² = v0² + 2 a d
-    free = math.sqrt(low * low + 2.0 * acceleration * distance)
-    if math.isinf(jerk):
-        return min(free, cap)
-    below, above = low, min(free, cap)
-    for _ in range(60):
-        middle = (below + above) / 2.0
-        if change_distance(low, middle, acceleration, jerk) <= distance:
-            below = middle
-        else:
-            above = middle
-        if above - below <= 1e-12 * above:
-            break
-    return below
+    # with b = a²/j and a phase of constant acceleration: v² + b v = v0² + 2 a d - b v0, where b = 0 without
+    # a jerk limit
+    part = 0.0 if math.isinf(jerk) else acceleration * acceleration / jerk
+    speed = _larger_root(part, low * low + 2.0 * acceleration * distance - part * low)
+    if speed - low < part:
+        # without one, w = √(v - v0) solves w³ + 2 v0 w = d √j; the left side is convex, so Newton falls to
+        # the root from any place above it
+        right = distance * math.sqrt(jerk)
+        w = right ** (1.0 / 3.0)
+        if low > 0.0:
+            w = min(w, right / (2.0 * low))
+        for _ in range(60):
+            change = (w * (w * w + 2.0 * low) - right) / (3.0 * w * w + 2.0 * low)
+            w -= change
+            if change <= _EXACT * w:
+                break
+        speed = low + w * w
+    return min(max(speed * (1.0 - _ROUNDED), low), cap)
 
 
 @compiled
@@ -134,6 +146,44 @@ def _peak_need(peak: float, entry: float, exit_: float, acceleration: float, jer
 
 
 @compiled
+def _slope(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """How fast `change_distance` grows with ``high``."""
+    change = high - low
+    if change <= 0.0:
+        return math.inf
+    if math.isinf(jerk):
+        return high / acceleration
+    if change * jerk >= acceleration * acceleration:
+        return high / acceleration + acceleration / (2.0 * jerk)
+    time = math.sqrt(change / jerk)
+    return time + (low + high) / (2.0 * time * jerk)
+
+
+@compiled
+def _peak(
+    low: float, high: float, distance: float, entry: float, exit_: float, acceleration: float, jerk: float
+) -> float:
+    """The greatest speed between ``low``, which can be reached, and ``high``, which cannot."""
+    x = (low + high) / 2.0
+    # Newton kept inside a bisection: the distance has an infinite slope where a ramp begins
+    for _ in range(100):
+        over = _peak_need(x, entry, exit_, acceleration, jerk) - distance
+        if over <= 0.0:
+            low = x
+        else:
+            high = x
+        if high - low <= _EXACT * high:
+            break
+        slope = _slope(entry, x, acceleration, jerk) + _slope(exit_, x, acceleration, jerk)
+        new = x - over / slope
+        if abs(new - x) <= _EXACT * x:
+            # it comes from above, where the slope is less
+            return max(new * (1.0 - _ROUNDED), low)
+        x = new if low < new < high else (low + high) / 2.0
+    return low
+
+
+@compiled
 def over_a_peak(
     moves: Array,
     at: int,
@@ -156,16 +206,7 @@ def over_a_peak(
         return -1
     need = _peak_need(top, entry, exit_, acceleration, jerk)
     if need > distance:
-        above = top
-        for _ in range(100):
-            middle = (low + above) / 2.0
-            if _peak_need(middle, entry, exit_, acceleration, jerk) <= distance:
-                low = middle
-            else:
-                above = middle
-            if above - low <= _EXACT * above:
-                break
-        top = low
+        top = _peak(low, top, distance, entry, exit_, acceleration, jerk)
         need = _peak_need(top, entry, exit_, acceleration, jerk)
     first = at
     if top > entry:
