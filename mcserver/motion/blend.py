@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.path import Array, LineCurve, PolynomialCurve, SampledCurve
+from mcserver.motion.path import Array, PolynomialCurve, SampledCurve
 from mcserver.motion.segment import Segment, columns_of
 
 # Share of a segment that a blend at one of its ends may use: two blends never meet.
@@ -211,9 +211,8 @@ def _error(
     first = np.where(moved_before, first, after.base)
     second = np.where(moved_after, second, np.where(moved_before, first[-1], after.base))
     programmed = np.concatenate([first, second[1:]])[:, columns] * weight
-    straight = all(isinstance(curve, LineCurve) for curve in (*before.curves, *after.curves))
     # sampling an arc by 16 chords misses its bow by this much
-    bow = 0.0 if straight else _bow(programmed)
+    bow = 0.0 if before.straight and after.straight else _bow(programmed)
     return max(_farthest(blended, programmed), _farthest(programmed, blended)) * 1.001 + bow
 
 

@@ -124,6 +124,11 @@ class PlainRun(msgspec.Struct, frozen=True, eq=False):
     def __len__(self) -> int:
         return len(self.lines)
 
+    @property
+    def line(self) -> int:
+        """The first of its lines."""
+        return int(self.lines[0])
+
     def motion_lines(self) -> list[MotionLine]:
         """The same, an object a line."""
         points = [tuple(point) for point in self.points.tolist()]

@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.kernels.joints import meet_lines
 from mcserver.motion.kernels.ramps import reachable_speed
 from mcserver.motion.keys import KeySolver, Solution
-from mcserver.motion.limits import RunLimits, junction, samples_of
+from mcserver.motion.limits import RunLimits, SpeedLimit, junction, samples_of
 from mcserver.motion.node import Bound, Node, PlanningError
 from mcserver.motion.path import Array
 from mcserver.motion.profile import Phases, ProfileSolver, time_law
-from mcserver.motion.segment import AxisLimits, Segment
+from mcserver.motion.segment import AxisLimits, Segment, StraightRun
 
 # Cycles below which a segment's own top speed is that of its joints.
 SHORT = 5.0
@@ -95,6 +96,43 @@ class Lookahead:
         samples, limit = samples_of(segment, self._limits)
         top = min(limit.velocity, segment.feed * segment.scale)
         self.nodes.append(Node(segment, cap, limit, top, samples, vertex_before=vertex))
+
+    def append_run(self, run: StraightRun, active: int, *, from_rest: bool = False) -> None:
+        """Joins segments on end, as `append` does one by one."""
+        count, width = run.travels.shape
+        rows = np.zeros((count, 5 * width + 2))
+        vertices = np.zeros((count, 2, 5 * width + 2))
+        scales = run.scales.copy()
+        caps, speeds, columns = np.empty(count), np.empty(count), np.empty(count, np.intp)
+        last, bend, scale = run.travels[0], run.travels[0], 0.0
+        if self.nodes and not from_rest:
+            before = self.nodes[-1].segment
+            last, bend, scale = before.last, before.bend_last, before.scale
+        meet_lines(
+            run.travels,
+            scales,
+            last,
+            bend,
+            scale,
+            self._limits.rows,
+            self._limits.cycle,
+            rows,
+            vertices,
+            caps,
+            speeds,
+            columns,
+        )
+        tops = np.minimum(speeds, run.feeds * scales).tolist()
+        limits = zip(speeds.tolist(), columns.tolist(), strict=True)
+        bounded = (np.isfinite(caps) & (caps > 0.0)).tolist()
+        segments = run.segments(scales.tolist(), active)
+        for index, (segment, cap, limit) in enumerate(zip(segments, caps.tolist(), limits, strict=True)):
+            node = Node(segment, cap, SpeedLimit(*limit, "velocity"), tops[index], rows[index : index + 1])
+            if bounded[index]:
+                # a node may be in a plan that is held in reserve: it is not changed
+                self.nodes[-1] = dataclasses.replace(self.nodes[-1], vertex_after=vertices[index, :1])
+                node.vertex_before = vertices[index, 1:]
+            self.nodes.append(node)
 
     def joint_speed(self, segment: Segment) -> float:
         """Greatest speed over the joint with a segment that is not in the run yet [m/s or rad/s along σ]."""

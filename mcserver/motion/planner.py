@@ -16,14 +16,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from mcserver.config import Machine
-from mcserver.motion.canonical import FeedGroup
+from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.corner import best_blend
 from mcserver.motion.lookahead import Lookahead, PlannedRun
 from mcserver.motion.node import PlanningError
 from mcserver.motion.path import Array
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
 from mcserver.motion.sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
-from mcserver.motion.segment import AxisLimits, Segment, place, segment_of
+from mcserver.motion.segment import AxisLimits, Segment, StraightRun, place, segment_of
 from mcserver.motion.side_by_side import side_by_side
 from mcserver.units import MM
 
@@ -104,6 +104,20 @@ class MotionPlanner:
         if tolerance > 0.0 and not from_rest and self._window.nodes and self._round(segment, tolerance):
             return
         self._window.append(segment, from_rest=from_rest)
+
+    def append_run(self, run: PlainRun, *, from_rest: bool = False) -> bool:
+        """Adds a run of plain lines whose corners stay; False, and nothing done, where one does not travel.
+
+        The commanded position moves on to its end.
+        """
+        straight = StraightRun.of(run, self._slots, self.position)
+        if straight is None:
+            return False
+        self._active |= straight.mask
+        self._plan = None
+        self._window.append_run(straight, self._active, from_rest=from_rest)
+        self.position[:] = straight.points[-1]
+        return True
 
     def _round(self, segment: Segment, tolerance: float) -> bool:
         """Rounds the corner before ``segment``, if that is faster; False where the corner stays."""

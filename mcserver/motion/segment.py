@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.config import Machine
-from mcserver.motion.canonical import FeedGroup
+from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.path import Array, Curve, LineCurve
 
 _NOWHERE = np.zeros(0)
@@ -42,13 +43,14 @@ class AxisLimits:
         )
 
 
-@dataclass
+@dataclass(slots=True)
 class Segment:
     """A piece of path with a request of time.
 
     Attributes:
         line: G-code line.
-        curves, columns: the curves, and for each the machine's columns of its axes.
+        curves, columns: the curves, and for each the machine's columns of its axes. Of a straight segment
+            they are not asked for, and may be left out.
         mask: bit mask over all columns.
         duration: T under G93 [s], else None.
         feed: greatest ds/dt under G94 [1/s], infinite under G93: speed / length of the reference curve.
@@ -97,6 +99,8 @@ class Segment:
 
     def sample(self, s: Array) -> tuple[Array, Array]:
         """Position and dp/ds in all columns, shape (len(s), K); other columns rest at ``base``."""
+        if self.straight:
+            return self._sample_line(s)
         position = np.tile(self.base, (len(s), 1))
         slope = np.zeros_like(position)
         for curve, columns in zip(self.curves, self.columns, strict=True):
@@ -104,9 +108,19 @@ class Segment:
             slope[:, columns] = curve.derivatives(s)[0]
         return position, slope
 
+    def _sample_line(self, s: Array) -> tuple[Array, Array]:
+        slope = np.tile(self.first, (len(s), 1))
+        position = self.base + s[:, None] * slope
+        # start + (end - start) need not be end in floating point; the target is exact
+        position[s >= 1.0] = self.end
+        return position, slope
+
     def derivatives(self, s: Array, width: int) -> tuple[Array, Array, Array]:
         """dp/ds, d²p/ds², d³p/ds³ in all columns, shape (len(s), width)."""
         result = (np.zeros((len(s), width)), np.zeros((len(s), width)), np.zeros((len(s), width)))
+        if self.straight:
+            result[0][:] = self.first
+            return result
         for curve, columns in zip(self.curves, self.columns, strict=True):
             for whole, part in zip(result, curve.derivatives(s), strict=True):
                 whole[:, columns] = part
@@ -159,6 +173,69 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -
         scale=scale,
         straight=straight,
     )
+
+
+@dataclass(frozen=True)
+class StraightRun:
+    """A run of plain lines in all columns of the machine: n straight segments on end.
+
+    Attributes:
+        points: shape (n+1, K), where each segment starts and the last one ends. travels: shape (n, K).
+        scales: lengths of the travels, shape (n,). feeds: as `Segment.feed`, shape (n,).
+    """
+
+    run: PlainRun
+    mask: int
+    points: Array
+    travels: Array
+    scales: Array
+    feeds: Array
+
+    @classmethod
+    def of(cls, run: PlainRun, slots: dict[int, int], position: Array) -> StraightRun | None:
+        """The segments from a ``position`` of all columns, shape (K,); None where a line does not travel."""
+        columns = [slots[axis] for axis in run.axes]
+        points = np.tile(position, (len(run) + 1, 1))
+        points[:, columns] = run.points
+        travels = np.zeros((len(run), len(position)))
+        travels[:, columns] = np.diff(run.points, axis=0)
+        scales = np.sqrt(np.einsum("ij,ij->i", travels, travels))
+        if not scales.min() > NO_TRAVEL:
+            return None
+        feeds = np.full(len(run), math.inf)
+        if run.speeds is not None:
+            long = run.lengths > NO_TRAVEL
+            np.divide(run.speeds, run.lengths, out=feeds, where=long)
+            np.divide(1.0, run.requested, out=feeds, where=~long & (run.requested > 0.0))
+        return cls(run, sum(1 << column for column in columns), points, travels, scales, feeds)
+
+    def segments(self, scales: list[float], active: int) -> Iterator[Segment]:
+        """The segments, with coordinates scaled so."""
+        still = np.zeros(len(self.points[0]))
+        requested = self.run.requested.tolist()
+        timed = self.run.speeds is None
+        for index, (line, feed, scale) in enumerate(
+            zip(self.run.lines.tolist(), self.feeds.tolist(), scales, strict=True)
+        ):
+            travel = self.travels[index]
+            yield Segment(
+                line=line,
+                curves=(),
+                columns=(),
+                mask=self.mask,
+                duration=requested[index] if timed else None,
+                feed=feed,
+                requested=requested[index],
+                first=travel,
+                last=travel,
+                bend_first=still,
+                bend_last=still,
+                scale=scale,
+                base=self.points[index],
+                end=self.points[index + 1],
+                active=active,
+                straight=True,
+            )
 
 
 def place(segment: Segment, position: Array) -> None:

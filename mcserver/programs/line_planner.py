@@ -22,6 +22,7 @@ from mcserver.motion.canonical import (
     Group,
     MotionLine,
     PauseLine,
+    PlainRun,
     RapidGroup,
     SpeedGroup,
     TorqueGroup,
@@ -77,7 +78,7 @@ class LinePlanner:
         self._planner = MotionPlanner(machine, start)
         self._output = Output(sink)
         self._source: Iterator[Piece | Control] | None = None
-        self._canonical: deque[Canonical | InPosition] = deque()
+        self._canonical: deque[Canonical | PlainRun | InPosition] = deque()
         self._energized = set(energized)
         self._ideal = frozenset(axis.index for axis in machine.axes if axis.drive.kind == "ideal")
         # axes that G1020 may still be moving
@@ -131,6 +132,11 @@ class LinePlanner:
     def _step(self) -> bool:
         """Plans the next canonical line; False where the window has to be handed over first."""
         line = self._canonical[0]
+        if isinstance(line, PlainRun):
+            self._canonical.popleft()
+            if not self._flow_on(line):
+                self._canonical.extendleft(reversed(line.motion_lines()))
+            return True
         if isinstance(line, MotionLine) and len(line.groups) == 1:
             group = line.groups[0]
             if isinstance(group, FeedGroup):
@@ -165,6 +171,21 @@ class LinePlanner:
                 ReportKind.PLANNED, line.line, requested_s=requested_of(line), feed_length=line.feed_length
             )
         )
+
+    def _flow_on(self, run: PlainRun) -> bool:
+        """Takes a run of plain lines into the window at once; False where they have to go one by one."""
+        loose = not self._energized.issuperset(run.axes) or self._independent.intersection(run.axes)
+        if loose or run.exact_stop or run.tolerance > 0.0:
+            return False
+        if not self._planner.append_run(run, from_rest=self._from_rest):
+            return False
+        for line, requested, travel in zip(
+            run.lines.tolist(), run.requested.tolist(), run.travels.tolist(), strict=True
+        ):
+            self._reports.append(Report(ReportKind.PLANNED, line, requested_s=requested, feed_length=travel))
+        self._tolerance = 0.0
+        self._from_rest = False
+        return True
 
     def _flow(self, line: MotionLine, group: FeedGroup) -> bool:
         """Takes the line as a segment of the window; False where it does not travel or its axes do not

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from itertools import islice
 
 from kinematics.pose import Kinematics
 from mcserver.config import Machine
@@ -39,6 +40,8 @@ URGENT = 80
 DRY = 40
 # Lines taken from the queue in one piece of work.
 BITE = 64
+# Lines that are read in columns at once: a piece of work of some milliseconds.
+RUN = 256
 # Lines in the window that a program at rest waits for before its first motion, while more are queued.
 FIRST_WINDOW = 64
 
@@ -281,8 +284,28 @@ class Pipeline(LinePlanner):
             return True
         return worked
 
+    def _take_run(self) -> bool:
+        """Takes lines that are alike, in columns; False where the next ones are not."""
+        first = self._queue[0][0]
+        window = min(self._interpreter.run_window(first), RUN)
+        if window == 0:
+            return False
+        ahead = list(islice(self._queue, window))
+        if ahead[-1][0] - first != len(ahead) - 1:
+            return False
+        found = self._interpreter.interpret_run([text for _, text in ahead], first)
+        if found is None:
+            return False
+        run, taken = found
+        for _ in range(taken):
+            self._last_line, _ = self._queue.popleft()
+        self._canonical.append(run)
+        return True
+
     def _interpret(self) -> bool:
         """Takes one line; False where it has to wait for the executor."""
+        if self._held is None and self._take_run():
+            return True
         if self._held is None:
             number, text = self._queue.popleft()
             self._last_line = number

@@ -9,8 +9,9 @@ import numpy as np
 
 from mcserver.config import Machine, load_machine
 from mcserver.gcode.interpreter import Interpreter
-from mcserver.motion.canonical import FeedGroup, MotionLine
+from mcserver.motion.canonical import FeedGroup, MotionLine, PlainRun
 from mcserver.motion.planner import MotionPlanner
+from mcserver.programs.pipeline import RUN
 from tests.bench.figures import Figure, rate, seconds
 from tests.bench.machines import ideal
 
@@ -60,23 +61,36 @@ def measure() -> list[Figure]:
     return figures
 
 
-def canonical(lines: list[str], machine: Machine) -> list[MotionLine]:
-    """Parsed and interpreted."""
+def canonical(lines: list[str], machine: Machine) -> list[MotionLine | PlainRun]:
+    """Parsed and interpreted, as a program's pipeline does it."""
     interpreter = Interpreter(machine)
     interpreter.interpret_text("G94 F6000", 1)
-    found = []
-    for number, line in enumerate(lines, start=2):
-        found += interpreter.interpret_text(line, number)
-    return [line for line in found if isinstance(line, MotionLine)]
+    found: list[MotionLine | PlainRun] = []
+    at = 0
+    while at < len(lines):
+        window = min(interpreter.run_window(at + 2), RUN)
+        run = interpreter.interpret_run(lines[at : at + window], at + 2) if window else None
+        if run is not None:
+            found.append(run[0])
+            at += run[1]
+            continue
+        found += [
+            line for line in interpreter.interpret_text(lines[at], at + 2) if isinstance(line, MotionLine)
+        ]
+        at += 1
+    return found
 
 
-def setpoints(lines: list[MotionLine], machine: Machine) -> None:
+def setpoints(lines: list[MotionLine | PlainRun], machine: Machine) -> None:
     """Planned with lookahead, and sampled at the cycle."""
     planner = MotionPlanner(machine, np.zeros(len(machine.axes)))
     for line in lines:
-        group = line.groups[0]
-        assert isinstance(group, FeedGroup)
         if planner.full:
             list(planner.commit() or ())
+        if isinstance(line, PlainRun):
+            assert planner.append_run(line)
+            continue
+        group = line.groups[0]
+        assert isinstance(group, FeedGroup)
         planner.append(planner.segment(group, line.line))
     list(planner.close())

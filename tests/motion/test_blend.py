@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mcserver.motion.blend import Blend, blend
 from mcserver.motion.path import Array, Curve
-from mcserver.motion.segment import Segment, segment_of
+from mcserver.motion.segment import Segment, place, segment_of
 from tests.motion.measure import (
     acceleration_ratio,
     farthest_from_path,
@@ -31,7 +31,7 @@ ANGLES = st.sampled_from([0.01, 0.1, 0.5, 1.0, math.pi / 2, 2.0, 2.6])
 
 def segment(curve: Curve, line: int, base: Array, feed: float = 0.1) -> Segment:
     made = segment_of(at_speed(feed, curve), line, {axis: axis for axis in range(WIDTH)}, WIDTH)
-    made.base = base
+    place(made, base.copy())
     made.active = made.mask
     return made
 
@@ -145,7 +145,7 @@ def test_a_line_with_a_time_of_its_own_is_not_trimmed() -> None:
         {axis: axis for axis in range(WIDTH)},
         WIDTH,
     )
-    timed.base = np.array([0.1, 0.0, 0.0])
+    place(timed, np.array([0.1, 0.0, 0.0]))
     assert made_of(there, timed, 1e-3) is None
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.limits import TINY, ripple
 from mcserver.motion.path import Array
@@ -125,3 +128,42 @@ def meet(
         samples[side, 5 * width] = spacing
         samples[side, 5 * width + 1] = speed
     return speed, scale
+
+
+@compiled
+def meet_lines(
+    travels: Array,
+    scales: Array,
+    last: Array,
+    bend_last: Array,
+    before_scale: float,
+    limits: Array,
+    cycle: float,
+    rows: Array,
+    vertices: Array,
+    caps: Array,
+    tops: Array,
+    columns: NDArray[np.intp],
+) -> None:
+    """As `line_sample` and `meet`, for n straight segments on end.
+
+    Args:
+        travels: shape (n, K). scales: shape (n,), of each alone; written, as they are in the run.
+        last, bend_last, before_scale: of the segment before them; a scale of 0: they start at rest.
+        rows: shape (n, 5 K + 2), and vertices: shape (n, 2, 5 K + 2), zeroed; written.
+        caps: shape (n,), written: the greatest speed at each start. tops, columns: shape (n,), written: the
+            greatest speed along each and the column that binds it.
+    """
+    still = np.zeros(travels.shape[1])
+    for i in range(len(travels)):
+        speed = scale = 0.0
+        if i > 0:
+            speed, scale = meet(
+                travels[i - 1], still, scales[i - 1], travels[i], still, limits, cycle, vertices[i]
+            )
+        elif before_scale > 0.0:
+            speed, scale = meet(last, bend_last, before_scale, travels[0], still, limits, cycle, vertices[0])
+        caps[i] = speed
+        if scale > 0.0:
+            scales[i] = scale
+        tops[i], columns[i] = line_sample(travels[i], scales[i], limits, rows[i : i + 1])
