@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +36,7 @@ class Level:
     jerk: float
 
 
-@dataclass(frozen=True)
-class SpeedLimit:
+class SpeedLimit(NamedTuple):
     """Greatest speed along σ and what bounds it: (column, "velocity" | "acceleration" | "jerk")."""
 
     velocity: float

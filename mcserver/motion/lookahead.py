@@ -129,8 +129,10 @@ class Lookahead:
         for index, (segment, cap, limit) in enumerate(zip(segments, caps.tolist(), limits, strict=True)):
             node = Node(segment, cap, SpeedLimit(*limit, "velocity"), tops[index], rows[index : index + 1])
             if bounded[index]:
-                # a node may be in a plan that is held in reserve: it is not changed
-                self.nodes[-1] = dataclasses.replace(self.nodes[-1], vertex_after=vertices[index, :1])
+                if index == 0:
+                    # a node may be in a plan that is held in reserve: it is not changed
+                    self.nodes[-1] = dataclasses.replace(self.nodes[-1])
+                self.nodes[-1].vertex_after = vertices[index, :1]
                 node.vertex_before = vertices[index, 1:]
             self.nodes.append(node)
 

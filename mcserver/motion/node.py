@@ -9,7 +9,7 @@ from mcserver.motion.path import Array
 from mcserver.motion.segment import Segment
 
 
-@dataclass
+@dataclass(slots=True)
 class Node:
     """A segment with what is known of it alone.
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 from mcserver.motion.node import Bound
 from mcserver.motion.sampling import Rows
 
 # Rows in one piece of output.
-PIECE = 500
+PIECE = 1000
 
 
-@dataclass(frozen=True)
-class LineMark:
+class LineMark(msgspec.Struct, frozen=True):
     """A line begins or ends at u [cycles]."""
 
     u: float
@@ -20,16 +19,14 @@ class LineMark:
     ends: bool
 
 
-@dataclass(frozen=True)
-class LineBound:
+class LineBound(msgspec.Struct, frozen=True):
     """A limit has stretched the line."""
 
     line: int
     bound: Bound
 
 
-@dataclass(frozen=True)
-class Activation:
+class Activation(msgspec.Struct, frozen=True):
     """Rows drive the columns of ``mask`` from u on."""
 
     u: float
@@ -37,8 +34,7 @@ class Activation:
     mask: int
 
 
-@dataclass(frozen=True)
-class Deactivation:
+class Deactivation(msgspec.Struct, frozen=True):
     """Rows have stopped to drive the columns of ``mask`` at u; ``position`` (K,) is where they stay."""
 
     u: float

@@ -42,6 +42,12 @@ class Phases:
     jerk: Array
     end: float
 
+    @property
+    def rows(self) -> Array:
+        """The phases as rows of `mcserver.motion.kernels.phases`."""
+        lasts = np.diff(self.start, append=self.duration)
+        return np.column_stack((lasts, self.position, self.velocity, self.acceleration, self.jerk))
+
     def after(self, moment: float) -> Phases:
         """What is left of the time law after ``moment`` [s], with time and coordinate counted from there."""
         index = int(np.clip(np.searchsorted(self.start, moment, side="right") - 1, 0, len(self.start) - 1))
@@ -78,10 +84,8 @@ class Phases:
 
     def time_at(self, positions: Array) -> Array:
         """First times at which the coordinate reaches ``positions`` (n,), which increase [s]."""
-        lasts = np.diff(np.append(self.start, self.duration))
-        rows = np.column_stack((lasts, self.position, self.velocity, self.acceleration, self.jerk))
         times: Array = np.empty(len(positions))
-        times_of(self.start, self.duration, rows, self.end, positions, NO_DISTANCE, times)
+        times_of(self.start, self.duration, self.rows, self.end, positions, NO_DISTANCE, times)
         return times
 
 

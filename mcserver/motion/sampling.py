@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.kernels.sampling import sample_lines
+from mcserver.motion.kernels.sampling import follow, sample_lines
 from mcserver.motion.lookahead import PlannedRun
 from mcserver.motion.path import Array
 
@@ -42,13 +42,9 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
     """Rows ``first`` … ``last`` (both included) of a run that starts at u = ``origin`` [cycles]."""
     u = np.arange(first, last + 1, dtype=np.float64)
     time: Array = np.asarray((u - origin) * cycle, dtype=np.float64)
-    sigma, speed = run.phases.at(time)
-    index = np.clip(np.searchsorted(run.bounds, sigma, side="right") - 1, 0, len(run.segments) - 1)
-    # a joint at which the motion stops is reached for good only after the stop: take the times there
-    index = np.minimum(
-        index, np.clip(np.searchsorted(run.times, time, side="right") - 1, 0, len(run.segments) - 1)
-    )
-    index[time >= run.phases.duration] = len(run.segments) - 1
+    sigma, speed, index = np.empty(len(u)), np.empty(len(u)), np.empty(len(u), np.intp)
+    law = run.phases
+    follow(time, law.start, law.duration, law.rows, law.end, run.bounds, run.times, sigma, speed, index)
     low, high = int(index[0]), int(index[-1]) + 1
     segments = run.segments[low:high]
     position = np.empty((len(u), len(segments[0].base)))

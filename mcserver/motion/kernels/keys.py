@@ -86,6 +86,27 @@ def _worst(
 
 
 @compiled
+def _surely_worst(left: int, right: int, caps: Array, tops: Array, least: float) -> int:
+    """The node that `_worst` gives, where that is clear without a profile; −1: it is not.
+
+    Speed rises to one peak and falls, so it is nowhere below ``least``, the lower of the speeds at the ends.
+    """
+    node, cap = -1, math.inf
+    for other in range(left + 1, right):
+        if caps[other] < cap:
+            node, cap = other, caps[other]
+    segment, top = left, tops[left]
+    for other in range(left + 1, right):
+        if tops[other] < top:
+            segment, top = other, tops[other]
+    if min(cap, top) * _SLACK >= least:
+        return -1
+    if top < cap:
+        return segment if segment > left else segment + 1
+    return node
+
+
+@compiled
 def _plateau(
     left: int,
     right: int,
@@ -231,6 +252,11 @@ def find_keys(
                 and settled[left, 1] == speeds[left]
                 and settled[left, 2] == speeds[right]
             ):
+                continue
+            sure = _surely_worst(left, right, caps, tops, min(speeds[left], speeds[right]))
+            if sure >= 0:
+                found[sure] = True
+                any_found = True
                 continue
             distance = edges[right] - edges[left]
             made = _stretch(

@@ -77,6 +77,9 @@ def time_within(phases: Array, row: int, target: float) -> float:
         return 0.0
     if a == 0.0 and j == 0.0:
         return min(far / v, lasts) if v > 0.0 else lasts
+    if j == 0.0:
+        # v x + a x²/2 = far, without cancellation
+        return min(2.0 * far / (v + math.sqrt(max(v * v + 2.0 * a * far, 0.0))), lasts)
     low, high = 0.0, lasts
     x = min(far / v, lasts) if v > 0.0 else 0.5 * lasts
     # Newton kept inside a bisection: near rest the slope vanishes

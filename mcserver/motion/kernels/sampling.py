@@ -1,4 +1,4 @@
-"""Rows of straight segments."""
+"""Where a time law is at given moments, and rows of straight segments."""
 
 from __future__ import annotations
 
@@ -42,3 +42,43 @@ def sample_lines(
             # start + (end - start) need not be end in floating point; the target is exact
             position[row, k] = ends[which, k] if s >= 1.0 else starts[which, k] + s * travels[which, k]
             velocity[row, k] = travels[which, k] * rate
+
+
+@compiled
+def follow(
+    time: Array,
+    start: Array,
+    duration: float,
+    rows: Array,
+    end: float,
+    bounds: Array,
+    times: Array,
+    sigma: Array,
+    speed: Array,
+    index: NDArray[np.intp],
+) -> None:
+    """Coordinate, speed and segment at moments that increase, shape (n,) each [s].
+
+    Args:
+        start, rows: of each phase, shape (m,) and (m, `PHASE`). end: the last coordinate. bounds, times: of
+            the segments' ends, shape (k+1,).
+        sigma, speed, index: written.
+    """
+    phase, by_place, by_time = 0, 0, 0
+    last = len(bounds) - 2
+    for row in range(len(time)):
+        t = min(max(time[row], 0.0), duration)
+        while phase < len(start) - 1 and start[phase + 1] <= t:
+            phase += 1
+        x = t - start[phase]
+        v, a, j = rows[phase, 2], rows[phase, 3], rows[phase, 4]
+        here = rows[phase, 1] + x * (v + x * (a / 2.0 + x * j / 6.0))
+        done = time[row] >= duration
+        sigma[row] = end if done else min(here, end)
+        speed[row] = max(v + x * (a + x * j / 2.0), 0.0)
+        while by_place < last and bounds[by_place + 1] <= sigma[row]:
+            by_place += 1
+        # a joint at which the motion stops is reached for good only after the stop: the times say when
+        while by_time < last and times[by_time + 1] <= time[row]:
+            by_time += 1
+        index[row] = last if done else min(by_place, by_time)
