@@ -11,6 +11,7 @@ from mcserver.commands.console import narration, show_diagnostics
 from mcserver.commands.faults import ExitCode
 from mcserver.commands.options import DEFAULT_MACHINE, MachineOption, ProgramArgument
 from mcserver.commands.output_file import check_output, write_atomically
+from mcserver.commands.planner import prepare_planner
 from mcserver.commands.program_text import load_program
 from mcserver.commands.rejection import reject
 from mcserver.commands.simulate import live_progress
@@ -46,6 +47,7 @@ def plot(
     from mcserver.simulation import simulate
 
     kinematics = build_kinematics(described)
+    prepare_planner()
     with live_progress() as progress:
         simulation = simulate(program.text, described, kinematics=kinematics, progress=progress, record=True)
     diagnostics = diagnostics_of(simulation.report)

@@ -13,6 +13,7 @@ from mcserver.commands.console import json_answer_on_error, narration, show_diag
 from mcserver.commands.faults import ExitCode
 from mcserver.commands.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument
 from mcserver.commands.output_file import check_output, write_atomically
+from mcserver.commands.planner import prepare_planner
 from mcserver.commands.program_text import load_program
 from mcserver.commands.rejection import reject
 from mcserver.commands.simulation_report import NOTHING_SIMULATED, diagnostics_of, print_report
@@ -49,6 +50,7 @@ def simulate_program(
         from mcserver.simulation import simulate
 
         kinematics = build_kinematics(described)
+        prepare_planner()
         with live_progress() as progress:
             simulation = simulate(
                 program.text,
