@@ -1,0 +1,65 @@
+"""Calls to a server that plans and runs a long program of very short lines, beside the same while it idles."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from tests.bench.figures import Figure, NotAvailable, percentile
+from tests.bench.round_trip import latencies
+from tests.bench.server import server
+
+LINES = 200_000
+CALLS = 2000
+
+
+def measure() -> list[Figure]:
+    """`status` calls, one after another, before and while the program streams."""
+    with server() as reached, tempfile.TemporaryDirectory() as folder:
+        key = f"mc/@v1/{reached.machine}/@rpc/status"
+        idle = latencies(reached.session, key, [b""] * CALLS)
+        program = Path(folder, "curve.gcode")
+        program.write_text(curve(), "utf-8")
+        client = subprocess.Popen(
+            [sys.executable, "-c", "from mcclient.cli import main; main()", "run", str(program)]
+            + ["--machine", reached.machine, "--connect", reached.endpoint],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )
+        busy: list[float] = []
+        try:
+            while client.poll() is None:
+                busy += latencies(reached.session, key, [b""] * 200)
+            assert client.stderr is not None
+            told = client.stderr.read().decode()
+        finally:
+            client.kill()
+            client.communicate()
+        if client.returncode != 0:
+            raise NotAvailable(f"mcctl run ended with {client.returncode}: {told.strip()[-200:]}")
+    return [
+        Figure(
+            f"status {name} while {LINES:,} lines are planned".replace(",", "\u2009"),
+            percentile(busy, share),
+            "µs",
+            percentile(idle, share),
+            "the same while the server idles",
+            "≤ 3" if share == 0.99 else "",
+        )
+        for name, share in (("p50", 0.5), ("p99", 0.99))
+    ]
+
+
+def curve() -> str:
+    """A spiral of lines of 0.1 mm at 1000 mm/s: 10 000 lines a second."""
+    head = [f"G1010 P{axis}" for axis in range(3)] + ["G64", "G94", "F60000"]
+    lines, angle = [], 0.0
+    for _ in range(LINES - len(head)):
+        radius = 200.0 + angle
+        angle += 0.1 / radius
+        lines.append(f"G01 X{radius * math.cos(angle) - 200:.4f} Y{radius * math.sin(angle):.4f}")
+    return "\n".join([*head, *lines]) + "\n"
