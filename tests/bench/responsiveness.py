@@ -1,4 +1,4 @@
-"""Calls to a server that plans and runs a long program of very short lines, beside the same while it idles."""
+"""Calls to a server that plans and runs a long program of short lines, beside the same while it idles."""
 
 from __future__ import annotations
 
@@ -24,8 +24,17 @@ def measure() -> list[Figure]:
         program = Path(folder, "curve.gcode")
         program.write_text(curve(), "utf-8")
         client = subprocess.Popen(
-            [sys.executable, "-c", "from mcclient.cli import main; main()", "run", str(program)]
-            + ["--machine", reached.machine, "--connect", reached.endpoint],
+            [
+                sys.executable,
+                "-c",
+                "from mcclient.cli import main; main()",
+                "run",
+                str(program),
+                "--machine",
+                reached.machine,
+                "--connect",
+                reached.endpoint,
+            ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
