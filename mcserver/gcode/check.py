@@ -38,12 +38,23 @@ def check_program(
     interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease)
     lines = split_lines(text)
     found: list[Diagnostic] = []
-    for number, line in enumerate(lines, start=1):
-        found.extend(interpreter.survey(scan_line(line, number)))
-        if progress is not None and number % PROGRESS_STEP == 0:
-            progress(number, len(lines))
-        if interpreter.ended:
-            break
+    done = 0
+    while done < len(lines) and not interpreter.ended:
+        taken = _survey(interpreter, lines, done, found)
+        if progress is not None and (done + taken) // PROGRESS_STEP > done // PROGRESS_STEP:
+            progress(done + taken, len(lines))
+        done += taken
     if progress is not None:
         progress(len(lines), len(lines))
     return found
+
+
+def _survey(interpreter: Interpreter, lines: list[str], done: int, found: list[Diagnostic]) -> int:
+    """Reads on behind ``done`` lines; how many, of a run of plain lines many at once."""
+    window = interpreter.run_window(done + 1)
+    if window:
+        run = interpreter.interpret_run(lines[done : done + window], done + 1)
+        if run is not None:
+            return run[1]
+    found.extend(interpreter.survey(scan_line(lines[done], done + 1)))
+    return 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from kinematics.pose import Pose
 
@@ -37,10 +37,13 @@ class Commanded:
         other.assumed = set(self.assumed)
         return other
 
-    @property
-    def simple(self) -> bool:
-        """Whether every axis starts at its commanded end and no tool has a pose to keep."""
-        return not (self.starts or self.unsettled or self.poses or self.assumed)
+    def settled(self, axes: Sequence[int]) -> bool:
+        """Whether these axes start at their commanded ends, and no tool has a pose to keep."""
+        if self.poses:
+            return False
+        if not (self.starts or self.unsettled or self.assumed):
+            return True
+        return not any(axis in self.starts or axis in self.unsettled or axis in self.assumed for axis in axes)
 
     def start(self, axis: int) -> float:
         """Where a path of the axis starts."""

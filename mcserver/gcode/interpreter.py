@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from kinematics.pose import Kinematics
@@ -15,7 +15,8 @@ from mcserver.gcode.line_meaning import LineMeaning, faults_of
 from mcserver.gcode.modal import INITIAL, ModalState
 from mcserver.gcode.parser import ParsedLine, scan_line
 from mcserver.gcode.plain import PlainMoves
-from mcserver.motion.canonical import Canonical
+from mcserver.gcode.plain_runs import MOST, PlainRuns
+from mcserver.motion.canonical import Canonical, PlainRun
 
 
 class Interpreter:
@@ -44,6 +45,7 @@ class Interpreter:
         self._modal = modal
         self._ended = False
         self._plain = PlainMoves(self._setup)
+        self._runs = PlainRuns(self._setup)
 
     @property
     def modal(self) -> ModalState:
@@ -74,6 +76,8 @@ class Interpreter:
             if quick is not None:
                 self._modal, line = quick
                 return [line]
+        elif parsed.blank and not parsed.faults:
+            return []
         return self._interpret_generally(parsed)
 
     def interpret_text(self, text: str, number: int) -> list[Canonical]:
@@ -83,6 +87,40 @@ class Interpreter:
             ProgramRejected: with the faults of its text and of its meaning together.
         """
         return self.interpret(scan_line(text, number))
+
+    def run_window(self, number: int) -> int:
+        """How many lines from line ``number`` on `interpret_run` would look at; 0: it would not look at all.
+
+        So that nobody has to gather lines in vain: after programs' parts that hold no runs it looks seldom.
+        """
+        return 0 if self._ended else self._runs.window(number)
+
+    def interpret_run(
+        self, texts: Sequence[str], number: int, most: int = MOST
+    ) -> tuple[PlainRun, int] | None:
+        """Parses and interprets the longest run of alike plain lines that ``texts`` begins with.
+
+        Its values and the state after it are bit for bit those of `interpret_text` line by line, which is the
+        way to go for everything that ends a run: lines of other words, whatever has a fault, a tool in force,
+        axes whose start the encoder decides. A trial in vain costs a few microseconds at most, and next to
+        nothing for some lines after it.
+
+        Args:
+            texts: consecutive lines without their ends.
+            number: of the first of them.
+            most: lines that may be taken.
+
+        Returns:
+            The run and how many of ``texts`` it took, blank lines too; None where they would be fewer than
+            `plain_runs.LEAST`.
+        """
+        if self._ended:
+            return None
+        found = self._runs.interpret(texts, number, self._modal, self._commanded, most)
+        if found is None:
+            return None
+        self._modal, run, taken = found
+        return run, taken
 
     def _interpret_generally(self, parsed: ParsedLine) -> list[Canonical]:
         meaning = self._read(parsed)
@@ -99,6 +137,8 @@ class Interpreter:
             if quick is not None:
                 self._modal = quick[0]
                 return ()
+        elif parsed.blank and not parsed.faults:
+            return ()
         meaning = self._read(parsed)
         self._commit(meaning)
         return faults_of(meaning.draft).in_reading_order()

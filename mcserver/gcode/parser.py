@@ -7,7 +7,7 @@ from mcserver.gcode.commands import CommandSpec
 from mcserver.gcode.faults import FaultList, Span
 from mcserver.gcode.grammar import group_commands
 from mcserver.gcode.plain_words import Plain, read_plain
-from mcserver.gcode.scanner import Scan, Token, scan, token_spans
+from mcserver.gcode.scanner import Scan, Token, quick_scan, scan, token_spans
 from mcserver.gcode.source import BOM
 from mcserver.gcode.syntax import Command, Group
 from mcserver.gcode.words import AXIS_LETTERS, LARGEST, MAX_AXIS, Word
@@ -138,9 +138,15 @@ def scan_line(text: str, number: int) -> ParsedLine:
     """One line with its faults kept in `ParsedLine.faults`, for whoever reads on after a fault."""
     if number == 1:
         text = text.removeprefix(BOM)
+    # most lines of most programs are plain: they cost nothing that only others need
+    quick = quick_scan(text)
+    if quick is not None:
+        plain = read_plain(quick.tokens)
+        if plain is not None:
+            return ParsedLine(number, text, quick, plain)
     faults = FaultList(number)
     scanned = scan(text, faults)
-    if not faults.found and scanned.spans is None:
+    if quick is None and not faults.found and scanned.spans is None:
         plain = read_plain(scanned.tokens)
         if plain is not None:
             return ParsedLine(number, text, scanned, plain)

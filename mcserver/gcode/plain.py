@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from mcserver.gcode.arc_geometry import ArcFault, arc_by_centre, arc_by_radius, plane_extrema
+from mcserver.gcode.arc_geometry import Arc, ArcFault, arc_by_centre, arc_by_radius, plane_extrema
 from mcserver.gcode.arc_plane import PLANES, NoPlane, choose_plane
 from mcserver.gcode.commanded import Commanded
 from mcserver.gcode.draft import Setup
@@ -24,7 +24,9 @@ from mcserver.motion.path import ArcCurve, Curve, LineCurve
 from mcserver.units import AxisType
 
 
-class _Row(NamedTuple):
+class AxisRow(NamedTuple):
+    """What plain moves ask of an axis: units to SI, and its travel with `ROUNDING` [m or rad]."""
+
     metric: float
     inch: float
     least: float
@@ -32,31 +34,72 @@ class _Row(NamedTuple):
     linear: bool
 
 
-class PlainMoves:
-    """Tables of the usable axes, looked up once a word."""
+def axis_rows(setup: Setup) -> dict[int, AxisRow]:
+    """A row for each axis that the program may use."""
+    return {
+        index: AxisRow(
+            metric=axis_scale(axis.type, inch=False),
+            inch=axis_scale(axis.type, inch=True),
+            least=axis.min_position - ROUNDING,
+            greatest=axis.max_position + ROUNDING,
+            linear=axis.type is AxisType.LINEAR,
+        )
+        for index, axis in setup.axes.items()
+        if index in setup.leased
+    }
 
-    __slots__ = ("_rows", "_tolerance")
+
+class _ArcFrame(NamedTuple):
+    """Axes of an arc, the plane's two first; which of them each axis word and each of I J K is for."""
+
+    axes: tuple[int, ...]
+    columns: tuple[int, ...]
+    offsets: tuple[int, ...]
+    rows: tuple[AxisRow, ...]
+
+
+def _surely_inside(curve: ArcCurve, shape: Arc, rows: tuple[AxisRow, ...]) -> bool:
+    """Whether the whole circle keeps to the axes' travels, so that the arc's extrema need not be found."""
+    reach = shape.radius + abs(shape.growth)
+    for column, row in enumerate(rows):
+        start, end = curve.start[column], curve.end[column]
+        if not row.least <= start <= row.greatest or not row.least <= end <= row.greatest:
+            return False
+        if column < 2:
+            centre = shape.centre[column]
+            if centre - reach < row.least or centre + reach > row.greatest:
+                return False
+    return True
+
+
+def _inside(curve: ArcCurve, rows: tuple[AxisRow, ...]) -> bool:
+    """Whether the arc keeps to the axes' travels."""
+    low, high = plane_extrema(curve)
+    for column, row in enumerate(rows):
+        ends = curve.start[column], curve.end[column]
+        ordered = (low[column], high[column]) if column < 2 else (min(ends), max(ends))
+        if ordered[0] < row.least or ordered[1] > row.greatest:
+            return False
+    return True
+
+
+class PlainMoves:
+    """Tables of the usable axes, looked up once a word, and of arcs' planes, found once for their words."""
+
+    __slots__ = ("_frames", "_rows", "_tolerance")
 
     def __init__(self, setup: Setup) -> None:
         self._tolerance = setup.machine.path_tolerance
-        self._rows = {
-            index: _Row(
-                metric=axis_scale(axis.type, inch=False),
-                inch=axis_scale(axis.type, inch=True),
-                least=axis.min_position - ROUNDING,
-                greatest=axis.max_position + ROUNDING,
-                linear=axis.type is AxisType.LINEAR,
-            )
-            for index, axis in setup.axes.items()
-            if index in setup.leased
-        }
+        self._rows = axis_rows(setup)
+        # as many as there are ways to choose and order X Y Z, I J K and a plane: some hundreds
+        self._frames: dict[tuple[int | None, tuple[int, ...], tuple[int, ...]], _ArcFrame | None] = {}
 
     def interpret(
         self, number: int, move: Plain, modal: ModalState, commanded: Commanded
     ) -> tuple[ModalState, MotionLine] | None:
         """The modal state after the line, and the line; positions in ``commanded`` go on."""
         motion = modal.motion if move.code is None else move.code
-        if not motion or modal.tool is not None or not commanded.simple:
+        if not motion or modal.tool is not None:
             return None
         feed = modal.feed
         if move.feed is not None:
@@ -72,6 +115,8 @@ class PlainMoves:
     def _line(
         self, number: int, move: Plain, modal: ModalState, commanded: Commanded, feed: Feed
     ) -> tuple[ModalState, MotionLine] | None:
+        if not commanded.settled(move.axes):
+            return None
         rows = self._rows
         positions = commanded.positions
         incremental = modal.incremental
@@ -108,53 +153,58 @@ class PlainMoves:
     def _arc(
         self, number: int, move: Plain, modal: ModalState, commanded: Commanded, feed: Feed, motion: int
     ) -> tuple[ModalState, MotionLine] | None:
-        positions = commanded.positions
-        inch = modal.inch
-        scale = length_scale(inch)
-        ends: dict[int, float] = {}
-        for index, value in zip(move.axes, move.values, strict=True):
-            row = self._rows.get(index)
-            if row is None or not row.linear or index > 2:
-                return None
-            end = value * scale
-            ends[index] = end + positions[index] if modal.incremental else end
-        coordinates = [coordinate for coordinate, _ in move.offsets]
+        named = (modal.plane, move.axes, tuple([coordinate for coordinate, _ in move.offsets]))
         try:
-            first, second = plane = PLANES[
-                choose_plane(modal.plane, frozenset(coordinates), frozenset(move.axes))
-            ]
-        except NoPlane:
+            frame = self._frames[named]
+        except KeyError:
+            frame = self._frames[named] = self._arc_frame(*named)
+        if frame is None or not commanded.settled(frame.axes):
             return None
-        further = tuple(index for index in move.axes if index != first and index != second)
-        axes = plane + further
-        rows = [self._rows.get(index) for index in axes]
-        if any(row is None or not row.linear for row in rows):
-            return None
-        starts = tuple([positions[index] for index in axes])
-        finish = tuple([ends.get(index, positions[index]) for index in axes])
+        positions = commanded.positions
+        scale = length_scale(modal.inch)
+        starts = tuple([positions[index] for index in frame.axes])
+        ends = list(starts)
+        for column, value in zip(frame.columns, move.values, strict=True):
+            ends[column] = value * scale + starts[column] if modal.incremental else value * scale
+        finish = tuple(ends)
         begin, end_point = (starts[0], starts[1]), (finish[0], finish[1])
         try:
             if move.radius is not None:
                 shape = arc_by_radius(begin, end_point, move.radius * scale, motion == 2, 1)
             else:
-                centre = [begin[0], begin[1]]
-                for coordinate, value in move.offsets:
-                    if coordinate not in plane:
-                        return None
-                    centre[plane.index(coordinate)] += value * scale
+                centre = [starts[0], starts[1]]
+                for column, (_, value) in zip(frame.offsets, move.offsets, strict=True):
+                    centre[column] += value * scale
                 shape = arc_by_centre(begin, end_point, (centre[0], centre[1]), motion == 2, 1)
         except ArcFault:
             return None
-        length = shape.path_length(*[b - a for a, b in zip(starts[2:], finish[2:], strict=True)])
-        curve = ArcCurve(axes, starts, finish, shape.centre, shape.sweep, length)
-        low, high = plane_extrema(curve)
-        for column, row in enumerate(rows):
-            assert row is not None
-            ordered = (low[column], high[column]) if column < 2 else sorted((starts[column], finish[column]))
-            if ordered[0] < row.least or ordered[1] > row.greatest:
-                return None
-        positions.update(ends)
+        if len(starts) == 2:
+            length = shape.path_length()
+        else:
+            length = shape.path_length(*[b - a for a, b in zip(starts[2:], finish[2:], strict=True)])
+        curve = ArcCurve(frame.axes, starts, finish, shape.centre, shape.sweep, length)
+        if not _surely_inside(curve, shape, frame.rows) and not _inside(curve, frame.rows):
+            return None
+        for index, column in zip(move.axes, frame.columns, strict=True):
+            positions[index] = finish[column]
         return self._finish(number, modal, curve, feed, feed.speed, length, motion)
+
+    def _arc_frame(
+        self, chosen: int | None, axes: tuple[int, ...], offsets: tuple[int, ...]
+    ) -> _ArcFrame | None:
+        """The axes of an arc by the letters of its words; None where they do not fit plainly."""
+        if axes and max(axes) > 2:
+            return None
+        try:
+            plane = PLANES[choose_plane(chosen, frozenset(offsets), frozenset(axes))]
+        except NoPlane:
+            return None
+        ordered = plane + tuple([index for index in axes if index not in plane])
+        rows = [row for row in map(self._rows.get, ordered) if row is not None and row.linear]
+        if len(rows) < len(ordered) or not set(offsets) <= set(plane):
+            return None
+        columns = tuple([ordered.index(index) for index in axes])
+        return _ArcFrame(ordered, columns, tuple([plane.index(offset) for offset in offsets]), tuple(rows))
 
     def _finish(
         self,

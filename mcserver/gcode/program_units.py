@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
+from mcserver.motion.path import Array
 from mcserver.units import DEGREE, INCH, MINUTE, MM, TURN, AxisType
+
+Number = TypeVar("Number", float, Array)  # one value, or a column of them
 
 
 def length_scale(inch: bool) -> float:
@@ -15,17 +20,17 @@ def axis_scale(axis_type: AxisType, inch: bool) -> float:
     return length_scale(inch) if axis_type is AxisType.LINEAR else DEGREE
 
 
-def path_speed(number: float, inch: bool) -> float:
+def path_speed(number: Number, inch: bool) -> Number:
     """F under G94 as a speed along a path [m/s]."""
     return number * length_scale(inch) / MINUTE
 
 
-def turning_speed(number: float) -> float:
+def turning_speed(number: Number) -> Number:
     """F under G94 for a rotary move [rad/s]: degrees per minute whatever G20 or G21 said (D-11)."""
     return number * DEGREE / MINUTE
 
 
-def move_duration(number: float) -> float:
+def move_duration(number: Number) -> Number:
     """F under G93 as a duration [s]."""
     return MINUTE / number
 

@@ -31,6 +31,14 @@ class Scan(msgspec.Struct, frozen=True):
     spans: list[Span] | None = None
 
 
+def quick_scan(text: str) -> Scan | None:
+    """Tokens of a line of ASCII without comments; None for others. Not looked at for faults."""
+    if "(" in text or ";" in text or not text.isascii():
+        return None
+    code = text.upper()
+    return Scan(code, TOKEN.findall(code))
+
+
 def scan(text: str, faults: FaultList) -> Scan:
     """Tokens of a line; every lexical fault goes to ``faults`` and leaves a best guess behind (D-01)."""
     code = text

@@ -4,44 +4,82 @@ from __future__ import annotations
 
 import re
 
-from mcserver.config import load_machine
+from mcserver.config import Machine, load_machine
+from mcserver.gcode.check import check_program
 from mcserver.gcode.interpreter import Interpreter
 from tests.bench.figures import Figure, rate
 
 LINES = 20_000
+CHECKED = 200_000
 NUMBER = re.compile(r"[A-Z](-?[0-9.]+)")
 
 
 def measure() -> list[Figure]:
-    """G01 lines and arcs."""
-    straight = [f"G01 X{i % 500}.{i % 10} Y{(i * 7) % 300} Z{i % 50}" for i in range(LINES)]
+    """G01 lines in runs and one by one, arcs, and a whole check."""
+    machine = load_machine("cartesian")
+    straight = lines_of(LINES)
     arcs = [f"G02 X{100 * (i % 2)} Y0 R{60 + i % 40}" for i in range(1, LINES + 1)]
+    text = "\n".join(["G94 F6000", *lines_of(CHECKED)])
+    floor = rate(lambda: read_numbers(straight), LINES)
+    against = "one regular expression and float() a word"
     return [
         Figure(
-            "G01 with three axes",
-            rate(lambda: interpret(straight), LINES),
+            "G01 with three axes, runs",
+            rate(lambda: interpret_runs(machine, straight), LINES),
             "lines/s",
-            rate(lambda: read_numbers(straight), LINES),
-            "one regular expression and float() a word",
-            "50 k, then 2 × rs274 (440 k)",
+            floor,
+            against,
+            "2 × rs274 (440 k)",
+        ),
+        Figure(
+            "G01 with three axes, line by line",
+            rate(lambda: interpret(machine, straight), LINES),
+            "lines/s",
+            floor,
+            against,
+            "50 k",
         ),
         Figure(
             "G02 by radius",
-            rate(lambda: interpret(arcs), LINES),
+            rate(lambda: interpret(machine, arcs), LINES),
             "arcs/s",
             rate(lambda: read_numbers(arcs), LINES),
-            "the same",
+            against,
             "50 k",
+        ),
+        Figure(
+            f"check of {CHECKED} lines of G01",
+            rate(lambda: check_program(text, machine), CHECKED, runs=3),
+            "lines/s",
+            floor,
+            against,
         ),
     ]
 
 
-def interpret(lines: list[str]) -> None:
-    """The way of the server, line by line."""
-    interpreter = Interpreter(load_machine("cartesian"))
+def lines_of(count: int) -> list[str]:
+    """G01 with three axes."""
+    return [f"G01 X{i % 500}.{i % 10} Y{(i * 7) % 300} Z{i % 50}" for i in range(count)]
+
+
+def interpret(machine: Machine, lines: list[str]) -> None:
+    """Line by line."""
+    interpreter = Interpreter(machine)
     interpreter.interpret_text("G94 F6000", 1)
     for number, line in enumerate(lines, start=2):
         interpreter.interpret_text(line, number)
+
+
+def interpret_runs(machine: Machine, lines: list[str]) -> None:
+    """In columns; all of the lines are plain."""
+    interpreter = Interpreter(machine)
+    interpreter.interpret_text("G94 F6000", 1)
+    done = 0
+    while done < len(lines):
+        found = interpreter.interpret_run(lines[done : done + interpreter.run_window(done + 2)], done + 2)
+        if found is None:
+            interpreter.interpret_text(lines[done], done + 2)
+        done += 1 if found is None else found[1]
 
 
 def read_numbers(lines: list[str]) -> None:
