@@ -9,40 +9,31 @@ import difflib
 import math
 import re
 import tomllib
+from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
+from mcserver.config_drive import (
+    CAN_KINDS,
+    BusFile,
+    CanBusConfig,
+    DriveFile,
+    Refusal,
+    check_travel,
+    complete_drive,
+    read_buses,
+)
+from mcserver.config_tool import Tool as Tool
+from mcserver.config_tool import ToolFile, read_tools
+from mcserver.drives.bus_load import refuse_overload
 from mcserver.errors import ConfigurationError
 from mcserver.units import DEGREE, MM, TURN, AxisType
 
 MAX_AXES = 64
 BUILT_IN = ("cartesian", "robot-dog", "arm6")
-
-
-class DriveFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """``[axis.drive]`` as written: positions in mm or deg."""
-
-    kind: Literal["simulated", "ideal", "cia402", "servosila"] = "simulated"
-    initial_position: float = 0.0
-    # simulated drives
-    bandwidth_hz: float = 40.0
-    encoder_resolution: float = 0.0
-    heartbeat_timeout_s: float = 0.1
-    brake: bool = False
-    friction_decel: float = 0.0
-    inertia: float = 0.01
-    max_torque: float = 0.0
-    # drives on a CAN bus
-    bus: str = ""
-    node: int = 0
-    eds: str = ""
-    mode: Literal["csp", "csv", "cst", "pp"] = "csp"
-    counts_per_motor_rev: int = 0
-    sdo_writes: list[list[int]] = []
-    codes: dict[str, int] = {}
 
 
 class AxisFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -84,17 +75,6 @@ class KinematicsSection(msgspec.Struct, forbid_unknown_fields=True, frozen=True)
     urdf: str
 
 
-class ToolFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """``[[tool]]``: one end effector of the URDF."""
-
-    number: int
-    frame: str
-    axes: list[int]
-    orientation: bool = False
-    euler: str = "ZYX"
-    offset_mm: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-
 class MachineFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A whole machine file."""
 
@@ -103,12 +83,14 @@ class MachineFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     motion: MotionSection = MotionSection()
     kinematics: KinematicsSection | None = None
     tool: list[ToolFile] = []
+    bus: list[BusFile] = []
 
 
 class Axis(msgspec.Struct, frozen=True):
     """One axis in SI: m or rad, and seconds. Infinite where not limited.
 
-    ``drive`` keeps the drive's section as written (mm, deg); ``initial_position`` is its SI value.
+    ``drive`` keeps the drive's section in mm and deg, with what follows from other keys filled in;
+    ``initial_position`` is its SI value.
     ``travel_per_motor_turn`` is m or rad of the axis for one turn of the motor (G1030).
     """
 
@@ -126,17 +108,6 @@ class Axis(msgspec.Struct, frozen=True):
     drive: DriveFile
 
 
-class Tool(msgspec.Struct, frozen=True):
-    """One end effector; ``offset`` in m in the frame's own axes."""
-
-    number: int
-    frame: str
-    axes: tuple[int, ...]
-    orientation: bool
-    euler: str
-    offset: tuple[float, float, float]
-
-
 class Machine(msgspec.Struct, frozen=True):
     """A machine in SI.
 
@@ -146,6 +117,7 @@ class Machine(msgspec.Struct, frozen=True):
         exact_stop_timeout: [s]. exact_stop_cycles: cycles that the encoder has to stay in tolerance.
         tool_tolerance [m], tool_tolerance_angle [rad]: D-54.
         urdf: absolute path or a built-in name, None without kinematics.
+        buses: CAN buses, those of ``[[bus]]`` first.
     """
 
     name: str
@@ -158,6 +130,7 @@ class Machine(msgspec.Struct, frozen=True):
     tool_tolerance_angle: float
     urdf: str | None
     tools: tuple[Tool, ...]
+    buses: tuple[CanBusConfig, ...] = ()
 
     @property
     def cycle_s(self) -> float:
@@ -169,6 +142,18 @@ class Machine(msgspec.Struct, frozen=True):
             if axis.index == index:
                 return axis
         return None
+
+    def bus_of(self, axis: Axis) -> CanBusConfig:
+        """The bus of a drive on CAN.
+
+        Raises:
+            KeyError: the axis's drive is on none.
+        """
+        if axis.drive.kind in CAN_KINDS:
+            for bus in self.buses:
+                if bus.name == axis.drive.bus:
+                    return bus
+        raise KeyError(axis.drive.bus)
 
     def slot(self, index: int) -> int:
         """Column of axis ``index`` in arrays over this machine's axes."""
@@ -183,7 +168,8 @@ def load_machine(name_or_path: str) -> Machine:
 
     Raises:
         ConfigurationError: MC001 no such file, MC002 not TOML, MC003 a key or value that does not fit,
-            MC004 values that contradict each other.
+            MC004 values that contradict each other, MC007 buses that the cycle does not fit, MC009 a bus's
+            address.
     """
     if name_or_path in BUILT_IN:
         text = resources.files("mcserver.machines").joinpath(f"{name_or_path}.toml").read_text("utf-8")
@@ -231,6 +217,7 @@ def _nearest_key(message: str) -> str:
         ("motion", MotionSection),
         ("kinematics", KinematicsSection),
         ("tool", ToolFile),
+        ("bus", BusFile),
     )
     known = MachineFile.__struct_fields__
     for prefix, struct in structs:
@@ -268,7 +255,9 @@ def _to_si(file: MachineFile, source: str, folder: Path | None) -> Machine:
             raise bad(
                 f"{where}.index", f"axis {axis.index} is there twice", "give each axis a number of its own"
             )
-        axes[axis.index] = _axis_to_si(axis, where, bad)
+        axes[axis.index] = _axis_to_si(axis, where, 1.0 / file.machine.cycle_hz, folder, bad)
+    buses = read_buses(file.bus, (axis.drive for axis in file.axis), bad)
+    _check_nodes(axes.values(), bad)
     motion = file.motion
     if not (math.isfinite(motion.path_tolerance_mm) and motion.path_tolerance_mm >= 0.0):
         raise bad("motion.path_tolerance_mm", "must be 0 or more", "0 keeps the exact path")
@@ -276,14 +265,14 @@ def _to_si(file: MachineFile, source: str, folder: Path | None) -> Machine:
         value = getattr(motion, name)
         if not (math.isfinite(value) and value > 0):
             raise bad(f"motion.{name}", f"{value} is not above 0", "give a positive number")
-    tools = _tools_to_si(file, axes, bad)
+    tools = read_tools(file.tool, axes, bad)
     urdf = None
     if file.kinematics is not None:
         written = file.kinematics.urdf
         urdf = written if folder is None or Path(written).is_absolute() else str(folder / written)
     elif tools:
         raise bad("tool", "tools need a [kinematics] section", "name the URDF there")
-    return Machine(
+    machine = Machine(
         name=file.machine.name,
         cycle_hz=file.machine.cycle_hz,
         axes=tuple(axes[index] for index in sorted(axes)),
@@ -294,10 +283,28 @@ def _to_si(file: MachineFile, source: str, folder: Path | None) -> Machine:
         tool_tolerance_angle=motion.tool_tolerance_deg * DEGREE,
         urdf=urdf,
         tools=tools,
+        buses=tuple(buses),
     )
+    refuse_overload(machine, source)
+    return machine
 
 
-def _axis_to_si(axis: AxisFile, where: str, bad: Any) -> Axis:
+def _check_nodes(axes: Iterable[Axis], bad: Refusal) -> None:
+    taken: dict[tuple[str, int], int] = {}
+    for axis in axes:
+        if axis.drive.kind not in CAN_KINDS:
+            continue
+        key = (axis.drive.bus, axis.drive.node)
+        if key in taken:
+            raise bad(
+                "axis.drive.node",
+                f"axes {taken[key]} and {axis.index} both have node {key[1]} on bus {key[0]}",
+                "give each drive of a bus a node number of its own",
+            )
+        taken[key] = axis.index
+
+
+def _axis_to_si(axis: AxisFile, where: str, cycle_s: float, folder: Path | None, bad: Refusal) -> Axis:
     axis_type = AxisType(axis.type)
     scale = axis_type.si_per_unit
     for name in (
@@ -326,7 +333,12 @@ def _axis_to_si(axis: AxisFile, where: str, bad: Any) -> Axis:
             f"{axis.drive.initial_position} is outside the axis's travel",
             "put it between min_position and max_position",
         )
-    per_turn = axis.units_per_motor_rev
+    drive, per_turn = complete_drive(
+        axis.drive, axis_type, axis.units_per_motor_rev, cycle_s, f"{where}.drive", bad
+    )
+    check_travel(drive, per_turn, (axis.min_position, axis.max_position), f"{where}.drive", bad)
+    if drive.eds and folder is not None:
+        drive = msgspec.structs.replace(drive, eds=str(folder / drive.eds))
     default_turn = 10.0 * MM if axis_type is AxisType.LINEAR else TURN
     return Axis(
         index=axis.index,
@@ -342,36 +354,5 @@ def _axis_to_si(axis: AxisFile, where: str, bad: Any) -> Axis:
         else axis.max_following_error * scale,
         travel_per_motor_turn=default_turn if per_turn is None else per_turn * scale,
         initial_position=start,
-        drive=axis.drive,
+        drive=drive,
     )
-
-
-def _tools_to_si(file: MachineFile, axes: dict[int, Axis], bad: Any) -> tuple[Tool, ...]:
-    tools: dict[int, Tool] = {}
-    for position, tool in enumerate(file.tool):
-        where = f"tool[{position}]"
-        if tool.number < 0 or tool.number in tools:
-            raise bad(
-                f"{where}.number",
-                f"{tool.number} is negative or there twice",
-                "number each tool once, from 0",
-            )
-        if tool.euler not in ("ZYX", "XYZ", "XZY", "YXZ", "YZX", "ZXY"):
-            raise bad(f"{where}.euler", f"{tool.euler!r} is not an order of X, Y and Z", "ZYX is usual")
-        if not tool.axes or len(set(tool.axes)) != len(tool.axes):
-            raise bad(f"{where}.axes", "names no axis, or one twice", "list the chain's joints once each")
-        for index in tool.axes:
-            if index not in axes:
-                raise bad(f"{where}.axes", f"the machine has no axis {index}", "name axes of this file")
-        if len(tool.offset_mm) != 3:
-            raise bad(f"{where}.offset_mm", "needs three numbers", "give X, Y, Z in mm")
-        x, y, z = (value * MM for value in tool.offset_mm)
-        tools[tool.number] = Tool(
-            number=tool.number,
-            frame=tool.frame,
-            axes=tuple(tool.axes),
-            orientation=tool.orientation,
-            euler=tool.euler,
-            offset=(x, y, z),
-        )
-    return tuple(tools[number] for number in sorted(tools))

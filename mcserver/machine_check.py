@@ -7,10 +7,11 @@ import math
 from pathlib import Path
 
 from kinematics.check import check_machine
+from mcserver.can.address import Transport, parse_address
 from mcserver.config import Axis, Machine
+from mcserver.config_drive import CAN_KINDS
 from mcserver.errors import Diagnostic
 
-BUS_DRIVES = ("cia402", "servosila")
 AXIS_NAMES = "XYZABC"
 
 
@@ -33,8 +34,24 @@ def find_doubts(machine: Machine) -> list[Diagnostic]:
     for axis in machine.axes:
         doubts += _doubts_of_limits(axis, machine.cycle_s)
         doubts += _doubts_of_tolerance(axis)
-        doubts += _doubts_of_bus(axis)
+        doubts += _doubts_of_bus(machine, axis)
     return doubts
+
+
+def find_drive_faults(machine: Machine) -> list[Diagnostic]:
+    """What does not fit between CiA 402 drives, their EDS files and the cycle.
+
+    Errors MC008 and MC552: the machine cannot be run. Warnings MC022. Nothing where the packages for drives
+    on a CAN bus are missing, which `find_doubts` tells.
+    """
+    if importlib.util.find_spec("canopen") is None or importlib.util.find_spec("can") is None:
+        return []
+    if not any(axis.drive.kind in CAN_KINDS for axis in machine.axes):
+        return []
+    # only such machines need these packages
+    from mcserver.canopen_service.check import check_drives
+
+    return check_drives(machine)
 
 
 def find_tool_faults(machine: Machine) -> list[Diagnostic]:
@@ -89,8 +106,16 @@ def _doubts_of_limits(axis: Axis, cycle_s: float) -> list[Diagnostic]:
     return doubts
 
 
+def _resolution(axis: Axis) -> float:
+    """One count of the axis's encoder [m, rad]; 0: continuous."""
+    encoder = axis.drive.encoder
+    if axis.drive.kind in CAN_KINDS and encoder is not None:
+        return axis.travel_per_motor_turn * encoder[1] / encoder[0]
+    return axis.drive.encoder_resolution * axis.type.si_per_unit
+
+
 def _doubts_of_tolerance(axis: Axis) -> list[Diagnostic]:
-    resolution = axis.drive.encoder_resolution * axis.type.si_per_unit
+    resolution = _resolution(axis)
     unit = axis.type.unit
     doubts = []
     if resolution > 2.0 * axis.in_position:
@@ -99,7 +124,7 @@ def _doubts_of_tolerance(axis: Axis) -> list[Diagnostic]:
                 "MC021",
                 axis,
                 f"in_position ({axis.in_position / axis.type.si_per_unit:g} {unit}) is below half a count "
-                f"of the encoder ({axis.drive.encoder_resolution:g} {unit}): exact stops may time out",
+                f"of the encoder ({resolution / axis.type.si_per_unit:g} {unit}): exact stops may time out",
                 "widen in_position to one count of the encoder",
             )
         )
@@ -115,9 +140,9 @@ def _doubts_of_tolerance(axis: Axis) -> list[Diagnostic]:
     return doubts
 
 
-def _doubts_of_bus(axis: Axis) -> list[Diagnostic]:
+def _doubts_of_bus(machine: Machine, axis: Axis) -> list[Diagnostic]:
     drive = axis.drive
-    if drive.kind not in BUS_DRIVES:
+    if drive.kind not in CAN_KINDS:
         return []
     doubts = []
     for module in ("canopen", "can"):
@@ -130,21 +155,15 @@ def _doubts_of_bus(axis: Axis) -> list[Diagnostic]:
                     "pip install 'mcserver[can]'",
                 )
             )
-    if not drive.bus:
-        doubts.append(_warning("MC022", axis, "the drive names no bus", 'give bus = "can0" in [axis.drive]'))
-    elif ":" not in drive.bus and not Path("/sys/class/net", drive.bus).exists():
+    address = parse_address(machine.bus_of(axis).address)
+    interface = address.channel
+    if address.transport is Transport.SOCKETCAN and not Path("/sys/class/net", interface).exists():
         doubts.append(
             _warning(
                 "MC022",
                 axis,
-                f"this computer has no interface {drive.bus}",
+                f"this computer has no interface {interface}",
                 "mcserver doctor tells which it has",
             )
         )
-    if not 1 <= drive.node <= 127:
-        doubts.append(
-            _warning("MC022", axis, f"node {drive.node} is outside 1 … 127", "give node in [axis.drive]")
-        )
-    if drive.eds and not Path(drive.eds).is_file():
-        doubts.append(_warning("MC022", axis, f"there is no EDS file {drive.eds}", "check the path"))
     return doubts

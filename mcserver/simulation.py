@@ -230,7 +230,7 @@ class _Run:
         elif event.kind is EventKind.PAUSED:
             self._executor.mailbox.resume(SLOT)
         elif event.kind is EventKind.FAULT:
-            message, hint = remedy_of(event.code, event.axis)
+            message, hint = remedy_of(event.code, event.axis, event.values)
             self._faults.append(
                 Diagnostic(
                     code=f"MC{event.code}",

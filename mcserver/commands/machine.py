@@ -12,7 +12,8 @@ from mcserver.commands.console import json_answer_on_error, narration, results, 
 from mcserver.commands.faults import ExitCode
 from mcserver.commands.options import JsonOption
 from mcserver.config import Axis, Machine, load_machine
-from mcserver.machine_check import axis_name, find_doubts, find_tool_faults
+from mcserver.drives.bus_load import bus_loads
+from mcserver.machine_check import axis_name, find_doubts, find_drive_faults, find_tool_faults
 
 
 def build_app() -> typer.Typer:
@@ -36,7 +37,7 @@ def check_machine(
     """Read a machine file, list all that does not fit or is doubtful. Exit code 3 where it cannot be used."""
     with json_answer_on_error(json):
         machine = load_machine(file)
-    findings = [*find_tool_faults(machine), *find_doubts(machine)]
+    findings = [*find_tool_faults(machine), *find_drive_faults(machine), *find_doubts(machine)]
     errors = sum(each.severity == "error" for each in findings)
     if json:
         found = [each.as_json() for each in findings]
@@ -59,6 +60,8 @@ def _describe(machine: Machine) -> None:
     for tool in machine.tools:
         chain = " ".join(axis_name(index) for index in tool.axes)
         results().print(f"T{tool.number}: {tool.frame}, moved by {chain}")
+    for load in bus_loads(machine):
+        results().print(f"bus {load.bus}: {load.arithmetic()}")
     results().print(
         f"{machine.name}: {len(machine.axes)} axes, {len(machine.tools)} tools, "
         f"{machine.cycle_hz:g} cycles a second"

@@ -14,6 +14,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.config_drive import DriveFile
+
 Array = NDArray[np.float64]
 
 
@@ -50,6 +52,25 @@ class DriveFault(enum.IntEnum):
     ENCODER = 5
     FOLLOWING = 6
     COMMUNICATION = 7
+    EMERGENCY = 8  # it sent an emergency message
+    REBOOTED = 9
+    NOT_OPERATIONAL = 10  # its node has left the NMT state operational
+    HEARTBEAT = 11  # its node's heartbeat has stopped
+    BUS_DOWN = 12
+    MODE = 13  # it is not in the mode of operation that it was told
+    NOT_CONFIGURED = 14  # the machine file lacks what this mode needs
+    POSITION_LOST = 15  # its encoder's reading jumped
+
+
+def drives_mode(drive: DriveFile, mode: DriveMode) -> bool:
+    """Whether a drive's section of the machine file has what this mode needs."""
+    if drive.kind == "cia402":
+        return mode is not DriveMode.TORQUE or drive.rated_torque > 0.0
+    if drive.kind == "servosila":
+        if mode is DriveMode.TORQUE:
+            return "torque" in drive.codes
+        return mode is not DriveMode.VELOCITY or drive.pole_pairs > 0 or "rpm" in drive.codes
+    return True
 
 
 @dataclass(frozen=True)
@@ -81,7 +102,8 @@ class Feedback:
     Attributes:
         position, velocity: of the encoder [m, rad; per second].
         torque: [N·m].
-        state: values of `DriveState`. fault: values of `DriveFault`.
+        state: values of `DriveState`. fault: values of `DriveFault`. detail: the vendor's or the standard's
+            number for that fault, such as an emergency message's code; 0 where there is none.
         fresh: whether the drive has answered in this cycle; where not, the other values are old.
     """
 
@@ -91,6 +113,7 @@ class Feedback:
     state: NDArray[np.int8]
     fault: NDArray[np.int32]
     fresh: NDArray[np.bool_]
+    detail: NDArray[np.int32]
 
     @classmethod
     def of(cls, count: int) -> Feedback:
@@ -102,21 +125,30 @@ class Feedback:
             np.zeros(count, np.int8),
             np.zeros(count, np.int32),
             np.ones(count, np.bool_),
+            np.zeros(count, np.int32),
         )
+
+
+class BusEventKind(enum.IntEnum):
+    """What a `BusEvent` is about."""
+
+    MESSAGE = 0  # an emergency message that latches nothing new; code 0: the drive's error is gone
+    BUS_BACK = 1  # a bus that was away is there again
 
 
 @dataclass(frozen=True)
 class BusEvent:
-    """Something that a bus has to say besides the feedback, such as an emergency message.
+    """Something that a bus has to say besides the feedback; what stops an axis is in the feedback.
 
     Attributes:
-        column: which axis of the machine, -1: the bus itself.
+        column: which axis of the machine; the first one of the bus where all are meant.
         code: the vendor's or the standard's number, 0 where there is none.
     """
 
     column: int
     code: int
     text: str
+    kind: BusEventKind = BusEventKind.MESSAGE
 
 
 class DriveBus(Protocol):
@@ -129,6 +161,13 @@ class DriveBus(Protocol):
     @property
     def follows_exactly(self) -> bool:
         """Whether actual = setpoint in the same exchange and energizing takes no cycle (``ideal``)."""
+
+    @property
+    def delay_cycles(self) -> int:
+        """How many cycles a drive that follows without error is behind its setpoint in the feedback.
+
+        A bus that has such a delay reports drives that are silent as faults of theirs.
+        """
 
     def boot(self) -> Feedback:
         """Brings the drives up, not energized; returns the feedback's arrays with the encoders' readings.

@@ -47,6 +47,10 @@ class IdealBus:
     def follows_exactly(self) -> bool:
         return True
 
+    @property
+    def delay_cycles(self) -> int:
+        return 0
+
     def boot(self) -> Feedback:
         return self._feedback
 

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from mcserver.config import Axis, Machine
 from mcserver.drives.bus import DriveBus
+from mcserver.drives.can_bus import CanBus
 from mcserver.drives.ideal import IdealBus
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
@@ -22,12 +23,27 @@ def _simulated(machine: Machine, axes: Sequence[Axis], columns: Sequence[int]) -
     return [SimulatedBus(axes, columns, machine.cycle_s)]
 
 
-# Kind of drive → what makes its buses. A new kind is one entry here.
-BUS_FACTORIES: Mapping[str, BusFactory] = MappingProxyType({"ideal": _ideal, "simulated": _simulated})
+def _on_can(machine: Machine, _axes: Sequence[Axis], columns: Sequence[int]) -> list[DriveBus]:
+    buses: list[DriveBus] = []
+    for bus in machine.buses:
+        own = [column for column in columns if machine.axes[column].drive.bus == bus.name]
+        if own:
+            buses.append(CanBus(machine, bus, own))
+    return buses
+
+
+# Kind of drive → what makes its buses; kinds with the same maker share buses. A new kind is one entry here.
+BUS_FACTORIES: Mapping[str, BusFactory] = MappingProxyType(
+    {"ideal": _ideal, "simulated": _simulated, "cia402": _on_can, "servosila": _on_can}
+)
+# The same on a virtual clock, where there is no hardware: drives on a bus are simulated.
+VIRTUAL_FACTORIES: Mapping[str, BusFactory] = MappingProxyType(
+    {"ideal": _ideal, "simulated": _simulated, "cia402": _simulated, "servosila": _simulated}
+)
 
 
 def create_buses(machine: Machine, factories: Mapping[str, BusFactory] = BUS_FACTORIES) -> list[DriveBus]:
-    """Buses that together drive every axis of the machine once.
+    """Buses that together drive every axis of the machine once; nothing is opened before their `boot`.
 
     Args:
         factories: kind of drive → a function of (machine, axes of that kind, their columns).
@@ -35,18 +51,18 @@ def create_buses(machine: Machine, factories: Mapping[str, BusFactory] = BUS_FAC
     Raises:
         ConfigurationError: MC006 a kind of drive that this installation cannot drive.
     """
-    by_kind: dict[str, list[int]] = {}
+    by_factory: dict[BusFactory, list[int]] = {}
     for column, axis in enumerate(machine.axes):
-        by_kind.setdefault(axis.drive.kind, []).append(column)
-    buses: list[DriveBus] = []
-    for kind, columns in by_kind.items():
-        factory = factories.get(kind)
+        factory = factories.get(axis.drive.kind)
         if factory is None:
-            axis = machine.axes[columns[0]]
             raise ConfigurationError(
                 "MC006",
-                f"axis {axis.index} has a drive of kind {kind!r}, which this installation cannot drive",
+                f"axis {axis.index} has a drive of kind {axis.drive.kind!r}, "
+                "which this installation cannot drive",
                 f'set kind = "simulated" there, or one of: {", ".join(sorted(factories))}',
             )
+        by_factory.setdefault(factory, []).append(column)
+    buses: list[DriveBus] = []
+    for factory, columns in by_factory.items():
         buses += factory(machine, [machine.axes[column] for column in columns], columns)
     return buses

@@ -78,6 +78,10 @@ class SimulatedBus:
     def follows_exactly(self) -> bool:
         return False
 
+    @property
+    def delay_cycles(self) -> int:
+        return 0
+
     def boot(self) -> Feedback:
         self._model.encoder(self._position, self._feedback.position)
         return self._feedback

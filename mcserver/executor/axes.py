@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.config import Machine
-from mcserver.drives.bus import DriveBus, DriveMode, DriveState, Feedback, Setpoints
+from mcserver.drives.bus import BusEvent, DriveBus, DriveMode, DriveState, Feedback, Setpoints
 from mcserver.executor.feedback import AxisCondition, FeedbackRow
 from mcserver.executor.headroom import Array
 
@@ -73,7 +73,9 @@ class AxisBank:
         energized: the drive holds in the mode that it was told. starting: told to, not yet there.
         positioned: energized, or about to be, in position mode. speed, torque_mode: in these modes.
         fault: latched. released, stopping, resetting: told so.
-        fresh: shape (K,), whether drives answered. states: shape (K,), `DriveState`. drive_fault: shape (K,).
+        fresh: shape (K,), whether drives answered. states: shape (K,), `DriveState`. drive_fault,
+            drive_detail: shape (K,), of the columns in ``failed``.
+        delayed: columns whose feedback is behind; delay_cycles: by how many cycles at the most.
         standing_speed: shape (K,), the greatest speed that counts as standing where an axis is captured.
         failed: columns whose drive has newly gone into FAULT. dropped: columns whose drive has newly
             de-energized by itself.
@@ -88,6 +90,9 @@ class AxisBank:
         self.fresh = np.ones(count, np.bool_)
         self.states = np.zeros(count, np.int8)
         self.drive_fault = np.zeros(count, np.int32)
+        self.drive_detail = np.zeros(count, np.int32)
+        self.delayed = np.zeros(count, np.bool_)
+        self.delay_cycles = 0
         self._state_bytes = self.states.tobytes()
         self._all_fresh = self.fresh.tobytes()
         self._cycle = machine.cycle_s
@@ -102,8 +107,12 @@ class AxisBank:
         self._free = self.masks.bools(self.all)
         self._any_free = True
         self._ports: list[_Port] = []
-        for bus in buses:
-            self._attach(bus, count)
+        try:
+            for bus in buses:
+                self._attach(bus, count)
+        except BaseException:
+            self.close()
+            raise
 
     def _attach(self, bus: DriveBus, count: int) -> None:
         feedback = bus.boot()
@@ -117,6 +126,9 @@ class AxisBank:
         self._ports.append(port)
         row.actual[list(columns)] = feedback.position
         row.setpoint[list(columns)] = feedback.position
+        if bus.delay_cycles:
+            self.delayed[list(columns)] = True
+            self.delay_cycles = max(self.delay_cycles, bus.delay_cycles)
         if bus.follows_exactly:
             for column in columns:
                 self.exact |= 1 << column
@@ -125,6 +137,15 @@ class AxisBank:
         """Gives the buses back, every drive de-energized."""
         for port in self._ports:
             port.bus.close()
+
+    def events(self) -> list[BusEvent]:
+        """What the buses have to say since the last call."""
+        told: list[BusEvent] = []
+        for port in self._ports:
+            said = port.bus.events()
+            if said:
+                told += said
+        return told
 
     @property
     def buses(self) -> list[DriveBus]:
@@ -194,6 +215,7 @@ class AxisBank:
             for port in self._ports:
                 columns = list(port.bus.columns)
                 self.drive_fault[columns] = port.feedback.fault
+                self.drive_detail[columns] = port.feedback.detail
         done = (self.resetting | self.stopping) & off
         if done:
             self.resetting &= ~done

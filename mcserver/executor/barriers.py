@@ -160,6 +160,8 @@ class Energized:
         self._waited += self._cycle.cycle_s
         if self._waited > DRIVE_TIMEOUT_S:
             column = self._cycle.bank.masks.columns(missing)[0]
+            # nobody waits for them any more: none must begin to hold by itself later
+            self._cycle.bank.off(missing)
             raise BarrierFault(FaultCode.NO_ENERGIZE, column, (self._waited, DRIVE_TIMEOUT_S))
         return False
 

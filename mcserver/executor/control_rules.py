@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from mcserver.drives.bus import DriveMode
+from mcserver.drives.bus import DriveMode, drives_mode
 from mcserver.executor.barriers import (
     AtRest,
     Barrier,
@@ -89,6 +89,13 @@ def _check_power(slot: ProgramSlot, axes: int) -> None:
     latched = axes & cycle.bank.fault
     if latched:
         raise BarrierFault(FaultCode.AXIS_LATCHED, cycle.bank.masks.columns(latched)[0])
+
+
+def _check_configured(slot: ProgramSlot, axes: int, mode: DriveMode) -> None:
+    """Raises where the machine file does not say what a drive needs for this mode."""
+    for column in slot.cycle.bank.masks.columns(axes):
+        if not drives_mode(slot.cycle.machine.axes[column].drive, mode):
+            raise BarrierFault(FaultCode.MODE_NOT_CONFIGURED, column, (float(mode), 0.0))
 
 
 def _begin(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
@@ -181,6 +188,7 @@ def _speed(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
     assert control.values is not None
     if not waited:
         _check_power(slot, control.axes)
+        _check_configured(slot, control.axes, DriveMode.VELOCITY)
         barrier = _energize(slot, control.axes, DriveMode.VELOCITY)
         if barrier is not None:
             return barrier
@@ -198,6 +206,7 @@ def _torque(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> 
     assert control.values is not None
     if not waited:
         _check_power(slot, control.axes)
+        _check_configured(slot, control.axes, DriveMode.TORQUE)
         for column in bank.masks.columns(control.axes):
             bank.torque[column] = 0.0
         barrier = _energize(slot, control.axes, DriveMode.TORQUE)

@@ -120,6 +120,7 @@ class Executor:
         self.bank.exchange()
         cycle.history[cycle.number % len(cycle.history)] = row.actual
         self._supervision.after_exchange()
+        self._supervision.report_events()
         for slot in self._used:
             if slot.barrier is not None:
                 slot.settle()

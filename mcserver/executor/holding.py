@@ -26,6 +26,10 @@ def hold_position(cycle: Cycle, mask: int, slot: int, ramp: RateRamp, left: floa
         bit = 1 << column
         axis = cycle.machine.axes[column]
         lag = abs(float(row.setpoint[column] - row.actual[column]))
+        if bank.delayed[column]:
+            # feedback over a bus is behind by some cycles, in which the axis went on
+            behind = (bank.delay_cycles + 1) * cycle.cycle_s * abs(float(row.velocity[column]))
+            lag = max(0.0, lag - behind)
         kept = bool(bank.speed & bit) and lag <= min(axis.max_following_error, axis.max_velocity * KEPT_LAG_S)
         bank.power(bit, DriveMode.POSITION)
         if kept:

@@ -19,6 +19,7 @@ import msgspec
 
 from mcserver.config import Machine
 from mcserver.drives.registry import create_buses
+from mcserver.errors import McError
 from mcserver.executor.executor import Executor
 from mcserver.executor.faults import FaultCode
 from mcserver.executor.mailbox import CommandMailbox
@@ -157,7 +158,13 @@ def main() -> int:
     parts: SharedParts = map_block(start.descriptor, start.machine, start.slots)
     os.close(start.descriptor)
     machine, mailbox = start.machine, parts.mailbox
-    executor = Executor(machine, create_buses(machine), parts.rings, mailbox, parts.feedback, parts.events)
+    try:
+        buses = create_buses(machine)
+        executor = Executor(machine, buses, parts.rings, mailbox, parts.feedback, parts.events)
+    except McError as error:
+        print(error, file=sys.stderr, flush=True)  # noqa: T201
+        mailbox.set_executor_state(ProcessState.ENDED)
+        return int(ExitCode.DRIVES)
     code = ExitCode.BROKEN
     try:
         locked = lock_memory()

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import MappingProxyType
 
 import numpy as np
 
+from mcserver.drives.bus import BusEventKind, DriveState
 from mcserver.executor.axes import mask_of
+from mcserver.executor.barriers import DRIVE_TIMEOUT_S
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.faults import FaultCode, code_of_drive_fault
 from mcserver.executor.feedback import FeedbackRing
 from mcserver.executor.slot import ProgramSlot
 
+_OF_EVENT = MappingProxyType(
+    {BusEventKind.MESSAGE: FaultCode.DRIVE_MESSAGE, BusEventKind.BUS_BACK: FaultCode.BUS_BACK}
+)
+# How often it is looked whether a drive holds its axis that was told to let go [cycles].
+STRAY_CYCLES = 64
 # A drive that has not answered for this time is lost [s].
 SILENCE_S = 0.01
 
@@ -34,6 +42,12 @@ class Supervision:
         self._above = np.ones(count, np.bool_)
         self._silent = np.zeros(count, np.int64)
         self._any_silent = False
+        self._strays = self._told_strays = 0
+        self._stray_cycles = np.zeros(count, np.int64)
+        # feedback that is behind is compared with the setpoints of that time, too
+        self._delay = cycle.bank.delay_cycles
+        self._delayed = cycle.bank.delayed
+        self._past = np.tile(cycle.row.setpoint, (max(1, self._delay), 1))
         self._patience = max(3, round(SILENCE_S / cycle.cycle_s))
 
     # ------------------------------------------------------------------ setpoints
@@ -83,18 +97,24 @@ class Supervision:
             self._count_silence()
         if bank.failed or bank.dropped:
             for column in bank.masks.columns(bank.failed):
-                code = int(bank.drive_fault[column])
-                self._latch(column, code_of_drive_fault(code), (float(code), 0.0))
+                fault, detail = int(bank.drive_fault[column]), int(bank.drive_detail[column])
+                self._latch(column, code_of_drive_fault(fault), (float(fault), float(detail)))
             for column in bank.masks.columns(bank.dropped):
                 self._latch(column, FaultCode.DRIVE_STATE_LOST, ())
         np.subtract(row.setpoint, row.actual, out=self._error)
         np.abs(self._error, out=self._error)
         np.less_equal(self._error, self._greatest_error, out=self._within)
         if b"\x00" in self._within.tobytes():
+            if self._delay:
+                self._allow_delay()
             lost = mask_of(~self._within & bank.fresh) & bank.energized & bank.positioned
             for column in bank.masks.columns(lost):
                 values = (float(self._error[column]), float(self._greatest_error[column]))
                 self._latch(column, FaultCode.FOLLOWING_ERROR, values)
+        if self._delay:
+            self._past[cycle.number % self._delay] = row.setpoint
+        if cycle.number % STRAY_CYCLES == 0:
+            self._find_strays()
         for column in cycle.motions.limited:
             slot = self._slot_of(column)
             index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)
@@ -103,12 +123,47 @@ class Supervision:
             limit = min(axis.min_position, axis.max_position, key=lambda end: abs(end - position))
             cycle.fault(FaultCode.SPEED_AT_LIMIT, index, line, column, (position, limit))
 
+    def _allow_delay(self) -> None:
+        """An axis is no further from its setpoint than from where that was while the feedback came."""
+        row, past, delayed = self._cycle.row, self._past, self._delayed
+        low = np.minimum(past.min(axis=0), row.setpoint)
+        high = np.maximum(past.max(axis=0), row.setpoint)
+        outside = np.maximum(np.maximum(row.actual - high, low - row.actual), 0.0)
+        np.copyto(self._error, outside, where=delayed)
+        np.less_equal(self._error, self._greatest_error, out=self._within)
+
+    def _find_strays(self) -> None:
+        """Drives that go on holding their axes long after they were told to let go."""
+        bank = self._cycle.bank
+        told_so = bank.energized | bank.starting | bank.stopping | bank.resetting | bank.released | bank.exact
+        off = (bank.states == DriveState.OFF) | (bank.states == DriveState.FAULT)
+        stray = mask_of(~off & bank.fresh) & ~told_so
+        for column in bank.masks.columns(stray & self._strays):
+            self._stray_cycles[column] += STRAY_CYCLES
+            seconds = float(self._stray_cycles[column]) * self._cycle.cycle_s
+            if seconds > DRIVE_TIMEOUT_S and not self._told_strays >> column & 1:
+                self._told_strays |= 1 << column
+                self._latch(column, FaultCode.NOT_OFF, (seconds, DRIVE_TIMEOUT_S))
+        self._stray_cycles[bank.masks.bools(bank.all & ~stray)] = 0
+        self._strays = stray
+        self._told_strays &= stray
+
+    def report_events(self) -> None:
+        """What buses tell besides: it stops nothing."""
+        for event in self._cycle.bank.events():
+            slot = self._slot_of(event.column)
+            index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)
+            code = _OF_EVENT[event.kind]
+            self._cycle.fault(code, index, line, event.column, (float(event.kind), float(event.code)))
+
     def _count_silence(self) -> None:
         bank = self._cycle.bank
         self._silent[bank.fresh] = 0
         self._silent[~bank.fresh] += 1
         self._any_silent = bool(self._silent.any())
-        lost = mask_of(self._silent >= self._patience) & (bank.energized | bank.starting)
+        # a bus with a delay knows itself how long its drives may be silent
+        silent = (self._silent >= self._patience) & ~self._delayed
+        lost = mask_of(silent) & (bank.energized | bank.starting)
         for column in bank.masks.columns(lost):
             seconds = float(self._silent[column]) * self._cycle.cycle_s
             self._latch(column, FaultCode.DRIVE_SILENT, (seconds, SILENCE_S))

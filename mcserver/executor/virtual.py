@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from mcserver.config import Machine
 from mcserver.drives.bus import DriveBus
-from mcserver.drives.registry import create_buses
+from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.events import EventRing
 from mcserver.executor.executor import Executor
@@ -24,7 +24,7 @@ class VirtualExecutor:
     """An executor whose time passes as `step` is called.
 
     Args:
-        buses: drives of another make; None: as the machine file says.
+        buses: drives of another make; None: as the machine file says, those on CAN simulated.
 
     Attributes:
         mailbox: orders to it. recorder: called after each cycle with (t, line, setpoint (K,), actual (K,));
@@ -50,7 +50,7 @@ class VirtualExecutor:
         self._rings = tuple(ProgramRing(None, rows, controls, axes, limits) for _ in range(slots))
         self._events = EventRing(None, axes)
         self._feedback = FeedbackRing(None, axes, slots)
-        self.buses = list(create_buses(machine) if buses is None else buses)
+        self.buses = list(create_buses(machine, VIRTUAL_FACTORIES) if buses is None else buses)
         self.executor = Executor(machine, self.buses, self._rings, self.mailbox, self._feedback, self._events)
         self._cycles = 0
 

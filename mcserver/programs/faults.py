@@ -10,7 +10,7 @@ from mcserver.programs.reports import Fault
 def fault_of(event: ExecutorEvent, program: str | None) -> Fault:
     """The fault of an event of kind FAULT."""
     axis = event.axis if event.axis >= 0 else None
-    message, hint = remedy_of(event.code, event.axis)
+    message, hint = remedy_of(event.code, event.axis, event.values)
     return Fault(
         code=f"MC{event.code}",
         message=message,

@@ -341,7 +341,9 @@ class ProgramTable:
     def _fault(self, event: ExecutorEvent, program: Program | None) -> None:
         fault = fault_of(event, None if program is None else program.program)
         if event.code in WARNINGS:
-            self.events.publish("warning", reason=fault.code, message=f"{fault.message}: {fault.hint}")
+            told = f"{fault.message}: {fault.hint}"
+            where = {"program": fault.program, "line": fault.line, "axis": fault.axis}
+            self.events.publish("warning", reason=fault.code, message=told, **where)
             return
         if event.code == FaultCode.EMERGENCY_STOP:
             # latched and told by whoever asked for it
@@ -350,10 +352,10 @@ class ProgramTable:
         self.events.publish(
             "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
         )
-        # a fault of the whole machine ends every program
-        hit = (
-            [program] if program is not None else [each for each in self.programs.values() if not each.ended]
-        )
+        hit = [] if program is None else [program]
+        if program is None and fault.axis is None:
+            # a fault of the whole machine ends every program, one of an idle axis none
+            hit = [each for each in self.programs.values() if not each.ended]
         for each in hit:
             self.stop(each, "faulted", fault.message, fault)
 

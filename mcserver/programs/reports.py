@@ -51,6 +51,14 @@ EventKind = Literal[
     "reset",
     "override",
     "client.gone",
+    "drive.emergency",
+    "drive.lost",
+    "drive.back",
+    "drive.rebooted",
+    "drive.started",
+    "drive.failed",
+    "bus.lost",
+    "bus.back",
 ]
 
 
@@ -219,7 +227,8 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True):
     Attributes:
         kind: says which of the others are set (docs/keyspace.md).
         lines: for ``lines.ended``. line: the last line started for ``lines.started``; the line of a fault.
-        reason: why a program ended, an emergency stop's reason, a warning's code.
+        reason: why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code.
+        axis: of a drive's event.
     """
 
     seq: int
@@ -236,3 +245,4 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True):
     reason: str = ""
     message: str = ""
     percent: float | None = None
+    axis: int | None = None

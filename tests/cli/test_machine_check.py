@@ -43,8 +43,9 @@ def test_a_tolerance_wider_than_the_following_error_is_doubtful() -> None:
     assert _codes("in_position = 0.5\nmax_following_error = 0.1") == ["MC023"]
 
 
-def test_a_bus_drive_without_bus_and_node_is_doubtful() -> None:
-    assert _codes("", 'kind = "cia402"').count("MC022") == 2
+def test_a_bus_drive_on_an_interface_that_is_not_here_is_doubtful() -> None:
+    drive = 'kind = "cia402"\nbus = "can99"\nnode = 1\ncounts_per_motor_rev = 4096'
+    assert "MC022" in _codes("units_per_motor_rev = 10.0", drive)
 
 
 @pytest.mark.parametrize(("index", "name"), [(0, "X"), (5, "C"), (6, "[6]"), (63, "[63]")])

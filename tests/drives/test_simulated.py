@@ -260,6 +260,6 @@ def test_an_ideal_drive_shows_its_setpoint_in_the_same_exchange() -> None:
 
 def test_a_kind_of_drive_that_cannot_be_driven_is_a_configuration_error() -> None:
     with pytest.raises(ConfigurationError) as refused:
-        create_buses(machine(kind="servosila"), factories={})
+        create_buses(machine(kind="ideal"), factories={})
     assert refused.value.code == "MC006"
     assert "axis 0" in refused.value.message

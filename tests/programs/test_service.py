@@ -192,6 +192,18 @@ async def test_an_override_of_all_holds_for_programs_to_come(bench: Bench) -> No
     assert program.status().override == 50.0
 
 
+async def test_a_fault_of_an_idle_axis_ends_no_program_and_one_of_the_machine_all(bench: Bench) -> None:
+    program = await bench.service.open("hmi")
+    await bench.service.submit("hmi", program.program, 1, ["wait"])
+    bench.port.happen(EventKind.FAULT, -1, 0, code=411, axis=1)
+    await bench.until(lambda: bench.service.state == "fault")
+    assert bench.service.program(program.program).state == "running"
+    bench.port.happen(EventKind.FAULT, -1, 0, code=413, axis=-1)
+    ack = await bench.until_acked(program.program, state="faulted")
+    assert ack.fault is not None
+    assert ack.fault.code == "MC413"
+
+
 async def test_a_fault_ends_the_program_and_names_axis_and_line(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     await bench.service.submit("hmi", program.program, 1, ["wait"])

@@ -1,0 +1,298 @@
+"""One CAN bus of drives: CiA 402 axes in step with SYNC, and Servosila's beside them.
+
+An exchange drains what has come (the latest value wins), looks at its age, steps the states, and sends:
+RPDOs, then SYNC last, which lets every drive act on its RPDO and sample its TPDO at one moment. Nothing is
+kept for later: a frame that finds no room is gone, and the next cycle has a newer one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from mcserver.can.cob import SYNC, Function
+from mcserver.can.open import open_port
+from mcserver.can.port import CanPort
+from mcserver.config import Machine
+from mcserver.config_drive import CanBusConfig
+from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
+from mcserver.drives.cia402.axes import DELAY_CYCLES, Cia402Axes
+from mcserver.drives.cia402.layout import TPDO1
+from mcserver.drives.node_watch import NodeWatch, bus_back
+from mcserver.drives.servosila.axis import ServosilaAxis
+from mcserver.errors import RuntimeFault
+
+# Within this time every drive has to have answered once [s].
+BOOT_TIMEOUT_S = 5.0
+# Cycles in a row in which no frame could be sent: the bus is down.
+UNSENT_CYCLES = 2
+# Cycles that are told to be off before the bus is given back.
+CLOSING_CYCLES = 5
+
+Opener = Callable[[str], CanPort]
+
+
+class CanBus:
+    """The drives of one bus.
+
+    Args:
+        bus: of the machine. columns: of the machine, ascending; all with drives on this bus.
+        opener: from an address to a port; called by `boot`.
+        wait: lets a time pass [s], while the bus is booted and closed.
+
+    Attributes:
+        port: None before `boot`.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        bus: CanBusConfig,
+        columns: Sequence[int],
+        *,
+        opener: Opener = open_port,
+        wait: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.config = bus
+        self.port: CanPort | None = None
+        self._opener = opener
+        self._wait = wait
+        self._columns = tuple(columns)
+        self._cycle = machine.cycle_s
+        axes = [machine.axes[column] for column in columns]
+        self._axes = axes
+        self._feedback = Feedback.of(len(axes))
+        self._feedback.fresh[:] = False
+        servo = [index for index, axis in enumerate(axes) if axis.drive.kind == "cia402"]
+        streamed = [index for index, axis in enumerate(axes) if axis.drive.kind == "servosila"]
+        self._limit = bus.silence_cycles
+        self._servo = Cia402Axes([axes[index] for index in servo], servo, self._cycle) if servo else None
+        self._watch: NodeWatch | None = None
+        if self._servo is not None:
+            nodes = [axes[index] for index in servo]
+            own = [columns[index] for index in servo]
+            self._watch = NodeWatch(nodes, own, self._servo, self._cycle)
+        self._streamed = [
+            (index, ServosilaAxis(axes[index], self._cycle, bus.silence_cycles)) for index in streamed
+        ]
+        self._tpdo1: dict[int, tuple[slice, int]] = {}
+        self._others: dict[int, Callable[[bytes], None]] = {}
+        self._sync = bytearray()
+        self._down = False
+        self._unsent = 0
+        self._events: list[BusEvent] = []
+
+    # ------------------------------------------------------------------ the bus
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        return self._columns
+
+    @property
+    def follows_exactly(self) -> bool:
+        return False
+
+    @property
+    def delay_cycles(self) -> int:
+        return DELAY_CYCLES
+
+    @property
+    def short(self) -> int:
+        """PDOs that came with a wrong length; they count as not come."""
+        total = sum(axis.short for _, axis in self._streamed)
+        return total + (self._servo.short if self._servo else 0)
+
+    def boot(self) -> Feedback:
+        """Opens the port and lets cycles pass until every drive has answered, all of them told to be off.
+
+        Raises:
+            RuntimeFault: MC424 the bus cannot be opened; MC411 a drive does not answer.
+        """
+        self.port = port = self._opener(self.config.address)
+        try:
+            self._prepare(port)
+            missing = set(range(len(self._axes)))
+            for _ in range(max(20, round(BOOT_TIMEOUT_S / self._cycle))):
+                self._take(port)
+                missing -= self._answered()
+                if not missing:
+                    break
+                self._send_off(port)
+                self._wait(self._cycle)
+            else:
+                raise self._no_answer(min(missing))
+            if self._servo is not None:
+                self._servo.begin_here()
+                self._servo.read(self._feedback)
+            if self._watch is not None:
+                self._watch.forget()
+                self._watch.events.clear()
+            for index, axis in self._streamed:
+                self._feedback.position[index] = axis.position
+        except BaseException:
+            port.close()
+            raise
+        return self._feedback
+
+    def exchange(self, setpoints: Setpoints) -> Feedback:
+        port, feedback = self.port, self._feedback
+        assert port is not None
+        self._take(port)
+        servo, watch = self._servo, self._watch
+        down = port.counters.down or self._unsent >= UNSENT_CYCLES
+        if down or self._down:
+            self._note_down(down)
+        lost = 0
+        if servo is not None and watch is not None:
+            servo.read(feedback)
+            watch.look()
+            if servo.silent_for >= self._limit:
+                self._fail_silent(servo)
+            servo.step(setpoints, feedback)
+            lost += servo.send()
+        for index, axis in self._streamed:
+            lost += not self._exchange_streamed(index, axis, setpoints)
+        if servo is not None and not port.send_prepared(self._sync):
+            lost += 1
+        self._unsent = self._unsent + 1 if lost else 0
+        return feedback
+
+    def events(self) -> list[BusEvent]:
+        watch = self._watch
+        if not self._events and (watch is None or not watch.events):
+            return []
+        events, self._events = self._events, []
+        if watch is not None:
+            events += watch.events
+            watch.events.clear()
+        return events
+
+    def close(self) -> None:
+        """Tells the drives to be off for some cycles, and closes the port."""
+        port, self.port = self.port, None
+        if port is None:
+            return
+        if self._servo is not None:
+            self._servo.silence()
+        for _ in range(CLOSING_CYCLES):
+            self._send_off(port)
+            self._wait(self._cycle)
+        port.close()
+
+    # ------------------------------------------------------------------ frames
+
+    def _prepare(self, port: CanPort) -> None:
+        self._sync = port.prepare(SYNC, 0)
+        for _, axis in self._streamed:
+            self._others.update(axis.open(port))
+        servo, watch = self._servo, self._watch
+        if servo is None or watch is None:
+            return
+        self._tpdo1 = servo.open(port)
+        self._others.update(watch.handlers())
+        for number, index in enumerate(servo.local):
+            self._others[Function.TPDO2 + self._axes[index].drive.node] = self._slow_of(servo, number)
+
+    def _slow_of(self, servo: Cia402Axes, number: int) -> Callable[[bytes], None]:
+        def slow(payload: bytes) -> None:
+            servo.take_slow(number, payload, self._feedback)
+
+        return slow
+
+    def _take(self, port: CanPort) -> None:
+        """Everything that has come; of each kind the latest value stays."""
+        frames = port.drain()
+        servo = self._servo
+        if servo is not None:
+            arena, came = servo.begin()
+            places, length = self._tpdo1, TPDO1.packing.size
+            others = self._others
+            for identifier, payload in frames:
+                place = places.get(identifier)
+                if place is not None:
+                    if len(payload) == length:
+                        where, index = place
+                        arena[where] = payload
+                        came[index] = 1
+                    else:
+                        servo.short += 1
+                    continue
+                handler = others.get(identifier)
+                if handler is not None:
+                    handler(payload)
+        else:
+            for identifier, payload in frames:
+                handler = self._others.get(identifier)
+                if handler is not None:
+                    handler(payload)
+        for _, axis in self._streamed:
+            axis.read()
+
+    def _send_off(self, port: CanPort) -> None:
+        """A cycle in which nothing is energized; before the first exchange CiA 402 drives get SYNC alone."""
+        if self._servo is not None:
+            self._servo.send()
+        for _, axis in self._streamed:
+            axis.step(DriveMode.OFF, 0.0, 0.0, 0.0)
+        if self._servo is not None:
+            port.send_prepared(self._sync)
+
+    def _exchange_streamed(self, index: int, axis: ServosilaAxis, setpoints: Setpoints) -> bool:
+        if axis.age >= axis.limit:
+            axis.fail(DriveFault.COMMUNICATION, axis.age)
+        sent = axis.step(
+            _MODES[setpoints.mode[index]],
+            float(setpoints.position[index]),
+            float(setpoints.velocity[index]),
+            float(setpoints.torque[index]),
+        )
+        feedback = self._feedback
+        feedback.position[index] = axis.position
+        feedback.velocity[index] = axis.velocity
+        feedback.state[index] = axis.state
+        feedback.fault[index] = axis.fault
+        feedback.detail[index] = axis.detail
+        feedback.fresh[index] = axis.fresh
+        return sent
+
+    # ------------------------------------------------------------------ what goes wrong
+
+    def _answered(self) -> set[int]:
+        """Axes that have answered now, as indices of this bus."""
+        answered = {index for index, axis in self._streamed if axis.booted}
+        if self._servo is not None:
+            answered.update(self._servo.came())
+        return answered
+
+    def _no_answer(self, index: int) -> RuntimeFault:
+        axis = self._axes[index]
+        return RuntimeFault(
+            "MC411",
+            f"the drive of axis {axis.index} (node {axis.drive.node} on {self.config.name}) does not answer: "
+            f"it sent nothing in {BOOT_TIMEOUT_S:g} s",
+            "check its supply, cable, node number and bit rate, and that it was booted to operational",
+            axis=axis.index,
+        )
+
+    def _note_down(self, down: bool) -> None:
+        """A bus that is away is a fault of all its axes; that it is back is told once."""
+        if down:
+            self._down = True
+            if self._servo is not None:
+                for number in range(len(self._servo.local)):
+                    self._servo.fail(number, DriveFault.BUS_DOWN)
+            for _, axis in self._streamed:
+                axis.fail(DriveFault.BUS_DOWN)
+            return
+        self._down = False
+        if self._watch is not None:
+            self._watch.forget()
+        self._events.append(bus_back(self._columns[0], self.config.name))
+
+    def _fail_silent(self, servo: Cia402Axes) -> None:
+        for number, age in enumerate(servo.ages.tolist()):
+            if age >= self._limit:
+                servo.fail(number, DriveFault.COMMUNICATION, age)
+
+
+_MODES = tuple(DriveMode)

@@ -1,0 +1,392 @@
+"""All CiA 402 axes of one bus, a cycle at a time: TPDOs in, states, RPDOs out.
+
+Payloads lie in two arenas, 7 bytes an axis for RPDO1 and TPDO1 and 8 for RPDO2, which NumPy reads and writes
+as columns; what is per frame is one copy. States are gone through only where a statusword, a mode or a
+command has changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.can.cob import Function
+from mcserver.can.port import CanPort
+from mcserver.config import Axis
+from mcserver.drives.bus import Array, DriveFault, DriveMode, DriveState, Feedback, Setpoints
+from mcserver.drives.cia402.layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode, Pdo
+from mcserver.drives.cia402.power_stage import PowerStage
+from mcserver.drives.cia402.scaling import TORQUE_LIMIT, PositionTracker, Scaling, wrapped
+from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS, STATE_TABLE
+
+# Cycles over which a velocity is taken from positions.
+VELOCITY_CYCLES = 4
+# Counts in `VELOCITY_CYCLES` at which a motor counts as standing.
+STANDING_COUNTS = 2
+# Cycles from a setpoint to the reading of an axis that follows it: RPDO and SYNC, a cycle of motion, SYNC
+# and TPDO.
+DELAY_CYCLES = 2
+INT32 = 2.0**31 - 1.0
+# When a reading is taken as it is, after its drive was switched on.
+_DONE, _NOW, _NEXT_CYCLE = range(3)
+
+_TPDO1 = np.dtype([("state", "<u2"), ("mode", "i1"), ("position", "<i4")])
+_RPDO1 = np.dtype([("controlword", "<u2"), ("mode", "i1"), ("position", "<i4")])
+_RPDO2 = np.dtype([("controlword", "<u2"), ("velocity", "<i4"), ("torque", "<i2")])
+
+# payload in the arena, prepared buffer, where in it
+_Send = tuple[memoryview, bytearray, slice]
+
+
+class Cia402Axes:
+    """The CiA 402 axes of a bus, in the order of their columns.
+
+    Args:
+        axes: their sections. local: where each is in the arrays of the bus.
+
+    Attributes:
+        stages: one an axis. ages: shape (n,), cycles since the latest TPDO1. silent_for: the greatest of
+            them.
+        short: TPDOs that came with a wrong length.
+    """
+
+    def __init__(self, axes: Sequence[Axis], local: Sequence[int], cycle_s: float) -> None:
+        count = len(axes)
+        self._axes = tuple(axes)
+        self._cycle = cycle_s
+        self.local = tuple(local)
+        # adjoining axes are a slice, which costs less
+        adjoining = self.local == tuple(range(local[0], local[0] + count))
+        self._where: slice | NDArray[np.intp] = (
+            slice(local[0], local[0] + count) if adjoining else np.array(local, np.intp)
+        )
+        scales = [Scaling.of(axis) for axis in axes]
+        self._counts: Array = np.array([scale.counts_per_si for scale in scales])
+        self._speeds: Array = np.array([scale.velocity_per_si for scale in scales])
+        self._torques: Array = np.array([scale.permille_per_nm for scale in scales])
+        self._si_per_count = 1.0 / self._counts
+        self._nm_per_permille = [
+            1.0 / scale.permille_per_nm if scale.permille_per_nm else 0.0 for scale in scales
+        ]
+        self._loops = np.array([axis.drive.mode == "csv" for axis in axes])
+        self._any_loop = bool(self._loops.any())
+        self._gain: Array = np.array([axis.drive.position_gain for axis in axes])
+        self._speed_limit: Array = np.array([axis.max_velocity for axis in axes]) * 1.2
+        self.stages = [_stage_of(axis, cycle_s) for axis in axes]
+        refresh = [axis.drive.command_timeout_ms / 3e3 / cycle_s for axis in axes]
+        self._refresh = max(1, min(SLOW_SYNCS, *(int(each) for each in refresh)))
+        self._arrays(count)
+
+    def _arrays(self, count: int) -> None:
+        self.ages = np.zeros(count, np.int64)
+        self.silent_for = 0
+        self.short = 0
+        self._came = bytearray(count)
+        self._all_came = bytes([1]) * count
+        self._none_came = bytes(count)
+        self._fresh: NDArray[np.bool_] = np.frombuffer(self._came, np.bool_)
+        self._in = bytearray(TPDO1.packing.size * count)
+        self._out1 = bytearray(RPDO1.packing.size * count)
+        self._out2 = bytearray(RPDO2.packing.size * count)
+        incoming: Any = np.frombuffer(self._in, _TPDO1)
+        self._status, self._shown, self._position = (
+            incoming["state"],
+            incoming["mode"],
+            incoming["position"],
+        )
+        first: Any = np.frombuffer(self._out1, _RPDO1)
+        second: Any = np.frombuffer(self._out2, _RPDO2)
+        self._controlword1, self._mode, self._target = (
+            first["controlword"],
+            first["mode"],
+            first["position"],
+        )
+        self._controlword2, self._speed, self._torque = (
+            second["controlword"],
+            second["velocity"],
+            second["torque"],
+        )
+        self._tracker = PositionTracker(count)
+        self._restart = [_NOW] * count
+        self._any_restart = True
+        self._moved = np.zeros(count, np.int64)
+        self._past = np.zeros((VELOCITY_CYCLES, count), np.int64)
+        self._told = np.zeros(count, np.int8)
+        self._bits = np.zeros(count, np.uint16)
+        self._key: tuple[bytes, bytes, bytes] = (b"", b"", b"")
+        self._busy = True
+        self._number = 0
+        self._capturing = np.ones(count, np.bool_)
+        self._any_capturing = True
+        self._needs_speed = False
+        self._states = np.zeros(count, np.int8)
+        self._faults = np.zeros(count, np.int32)
+        self._details = np.zeros(count, np.int32)
+        self._setpoint: Array = np.zeros(count)
+        self._velocity: Array = np.zeros(count)
+        self._nm: Array = np.zeros(count)
+        self._reading: Array = np.zeros(count)
+        self._earlier: Array = np.zeros((DELAY_CYCLES + 1, count))
+        self._sends: list[list[_Send]] = [[] for _ in range(self._refresh)]
+
+    def open(self, port: CanPort) -> dict[int, tuple[slice, int]]:
+        """Prepares the frames; returns for each TPDO1's COB-ID the place of its payload, and the axis."""
+        nodes = [axis.drive.node for axis in self._axes]
+        self._buffers1 = [_prepare(port, RPDO1, node) for node in nodes]
+        self._buffers2 = [_prepare(port, RPDO2, node) for node in nodes]
+        at = port.payload_offset
+        self._payload1 = slice(at, at + RPDO1.packing.size)
+        self._payload2 = slice(at, at + RPDO2.packing.size)
+        self._send = port.send_prepared
+        size = TPDO1.packing.size
+        return {
+            Function.TPDO1 + node: (slice(index * size, (index + 1) * size), index)
+            for index, node in enumerate(nodes)
+        }
+
+    # ------------------------------------------------------------------ what has come
+
+    def begin(self) -> tuple[bytearray, bytearray]:
+        """The arena for TPDO1s, and one flag an axis for those that came, cleared."""
+        self._came[:] = self._none_came
+        return self._in, self._came
+
+    def take_slow(self, index: int, payload: bytes, feedback: Feedback) -> None:
+        """TPDO2 of an axis; velocities are taken from positions, which come in every cycle."""
+        if len(payload) != TPDO2.packing.size:
+            self.short += 1
+            return
+        _, torque = TPDO2.packing.unpack(payload)
+        feedback.torque[self.local[index]] = torque * self._nm_per_permille[index]
+
+    def came(self) -> list[int]:
+        """Whose TPDO1 has come since `begin`, as indices of the bus."""
+        return [self.local[index] for index, flag in enumerate(self._came) if flag]
+
+    def begin_here(self) -> None:
+        """Takes the latest reading of every axis as it is: all of them have answered once."""
+        for index, position in enumerate(self._position.tolist()):
+            self._tracker.restart(index, position)
+        self._past[:] = self._tracker.counts
+        self._restart = [_DONE] * len(self.stages)
+        self._any_restart = False
+
+    def restart(self, index: int) -> None:
+        """The drive has been switched on again: its next reading is taken as it is."""
+        self._restart[index] = _NEXT_CYCLE
+        self._any_restart = True
+
+    def read(self, feedback: Feedback) -> None:
+        """Positions, velocities and ages from the TPDOs that came."""
+        came = self._came
+        whole = came == self._all_came
+        if not whole:
+            self.ages += 1
+            self.ages[self._fresh] = 0
+            self.silent_for = int(self.ages.max())
+        elif self.silent_for:
+            self.ages[:] = 0
+            self.silent_for = 0
+        tracker = self._tracker
+        if self._any_restart:
+            self._restart_tracked()
+        tracker.follow(self._position)
+        row = self._past[self._number % VELOCITY_CYCLES]
+        np.multiply(tracker.counts, self._si_per_count, out=self._reading)
+        moved = tracker.counts - row
+        row[:] = tracker.counts
+        self._moved = moved
+        local = self._where
+        feedback.position[local] = self._reading
+        feedback.velocity[local] = moved * (self._si_per_count / (VELOCITY_CYCLES * self._cycle))
+        feedback.fresh[local] = True if whole else self._fresh
+
+    def _restart_tracked(self) -> None:
+        for index, wanted in enumerate(self._restart):
+            if wanted == _NEXT_CYCLE:
+                # what came together with the boot-up is of the time before
+                self._restart[index] = _NOW
+            elif wanted == _NOW and self._came[index]:
+                self._restart[index] = _DONE
+                self._tracker.restart(index, int(self._position[index]))
+                self._past[:, index] = self._tracker.counts[index]
+        self._any_restart = any(self._restart)
+
+    # ------------------------------------------------------------------ states and setpoints
+
+    def step(self, setpoints: Setpoints, feedback: Feedback) -> None:
+        """States, and what the RPDOs hold."""
+        local = self._where
+        self._told[:] = setpoints.mode[local]
+        np.bitwise_and(self._status, STATE_BITS, out=self._bits)
+        key = (self._told.tobytes(), self._bits.tobytes(), self._shown.tobytes())
+        if self._busy or key != self._key or self._came != self._all_came:
+            self._key = key
+            self._step_stages(setpoints)
+            feedback.state[local] = self._states
+            feedback.fault[local] = self._faults
+            feedback.detail[local] = self._details
+        self._number += 1
+        wanted = self._setpoint
+        wanted[:] = setpoints.position[local]
+        self._velocity[:] = setpoints.velocity[local]
+        if self._any_capturing:
+            self._capture(feedback)
+        else:
+            self._target[:] = wrapped(np.rint(wanted * self._counts))
+        if self._needs_speed:
+            self._nm[:] = setpoints.torque[local]
+            self._fill_speeds()
+        if self._any_loop:
+            self._earlier[self._number % (DELAY_CYCLES + 1)] = wanted
+
+    def _capture(self, feedback: Feedback) -> None:
+        """A target is where the axis is until its loop is closed: the count itself, not a converted one.
+
+        A coasting axis is told where it will be when its drive acts. That is reported, too, in the cycle in
+        which it is found energized, so that the setpoints go on from there.
+        """
+        capturing, wanted = self._capturing, self._setpoint
+        coasting = capturing & (self._velocity != 0.0) & (self._told >= DriveMode.POSITION)
+        if coasting.any():
+            led = self._reading + self._velocity * (DELAY_CYCLES * self._cycle)
+            np.copyto(wanted, led, where=coasting)
+            arrived = coasting & (self._states == DriveState.ENERGIZED)
+            feedback.position[self._where] = np.where(arrived, led, self._reading)
+        counts = wrapped(np.rint(wanted * self._counts))
+        self._target[:] = np.where(capturing & ~coasting, self._position, counts)
+
+    def _fill_speeds(self) -> None:
+        velocity = self._velocity
+        if self._any_loop:
+            velocity = self._closed(velocity)
+        speed = np.clip(np.rint(velocity * self._speeds), -INT32, INT32)
+        torque = np.clip(np.rint(self._nm * self._torques), -TORQUE_LIMIT, TORQUE_LIMIT)
+        torque[self._told != DriveMode.TORQUE] = 0.0
+        speed[self._capturing] = 0.0
+        torque[self._capturing] = 0.0
+        self._speed[:] = speed
+        self._torque[:] = torque
+
+    def _closed(self, velocity: Array) -> Array:
+        """Speeds of drives whose position loop is closed here: the setpoint's own, and gain × error.
+
+        The reading belongs to the setpoint of `DELAY_CYCLES` ago.
+        """
+        past, length = self._earlier, DELAY_CYCLES + 1
+        just = past[(self._number - 1) % length]
+        then = past[(self._number - DELAY_CYCLES) % length]
+        followed = (self._setpoint - just) / self._cycle
+        closed = followed + self._gain * (then - self._reading)
+        closed = np.clip(closed, -self._speed_limit, self._speed_limit)
+        positioned = self._loops & (self._told == DriveMode.POSITION)
+        result: Array = np.where(positioned, closed, velocity)
+        return result
+
+    def _step_stages(self, setpoints: Setpoints) -> None:
+        told, bits, shown = self._told.tolist(), self._bits.tolist(), self._shown.tolist()
+        standing = (np.abs(self._moved) <= STANDING_COUNTS).tolist()
+        busy = False
+        captured = self._any_capturing
+        before = self._capturing.copy() if captured else self._capturing
+        for index, stage in enumerate(self.stages):
+            came = self._came[index] != 0
+            state = stage.step(
+                _MODES[told[index]],
+                STATE_OF_BITS[bits[index]],
+                shown[index],
+                fresh=came,
+                standing=standing[index],
+            )
+            self._states[index] = state
+            self._faults[index] = stage.fault
+            self._details[index] = stage.detail
+            self._controlword1[index] = self._controlword2[index] = stage.controlword
+            self._mode[index] = stage.mode
+            self._capturing[index] = stage.capturing
+            busy = busy or not stage.settled
+        self._busy = busy
+        self._any_capturing = bool(self._capturing.any())
+        if self._any_loop and (before & ~self._capturing).any():
+            # the loops of axes that have just been captured begin without an error
+            started = before & ~self._capturing
+            self._earlier[:, started] = setpoints.position[self._where][started]
+        self._plan_sends()
+
+    def fail(self, index: int, fault: DriveFault, detail: int = 0) -> bool:
+        """Latches a fault of an axis; False: nothing new was latched."""
+        if self.stages[index].fail(fault, detail):
+            self._busy = True
+            return True
+        return False
+
+    # ------------------------------------------------------------------ what goes out
+
+    def _plan_sends(self) -> None:
+        """Which frames go out, by cycle: RPDO1 in position mode, else RPDO2 and now and then RPDO1."""
+        sends: list[list[_Send]] = [[] for _ in range(self._refresh)]
+        first, second = memoryview(self._out1), memoryview(self._out2)
+        self._needs_speed = False
+        one, two = RPDO1.packing.size, RPDO2.packing.size
+        for index, stage in enumerate(self.stages):
+            if stage.told is DriveMode.SILENT:
+                continue
+            by_speed = stage.told >= DriveMode.POSITION and stage.mode is not Mode.CYCLIC_POSITION
+            both = stage.changing or (by_speed and stage.capturing)
+            send1 = (first[index * one : (index + 1) * one], self._buffers1[index], self._payload1)
+            send2 = (second[index * two : (index + 1) * two], self._buffers2[index], self._payload2)
+            for number, frames in enumerate(sends):
+                if not by_speed or both or number == index % self._refresh:
+                    frames.append(send1)
+                if by_speed or both:
+                    frames.append(send2)
+            self._needs_speed = self._needs_speed or by_speed or both
+        self._sends = sends
+
+    def send(self) -> int:
+        """Sends the RPDOs of this cycle; returns how many found no room."""
+        lost = 0
+        send = self._send
+        for payload, buffer, where in self._sends[self._number % self._refresh]:
+            buffer[where] = payload
+            if not send(buffer):
+                lost += 1
+        return lost
+
+    def silence(self) -> None:
+        """All axes off: the last frames of a bus that is being closed."""
+        self._told[:] = DriveMode.OFF
+        self._controlword1[:] = 0
+        self._controlword2[:] = 0
+        for stage in self.stages:
+            stage.step(DriveMode.OFF, STATE_OF_BITS[0x40], stage.mode, fresh=True, standing=True)
+        self._plan_sends()
+
+    @property
+    def powered(self) -> bool:
+        """Whether a drive shows power at its motor."""
+        states = STATE_TABLE[np.bitwise_and(self._status, STATE_BITS)]
+        return bool(((states >= 4) & (states <= 6)).any())
+
+    @property
+    def energized(self) -> bool:
+        return bool((self._states == DriveState.ENERGIZED).any())
+
+
+_MODES = tuple(DriveMode)
+
+
+def _prepare(port: CanPort, pdo: Pdo, node: int) -> bytearray:
+    base = Function.RPDO1 if pdo is RPDO1 else Function.RPDO2
+    return port.prepare(base + node, pdo.packing.size)
+
+
+def _stage_of(axis: Axis, cycle_s: float) -> PowerStage:
+    base = Mode.CYCLIC_VELOCITY if axis.drive.mode == "csv" else Mode.CYCLIC_POSITION
+    modes = {DriveMode.POSITION: base, DriveMode.VELOCITY: Mode.CYCLIC_VELOCITY}
+    if axis.drive.rated_torque > 0.0:
+        modes[DriveMode.TORQUE] = Mode.CYCLIC_TORQUE
+    return PowerStage(base, modes, cycle_s)

@@ -1,0 +1,212 @@
+"""One drive's way between off and energized: what it is told in each cycle and what it is said to be.
+
+A drive is energized in steps that it has to show one by one. Until it shows operation enabled in the wanted
+mode, it is *capturing*: its target is where it is. Anything else on the way is a latched fault, or the loss
+of the axis; neither is ever left without a command from above.
+"""
+
+from __future__ import annotations
+
+import enum
+
+from mcserver.drives.bus import DriveFault, DriveMode, DriveState
+from mcserver.drives.cia402.layout import Mode
+from mcserver.drives.cia402.state import (
+    FAULTY,
+    POWERED,
+    Controlword,
+    PowerState,
+    next_controlword,
+)
+
+# A statusword that comes so many cycles after a command is an answer to it: RPDO, SYNC, TPDO.
+ANSWER_CYCLES = 3
+# Exchanges after which another rising edge of bit 7 is made, if the fault is still there.
+RESET_RETRY_CYCLES = 20
+# A drive changes its mode of operation within this time [s].
+MODE_CHANGE_S = 0.25
+
+
+class Phase(enum.IntEnum):
+    """How far energizing has come."""
+
+    IDLE = 0
+    SETTLING = 1  # old answers are let pass
+    ENABLING = 2
+    RUNNING = 3
+    LOST = 4  # de-energized by itself; nothing more until told something else
+
+
+class PowerStage:
+    """State of one axis.
+
+    Args:
+        base: the mode of operation for positions. modes: told mode → mode of operation; what is missing
+            cannot be driven.
+
+    Attributes:
+        controlword: for the next RPDOs. mode: for 6060h. capturing: the target is the actual position.
+        changing: 6061h does not show the mode yet. fault: latched; detail: the vendor's number for it.
+        settled: nothing will change unless the answers or the commands do.
+    """
+
+    def __init__(self, base: Mode, modes: dict[DriveMode, Mode], cycle_s: float) -> None:
+        self._modes = modes
+        self._mode_patience = max(ANSWER_CYCLES, round(MODE_CHANGE_S / cycle_s))
+        self._told = DriveMode.OFF
+        self._since = ANSWER_CYCLES
+        self._phase = Phase.IDLE
+        self._unlike = 0
+        self._switching = False
+        self.mode = base
+        self.controlword: int = Controlword.DISABLE_VOLTAGE
+        self.capturing = True
+        self.changing = False
+        self.settled = False
+        self.fault = DriveFault.NONE
+        self.detail = 0
+
+    @property
+    def told(self) -> DriveMode:
+        return self._told
+
+    def fail(self, fault: DriveFault, detail: int = 0) -> bool:
+        """Latches a fault; False: one is latched already, or nobody commands the drive (G1011)."""
+        if self.fault is not DriveFault.NONE or self._told is DriveMode.SILENT:
+            return False
+        self.fault = fault
+        self.detail = detail
+        self.settled = False
+        return True
+
+    def step(
+        self, told: DriveMode, power: PowerState, shown: int, *, fresh: bool, standing: bool
+    ) -> DriveState:
+        """One cycle.
+
+        Args:
+            power, shown: of the latest TPDO1: state and 6061h. fresh: it came in this cycle.
+            standing: the motor does not turn.
+
+        Returns:
+            What is reported upwards; `controlword`, `mode`, `capturing` and `changing` hold what is sent.
+        """
+        before = (self._phase, self._told, self.controlword, self.changing, self.fault)
+        if told is not self._told:
+            self._change(told)
+        else:
+            self._since += 1
+        self.changing = False
+        if told is DriveMode.RESET:
+            state = self._reset(power, fresh)
+        else:
+            if power in FAULTY and fresh:
+                self.fail(DriveFault.OTHER)
+            state = self._energize(power, shown, fresh) if told >= DriveMode.POSITION else DriveState.OFF
+            if told < DriveMode.POSITION:
+                state = self._rest(power, standing)
+        # in the cycle in which it is found energized its reading goes upwards, and is its target, too
+        self.capturing = self._phase is not Phase.RUNNING or before[0] is not Phase.RUNNING
+        after = (self._phase, self._told, self.controlword, self.changing, self.fault)
+        steady = self._since > ANSWER_CYCLES and self._phase in (Phase.IDLE, Phase.RUNNING, Phase.LOST)
+        self.settled = steady and before == after and not self.changing and fresh
+        if told in (DriveMode.STOP, DriveMode.RESET) and state is not DriveState.OFF:
+            self.settled = False
+        return state
+
+    def _change(self, told: DriveMode) -> None:
+        energized = self._told >= DriveMode.POSITION and told >= DriveMode.POSITION
+        self._told = told
+        self._since = 0
+        if told < DriveMode.POSITION:
+            self._phase = Phase.IDLE
+            return
+        mode = self._modes.get(told)
+        if mode is None:
+            self.fail(DriveFault.NOT_CONFIGURED, int(told))
+            return
+        if mode is not self.mode:
+            self.mode = mode
+            self._switching = True
+        if not energized:
+            self._phase = Phase.SETTLING
+            self._unlike = 0
+
+    # ------------------------------------------------------------------ not energized
+
+    def _reset(self, power: PowerState, fresh: bool) -> DriveState:
+        if fresh:
+            self.fault = DriveFault.NONE
+            self.detail = 0
+        wanted = DriveMode.RESET
+        if self._since % RESET_RETRY_CYCLES == 0:
+            # bit 7 falls, so that it can rise
+            wanted = DriveMode.OFF
+        self.controlword = next_controlword(power, wanted, self.controlword)
+        if not fresh or power in FAULTY or power is PowerState.NOT_READY:
+            return DriveState.FAULT
+        if self._since < ANSWER_CYCLES or power in POWERED:
+            return DriveState.STOPPING
+        return DriveState.OFF
+
+    def _rest(self, power: PowerState, standing: bool) -> DriveState:
+        """Told `OFF`, `STOP` or nothing."""
+        told = self._told
+        self.controlword = (
+            Controlword.DISABLE_VOLTAGE
+            if told is DriveMode.SILENT
+            else next_controlword(power, told, self.controlword, standing=standing)
+        )
+        if self.fault is not DriveFault.NONE:
+            return DriveState.FAULT
+        if self._since < ANSWER_CYCLES or power in POWERED:
+            return DriveState.STOPPING
+        return DriveState.OFF
+
+    # ------------------------------------------------------------------ energized
+
+    def _energize(self, power: PowerState, shown: int, fresh: bool) -> DriveState:
+        if self.fault is not DriveFault.NONE:
+            self._phase = Phase.LOST
+            self.controlword = Controlword.DISABLE_VOLTAGE
+            return DriveState.FAULT
+        if self._phase is Phase.SETTLING:
+            self.controlword = Controlword.SHUTDOWN
+            if self._since >= ANSWER_CYCLES:
+                self._phase = Phase.ENABLING
+            return DriveState.STARTING
+        if self._phase is Phase.ENABLING:
+            return self._enable(power, shown, fresh)
+        if self._phase is Phase.RUNNING:
+            return self._run(power, shown, fresh)
+        self.controlword = Controlword.DISABLE_VOLTAGE
+        return DriveState.OFF
+
+    def _enable(self, power: PowerState, shown: int, fresh: bool) -> DriveState:
+        if not fresh:
+            # where the axis is is not known now, so its target is not either
+            self.controlword = Controlword.SHUTDOWN
+            return DriveState.STARTING
+        in_mode = shown == self.mode
+        self.controlword = next_controlword(power, self._told, self.controlword, in_mode=in_mode)
+        if power is PowerState.OPERATION_ENABLED and in_mode:
+            self._phase = Phase.RUNNING
+            return DriveState.ENERGIZED
+        return DriveState.STARTING
+
+    def _run(self, power: PowerState, shown: int, fresh: bool) -> DriveState:
+        if not fresh:
+            return DriveState.ENERGIZED
+        if power is not PowerState.OPERATION_ENABLED:
+            self._phase = Phase.LOST
+            self.controlword = Controlword.DISABLE_VOLTAGE
+            return DriveState.OFF
+        self.changing = shown != self.mode
+        self._switching = self._switching and self.changing
+        self._unlike = self._unlike + 1 if self.changing else 0
+        patience = self._mode_patience if self._switching else ANSWER_CYCLES
+        if self._unlike >= patience and self.fail(DriveFault.MODE, shown):
+            self._phase = Phase.LOST
+            self.controlword = Controlword.DISABLE_VOLTAGE
+            return DriveState.FAULT
+        return DriveState.ENERGIZED

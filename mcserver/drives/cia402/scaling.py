@@ -1,0 +1,96 @@
+"""SI ↔ the numbers of a CiA 402 drive. On the wire a position is a count of encoder increments, always.
+
+A count is 32 bits and wraps; an axis without limits turns on past the wrap. `PositionTracker` follows it with
+differences modulo 2³², so a position is right as long as an axis moves less than 2³¹ counts between readings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.config import Axis
+from mcserver.config_drive import DriveFile
+
+Array = NDArray[np.float64]
+
+PERMILLE = 1000.0
+TORQUE_LIMIT = 32767.0
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Factors of one axis; negative where the motor turns against the axis.
+
+    Attributes:
+        counts_per_si: increments of the encoder per m or rad of the axis.
+        velocity_per_si: of 60FFh and 606Ch per m/s or rad/s.
+        permille_per_nm: of 6071h and 6077h per N·m; 0 where the rated torque is not known.
+    """
+
+    counts_per_si: float
+    velocity_per_si: float
+    permille_per_nm: float
+
+    @classmethod
+    def of(cls, axis: Axis) -> Scaling:
+        """Of an axis of a `Machine`, whose drive's section is filled in."""
+        drive = axis.drive
+        if drive.encoder is None:
+            raise ValueError(f"axis {axis.index} has no encoder: it is not on a bus")
+        counts_per_turn = drive.encoder[0] / drive.encoder[1]
+        sign = -1.0 if drive.invert else 1.0
+        turns_per_si = sign / axis.travel_per_motor_turn
+        velocity_per_turn = drive.velocity_counts_per_motor_rev or counts_per_turn
+        torque = sign * PERMILLE / drive.rated_torque if drive.rated_torque > 0.0 else 0.0
+        return cls(counts_per_turn * turns_per_si, velocity_per_turn * turns_per_si, torque)
+
+
+def scaling_objects(drive: DriveFile) -> tuple[tuple[int, int, int], ...]:
+    """(index, subindex, value) for 608Fh, 6091h and 6092h so that the drive's unit of position is one
+    increment of its encoder; empty where the machine file leaves them to the drive.
+
+    6092h gets the increments of a turn of the shaft: encoder × gear (IEC 61800-7-201, 7.3.5.10).
+    """
+    if drive.encoder is None or drive.gear is None:
+        return ()
+    (increments, revolutions), (motor, shaft) = drive.encoder, drive.gear
+    return (
+        (0x608F, 1, increments),
+        (0x608F, 2, revolutions),
+        (0x6091, 1, motor),
+        (0x6091, 2, shaft),
+        (0x6092, 1, increments * motor),
+        (0x6092, 2, revolutions * shaft),
+    )
+
+
+def wrapped(counts: Array) -> NDArray[np.int32]:
+    """Whole numbers as 32-bit ones, modulo 2³²; shape as given."""
+    return counts.astype(np.int64).astype(np.int32)
+
+
+class PositionTracker:
+    """Counts beyond 32 bits of n axes, from 32-bit readings.
+
+    Attributes:
+        counts: shape (n,), what has been counted; modulo 2³² it is the latest reading.
+    """
+
+    def __init__(self, axes: int) -> None:
+        self.counts = np.zeros(axes, np.int64)
+        self._last = np.zeros(axes, np.int32)
+        self._change = np.zeros(axes, np.int32)
+
+    def restart(self, index: int, reading: int) -> None:
+        """An axis begins with this reading, as after its drive was switched on."""
+        self._last[index] = reading
+        self.counts[index] = reading
+
+    def follow(self, readings: NDArray[np.int32]) -> None:
+        """The next readings; shape (n,)."""
+        np.subtract(readings, self._last, out=self._change)
+        self._last[:] = readings
+        self.counts += self._change

@@ -1,0 +1,113 @@
+"""What the executor watches of CANopen nodes besides PDOs: boot-ups, NMT states, heartbeats, emergencies."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from mcserver.can.cob import Function, NmtState
+from mcserver.config import Axis
+from mcserver.drives.bus import BusEvent, BusEventKind, DriveFault
+from mcserver.drives.cia402.emergency import NO_ERROR, emergency_text, unpack_emergency
+
+# A heartbeat that is late by this factor has stopped (CiA 301 leaves it to the consumer).
+HEARTBEAT_PATIENCE = 2.5
+# Heartbeats are looked at in every so many cycles.
+LOOK_CYCLES = 4
+# At most so many events wait to be fetched.
+EVENTS = 64
+
+
+class Failing(Protocol):
+    """What is told of faults; `mcserver.drives.cia402.axes.Cia402Axes`."""
+
+    def fail(self, index: int, fault: DriveFault, detail: int = 0) -> bool: ...
+    def restart(self, index: int) -> None: ...
+
+
+class NodeWatch:
+    """The nodes of one bus.
+
+    Args:
+        axes: the machine's axes with a node each. columns: of the machine. target: told of what stops an
+            axis.
+    """
+
+    def __init__(self, axes: Sequence[Axis], columns: Sequence[int], target: Failing, cycle_s: float) -> None:
+        self._columns = tuple(columns)
+        self._nodes = tuple(axis.drive.node for axis in axes)
+        self._target = target
+        self._patience = [
+            max(1, round(HEARTBEAT_PATIENCE * axis.drive.heartbeat_ms / 1e3 / cycle_s)) for axis in axes
+        ]
+        self._watched = [False] * len(axes)
+        self._beats = [0] * len(axes)
+        self._states = [int(NmtState.OPERATIONAL)] * len(axes)
+        self._told = [NO_ERROR] * len(axes)
+        self._cycle = 0
+        self.events: deque[BusEvent] = deque(maxlen=EVENTS)
+
+    def handlers(self) -> dict[int, Callable[[bytes], None]]:
+        """What to call for which COB-ID."""
+        handlers: dict[int, Callable[[bytes], None]] = {}
+        for index, node in enumerate(self._nodes):
+            handlers[Function.EMCY + node] = self._emergency_of(index)
+            handlers[Function.HEARTBEAT + node] = self._heartbeat_of(index)
+        return handlers
+
+    def forget(self) -> None:
+        """The past does not count: the bus has just been booted, or is back."""
+        self._watched = [False] * len(self._nodes)
+        self._states = [int(NmtState.OPERATIONAL)] * len(self._nodes)
+        self._told = [NO_ERROR] * len(self._nodes)
+
+    def look(self) -> None:
+        """Once a cycle: heartbeats that have stopped."""
+        self._cycle += 1
+        if self._cycle % LOOK_CYCLES:
+            return
+        now = self._cycle
+        for index, watched in enumerate(self._watched):
+            if watched and now - self._beats[index] > self._patience[index]:
+                self._target.fail(index, DriveFault.HEARTBEAT, now - self._beats[index])
+
+    def _emergency_of(self, index: int) -> Callable[[bytes], None]:
+        def emergency(payload: bytes) -> None:
+            message = unpack_emergency(payload)
+            if message is None:
+                return
+            code, _register = message
+            news = code != self._told[index]
+            self._told[index] = code
+            if code != NO_ERROR and self._target.fail(index, DriveFault.EMERGENCY, code):
+                return
+            if news:
+                self.events.append(BusEvent(self._columns[index], code, emergency_text(code)))
+
+        return emergency
+
+    def _heartbeat_of(self, index: int) -> Callable[[bytes], None]:
+        def heartbeat(payload: bytes) -> None:
+            if len(payload) != 1:
+                return
+            state = payload[0] & 0x7F
+            self._beats[index] = self._cycle
+            self._watched[index] = True
+            if state == NmtState.BOOT_UP:
+                self._states[index] = state
+                self._told[index] = NO_ERROR
+                self._target.restart(index)
+                self._target.fail(index, DriveFault.REBOOTED)
+            elif state != self._states[index]:
+                started = self._states[index] == NmtState.BOOT_UP
+                self._states[index] = state
+                if state != NmtState.OPERATIONAL and not started:
+                    self._target.fail(index, DriveFault.NOT_OPERATIONAL, state)
+
+        return heartbeat
+
+
+def bus_back(column: int, name: str) -> BusEvent:
+    """The event of a bus that is there again."""
+    return BusEvent(column, 0, f"bus {name} is back", BusEventKind.BUS_BACK)

@@ -1,0 +1,1 @@
+"""Servosila's own drives: streamed commands and telemetry of floating-point numbers on CAN."""
