@@ -16,7 +16,7 @@ from mcclient.errors import MotionError, ProgramRejected, RequestRefused
 from mcclient.feed import Feed
 from mcclient.reports import OpenReports, Report
 from mcclient.stream import LineStream
-from mcclient.types import ProgramStatus
+from mcclient.types import ENDED, ProgramStatus
 from mcclient.wire import unpack
 
 log = logging.getLogger(__name__)
@@ -185,7 +185,11 @@ class Program:
                 raise await self._stream.translated(error) from error
             self._stream.closed = True
             told: dict[str, Any] = unpack(reply)
-            self._stream.progress(str(told["state"]), int(told["done"]))
+            if str(told["state"]) in ENDED:
+                # the reply does not say why it ended
+                await self._stream.resynchronise()
+            else:
+                self._stream.progress(str(told["state"]), int(told["done"]))
 
     async def finish(self) -> ProgramResult:
         """`close`, then waits until the program has ended; raises as `done`, once it has ended."""

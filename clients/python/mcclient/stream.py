@@ -182,7 +182,7 @@ class LineStream:
     async def translated(self, error: RequestRefused) -> MotionError:
         """A refusal as what it means for the program: ended, interrupted, or itself."""
         if error.code in ("MC503", "MC504", "MC510"):
-            await self._resynchronise()
+            await self.resynchronise()
             if error.code == "MC510" and self.state == "ending":
                 # why it ends is told once it stands still
                 await self._hear_of_end(ENDING_S)
@@ -300,7 +300,7 @@ class LineStream:
             if self._clock() - self._heard_at < doubt_s:
                 continue
             try:
-                await self._resynchronise()
+                await self.resynchronise()
             except MotionError as error:
                 self._fail(error)
             doubt_s = min(2 * doubt_s, LONGEST_DOUBT_S)
@@ -315,7 +315,7 @@ class LineStream:
             return False
         return self.window.pending or self.closed or self.done < self.window.accepted
 
-    async def _resynchronise(self) -> None:
+    async def resynchronise(self) -> None:
         """Asks what the server has; what it lacks will be sent again."""
         try:
             status = await self.ask_status()
@@ -346,4 +346,4 @@ class LineStream:
             async with asyncio.timeout(timeout_s):
                 await self._changed.wait()
         except TimeoutError:
-            await self._resynchronise()
+            await self.resynchronise()
