@@ -15,6 +15,8 @@ from pathlib import Path
 
 import msgspec
 
+from mcserver.can_drives import CanDrives, booted
+from mcserver.canopen_service.errors import Stopped
 from mcserver.config import Machine
 from mcserver.errors import ServiceError
 from mcserver.net.face import MachineFace
@@ -41,11 +43,13 @@ class ServerOptions(msgspec.Struct, frozen=True):
         network: endpoints.
         journal: the journal's file; None: the machine's own under the user's state folder.
         on_ready: called once with the endpoints, when clients are answered.
+        on_progress: called with a sentence while drives on CAN buses boot; in any thread.
     """
 
     network: NetworkOptions = NetworkOptions()
     journal: Path | None = None
     on_ready: Callable[[list[str]], None] | None = None
+    on_progress: Callable[[str], None] | None = None
 
 
 def default_journal(machine: str) -> Path:
@@ -59,7 +63,11 @@ def default_journal(machine: str) -> Path:
 
 @contextlib.asynccontextmanager
 async def running(
-    machine: Machine, options: ServerOptions, port: MotionPort, pipelines: MakesPipelines
+    machine: Machine,
+    options: ServerOptions,
+    port: MotionPort,
+    pipelines: MakesPipelines,
+    drives: CanDrives | None = None,
 ) -> AsyncIterator[tuple[MachineService, MachineFace]]:
     """A server that answers inside the block, and is stopped in order at its end.
 
@@ -90,7 +98,9 @@ async def running(
         offline = OfflineWorker(machine)
         stack.callback(offline.close)
         service.start()
-        face.serve(service, Jogging(service), offline)
+        if drives is not None:
+            stack.enter_context(drives.told_to(service.events))
+        face.serve(service, Jogging(service), offline, None if drives is None else drives.access)
         yield service, face
 
 
@@ -100,6 +110,7 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
 
     Raises:
         ServiceError: MC518 the executor does not start or has died, MC520, MC521, MC522.
+        ConfigurationError: MC008, MC016, MC552. RuntimeFault: MC424 a CAN bus, MC550 … MC555 a drive on it.
     """
     options = options or ServerOptions()
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -107,13 +118,18 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
     stopping = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stopping.set)
+    on_progress = options.on_progress or log.info
     try:
-        port = await asyncio.to_thread(ExecutorPort.start, machine)
-        pipelines = PipelineFactory(machine, port)
-        async with running(machine, options, port, pipelines) as (_, face):
-            if options.on_ready is not None:
-                options.on_ready(await face.endpoints() or list(options.network.listen))
-            await _until_stopped(stopping, port)
+        # drives leave operation only when the executor has released them
+        async with booted(machine, on_progress, stopping.is_set) as drives:
+            port = await asyncio.to_thread(ExecutorPort.start, machine)
+            pipelines = PipelineFactory(machine, port)
+            async with running(machine, options, port, pipelines, drives) as (_, face):
+                if options.on_ready is not None:
+                    options.on_ready(await face.endpoints() or list(options.network.listen))
+                await _until_stopped(stopping, port)
+    except Stopped:
+        return
     finally:
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.remove_signal_handler(number)

@@ -9,9 +9,10 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from mcserver.commands.console import results, write_json
+from mcserver.commands.console import json_answer_on_error, results, write_json
 from mcserver.commands.faults import ExitCode
 from mcserver.commands.options import JsonOption
+from mcserver.config import load_machine
 from mcserver.doctor import Finding, State, examine, worst
 
 MARKS = {
@@ -22,13 +23,23 @@ MARKS = {
 
 
 def doctor(
+    machine: Annotated[
+        str | None,
+        typer.Option(
+            "--machine",
+            "-m",
+            metavar="M",
+            help="Look at the CAN buses of this machine too: their load, and whether they are there.",
+        ),
+    ] = None,
     json: JsonOption = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit code 1 where only advice is given, too.")
     ] = False,
 ) -> None:
     """Say what this computer lacks, each line with its mend. Exit code 1 where the server cannot run."""
-    findings = examine()
+    with json_answer_on_error(json):
+        findings = examine(None if machine is None else load_machine(machine))
     gravest = worst(findings)
     if json:
         write_json(

@@ -40,10 +40,16 @@ class OutputFault(McError):
     """A result that could not be written (exit code 1)."""
 
 
+class NobodyAnswers(McError):
+    """No server where one was expected (exit code 5)."""
+
+
 def exit_code_of(error: McError) -> ExitCode:
     """The exit code that tells a script what kind of error this is."""
     if isinstance(error, UsageFault):
         return ExitCode.USAGE
+    if isinstance(error, NobodyAnswers):
+        return ExitCode.NOBODY_ANSWERS
     if isinstance(error, ConfigurationError):
         return ExitCode.CONFIGURATION
     if isinstance(error, ProgramRejected):

@@ -13,6 +13,7 @@ from rich.logging import RichHandler
 
 from mcserver.commands.console import narration
 from mcserver.commands.options import DEFAULT_MACHINE, MachineOption
+from mcserver.commands.planner import prepare_planner
 from mcserver.config import Machine, load_machine
 from mcserver.errors import ConfigurationError
 from mcserver.machine_model import build_kinematics
@@ -60,6 +61,7 @@ def run(
             "MC018", f"there is no Zenoh configuration {zenoh}", "see deploy/zenoh for examples"
         )
     narrate_logs(verbose)
+    prepare_planner()
     options = ServerOptions(
         network=NetworkOptions(
             listen=tuple(listen) if listen else DEFAULT_LISTEN,
@@ -68,6 +70,7 @@ def run(
         ),
         journal=journal,
         on_ready=lambda endpoints: announce(described, endpoints),
+        on_progress=lambda sentence: narration().print(f"{described.name}: {sentence}", markup=False),
     )
     asyncio.run(serve(described, options))
     narration().print(f"{described.name}: stopped")
@@ -102,3 +105,6 @@ def narrate_logs(verbose: bool) -> None:
     handler = RichHandler(console=narration(), show_path=False, rich_tracebacks=False)
     handler.setFormatter(logging.Formatter("%(message)s", datefmt="[%X]"))
     logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[handler], force=True)
+    if not verbose:
+        # what it calls errors are single attempts, told by us where the last one fails
+        logging.getLogger("canopen").setLevel(logging.CRITICAL)

@@ -5,8 +5,10 @@ Probes read facts and judge nothing; judges are pure functions from facts to fin
 
 from __future__ import annotations
 
+from mcserver.config import Machine
 from mcserver.doctor.can import judge_can, probe_can
 from mcserver.doctor.finding import Finding, State, worst
+from mcserver.doctor.machine import judge_buses, probe_buses
 from mcserver.doctor.python import judge_python, probe_python
 from mcserver.doctor.realtime import judge_realtime, probe_realtime
 from mcserver.doctor.service import judge_service, probe_service
@@ -14,11 +16,13 @@ from mcserver.doctor.service import judge_service, probe_service
 __all__ = ["Finding", "State", "examine", "worst"]
 
 
-def examine() -> list[Finding]:
-    """Look at this computer and give every finding, good ones too."""
+def examine(machine: Machine | None = None) -> list[Finding]:
+    """Look at this computer, and at the buses of a machine, and give every finding, good ones too."""
+    can = probe_can()
     return [
         *judge_python(probe_python()),
         *judge_realtime(probe_realtime()),
-        *judge_can(probe_can()),
+        *judge_can(can),
+        *([] if machine is None else judge_buses(machine, probe_buses(machine), can)),
         *judge_service(probe_service()),
     ]

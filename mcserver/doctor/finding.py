@@ -20,7 +20,7 @@ class Finding(msgspec.Struct, frozen=True):
     """What was looked at, what was found, and what to do about it.
 
     Attributes:
-        area: ``python``, ``realtime``, ``can`` or ``service``.
+        area: ``python``, ``realtime``, ``can``, ``buses`` or ``service``.
         title: what was looked at.
         found: the value seen.
         mend: what to do; empty where nothing lacks.

@@ -9,6 +9,7 @@ from functools import partial
 import msgspec
 import zenoh
 
+from mcserver.canopen_service.views import DriveAccess, NoDrives
 from mcserver.net.inbox import Inbox
 from mcserver.net.keys import Keys
 from mcserver.net.messages import EstopRequest, StreamLines
@@ -96,10 +97,12 @@ class MachineFace:
 
     # ------------------------------------------------------------ in
 
-    def serve(self, service: MachineService, jogging: Jogging, bench: Bench) -> None:
+    def serve(
+        self, service: MachineService, jogging: Jogging, bench: Bench, drives: DriveAccess | None = None
+    ) -> None:
         """Declares what clients may use, the liveliness token last."""
         keys, session, loop = self.keys, self._session, self._loop
-        self._rpc = RpcServer(keys, Methods(service, jogging, bench).table())
+        self._rpc = RpcServer(keys, Methods(service, jogging, bench, drives or NoDrives()).table())
         queries: Inbox[zenoh.Query] = Inbox(loop, self._rpc.on_query, limit=QUERIES, refuse=zenoh.Query.drop)
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
         tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)

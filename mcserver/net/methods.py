@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from mcserver.errors import Diagnostic
+import msgspec
+
+from mcserver.canopen_service.views import DriveAccess, SdoTarget, SdoValue
+from mcserver.errors import Diagnostic, ServiceError
 from mcserver.net import messages as wire
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
@@ -33,12 +36,14 @@ class Methods:
         service: the programs.
         jogging: moves by hand.
         bench: checks and simulations.
+        drives: those on CAN buses.
     """
 
-    def __init__(self, service: MachineService, jogging: Jogging, bench: Bench) -> None:
+    def __init__(self, service: MachineService, jogging: Jogging, bench: Bench, drives: DriveAccess) -> None:
         self._service = service
         self._jogging = jogging
         self._bench = bench
+        self._drives = drives
         self._units = EdgeUnits(service.machine)
 
     def table(self) -> dict[str, Method]:
@@ -55,6 +60,7 @@ class Methods:
             "jog": (wire.JogRequest, self.jog),
             "reset": (wire.ResetRequest, self.reset),
             "estop": (wire.EstopRequest, self.estop),
+            "sdo_write": (wire.SdoWriteRequest, self.sdo_write),
         }
         reading: dict[str, tuple[type[wire.Request], Callable[[Any], Any]]] = {
             "status": (wire.StatusRequest, self.status),
@@ -62,6 +68,8 @@ class Methods:
             "events": (wire.EventsRequest, self.events),
             "check": (wire.CheckRequest, self.check),
             "simulate": (wire.SimulateRequest, self.simulate),
+            "drives": (wire.DrivesRequest, self.drives),
+            "sdo_read": (wire.SdoReadRequest, self.sdo_read),
             "info": (wire.Request, self.info),
         }
         return {name: Method(request, call, True) for name, (request, call) in changing.items()} | {
@@ -173,8 +181,41 @@ class Methods:
     async def simulate(self, request: wire.SimulateRequest) -> dict[str, Any]:
         return await self._bench.simulate(request.text)
 
+    def drives(self, _request: wire.DrivesRequest) -> wire.DrivesReply:
+        return wire.DrivesReply(
+            [msgspec.convert(view, wire.DriveInfo, from_attributes=True) for view in self._drives.drives()]
+        )
+
+    async def sdo_read(self, request: wire.SdoReadRequest) -> wire.SdoReply:
+        return _sdo_reply(await self._drives.sdo_read(_target(request), request.type))
+
+    async def sdo_write(self, request: wire.SdoWriteRequest) -> wire.SdoReply:
+        return _sdo_reply(await self._drives.sdo_write(_target(request), request.type, request.value))
+
     def info(self, _request: wire.Request) -> wire.Info:
         return machine_info(self._service, list(self.table()))
+
+
+def _target(request: wire.SdoReadRequest) -> SdoTarget:
+    if (request.axis is None) == (request.node is None):
+        raise ServiceError("MC511", "an SDO goes to one drive", "give either `axis` or `node`")
+    return SdoTarget(request.index, request.subindex, request.axis, request.node, request.bus)
+
+
+def _sdo_reply(found: SdoValue) -> wire.SdoReply:
+    return msgspec.convert(
+        {
+            "axis": found.axis,
+            "bus": found.bus,
+            "node": found.node,
+            "index": found.index,
+            "subindex": found.subindex,
+            "type": found.kind,
+            "value": found.value,
+            "raw": found.raw,
+        },
+        wire.SdoReply,
+    )
 
 
 def _done(programs: list[Program]) -> wire.Done:

@@ -238,3 +238,50 @@ class FakeMethods:
             "newest": self.events[-1]["seq"] if self.events else 0,
             "events": told,
         }
+
+    def _do_drives(self, _: dict[str, Any]) -> dict[str, Any]:
+        return {
+            "drives": [
+                {
+                    "axis": 2,
+                    "kind": "cia402",
+                    "bus": "can0",
+                    "node": 5,
+                    "state": "operational",
+                    "nmt": "operational",
+                    "heartbeat_age_s": 0.05,
+                    "statusword": 0x1637,
+                    "status": "operation enabled",
+                    "vendor_id": 0x1234,
+                    "emergency": "8611h following error",
+                    "emergency_code": 0x8611,
+                    "emergency_age_s": 2.5,
+                    "added_later": 1,
+                }
+            ]
+        }
+
+    def _do_sdo_read(self, request: dict[str, Any]) -> dict[str, Any]:
+        if request["index"] == 0x2345:
+            raise Refusal(
+                "MC553",
+                "axis 2, node 5 on can0: 2345h:00 cannot be read: abort 0602 0000h, object does not exist",
+                hint="see the EDS",
+                details={"index": 0x2345, "subindex": 0, "abort_code": 0x0602_0000},
+            )
+        return self._object(request, 0x1637, b"\x37\x16")
+
+    def _do_sdo_write(self, request: dict[str, Any]) -> dict[str, Any]:
+        return self._object(request, request["value"], b"\x01")
+
+    def _object(self, request: dict[str, Any], value: Any, raw: bytes) -> dict[str, Any]:
+        return {
+            "axis": 2 if request["axis"] is None else request["axis"],
+            "bus": request["bus"] or "can0",
+            "node": request["node"] or 5,
+            "index": request["index"],
+            "subindex": request["subindex"],
+            "type": request["type"] or "u16",
+            "value": value,
+            "raw": raw,
+        }

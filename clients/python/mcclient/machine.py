@@ -11,6 +11,7 @@ from typing import Any
 
 from mcclient.calls import DEADLINE_S, Caller
 from mcclient.discovery import CONNECT_S, find_machine
+from mcclient.drives import DriveCalls
 from mcclient.errors import ProtocolError
 from mcclient.estop import send_until_confirmed
 from mcclient.events import open_events
@@ -40,7 +41,7 @@ LONG_JOB_S = 120.0
 EVENTS_A_PAGE = 1000
 
 
-class Machine:
+class Machine(DriveCalls):
     """A connected machine.
 
     Attributes:

@@ -25,7 +25,17 @@ from mcclient.machine import PATIENCE_S
 from mcclient.program import ProgramResult
 from mcclient.reports import Report
 from mcclient.telemetry import Samples
-from mcclient.types import CheckResult, Event, Info, MachineStatus, OnDisconnect, ProgramStatus
+from mcclient.types import (
+    CheckResult,
+    DriveInfo,
+    Event,
+    Info,
+    MachineStatus,
+    OnDisconnect,
+    ProgramStatus,
+    SdoObject,
+    SdoValue,
+)
 
 T = TypeVar("T")
 
@@ -305,6 +315,36 @@ class Machine:
 
     def estop(self, reason: str = "", *, timeout_s: float = DEADLINE_S) -> None:
         self._loop.run(self._machine.estop(reason, timeout_s=timeout_s))
+
+    def drives(self) -> list[DriveInfo]:
+        return self._loop.run(self._machine.drives())
+
+    def sdo_read(
+        self,
+        axis: int | None,
+        index: int,
+        subindex: int = 0,
+        *,
+        type: str | None = None,
+        node: int | None = None,
+        bus: str = "",
+    ) -> SdoObject:
+        return self._loop.run(self._machine.sdo_read(axis, index, subindex, type=type, node=node, bus=bus))
+
+    def sdo_write(
+        self,
+        axis: int | None,
+        index: int,
+        subindex: int,
+        value: SdoValue,
+        *,
+        type: str | None = None,
+        node: int | None = None,
+        bus: str = "",
+    ) -> SdoObject:
+        return self._loop.run(
+            self._machine.sdo_write(axis, index, subindex, value, type=type, node=node, bus=bus)
+        )
 
     def check(self, text: str, positions: dict[int, float] | None = None) -> CheckResult:
         return self._loop.run(self._machine.check(text, positions))

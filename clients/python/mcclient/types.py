@@ -167,6 +167,7 @@ class Event:
     reason: str = ""
     message: str = ""
     percent: float | None = None
+    axis: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,6 +237,50 @@ class Info:
     telemetry: TelemetryInfo = field(default_factory=TelemetryInfo)
     limits: LimitsInfo = field(default_factory=LimitsInfo)
     methods: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class DriveInfo:
+    """One drive on a CAN bus.
+
+    ``state`` is ``booting operational lost restarting failed closed``, ``nmt`` what its last heartbeat said,
+    ``status`` its statusword in words, ``message`` why its configuration failed; ages are in seconds.
+    """
+
+    axis: int
+    kind: str
+    bus: str
+    node: int
+    state: str
+    nmt: str = ""
+    heartbeat_age_s: float | None = None
+    statusword: int | None = None
+    status: str = ""
+    device_type: int | None = None
+    vendor_id: int | None = None
+    product_code: int | None = None
+    emergency: str = ""
+    emergency_code: int | None = None
+    emergency_age_s: float | None = None
+    boot_ups: int = 0
+    message: str = ""
+
+
+SdoValue = bool | int | float | str
+
+
+@dataclass(frozen=True, slots=True)
+class SdoObject:
+    """An object of a drive's dictionary, read or written; ``raw``: its bytes, little endian."""
+
+    axis: int
+    bus: str
+    node: int
+    index: int
+    subindex: int
+    type: str
+    value: Any
+    raw: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)

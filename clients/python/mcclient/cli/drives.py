@@ -1,0 +1,193 @@
+"""Drives on CAN buses: ``drives``, ``sdo read``, ``sdo write``."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.output import carry_out, errors_told, results, say, write_json
+from mcclient.errors import RequestRefused
+from mcclient.types import DriveInfo, SdoObject
+
+AxisArgument = Annotated[int, typer.Argument(min=0, max=63, metavar="AXIS", help="Whose drive.")]
+ObjectArgument = Annotated[
+    str, typer.Argument(metavar="INDEX[:SUB]", help="Hexadecimal, such as 6041, 0x6041 or 1018:1.")
+]
+TypeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--type",
+        "-t",
+        metavar="TYPE",
+        help="bool, u8 … u64, i8 … i64, f32, f64, str, utf16 or bytes; default: by the drive's EDS.",
+    ),
+]
+_TYPES = (
+    *("bool", "i8", "i16", "i24", "i32", "i64", "u8", "u16", "u24", "u32", "u64"),
+    *("f32", "f64", "str", "utf16", "bytes"),
+)
+_STYLES = {"operational": "green", "booting": "yellow", "restarting": "yellow", "closed": "dim"}
+
+
+def drives(
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Every drive on a CAN bus: node, heartbeat, statusword, identity, last emergency."""
+
+    async def work() -> tuple[str, list[DriveInfo]]:
+        async with Target(machine, connect, zenoh).open() as one:
+            return one.name, await one.drives()
+
+    name, found = carry_out(work, json)
+    if json:
+        write_json(found)
+    elif found:
+        results().print(drives_table(found))
+        for drive in found:
+            if drive.emergency_code:
+                age = "" if drive.emergency_age_s is None else f" ({drive.emergency_age_s:.1f} s ago)"
+                results().print(f"axis {drive.axis}: emergency {drive.emergency}{age}", markup=False)
+            if drive.message:
+                results().print(f"axis {drive.axis}: {drive.message}", markup=False)
+    else:
+        say(f"{name}: no drive is on a CAN bus")
+
+
+def drives_table(drives: list[DriveInfo]) -> Table:
+    """One row a drive."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("axis", justify="right")
+    for title in ("bus", "node", "state", "nmt"):
+        table.add_column(title, no_wrap=True)
+    table.add_column("heard", justify="right", no_wrap=True)
+    for title in ("status", "vendor", "product", "boots"):
+        table.add_column(title, no_wrap=True)
+    for drive in drives:
+        table.add_row(
+            str(drive.axis),
+            Text(drive.bus),
+            str(drive.node),
+            Text(drive.state, style=_STYLES.get(drive.state, "bold red")),
+            drive.nmt or "–",
+            "–" if drive.heartbeat_age_s is None else f"{drive.heartbeat_age_s:.2f} s ago",
+            _status(drive),
+            _hexadecimal(drive.vendor_id),
+            _hexadecimal(drive.product_code),
+            str(drive.boot_ups),
+        )
+    return table
+
+
+def _status(drive: DriveInfo) -> str:
+    return "–" if drive.statusword is None else f"{drive.statusword:04X}h {drive.status}"
+
+
+def _hexadecimal(value: int | None) -> str:
+    return "–" if value is None else f"0x{value:08X}"
+
+
+def build_sdo_app() -> typer.Typer:
+    """``mcctl sdo …``."""
+    app = typer.Typer(help="Objects of a drive on a CAN bus (CANopen SDO).", no_args_is_help=True)
+
+    @app.callback()
+    def root() -> None:
+        """Objects of a drive on a CAN bus (CANopen SDO)."""
+
+    app.command("read")(read)
+    # a value may be negative: such a word is no option
+    app.command("write", context_settings={"ignore_unknown_options": True})(write)
+    return app
+
+
+def read(
+    axis: AxisArgument,
+    place: ObjectArgument,
+    kind: TypeOption = None,
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Read an object: mcctl sdo read 2 6041."""
+    with errors_told(json):
+        index, subindex = parse_object(place)
+        check_type(kind)
+
+    async def work() -> SdoObject:
+        async with Target(machine, connect, zenoh).open() as one:
+            return await one.sdo_read(axis, index, subindex, type=kind)
+
+    _tell(carry_out(work, json), json)
+
+
+def write(
+    axis: AxisArgument,
+    place: ObjectArgument,
+    value: Annotated[
+        str, typer.Argument(metavar="VALUE", help="A number, also 0x10 and 1.5; text; bytes as 01 ff.")
+    ],
+    kind: TypeOption = None,
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Write an object, unless that would fight the cycle: mcctl sdo write 2 6065 5000."""
+    with errors_told(json):
+        index, subindex = parse_object(place)
+        check_type(kind)
+
+    async def work() -> SdoObject:
+        async with Target(machine, connect, zenoh).open() as one:
+            return await one.sdo_write(axis, index, subindex, value, type=kind)
+
+    _tell(carry_out(work, json), json)
+
+
+def parse_object(text: str) -> tuple[int, int]:
+    """Index and subindex of ``6041``, ``0x6041``, ``6041h``, ``1018:1``, ``1018h:01``.
+
+    Raises:
+        RequestRefused: MC511 it is no such text.
+    """
+    found = re.fullmatch(
+        r"(?:0x)?([0-9a-f]{1,4})h?(?::(?:0x([0-9a-f]{1,2})|([0-9a-f]{1,2})h?))?", text.strip().lower()
+    )
+    if found is None:
+        raise RequestRefused(
+            "MC511", f"{text!r} names no object", "give index and subindex, hexadecimal: 6041 or 1018:1"
+        )
+    return int(found[1], 16), int(found[2] or found[3] or "0", 16)
+
+
+def check_type(kind: str | None) -> None:
+    """Raises RequestRefused (MC511) where there is no such type."""
+    if kind is not None and kind not in _TYPES:
+        raise RequestRefused("MC511", f"there is no type {kind!r}", f"use one of {' '.join(_TYPES)}")
+
+
+def _tell(found: SdoObject, as_json: bool) -> None:
+    place = f"{found.index:04X}h:{found.subindex:02X}"
+    if as_json:
+        shown = {
+            name: getattr(found, name)
+            for name in ("axis", "bus", "node", "index", "subindex", "type", "value")
+        }
+        write_json({"ok": True, **shown, "raw": found.raw.hex()})
+        return
+    value = found.value
+    if isinstance(value, int) and not isinstance(value, bool):
+        width = max(2, 2 * len(found.raw))
+        shown_value = f"{value} (0x{int.from_bytes(found.raw, 'little'):0{width}X})"
+    else:
+        shown_value = str(value)
+    results().print(f"axis {found.axis}  {place}  {found.type}  {shown_value}", markup=False)

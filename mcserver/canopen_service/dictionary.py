@@ -1,0 +1,124 @@
+"""The dictionary of a CiA 402 drive that comes without an EDS: what this server reads and writes.
+
+Types and places by CiA 301 (1000h … 1A03h) and CiA 402 (6000h ff.).
+"""
+
+from __future__ import annotations
+
+from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
+
+from mcserver.can.cob import Function
+
+_U8, _U16, _U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
+_I8, _I16, _I32 = datatypes.INTEGER8, datatypes.INTEGER16, datatypes.INTEGER32
+_PDOS = 4
+_MAPPED = 8
+
+# (index, name, type, access)
+_VARIABLES = (
+    (0x1000, "Device type", _U32, "ro"),
+    (0x1001, "Error register", _U8, "ro"),
+    (0x1008, "Manufacturer device name", datatypes.VISIBLE_STRING, "const"),
+    (0x1009, "Manufacturer hardware version", datatypes.VISIBLE_STRING, "const"),
+    (0x100A, "Manufacturer software version", datatypes.VISIBLE_STRING, "const"),
+    (0x1017, "Producer heartbeat time", _U16, "rw"),
+    (0x6007, "Abort connection option code", _I16, "rw"),
+    (0x603F, "Error code", _U16, "ro"),
+    (0x6040, "Controlword", _U16, "rw"),
+    (0x6041, "Statusword", _U16, "ro"),
+    (0x605A, "Quick stop option code", _I16, "rw"),
+    (0x605B, "Shutdown option code", _I16, "rw"),
+    (0x605C, "Disable operation option code", _I16, "rw"),
+    (0x605E, "Fault reaction option code", _I16, "rw"),
+    (0x6060, "Modes of operation", _I8, "rw"),
+    (0x6061, "Modes of operation display", _I8, "ro"),
+    (0x6064, "Position actual value", _I32, "ro"),
+    (0x6065, "Following error window", _U32, "rw"),
+    (0x6066, "Following error time out", _U16, "rw"),
+    (0x606C, "Velocity actual value", _I32, "ro"),
+    (0x6071, "Target torque", _I16, "rw"),
+    (0x6072, "Max torque", _U16, "rw"),
+    (0x6073, "Max current", _U16, "rw"),
+    (0x6075, "Motor rated current", _U32, "rw"),
+    (0x6076, "Motor rated torque", _U32, "rw"),
+    (0x6077, "Torque actual value", _I16, "ro"),
+    (0x6079, "DC link circuit voltage", _U32, "ro"),
+    (0x607A, "Target position", _I32, "rw"),
+    (0x607C, "Home offset", _I32, "rw"),
+    (0x607E, "Polarity", _U8, "rw"),
+    (0x607F, "Max profile velocity", _U32, "rw"),
+    (0x6080, "Max motor speed", _U32, "rw"),
+    (0x6081, "Profile velocity", _U32, "rw"),
+    (0x6083, "Profile acceleration", _U32, "rw"),
+    (0x6084, "Profile deceleration", _U32, "rw"),
+    (0x6085, "Quick stop deceleration", _U32, "rw"),
+    (0x60B0, "Position offset", _I32, "rw"),
+    (0x60B1, "Velocity offset", _I32, "rw"),
+    (0x60B2, "Torque offset", _I16, "rw"),
+    (0x60F4, "Following error actual value", _I32, "ro"),
+    (0x60FD, "Digital inputs", _U32, "ro"),
+    (0x60FF, "Target velocity", _I32, "rw"),
+    (0x6502, "Supported drive modes", _U32, "ro"),
+)
+# (index, name, types from subindex 1 on, access)
+_RECORDS = (
+    (0x1003, "Pre-defined error field", (_U32,) * 8, "ro"),
+    (0x1010, "Store parameters", (_U32,) * 4, "rw"),
+    (0x1011, "Restore default parameters", (_U32,) * 4, "rw"),
+    (0x1016, "Consumer heartbeat time", (_U32,), "rw"),
+    (0x1018, "Identity object", (_U32,) * 4, "ro"),
+    (0x607D, "Software position limit", (_I32, _I32), "rw"),
+    (0x608F, "Position encoder resolution", (_U32, _U32), "rw"),
+    (0x6091, "Gear ratio", (_U32, _U32), "rw"),
+    (0x6092, "Feed constant", (_U32, _U32), "rw"),
+    (0x60C2, "Interpolation time period", (_U8, _I8), "rw"),
+)
+
+
+def generic_dictionary(node: int) -> ObjectDictionary:
+    """A dictionary of the standard's objects, with four RPDOs and four TPDOs."""
+    dictionary = ObjectDictionary()
+    dictionary.node_id = node
+    for index, name, kind, access in _VARIABLES:
+        dictionary.add_object(_variable(name, index, 0, kind, access))
+    for index, name, kinds, access in _RECORDS:
+        dictionary.add_object(_record(name, index, kinds, access))
+    for number in range(_PDOS):
+        rpdo = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)[number] + node
+        tpdo = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)[number] + node
+        for communication, mapping, name, cob in (
+            (0x1400, 0x1600, "RPDO", rpdo),
+            (0x1800, 0x1A00, "TPDO", tpdo),
+        ):
+            parameter = _record(
+                f"{name}{number + 1} communication parameter",
+                communication + number,
+                (_U32, _U8, _U16, _U8, _U16),
+                "rw",
+            )
+            parameter.subindices[1].default = cob
+            parameter.subindices[1].relative = True
+            dictionary.add_object(parameter)
+            mapped = _record(
+                f"{name}{number + 1} mapping parameter", mapping + number, (_U32,) * _MAPPED, "rw"
+            )
+            mapped.subindices[0].access_type = "rw"
+            dictionary.add_object(mapped)
+    return dictionary
+
+
+def _variable(name: str, index: int, subindex: int, kind: int, access: str) -> ODVariable:
+    variable = ODVariable(name, index, subindex)
+    variable.data_type = kind
+    variable.access_type = access
+    return variable
+
+
+def _record(name: str, index: int, kinds: tuple[int, ...], access: str) -> ODRecord:
+    record = ODRecord(name, index)
+    number = _variable(f"{name}: highest subindex", index, 0, _U8, "ro")
+    number.default = len(kinds)
+    record.add_member(number)
+    for subindex, kind in enumerate(kinds, 1):
+        record.add_member(_variable(f"{name}: {subindex}", index, subindex, kind, access))
+    return record

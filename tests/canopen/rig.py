@@ -1,0 +1,113 @@
+"""What tests of the service path stand on: a hub, events, machines."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from mcserver.can.hub import Hub
+from mcserver.canopen_service.boot import BootTimes
+from mcserver.canopen_service.bus import ServiceTimes
+from mcserver.canopen_service.events import CanopenEvent
+from mcserver.canopen_service.sdo import SdoTimes
+from mcserver.canopen_service.service import CanopenService
+from mcserver.config import Machine, parse_machine
+
+LIMIT_S = 20.0
+# Answers on the loopback take a millisecond; a test that waits for none should not wait long.
+TIMES = ServiceTimes(sdo=SdoTimes(response_s=0.5, attempts=2), boot=BootTimes(appear_s=3.0, start_s=2.0))
+
+
+class RunningHub:
+    """A hub in a thread; it can be stopped and started again on the same port."""
+
+    def __init__(self) -> None:
+        self.port = 0
+        self._hub: Hub | None = None
+        self._thread: threading.Thread | None = None
+        self.start()
+
+    def start(self) -> None:
+        self._hub = Hub("127.0.0.1", self.port)
+        self.port = self._hub.port
+        self._thread = threading.Thread(target=self._hub.run, name="hub", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        if self._hub is not None and self._thread is not None:
+            self._hub.stop()
+            self._thread.join(5.0)
+            self._hub = None
+
+    def address(self, channel: str = "can0") -> str:
+        return f"socketcand:127.0.0.1:{self.port}/{channel}"
+
+
+@dataclass
+class Watched:
+    """A service with its events and its sentences."""
+
+    events: queue.Queue[CanopenEvent] = field(default_factory=queue.Queue)
+    sentences: list[str] = field(default_factory=list)
+    services: list[CanopenService] = field(default_factory=list)
+
+    def start(
+        self,
+        machine: Machine,
+        times: ServiceTimes = TIMES,
+        stopping: Callable[[], bool] = lambda: False,
+    ) -> CanopenService:
+        service = CanopenService.start(
+            machine, self.events.put, self.sentences.append, times, stopping=stopping
+        )
+        self.services.append(service)
+        return service
+
+    def expect(self, kind: str) -> CanopenEvent:
+        """The next event of that kind; others before it are passed over."""
+        deadline = time.monotonic() + LIMIT_S
+        seen = []
+        while True:
+            try:
+                event = self.events.get(timeout=max(0.01, deadline - time.monotonic()))
+            except queue.Empty:
+                raise AssertionError(f"no {kind} came; these did: {seen}") from None
+            if event.kind == kind:
+                return event
+            seen.append(event)
+
+
+def machine_on(address: str, nodes: Sequence[int], keys: str = "", kind: str = "cia402") -> Machine:
+    """Axis i has the i-th node; ``keys`` go into every drive's section."""
+    axes = "".join(
+        f"""
+[[axis]]
+index = {axis}
+type = "linear"
+max_velocity = 100
+max_acceleration = 1000
+units_per_motor_rev = 10
+[axis.drive]
+kind = "{kind}"
+bus = "left"
+node = {node}
+counts_per_motor_rev = 4096
+{keys}
+"""
+        for axis, node in enumerate(nodes)
+    )
+    return parse_machine(
+        f'[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "{address}"\n{axes}'
+    )
+
+
+def wait_until(holds: Callable[[], bool], what: str) -> None:
+    """Waits for a state that another thread brings about, and fails with a name for it."""
+    pause = threading.Event()
+    deadline = time.monotonic() + LIMIT_S
+    while not holds():
+        assert time.monotonic() < deadline, f"not within {LIMIT_S:g} s: {what}"
+        pause.wait(0.005)

@@ -1,0 +1,176 @@
+"""``mcserver machine check``, ``doctor --machine`` and ``run`` on machines with drives on CAN buses."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from mcserver.cli import run_command_line
+from mcserver.config import Machine, load_machine
+from mcserver.doctor import State
+from mcserver.doctor.can import CanFacts, CanInterface
+from mcserver.doctor.machine import BusFacts, judge_buses
+from mcserver.machine_check import find_drive_faults
+from tests.canopen.rig import RunningHub, machine_on
+from tests.cli.command import ROOT
+
+Capture = pytest.CaptureFixture[str]
+NO_CAN = CanFacts(sockets=False, virtual=False, interfaces=())
+NOWHERE = "socketcand:127.0.0.1:9/can0"
+
+
+def codes(machine: Machine) -> list[tuple[str, str]]:
+    return [(found.code, found.severity) for found in find_drive_faults(machine)]
+
+
+def test_drives_without_eds_are_beyond_doubt() -> None:
+    assert codes(machine_on(NOWHERE, [1, 2])) == []
+
+
+def test_a_machine_without_can_has_nothing_to_check() -> None:
+    assert codes(load_machine("cartesian")) == []
+
+
+def test_a_faulty_eds_is_an_error_with_its_place(tmp_path: Path) -> None:
+    file = tmp_path / "bad.eds"
+    file.write_text("[1000]\nDataType=four\n")
+    (found,) = find_drive_faults(machine_on(NOWHERE, [1], f'eds = "{file}"'))
+    assert (found.code, found.severity, found.axis) == ("MC008", "error", 0)
+    assert "bad.eds, section [1000], DataType" in found.message
+
+
+def test_an_eds_that_is_not_there_is_an_error() -> None:
+    assert codes(machine_on(NOWHERE, [1], 'eds = "/no/such.eds"')) == [("MC008", "error")]
+
+
+def test_an_eds_without_a_needed_object_is_an_error(tmp_path: Path) -> None:
+    file = tmp_path / "short.eds"
+    file.write_text("[1000]\nParameterName=Device type\nDataType=7\nAccessType=ro\n")
+    assert codes(machine_on(NOWHERE, [1], f'eds = "{file}"')) == [("MC552", "error")]
+
+
+def test_a_cycle_that_drives_cannot_be_told_is_an_error() -> None:
+    machine = msgspec.structs.replace(machine_on(NOWHERE, [1]), cycle_hz=240.0)
+    assert codes(machine) == [("MC552", "error")]
+
+
+def test_a_drive_that_watches_nobody_is_doubtful() -> None:
+    assert codes(machine_on(NOWHERE, [1], "heartbeat_ms = 0")) == [("MC022", "warning")]
+
+
+def test_the_simulated_drive_s_eds_is_beyond_doubt_and_a_dcf_of_another_node_is_not(tmp_path: Path) -> None:
+    eds = ROOT / "mcserver" / "drive_sim" / "cia402.eds"
+    assert codes(machine_on(NOWHERE, [1], f'eds = "{eds}"')) == []
+    dcf = tmp_path / "drive.dcf"
+    text = eds.read_text().replace("[6065]\n", "[6065]\nParameterValue=7\n")
+    dcf.write_text(text + "\n[DeviceComissioning]\nNodeID=9\n")
+    assert codes(machine_on(NOWHERE, [1], f'eds = "{dcf}"')) == [("MC022", "warning")]
+
+
+def test_machine_check_exits_3_for_an_eds_that_cannot_be_read(tmp_path: Path, capfd: Capture) -> None:
+    file = tmp_path / "machine.toml"
+    file.write_text(
+        '[machine]\nname = "m"\ncycle_hz = 100\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1\n'
+        'max_acceleration = 1\n[axis.drive]\nkind = "cia402"\nbus = "can0"\nnode = 1\n'
+        'counts_per_motor_rev = 1000\neds = "none.eds"\n'
+    )
+    assert run_command_line(["machine", "check", str(file)]) == 3
+    told = capfd.readouterr()
+    assert "error[MC008]" in told.err
+    assert f"{tmp_path}/none.eds" in told.err
+
+
+def test_the_load_of_each_bus_is_told_with_its_arithmetic() -> None:
+    machine = machine_on(NOWHERE, [1, 2, 3])
+    load, connection = judge_buses(machine, [BusFacts("left", NOWHERE, 1_000_000)], NO_CAN)
+    assert (load.state, load.title) == (State.OK, "left: load")
+    assert "3 axes at 100 Hz" in load.found
+    assert "× 135" in load.found
+    assert connection.state is State.OK
+
+
+def test_a_bus_that_is_nearly_full_is_advised_against() -> None:
+    machine = msgspec.structs.replace(machine_on("can0", [1, 2, 3, 4, 5, 6]), cycle_hz=440.0)
+    load, _ = judge_buses(machine, [BusFacts("left", "can0", 1_000_000)], NO_CAN)
+    assert load.state is State.ADVICE
+    assert "would still fit" in load.mend
+
+
+@pytest.mark.parametrize(
+    ("address", "mend"),
+    [
+        ("can0", "ip link set can0 up type can bitrate 500000"),
+        (NOWHERE, "socketcand server"),
+        ("udp:239.1.2.3:4000", "multicast"),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_is_missing_with_its_mend(address: str, mend: str) -> None:
+    machine = machine_on(address, [1])
+    _, connection = judge_buses(machine, [BusFacts("left", address, 500_000, "refused")], NO_CAN)
+    assert connection.state is State.MISSING
+    assert mend in connection.mend
+
+
+def test_another_bit_rate_than_the_machine_file_s_is_missing() -> None:
+    interface = CanInterface("can0", True, 1000, "ERROR-ACTIVE", 0, 0, 500_000)
+    can = CanFacts(sockets=True, virtual=False, interfaces=(interface,))
+    _, connection = judge_buses(machine_on("can0", [1]), [BusFacts("left", "can0", 1_000_000)], can)
+    assert connection.state is State.MISSING
+    assert "bitrate 1000000" in connection.mend
+
+
+def test_doctor_looks_at_the_buses_of_a_machine(hub: RunningHub, tmp_path: Path, capfd: Capture) -> None:
+    file = tmp_path / "machine.toml"
+    file.write_text(
+        '[machine]\nname = "m"\ncycle_hz = 100\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1\n'
+        f'max_acceleration = 1\n[axis.drive]\nkind = "cia402"\nbus = "{hub.address()}"\nnode = 1\n'
+        "counts_per_motor_rev = 1000\n"
+    )
+    run_command_line(["doctor", "--json", "--machine", str(file)])
+    found = [each for each in json.loads(capfd.readouterr().out)["findings"] if each["area"] == "buses"]
+    assert [each["state"] for each in found] == ["ok", "ok"]
+    hub.stop()
+    assert run_command_line(["doctor", "--json", "--machine", str(file)]) == 1
+    found = [each for each in json.loads(capfd.readouterr().out)["findings"] if each["area"] == "buses"]
+    assert [each["state"] for each in found] == ["ok", "missing"]
+
+
+def test_doctor_refuses_a_machine_that_is_none(capfd: Capture) -> None:
+    assert run_command_line(["doctor", "--machine", "none.toml"]) == 3
+    assert "error[MC001]" in capfd.readouterr().err
+
+
+def test_a_machine_without_can_needs_none_of_its_packages() -> None:
+    looked = (
+        "import sys, mcserver.server, mcserver.commands.run; print({'can', 'canopen'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", looked], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout == "set()\n"
+
+
+def test_missing_packages_are_told_with_the_command_that_brings_them(hub: RunningHub, tmp_path: Path) -> None:
+    file = tmp_path / "machine.toml"
+    file.write_text(
+        '[machine]\nname = "m"\ncycle_hz = 100\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1\n'
+        f'max_acceleration = 1\n[axis.drive]\nkind = "cia402"\nbus = "{hub.address()}"\nnode = 1\n'
+        "counts_per_motor_rev = 1000\n"
+    )
+    without = "import sys; sys.modules['canopen'] = None; from mcserver.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", without, "run", "--machine", str(file), "--listen", "tcp/127.0.0.1:0"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 3
+    assert "error[MC016]" in done.stderr
+    assert "pip install 'mcserver[can]'" in done.stderr

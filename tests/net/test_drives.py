@@ -1,0 +1,173 @@
+"""Calls about drives, over the wire, with drives that are only told of."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from mcserver.can_drives import CanDrives
+from mcserver.canopen_service.errors import DriveError
+from mcserver.canopen_service.events import CanopenEvent
+from mcserver.canopen_service.views import DriveView, SdoTarget, SdoValue, Value
+from mcserver.net.session import NetworkOptions
+from mcserver.programs.service import MachineService
+from mcserver.server import ServerOptions, running
+from tests.net.client import ErrorAnswer, WireClient
+from tests.programs.fakes import FakePipelines, FakePort, three_axes
+
+
+class ToldDrives:
+    """Drives that remember what was asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[SdoTarget, str | None, Value | None]] = []
+
+    def drives(self) -> list[DriveView]:
+        return [DriveView(1, "cia402", "can0", 3, "operational", statusword=0x27, status="operation enabled")]
+
+    async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoValue:
+        self.asked.append((target, kind, None))
+        if target.index == 0x2345:
+            raise DriveError("MC553", "no such object", "see the EDS", abort_code=0x0602_0000)
+        return SdoValue(1, "can0", 3, target.index, target.subindex, kind or "i32", -7, b"\xf9\xff\xff\xff")
+
+    async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value, /) -> SdoValue:
+        self.asked.append((target, kind, value))
+        return SdoValue(1, "can0", 3, target.index, target.subindex, kind or "u8", value, b"\x01")
+
+
+@pytest.fixture
+def told() -> ToldDrives:
+    return ToldDrives()
+
+
+@pytest.fixture
+async def served(told: ToldDrives, tmp_path: Path) -> AsyncIterator[tuple[MachineService, CanDrives, str]]:
+    machine = three_axes()
+    options = ServerOptions(
+        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
+    )
+    drives = CanDrives(asyncio.get_running_loop())
+    drives.access = told
+    drives.on_event(CanopenEvent("drive.lost", "before the service was there", 1, "MC557"))
+    async with running(machine, options, FakePort(machine), FakePipelines(), drives) as (service, face):
+        yield service, drives, (await face.endpoints())[0]
+
+
+@pytest.fixture
+async def client(served: tuple[MachineService, CanDrives, str]) -> AsyncIterator[WireClient]:
+    made = WireClient(served[2], "bench")
+    yield made
+    await made.close()
+
+
+async def test_drives_are_told_with_all_that_is_known(client: WireClient) -> None:
+    reply = await client.call("drives")
+    assert reply["drives"] == [
+        {
+            "axis": 1,
+            "kind": "cia402",
+            "bus": "can0",
+            "node": 3,
+            "state": "operational",
+            "statusword": 0x27,
+            "status": "operation enabled",
+        }
+    ]
+
+
+async def test_an_object_is_read_as_asked(client: WireClient, told: ToldDrives) -> None:
+    reply = await client.call("sdo_read", axis=1, index=0x6064)
+    assert reply == {
+        "axis": 1,
+        "bus": "can0",
+        "node": 3,
+        "index": 0x6064,
+        "subindex": 0,
+        "type": "i32",
+        "value": -7,
+        "raw": b"\xf9\xff\xff\xff",
+    }
+    await client.call("sdo_read", node=3, bus="can0", index=0x1018, subindex=2, type="u32")
+    assert told.asked == [
+        (SdoTarget(0x6064, axis=1), None, None),
+        (SdoTarget(0x1018, 2, node=3, bus="can0"), "u32", None),
+    ]
+
+
+@pytest.mark.parametrize("value", [5, -1, 1.5, True, "0x10"])
+async def test_a_value_is_written_once_however_often_it_is_asked(
+    client: WireClient, told: ToldDrives, value: Value
+) -> None:
+    for _ in range(2):
+        reply = await client.call("sdo_write", request=9, axis=1, index=0x6065, value=value)
+        assert reply["value"] == value
+        assert type(reply["value"]) is type(value)
+    assert told.asked == [(SdoTarget(0x6065, axis=1), None, value)]
+
+
+@pytest.mark.parametrize(
+    ("fields", "code"),
+    [
+        ({"index": 0x6041}, "MC511"),
+        ({"index": 0x6041, "axis": 1, "node": 3}, "MC511"),
+        ({"index": 0x10000, "axis": 1}, "MC500"),
+        ({"index": 0x6041, "subindex": 256, "axis": 1}, "MC500"),
+        ({"index": 0x6041, "axis": 1, "type": "u7"}, "MC500"),
+        ({"index": 0x6041, "node": 0}, "MC500"),
+    ],
+)
+async def test_requests_that_name_no_object_of_one_drive_are_refused(
+    client: WireClient, told: ToldDrives, fields: dict[str, object], code: str
+) -> None:
+    with pytest.raises(ErrorAnswer) as refused:
+        await client.call("sdo_read", **fields)
+    assert refused.value.code == code
+    assert told.asked == []
+
+
+async def test_a_drive_s_abort_code_is_in_the_details(client: WireClient) -> None:
+    with pytest.raises(ErrorAnswer) as refused:
+        await client.call("sdo_read", axis=1, index=0x2345)
+    assert refused.value.code == "MC553"
+    assert refused.value.body["details"] == {"abort_code": 0x0602_0000}
+
+
+async def test_a_write_takes_no_wildcard(client: WireClient, told: ToldDrives) -> None:
+    with pytest.raises(ErrorAnswer) as refused:
+        await client.ask(
+            "mc/@v1/*/@rpc/sdo_write", {"client": "t", "request": 1, "axis": 1, "index": 1, "value": 1}
+        )
+    assert refused.value.code == "MC502"
+    assert told.asked == []
+
+
+async def test_events_of_drives_are_published_those_before_the_start_too(
+    client: WireClient, served: tuple[MachineService, CanDrives, str]
+) -> None:
+    events = client.subscribe("event")
+    await client.call("status")
+    served[1].on_event(CanopenEvent("drive.emergency", "8611h following error", 1, "MC556"))
+    event = await events.first(lambda event: event["kind"] == "drive.emergency")
+    assert (event["axis"], event["reason"], event["message"]) == (1, "MC556", "8611h following error")
+    kept = (await client.call("events"))["events"]
+    assert [each["kind"] for each in kept][:2] == ["server.started", "drive.lost"]
+
+
+async def test_a_machine_without_can_has_no_such_drives(tmp_path: Path) -> None:
+    machine = three_axes()
+    options = ServerOptions(
+        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
+    )
+    async with running(machine, options, FakePort(machine), FakePipelines()) as (_, face):
+        client = WireClient((await face.endpoints())[0], "bench")
+        try:
+            assert (await client.call("drives"))["drives"] == []
+            with pytest.raises(ErrorAnswer) as refused:
+                await client.call("sdo_read", axis=0, index=0x6041)
+        finally:
+            await client.close()
+    assert refused.value.code == "MC559"
