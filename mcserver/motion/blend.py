@@ -15,8 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.kernels.corners import PLACES, best_reach, distance_from_corner, quintic
+from mcserver.motion.kernels.polynomials import half_of, polynomial_samples
 from mcserver.motion.path import Array, PolynomialCurve, SampledCurve
-from mcserver.motion.segment import Segment, columns_of
+from mcserver.motion.segment import AxisLimits, Segment, columns_of
 
 # Share of a segment that a blend at one of its ends may use: two blends never meet.
 SHARE = 0.49
@@ -57,7 +59,7 @@ def blend(
     miss = 0.22 * float(np.linalg.norm((t2 - t1) * per_axis))
     distance = min(longest, tolerance / miss) if miss > 0.0 else longest
     cosine = float(t1 @ t2)
-    handle = handle_share + (0.045 if cosine > 0.0 else 0.13) * cosine
+    handle = _handle(handle_share, cosine)
     for _ in range(40):
         made = _make(before, after, distance, handle, per_axis)
         if made is None:
@@ -97,25 +99,97 @@ def _make(
     p3 = 2.0 * p4 - p5 + a5 * (h * h / 20.0)
     mask = before.mask | after.mask
     columns = columns_of(mask)
-    power = _power_basis(np.stack([p0, p1, p2, p3, p4, p5]))[:, columns]
-    error = _error(power, before, after, leave, join, columns, per_axis)
-    base = after.base
-    halves = [
-        _segment(_part(power, low, high), columns, mask, side, base)
-        for low, high, side in ((0.0, 0.5, before), (0.5, 1.0, after))
-    ]
-    if any(half is None for half in halves):
+    power = _power_basis(np.stack([p0, p1, p2, p3, p4, p5]))
+    # columns that rest keep their place to the last bit
+    power[1:] *= np.isin(np.arange(width), columns)
+    error = _error(power[:, columns], before, after, leave, join, columns, per_axis)
+    made = _between(before, after, leave, join, power)
+    return None if made is None else (made, error)
+
+
+@dataclass(frozen=True)
+class _Side:
+    """The line that half of a blend belongs to.
+
+    Attributes:
+        mask, base: of the blend. length: |dp/ds| of the line where it meets the blend.
+    """
+
+    segment: Segment
+    mask: int
+    base: Array
+    length: float
+
+
+def _between(before: Segment, after: Segment, leave: float, join: float, power: Array) -> Blend | None:
+    """Two segments trimmed at s = ``leave`` and ``join``, and between them the curve of ``power``."""
+    mask = before.mask | after.mask
+    columns = columns_of(mask)
+    width = len(before.base)
+    before_slope, before_bend, _ = before.derivatives(np.array([leave]), width)
+    after_slope, after_bend, _ = after.derivatives(np.array([join]), width)
+    first = _half(power, 0.0, columns, _Side(before, mask, after.base, _length(before_slope[0])))
+    second = _half(power, 0.5, columns, _Side(after, mask, after.base, _length(after_slope[0])))
+    if first is None or second is None:
         return None
-    first, second = halves
-    assert first is not None
-    assert second is not None
-    slope, bend, _ = before.derivatives(np.array([leave]), width)
-    trimmed_before = dataclasses.replace(before, finish=leave, last=slope[0], bend_last=bend[0], closes=False)
-    slope, bend, _ = after.derivatives(np.array([join]), width)
-    trimmed_after = dataclasses.replace(after, begin=join, first=slope[0], bend_first=bend[0], opens=False)
     first.opens = False
     second.closes = False
-    return Blend(trimmed_before, first, second, trimmed_after), error
+    return Blend(
+        dataclasses.replace(
+            before, finish=leave, last=before_slope[0], bend_last=before_bend[0], closes=False
+        ),
+        first,
+        second,
+        dataclasses.replace(after, begin=join, first=after_slope[0], bend_first=after_bend[0], opens=False),
+    )
+
+
+def _length(vector: Array) -> float:
+    return math.sqrt(float(vector @ vector))
+
+
+def straight_blend(
+    before: Segment,
+    after: Segment,
+    tolerance: float,
+    per_axis: Array,
+    handle_share: float,
+    shares: tuple[float, ...],
+    limits: AxisLimits,
+) -> Blend | None:
+    """Rounds the corner of two straight segments with the share of the tolerance that is quickest.
+
+    Returns:
+        None where the corner itself is passed as soon, or cannot be rounded.
+    """
+    if not (_can_be_trimmed(before) and _can_be_trimmed(after)):
+        return None
+    end, begin = _length(before.first), _length(after.first)
+    t1, t2 = before.first / end, after.first / begin
+    cosine = float(t1 @ t2)
+    if cosine < REVERSAL:
+        return None
+    power = np.empty((6, len(t1)))
+    quintic(t1, t2, _handle(handle_share, cosine), power)
+    miss = distance_from_corner(t1, t2, power, per_axis)
+    left, right = end * (before.finish - before.begin), begin * (after.finish - after.begin)
+    longest = SHARE * min(left, right)
+    reaches = np.array(
+        [longest if miss <= 0.0 else min(longest, share * tolerance / miss) for share in shares]
+    )
+    feeds = np.array([before.feed * end, after.feed * begin])
+    reach = best_reach(
+        before.first, after.first, left, right, feeds, limits.rows, limits.cycle, power, reaches
+    )
+    if reach <= 0.0:
+        return None
+    power *= reach
+    power[0] += after.base
+    return _between(before, after, before.finish - reach / end, after.begin + reach / begin, power)
+
+
+def _handle(share: float, cosine: float) -> float:
+    return share + (0.045 if cosine > 0.0 else 0.13) * cosine
 
 
 def _moved(segment: Segment, width: int) -> Array:
@@ -146,46 +220,41 @@ def _power_basis(points: Array) -> Array:
     )
 
 
-def _part(power: Array, low: float, high: float) -> Array:
-    """The polynomial over [low, high] as one over [0, 1]."""
-    degree = len(power) - 1
-    result = np.zeros_like(power)
-    for k in range(degree + 1):
-        for i in range(k, degree + 1):
-            result[k] += math.comb(i, k) * low ** (i - k) * (high - low) ** k * power[i]
-    return result
+def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> Segment | None:
+    """Half of a blend, from ``low`` on, as a segment; None where it nearly stands still somewhere.
 
-
-def _segment(
-    power: Array, columns: NDArray[np.intp], mask: int, side: Segment, base: Array
-) -> Segment | None:
-    curve = PolynomialCurve(axes=tuple(int(c) for c in columns), coefficients=power, length=0.0)
-    slope, bend, _ = curve.derivatives(_S)
-    size = np.linalg.norm(slope, axis=1)
-    if size.min() <= 1e-3 * size.max():
+    Args:
+        power: coefficients in all columns, shape (n, K), constant first. columns: those that move.
+    """
+    part = np.empty_like(power)
+    half_of(power, low, 0.5, part)
+    rows = np.zeros((PLACES, 5 * power.shape[1] + 2))
+    speeds = np.empty(PLACES)
+    polynomial_samples(part, 1.0, rows, speeds)
+    if speeds.min() <= 1e-3 * speeds.max():
         return None
-    curve = PolynomialCurve(curve.axes, power, float(np.trapezoid(size, _S)))
-    width = len(base)
-    whole = np.zeros((4, width))
-    whole[0, columns], whole[1, columns] = slope[0], slope[-1]
-    whole[2, columns], whole[3, columns] = bend[0], bend[-1]
-    # the path speed of the line it belongs to is kept where the parameter runs fastest
-    feed = side.feed * side.scale / float(size.max())
+    orders = np.arange(len(part), dtype=np.float64)
+    curve = PolynomialCurve(
+        axes=tuple(columns.tolist()),
+        coefficients=part[:, columns],
+        length=float(np.trapezoid(speeds, dx=1.0 / (PLACES - 1))),
+    )
     return dataclasses.replace(
-        side,
+        side.segment,
         curves=(curve,),
         columns=(columns,),
-        mask=mask,
-        feed=feed,
+        mask=side.mask,
+        # the path speed of the line it belongs to is kept where the parameter runs fastest
+        feed=side.segment.feed * side.length / float(speeds.max()),
         requested=0.0,
-        first=whole[0],
-        last=whole[1],
-        bend_first=whole[2],
-        bend_last=whole[3],
-        scale=float(size[0]),
+        first=part[1].copy(),
+        last=orders @ part,
+        bend_first=2.0 * part[2],
+        bend_last=(orders * (orders - 1.0)) @ part,
+        scale=float(speeds[0]),
         begin=0.0,
         finish=1.0,
-        base=base,
+        base=side.base,
         opens=True,
         closes=True,
         straight=False,

@@ -5,15 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from mcserver.motion.blend import Blend, blend
+from mcserver.motion.blend import Blend, blend, straight_blend
 from mcserver.motion.lookahead import Lookahead
 from mcserver.motion.node import PlanningError
 from mcserver.motion.path import Array
 from mcserver.motion.segment import AxisLimits, Segment
 
-# Shapes and shares of the tolerance that are tried for a rounded corner.
-HANDLES = (0.4,)
-TOLERANCE_SHARES = (1.0, 0.3)
+# Shape, and shares of the tolerance that are tried for a rounded corner: what is left of it is for rows that
+# fall beside the nearest place.
+HANDLE = 0.4
+TOLERANCE_SHARES = (0.85, 0.3)
 
 
 def best_blend(
@@ -29,15 +30,16 @@ def best_blend(
     before = window.nodes[-1].segment
     if window.joint_speed(after) >= min(window.nodes[-1].top, after.feed * after.scale):
         return None
+    if before.straight and after.straight:
+        return straight_blend(before, after, tolerance, weights, HANDLE, TOLERANCE_SHARES, limits)
     best: Blend | None = None
     least = _time(limits, [before, after])
     for share in TOLERANCE_SHARES:
-        for handle in HANDLES:
-            found = blend(before, after, share * tolerance, weights, handle)
-            if found is not None:
-                time = _time(limits, [found.before, found.first, found.second, found.after])
-                if time < least * (1.0 - 1e-6):
-                    best, least = found, time
+        found = blend(before, after, share * tolerance, weights, HANDLE)
+        if found is not None:
+            time = _time(limits, [found.before, found.first, found.second, found.after])
+            if time < least * (1.0 - 1e-6):
+                best, least = found, time
     return best
 
 

@@ -16,15 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.kernels.joints import line_sample, meet
-from mcserver.motion.kernels.limits import GRID, GRID_SIZE, TINY, make_ladder, prepare, weakest
+from mcserver.motion.kernels.limits import GRID, GRID_SIZE, make_ladder, prepare, weakest
+from mcserver.motion.kernels.polynomials import KINDS, limit_of, polynomial_samples
 from mcserver.motion.kernels.ramps import MOST_RUNGS
 from mcserver.motion.path import Array, LineCurve, PolynomialCurve, SampledCurve
 from mcserver.motion.segment import AxisLimits, Segment
 
-# Share of the acceleration that curvature may take at top speed; the rest is left for the way there.
-CURVATURE_SHARE = 0.97
-# Share of the jerk that curvature alone may take.
-JERK_SHARE = 0.9
+# Places at which a polynomial is sampled.
+POLYNOMIAL_PLACES = 33
 
 
 @dataclass(frozen=True)
@@ -62,12 +61,18 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
         rows = np.zeros((1, 5 * width + 2))
         velocity, column = line_sample(segment.first, segment.scale, limits.rows, rows)
         return rows, SpeedLimit(velocity, column, "velocity")
+    if isinstance(segment.curves[0], PolynomialCurve):
+        power = np.zeros((len(segment.curves[0].coefficients), width))
+        power[:, segment.columns[0]] = segment.curves[0].coefficients
+        rows = np.zeros((POLYNOMIAL_PLACES, 5 * width + 2))
+        polynomial_samples(power, segment.scale, rows, np.empty(POLYNOMIAL_PLACES))
+        return rows, speed_limit(rows, limits)
     count = 2
     for curve in segment.curves:
         if isinstance(curve, SampledCurve):
             count = max(count, 4 * (len(curve.knots) - 1) + 1)
         elif isinstance(curve, PolynomialCurve):
-            count = max(count, 33)
+            count = max(count, POLYNOMIAL_PLACES)
         elif not isinstance(curve, LineCurve):
             # derivatives of a circle repeat after one turn: 128 points a turn miss an extreme by 0.03 %
             sweep = abs(getattr(curve, "sweep", 2.0 * math.pi))
@@ -86,20 +91,8 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
 
 def speed_limit(rows: Array, limits: AxisLimits) -> SpeedLimit:
     """Greatest constant speed that the axes allow on the samples (vertices not counted)."""
-    width = len(limits.velocity)
-    slope, bend, twist = (rows[:, part * width : (part + 1) * width].max(axis=0) for part in range(3))
-    with np.errstate(divide="ignore", over="ignore"):
-        choices = [(limits.velocity / np.maximum(slope, TINY), "velocity")]
-        if bend.any():
-            by_bend = np.sqrt(CURVATURE_SHARE * limits.acceleration / np.maximum(bend, TINY))
-            by_twist = np.cbrt(JERK_SHARE * limits.jerk / np.maximum(twist, TINY))
-            choices += [(by_bend, "acceleration"), (by_twist, "jerk")]
-    best = SpeedLimit(math.inf, 0, "velocity")
-    for values, kind in choices:
-        column = int(np.argmin(values))
-        if values[column] < best.velocity:
-            best = SpeedLimit(float(values[column]), column, kind)
-    return best
+    velocity, column, kind = limit_of(rows, limits.rows)
+    return SpeedLimit(velocity, column, KINDS[kind])
 
 
 class RunLimits:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.kernels.corners import SHORT
 from mcserver.motion.kernels.joints import meet_lines
 from mcserver.motion.kernels.ramps import reachable_speed
 from mcserver.motion.keys import KeySolver, Solution
@@ -22,8 +23,6 @@ from mcserver.motion.path import Array
 from mcserver.motion.profile import Phases, ProfileSolver, time_law
 from mcserver.motion.segment import AxisLimits, Segment, StraightRun
 
-# Cycles below which a segment's own top speed is that of its joints.
-SHORT = 5.0
 # Cycles that a group of segments may last, and how alike their speeds have to be.
 GROUP = 4.0
 SAME = 0.9

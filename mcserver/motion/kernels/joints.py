@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.limits import TINY, ripple
+from mcserver.motion.kernels.limits import CURVATURE_SHARE, TINY, ripple
 from mcserver.motion.path import Array
 
-# Share of the acceleration that a curve may take where it is made of short lines.
-_POLYLINE_SHARE = 0.97
 # A vertex between segments that last many cycles is passed in one cycle: half of the limit is left beside it.
 VERTEX_SHARE = 0.5
 # Short segments that turn by less than this are a polyline in place of a curve [rad].
@@ -92,12 +90,12 @@ def meet(
     if worst > _ONE_TANGENT:
         speed = VERTEX_SHARE * cycle / worst
         isolated = True
-        dense = math.sqrt(_POLYLINE_SHARE * spacing / worst)
+        dense = math.sqrt(CURVATURE_SHARE * spacing / worst)
         dense /= math.sqrt(1.0 + ripple(min(1.0, spacing / (dense * cycle))))
         turn = math.sqrt(turned) * before_scale / end
         if turn < POLYLINE_TURN and spacing < 10.0 * cycle * dense:
             # many short segments: a polyline stands for a curve, and the speed is that of the curve
-            speed = min(_POLYLINE_SHARE * cycle / worst, dense)
+            speed = min(CURVATURE_SHARE * cycle / worst, dense)
             isolated = False
         if isolated and speed < CRAWL * cycle * crawl_limit:
             return 0.0, 0.0
@@ -109,7 +107,7 @@ def meet(
             # beside a vertex the bend of an arc takes its part of the same axis's acceleration: the greatest
             # v with step·v + bend·v² ≤ acceleration
             step = abs(first[k] / scale - last[k] / before_scale) / (cycle * VERTEX_SHARE)
-            share = _POLYLINE_SHARE * limits[1, k]
+            share = CURVATURE_SHARE * limits[1, k]
             speed = min(speed, 2.0 * share / max(step + math.sqrt(step * step + 4.0 * bend * share), TINY))
         sharpest = max(sharpest, abs(b2 - b1) / limits[2, k])
     if sharpest > 0.0:

@@ -15,6 +15,10 @@ from numpy.typing import NDArray
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.path import Array
 
+# Share of the acceleration that curvature may take at top speed; the rest is left for the way there.
+CURVATURE_SHARE = 0.97
+# Share of the jerk that curvature alone may take.
+JERK_SHARE = 0.9
 # Speeds of the rungs, as shares of the lowest top speed of a stretch; the last one where others are higher.
 RUNGS = (0.45, 0.65, 0.8, 0.9, 0.96, 1.0)
 # Rungs stand on a grid of speeds from the highest one down, each this share of the one above; below the last

@@ -1,0 +1,89 @@
+"""Samples of polynomial curves, and what limits speed on samples."""
+
+from __future__ import annotations
+
+import math
+
+from mcserver.motion.kernels.compiled import compiled
+from mcserver.motion.kernels.limits import CURVATURE_SHARE, JERK_SHARE, TINY
+from mcserver.motion.path import Array
+
+# What limits speed, as `limit_of` numbers it.
+KINDS = ("velocity", "acceleration", "jerk")
+
+
+@compiled
+def half_of(power: Array, low: float, span: float, part: Array) -> None:
+    """Writes the polynomial over [low, low + span] as one over [0, 1].
+
+    Args:
+        power, part: coefficients, shape (n, K), constant first.
+    """
+    degree = len(power) - 1
+    for k in range(power.shape[1]):
+        for i in range(degree + 1):
+            part[i, k] = power[i, k]
+        # Taylor shift by synthetic division
+        for i in range(degree):
+            for j in range(degree - 1, i - 1, -1):
+                part[j, k] += low * part[j + 1, k]
+        factor = 1.0
+        for i in range(degree + 1):
+            part[i, k] *= factor
+            factor *= span
+
+
+@compiled
+def polynomial_samples(power: Array, scale: float, rows: Array, speeds: Array) -> None:
+    """Writes samples of a polynomial in σ = s·scale at evenly spaced s.
+
+    Args:
+        rows: shape (n, 5 K + 2), zeroed before; written.
+        power: shape (m, K), constant first; a column that does not move is 0 but for the constant.
+        speeds: shape (n,), written: |dp/ds|.
+    """
+    count, width = len(rows), power.shape[1]
+    degree = len(power) - 1
+    for i in range(count):
+        s = i / (count - 1)
+        square = 0.0
+        for k in range(width):
+            first = second = third = 0.0
+            for row in range(degree, 0, -1):
+                first = first * s + row * power[row, k]
+            for row in range(degree, 1, -1):
+                second = second * s + row * (row - 1) * power[row, k]
+            for row in range(degree, 2, -1):
+                third = third * s + row * (row - 1) * (row - 2) * power[row, k]
+            square += first * first
+            rows[i, k] = abs(first) / scale
+            rows[i, width + k] = abs(second) / (scale * scale)
+            rows[i, 2 * width + k] = abs(third) / (scale * scale * scale)
+        rows[i, 5 * width] = math.inf
+        rows[i, 5 * width + 1] = math.inf
+        speeds[i] = math.sqrt(square)
+
+
+@compiled
+def limit_of(rows: Array, limits: Array) -> tuple[float, int, int]:
+    """Greatest constant speed on samples (vertices not counted), which column binds it, how (`KINDS`)."""
+    width = limits.shape[1]
+    best, column, kind = math.inf, 0, 0
+    for k in range(width):
+        slope = bend = twist = 0.0
+        for i in range(len(rows)):
+            slope = max(slope, rows[i, k])
+            bend = max(bend, rows[i, width + k])
+            twist = max(twist, rows[i, 2 * width + k])
+        by_velocity = limits[0, k] / max(slope, TINY)
+        if by_velocity < best:
+            best, column, kind = by_velocity, k, 0
+        if bend > 0.0:
+            by_bend = math.sqrt(CURVATURE_SHARE * limits[1, k] / bend)
+            if by_bend < best:
+                best, column, kind = by_bend, k, 1
+        if twist > 0.0:
+            by_twist = (JERK_SHARE * limits[2, k] / twist) ** (1.0 / 3.0)
+            if by_twist < best:
+                best, column, kind = by_twist, k, 2
+    return best, column, kind
