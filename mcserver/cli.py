@@ -1,7 +1,7 @@
-"""The server-side command line: ``mcserver run | check | simulate | plot | doctor | machine``.
+"""The server-side command line: ``mcserver run | check | simulate | plot | view | doctor | …``.
 
-Exit codes: 0 ok, 1 failed while running, 2 usage, 3 configuration, 4 program rejected. Bad input never gives
-a traceback: each fault has a code and a remedy.
+Exit codes: 0 ok, 1 failed while running, 2 usage, 3 configuration, 4 program rejected, 5 nobody answers. Bad
+input never gives a traceback: each fault has a code and a remedy.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Annotated
 import typer
 
 from kinematics.errors import KinematicsError
-from mcserver.commands import check, doctor, machine, plot, run, simulate
+from mcserver.commands import check, doctor, drive_sim, machine, plot, run, simulate, view
 from mcserver.commands.console import show_error
 from mcserver.commands.faults import ExitCode, OutputFault, exit_code_of
 from mcserver.errors import McError
@@ -55,7 +55,9 @@ def build_app() -> typer.Typer:
     app.command("check")(check.check)
     app.command("simulate")(simulate.simulate_program)
     app.command("plot")(plot.plot)
+    app.command("view")(view.view)
     app.command("doctor")(doctor.doctor)
+    app.command("drive-sim")(drive_sim.drive_sim)
     app.add_typer(machine.build_app(), name="machine")
     return app
 

@@ -1,0 +1,198 @@
+"""A port on a SocketCAN interface: a raw socket that never waits.
+
+An interface that goes down or away (ENETDOWN, ENODEV) or a controller that is bus-off makes the port `down`.
+The socket is opened again by itself, at most every `REOPEN_S`, once the interface is back.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import struct
+import time
+from contextlib import suppress
+
+from mcserver.can.frame import (
+    ERROR_FLAG,
+    FRAME_SIZE,
+    HEADER,
+    NOT_DATA,
+    PAYLOAD_OFFSET,
+    STANDARD_MASK,
+    prepare_frame,
+)
+from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame, PortCounters
+from mcserver.errors import RuntimeFault
+
+REOPEN_S = 0.1
+# linux/can.h, linux/can/raw.h, linux/can/error.h: this interpreter may be built without CAN's constants.
+PF_CAN = 29
+CAN_RAW = 1
+SOL_CAN_RAW = 101
+CAN_RAW_ERR_FILTER = 2
+CAN_RAW_RECV_OWN_MSGS = 4
+ALL_ERRORS = 0x1FFFFFFF
+ERROR_BUS_OFF = 0x40
+ERROR_RESTARTED = 0x100
+RECEIVE_BUFFER = 1 << 20
+SO_RCVBUFFORCE = 33
+GONE = frozenset((errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF))
+FULL = frozenset((errno.EAGAIN, errno.ENOBUFS))
+
+
+class SocketCanPort:
+    """A raw socket on an interface. Own frames are not received; other sockets of this computer get them."""
+
+    payload_offset = PAYLOAD_OFFSET
+
+    def __init__(self, interface: str) -> None:
+        """Opens the interface.
+
+        Raises:
+            RuntimeFault: MC424 there is no such interface, it is down, or the kernel has no CAN.
+        """
+        self._interface = interface
+        self.counters = PortCounters()
+        self._incoming = bytearray(FRAME_SIZE)
+        self._closed = False
+        self._next_try = 0.0
+        self._socket: socket.socket | None = None
+        try:
+            self._socket = _open(interface)
+        except OSError as error:
+            raise _cannot_open(interface, error) from error
+
+    def fileno(self) -> int:
+        return -1 if self._socket is None else self._socket.fileno()
+
+    def prepare(self, identifier: int, length: int) -> bytearray:
+        return prepare_frame(identifier, length)
+
+    def send(self, identifier: int, payload: bytes) -> bool:
+        frame = prepare_frame(identifier, len(payload))
+        frame[PAYLOAD_OFFSET : PAYLOAD_OFFSET + len(payload)] = payload
+        return self.send_prepared(frame)
+
+    def send_prepared(self, buffer: bytearray) -> bool:
+        if self._socket is None and not self._reopen():
+            self.counters.unsent += 1
+            return False
+        assert self._socket is not None
+        try:
+            self._socket.send(buffer)
+        except OSError as error:
+            self.counters.unsent += 1
+            if error.errno not in FULL:
+                self._failed(error)
+            return False
+        self.counters.sent += 1
+        return True
+
+    def drain(self) -> list[Frame]:
+        frames: list[Frame] = []
+        if self._socket is None and not self._reopen():
+            return frames
+        assert self._socket is not None
+        buffer, counters = self._incoming, self.counters
+        receive = self._socket.recv_into
+        for _ in range(MAX_DRAINED):
+            try:
+                size = receive(buffer)
+            except BlockingIOError:
+                break
+            except OSError as error:
+                self._failed(error)
+                break
+            identifier, length = HEADER.unpack_from(buffer)
+            if size != FRAME_SIZE or identifier & NOT_DATA or length > MAX_PAYLOAD:
+                self._not_data(identifier)
+                continue
+            counters.received += 1
+            counters.down = False
+            frames.append((identifier & STANDARD_MASK, bytes(buffer[8 : 8 + length])))
+        return frames
+
+    def close(self) -> None:
+        self._closed = True
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _not_data(self, identifier: int) -> None:
+        if not identifier & ERROR_FLAG:
+            self.counters.malformed += 1
+            return
+        self.counters.errors += 1
+        if identifier & ERROR_BUS_OFF:
+            self.counters.down = True
+        if identifier & ERROR_RESTARTED:
+            self.counters.down = False
+
+    def _failed(self, error: OSError) -> None:
+        """A system call failed; the socket is given up where the interface is away."""
+        self.counters.errors += 1
+        if error.errno in GONE:
+            self.counters.down = True
+            if self._socket is not None:
+                self._socket.close()
+                self._socket = None
+            self._next_try = time.monotonic() + REOPEN_S
+
+    def _reopen(self) -> bool:
+        now = time.monotonic()
+        if self._closed or now < self._next_try:
+            return False
+        self._next_try = now + REOPEN_S
+        try:
+            self._socket = _open(self._interface)
+        except OSError:
+            return False
+        self.counters.down = False
+        return True
+
+
+def _open(interface: str) -> socket.socket:
+    opened = socket.socket(PF_CAN, socket.SOCK_RAW | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC, CAN_RAW)
+    try:
+        opened.setsockopt(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, struct.pack("=I", ALL_ERRORS))
+        opened.setsockopt(SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, struct.pack("=i", 0))
+        # beyond net.core.rmem_max only root may go
+        for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):
+            with suppress(OSError):
+                opened.setsockopt(socket.SOL_SOCKET, option, RECEIVE_BUFFER)
+                break
+        opened.bind((interface,))
+        # binding to an interface that is down succeeds and leaves ENETDOWN
+        pending = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if pending:
+            raise OSError(pending, "the interface is down")
+    except OSError:
+        opened.close()
+        raise
+    return opened
+
+
+def _cannot_open(interface: str, error: OSError) -> RuntimeFault:
+    if error.errno in (errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT):
+        return RuntimeFault(
+            "MC424",
+            f"the CAN interface {interface} cannot be opened: this kernel has no CAN",
+            "load the modules can, can_raw and the adapter's driver (or vcan), or use a kernel that has them",
+        )
+    if error.errno == errno.ENODEV:
+        return RuntimeFault(
+            "MC424",
+            f"there is no CAN interface {interface}",
+            "ip -brief link show type can lists them; plug the adapter in and load its driver",
+        )
+    if error.errno == errno.ENETDOWN:
+        return RuntimeFault(
+            "MC424",
+            f"the CAN interface {interface} is down",
+            f"ip link set {interface} up type can bitrate 1000000 restart-ms 100",
+        )
+    return RuntimeFault(
+        "MC424",
+        f"the CAN interface {interface} cannot be opened: {error.strerror or error}",
+        "check the interface with ip -details link show",
+    )

@@ -1,0 +1,284 @@
+"""One simulated CiA 402 drive: a CANopen node whose application is a power stage with a motor.
+
+Between SYNCs the motor moves by the interpolation period 60C2h, as in a drive whose clock is locked to the
+SYNC; without SYNC it moves by the time that passes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mcserver.drive_sim.canopen_node import NEVER, CanopenNode, Transmit
+from mcserver.drive_sim.faults import Misbehaviour, values_of
+from mcserver.drive_sim.motion import Motion
+from mcserver.drive_sim.motor import Hardware, Motor
+from mcserver.drive_sim.power import (
+    INTERNAL_LIMIT,
+    MODE_BIT_12,
+    MODE_BIT_13,
+    REMOTE,
+    TARGET_REACHED,
+    VOLTAGE_ENABLED,
+    Options,
+    PowerMachine,
+    PowerState,
+    Stop,
+)
+from mcserver.drives.cia402.layout import Mode
+
+# Step of the motor while no SYNC comes [s].
+TICK_S = 0.01
+# Without a SYNC for so many of its periods, and at least this time [s], the drive goes by its own clock.
+UNLOCKED_PERIODS = 4.0
+UNLOCKED_S = 0.05
+SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 1e-4, 1.0
+FOLLOWING_ERROR = 0x8611
+CYCLIC = (Mode.CYCLIC_POSITION, Mode.CYCLIC_VELOCITY, Mode.CYCLIC_TORQUE)
+# States in which a lost connection changes nothing any more.
+RESTING = (
+    PowerState.NOT_READY,
+    PowerState.SWITCH_ON_DISABLED,
+    PowerState.FAULT_REACTION_ACTIVE,
+    PowerState.FAULT,
+)
+
+
+@dataclass(frozen=True)
+class Identity:
+    """1018h; 0 keeps what the EDS file says."""
+
+    vendor_id: int = 0
+    product_code: int = 0
+    serial_number: int = 0
+
+
+class Cia402Node(CanopenNode):
+    """One drive; its attributes and services are those of `CanopenNode`."""
+
+    def __init__(
+        self,
+        node: int,
+        transmit: Transmit,
+        hardware: Hardware | None = None,
+        position: float = 0.0,
+        identity: Identity | None = None,
+        energize_s: float = 0.02,
+    ) -> None:
+        """``position`` of the motor [turn]; ``energize_s``: switching on, and enabling, take so long."""
+        super().__init__(node, transmit)
+        store = self.store
+        self.motor = Motor(hardware or Hardware(), position)
+        self._equip(identity or Identity())
+        self.power = PowerMachine(energize_s)
+        self.motion = Motion(store, self.motor)
+        self._controlword, self._statusword = store.entry(0x6040), store.entry(0x6041)
+        self._error_code = store.entry(0x603F)
+        self._period = store.entry(0x60C2, 1), store.entry(0x60C2, 2)
+        self._option_entries = [store.entry(index) for index in (0x605A, 0x605B, 0x605C, 0x605E)]
+        self._abort_option = store.entry(0x6007)
+        self._stepped_at = 0.0
+        self._synced_at = -math.inf
+
+    def _equip(self, identity: Identity) -> None:
+        """Writes into the dictionary what the device itself is."""
+        rated = max(1, round(self.motor.hardware.rated_torque * 1e3))
+        values = {
+            (0x1018, 1): identity.vendor_id,
+            (0x1018, 2): identity.product_code,
+            (0x1018, 4): identity.serial_number,
+            (0x6076, 0): rated,
+        }
+        for (index, subindex), value in values.items():
+            if value:
+                entry = self.store.entry(index, subindex)
+                entry.default = entry.value = value
+
+    def request(self, fault: str, request: Mapping[str, object], now: float) -> None:
+        """A fault on demand.
+
+        Raises:
+            BadRequest: there is no such fault, or a value does not fit.
+        """
+        values = values_of(request, fault)
+        self._now = now
+        wrong = self.wrong
+        if fault == "mute":
+            wrong.mute = True
+        elif fault == "late_tpdo":
+            wrong.late_syncs = int(values["syncs"])
+            wrong.late.clear()
+        elif fault == "short_tpdo":
+            wrong.short = True
+        elif fault == "emcy":
+            self.raise_fault(int(values["code"]), fatal=bool(values["fatal"]))
+        elif fault == "stuck":
+            wrong.stuck = True
+        elif fault == "sdo_abort":
+            subindex = None if values["subindex"] < 0 else int(values["subindex"])
+            self.sdo.refusals[int(values["index"]), subindex] = int(values["code"])
+        elif fault == "sdo_delay":
+            wrong.sdo_delay_s = values["seconds"]
+        elif fault == "reboot":
+            self.nmt.reset(now)
+        elif fault == "heartbeat_stop":
+            self.nmt.beats = False
+        elif fault == "following_error":
+            self.motor.jammed = not values["trip"]
+            if values["trip"]:
+                self.raise_fault(FOLLOWING_ERROR)
+        elif fault == "drop_sync":
+            wrong.deaf_syncs = int(values["syncs"])
+        else:
+            self._behave()
+        self.wake = now
+
+    def describe(self) -> dict[str, object]:
+        """What a test may want to know of the node, beyond what the bus shows."""
+        state = self.nmt.state
+        more = {
+            "sdo_abort": bool(self.sdo.refusals),
+            "heartbeat_stop": not self.nmt.beats,
+            "following_error": self.motor.jammed,
+        }
+        return {
+            "node": self.node,
+            "kind": "cia402",
+            "nmt": "BOOTING" if state is None else state.name,
+            "power": self.power.state.name,
+            "mode": self.motion.mode,
+            "statusword": self._statusword.value,
+            "error_code": self._error_code.value,
+            "position": self.store.entry(0x6064).value,
+            "turns": self.motor.position,
+            "turns_per_second": self.motor.velocity,
+            "faults": self.wrong.active + [name for name, on in more.items() if on],
+        }
+
+    def raise_fault(self, code: int, fatal: bool = True) -> None:
+        """An error of the device: told by EMCY, and where ``fatal`` the drive goes to FAULT."""
+        self.emergencies.raise_error(code)
+        if fatal:
+            self._error_code.value = code
+            self.power.fault(self._options())
+            self._update_statusword()
+        self._touch()
+
+    def _behave(self) -> None:
+        """Ends all faults on demand."""
+        self.wrong = Misbehaviour()
+        self.sdo.refusals.clear()
+        self.nmt.beats = True
+        self.motor.jammed = False
+
+    # ------------------------------------------------------------------ cycle
+
+    def sample(self, now: float) -> None:
+        self._synced_at = now
+        self._step(self._period_s(), now)
+        # the SYNC may have been the last one
+        self.wake = min(self.wake, self._unlocked())
+
+    def obey(self, now: float) -> None:
+        """Controlword, mode and units as they stand in the dictionary."""
+        self.motion.rescale()
+        if self.wrong.stuck:
+            return
+        power, motion = self.power, self.motion
+        controlword = self._controlword.value
+        motion.choose_mode()
+        before = power.state
+        if power.command(controlword, now, self._options()):
+            self.emergencies.clear()
+            self._error_code.value = 0
+            power.acknowledge()
+        if power.state is PowerState.OPERATION_ENABLED:
+            if before is not PowerState.OPERATION_ENABLED:
+                motion.start()
+            motion.command(controlword)
+        self._update_statusword()
+
+    def tick(self, now: float) -> float:
+        """Steps by the passing time where no SYNC does."""
+        if not (self.power.energized or self.power.waiting or not self.motor.stands):
+            return NEVER
+        if self.nmt.talks and now < self._unlocked():
+            return self._unlocked()
+        passed = now - self._stepped_at
+        if passed > 10.0 * TICK_S:
+            # it stood until now
+            passed = TICK_S
+        if passed >= TICK_S * 0.5:
+            self._step(passed, now)
+            self.obey(now)
+        return now + TICK_S
+
+    def reset_application(self, whole: bool) -> None:
+        if whole:
+            self.power.reset()
+            self.motion.mode = Mode.NONE
+            self.motion.start()
+        self.motion.rescale()
+        self.motion.report(0.0)
+        self._update_statusword()
+
+    def connection_lost(self, code: int) -> None:
+        """The abort connection option code 6007h acts."""
+        power = self.power
+        if power.state in RESTING:
+            return
+        option = self._abort_option.value
+        if option == 1:
+            self.raise_fault(code)
+        elif option == 3 and power.state is PowerState.OPERATION_ENABLED:
+            power.quick_stop(self._options())
+        elif option == 2 or (option == 3 and power.state is not PowerState.QUICK_STOP_ACTIVE):
+            power.disable_voltage()
+        self._update_statusword()
+        self._touch()
+
+    def _step(self, dt: float, now: float) -> None:
+        """Moves the motor for a time and takes its readings."""
+        self._stepped_at = now
+        power, motion = self.power, self.motion
+        if power.energized:
+            if motion.step(dt, self._controlword.value, power.stopping):
+                power.stopped()
+            if power.state is PowerState.OPERATION_ENABLED and not motion.follows(dt):
+                self.raise_fault(FOLLOWING_ERROR)
+        else:
+            # a shaft that stands, too: nothing is left of torque and demand
+            motion.rest(dt)
+        motion.report(dt)
+        self._update_statusword()
+
+    def _update_statusword(self) -> None:
+        power, motion = self.power, self.motion
+        word = power.state.value | VOLTAGE_ENABLED | REMOTE
+        if power.energized:
+            if self.motor.limited or motion.beyond:
+                word |= INTERNAL_LIMIT
+            if motion.reached:
+                word |= TARGET_REACHED
+            if motion.mode in CYCLIC:
+                if power.state is PowerState.OPERATION_ENABLED and power.stopping is Stop.NONE:
+                    word |= MODE_BIT_12
+            elif motion.mode == Mode.PROFILE_POSITION and motion.acknowledged:
+                word |= MODE_BIT_12
+        if self._error_code.value == FOLLOWING_ERROR:
+            word |= MODE_BIT_13
+        self._statusword.value = word
+
+    def _unlocked(self) -> float:
+        """From when on the motor goes by the passing time, unless a SYNC comes."""
+        return self._synced_at + max(UNLOCKED_PERIODS * self._period_s(), UNLOCKED_S)
+
+    def _period_s(self) -> float:
+        """The interpolation time period 60C2h, within what a motor can be stepped by [s]."""
+        value, exponent = self._period
+        period: float = value.value * 10.0**exponent.value
+        return min(max(period, SHORTEST_PERIOD_S), LONGEST_PERIOD_S)
+
+    def _options(self) -> Options:
+        return Options(*[entry.value for entry in self._option_entries])

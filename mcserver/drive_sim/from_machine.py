@@ -1,0 +1,155 @@
+"""From a machine to the simulated drives of its buses."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+from mcserver.can.open import open_port
+from mcserver.can.port import CanPort
+from mcserver.config import Axis, Machine
+from mcserver.config_drive import CAN_KINDS, CanBusConfig
+from mcserver.drive_sim.cia402_node import Cia402Node, Identity
+from mcserver.drive_sim.motor import Hardware
+from mcserver.drive_sim.servosila_node import ServosilaNode
+from mcserver.drive_sim.simulation import Node, SimulatedBusSegment
+from mcserver.drives.servo_model import DEFAULT_FRICTION, OVERSPEED
+from mcserver.errors import RuntimeFault
+from mcserver.units import TURN
+
+# A motor without a torque limit in the machine file accelerates by this multiple of the axis's limit.
+SPARE_ACCELERATION = 5.0
+# Random starts of an axis without travel limits: so many turns of the motor either way.
+RANDOM_TURNS = 20.0
+RETRY_S = 0.1
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which drives are simulated, and how they start.
+
+    Attributes:
+        buses: names or addresses; none: all. nodes: none: all.
+        energize_s: see `Cia402Node`. seed: of random starting positions; None: those of the machine file.
+    """
+
+    buses: Collection[str] = ()
+    nodes: Collection[int] = ()
+    energize_s: float = 0.02
+    seed: int | None = None
+
+
+def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[CanBusConfig, Axis]]:
+    """The axes whose drives are to be simulated, with their buses."""
+    found = []
+    for axis in machine.axes:
+        if axis.drive.kind not in CAN_KINDS:
+            continue
+        bus = machine.bus_of(axis)
+        if choice.buses and bus.name not in choice.buses and bus.address not in choice.buses:
+            continue
+        if not choice.nodes or axis.drive.node in choice.nodes:
+            found.append((bus, axis))
+    return found
+
+
+def build_buses(
+    machine: Machine,
+    choice: Choice,
+    wait_s: float = 0.0,
+    opener: Callable[[str], CanPort] = open_port,
+) -> list[SimulatedBusSegment]:
+    """Opens the buses and puts the drives on them, switched off.
+
+    Args:
+        wait_s: how long a bus that cannot be opened yet is tried again.
+
+    Raises:
+        RuntimeFault: MC424 a bus cannot be opened.
+    """
+    segments: dict[str, SimulatedBusSegment] = {}
+    chance = random.Random(choice.seed)
+    deadline = time.monotonic() + wait_s
+    try:
+        for bus, axis in simulated_axes(machine, choice):
+            segment = segments.get(bus.name)
+            if segment is None:
+                port = _open(bus.address, deadline, opener)
+                segment = segments[bus.name] = SimulatedBusSegment(bus.name, port)
+            position = start_turns(axis, None if choice.seed is None else chance)
+            segment.nodes.append(build_node(machine, axis, segment.transmit, position, choice.energize_s))
+    except RuntimeFault:
+        for segment in segments.values():
+            segment.port.close()
+        raise
+    return list(segments.values())
+
+
+def build_node(
+    machine: Machine,
+    axis: Axis,
+    transmit: Callable[[int, bytes], None],
+    position: float,
+    energize_s: float = 0.02,
+) -> Node:
+    """The drive of one axis, its motor at ``position`` [turn]."""
+    drive = axis.drive
+    hardware = hardware_of(axis)
+    if drive.kind == "servosila":
+        telemetry_s = 1.0 / drive.telemetry_hz if drive.telemetry_hz > 0.0 else machine.cycle_s
+        return ServosilaNode(
+            drive.node,
+            transmit,
+            drive.codes,
+            hardware,
+            position,
+            pole_pairs=drive.pole_pairs,
+            telemetry_s=telemetry_s,
+            timeout_s=drive.command_timeout_ms * 1e-3,
+        )
+    identity = Identity(drive.vendor_id, drive.product_code, 1000 + axis.index)
+    return Cia402Node(drive.node, transmit, hardware, position, identity, energize_s)
+
+
+def hardware_of(axis: Axis) -> Hardware:
+    """Motor and encoder as the machine file describes them."""
+    drive = axis.drive
+    turn = axis.travel_per_motor_turn
+    increments, revolutions = drive.encoder or (65536, 1)
+    inertia = max(drive.inertia, 1e-9)
+    spare = SPARE_ACCELERATION * axis.max_acceleration / turn
+    by_torque = drive.max_torque / (inertia * TURN)
+    friction = drive.friction_decel * axis.type.si_per_unit or DEFAULT_FRICTION * axis.max_acceleration
+    return Hardware(
+        increments_per_turn=increments / revolutions,
+        velocity_per_turn=drive.velocity_counts_per_motor_rev,
+        bandwidth_hz=drive.bandwidth_hz,
+        inertia=inertia,
+        rated_torque=drive.rated_torque or 1.0,
+        max_acceleration=by_torque if by_torque > 0.0 else spare,
+        max_speed=OVERSPEED * axis.max_velocity / turn,
+        friction=friction / turn,
+        brake=drive.brake,
+    )
+
+
+def start_turns(axis: Axis, chance: random.Random | None) -> float:
+    """Where the motor stands when power comes [turn]: by the machine file, or anywhere within the travel."""
+    position = axis.initial_position
+    if chance is not None:
+        spread = RANDOM_TURNS * axis.travel_per_motor_turn
+        low, high = max(axis.min_position, -spread), min(axis.max_position, spread)
+        position = chance.uniform(low, high)
+    return position / axis.travel_per_motor_turn * (-1.0 if axis.drive.invert else 1.0)
+
+
+def _open(address: str, deadline: float, opener: Callable[[str], CanPort]) -> CanPort:
+    while True:
+        try:
+            return opener(address)
+        except RuntimeFault:
+            if time.monotonic() + RETRY_S > deadline:
+                raise
+            time.sleep(RETRY_S)

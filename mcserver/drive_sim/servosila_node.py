@@ -1,0 +1,253 @@
+"""One simulated Servosila drive: streamed commands in, free-running telemetry out (public device reference).
+
+Commands come on 200h + node: code in byte 0, float32 little-endian at byte 4. Without a command for the
+time-out the motor stops. After a fault only Reset counts; it zeroes the work zone, whose count begins at 0
+when power comes.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+
+from mcserver.can.cob import Function
+from mcserver.drive_sim.faults import BadRequest, Misbehaviour, values_of
+from mcserver.drive_sim.motor import WINDUP_S, Hardware, Motor
+from mcserver.units import MINUTE, TURN
+
+NEVER = math.inf
+COMMAND = struct.Struct("<B3xf")
+STATUS = struct.Struct("<H2xf")
+PAIR = struct.Struct("<ff")
+BOOT_S = 0.05
+# Codes of the public reference; Off, speed in rpm and torque come from the machine file.
+SERVO_STEPPER = 0x38
+# Fault bits that the simulation itself sets; the reference publishes no table.
+OTHER_FAULT = 0x0001
+FOLLOWING_FAULT = 0x0002
+NOT_CANOPEN = ("sdo_abort", "sdo_delay", "drop_sync")
+# A servo command is followed unless the shaft stays this far behind for this time [turn, s].
+FOLLOWING_WINDOW = 1.0
+FOLLOWING_S = 0.25
+
+
+class ServosilaNode:
+    """One drive.
+
+    Attributes:
+        wake, routes: as `Cia402Node`.
+    """
+
+    def __init__(
+        self,
+        node: int,
+        transmit: Callable[[int, bytes], None],
+        codes: Mapping[str, int],
+        hardware: Hardware | None = None,
+        position: float = 0.0,
+        pole_pairs: int = 1,
+        telemetry_s: float = 0.005,
+        timeout_s: float = 0.1,
+    ) -> None:
+        """``codes``: command → code; ``position`` [turn]; after ``timeout_s`` without a command it stops."""
+        self.node = node
+        self.wake = 0.0
+        self.routes = 0
+        self.wrong = Misbehaviour()
+        self.motor = Motor(hardware or Hardware(), position)
+        self._transmit_frame = transmit
+        self._names = {code: name for name, code in codes.items()}
+        self._names.setdefault(SERVO_STEPPER, "servo")
+        self._pole_pairs = max(1, pole_pairs)
+        self._period = telemetry_s
+        self._timeout = timeout_s
+        self._zero = position
+        self._command = "off"
+        self._value = 0.0
+        self._reference = position
+        self._ramp = 0.0
+        self._heard_at = -math.inf
+        self._fault_bits = 0
+        self._behind_s = 0.0
+        self._booting = True
+        self._tick_at = NEVER
+        self._torque = 0.0
+
+    def switch_on(self, now: float) -> None:
+        """Power comes: silence for a moment, then telemetry; the work zone begins at 0."""
+        self._booting = True
+        self._fault_bits = 0
+        self._enter("off")
+        self._tick_at = now + BOOT_S
+        self.wake = self._tick_at
+
+    @property
+    def booted(self) -> bool:
+        return not self._booting
+
+    def identifiers(self) -> set[int]:
+        return {Function.RPDO1 + self.node}
+
+    def receive(self, identifier: int, payload: bytes, now: float) -> None:
+        """A command; one of a wrong length or an unknown code is left out."""
+        if self._booting or self.wrong.stuck or identifier != Function.RPDO1 + self.node:
+            return
+        if len(payload) != COMMAND.size:
+            return
+        code, value = COMMAND.unpack(payload)
+        name = self._names.get(code)
+        if name is None or not math.isfinite(value):
+            return
+        self._heard_at = now
+        if name == "reset":
+            self._fault_bits = 0
+            self._behind_s = 0.0
+            self._zero = self.motor.position
+            self._enter("off")
+        elif self._fault_bits:
+            return
+        elif name == "reset_work_zone":
+            self._zero = self.motor.position
+        else:
+            self._value = value
+            if name != self._command:
+                self._enter(name)
+
+    def poll(self, now: float) -> None:
+        """Steps and telemetry that are due; sets `wake`."""
+        if now >= self._tick_at:
+            if self._booting:
+                self._booting = False
+                self._zero = self.motor.position
+            else:
+                self._step(self._period, now)
+            self._tell()
+            # telemetry that was missed is not made up for
+            self._tick_at = max(self._tick_at + self._period, now + 0.5 * self._period)
+        self.wake = self._tick_at
+
+    def request(self, fault: str, request: Mapping[str, object], now: float) -> None:
+        """A fault on demand.
+
+        Raises:
+            BadRequest: there is no such fault, or a value does not fit.
+        """
+        values = values_of(request, fault)
+        wrong = self.wrong
+        if fault in NOT_CANOPEN:
+            raise BadRequest(f"{fault} belongs to CANopen: node {self.node} is a Servosila drive")
+        if fault in ("mute", "heartbeat_stop"):
+            wrong.mute = True
+        elif fault == "late_tpdo":
+            wrong.late_syncs = int(values["syncs"])
+            wrong.late.clear()
+        elif fault == "short_tpdo":
+            wrong.short = True
+        elif fault == "emcy":
+            self._fail(int(values["code"]) or OTHER_FAULT)
+        elif fault == "stuck":
+            wrong.stuck = True
+        elif fault == "reboot":
+            self.switch_on(now)
+        elif fault == "following_error":
+            self.motor.jammed = not values["trip"]
+            if values["trip"]:
+                self._fail(FOLLOWING_FAULT)
+        else:
+            self.wrong = Misbehaviour()
+            self.motor.jammed = False
+
+    def describe(self) -> dict[str, object]:
+        """What a test may want to know of the node, beyond what the bus shows."""
+        return {
+            "node": self.node,
+            "kind": "servosila",
+            "nmt": "BOOTING" if self._booting else "OPERATIONAL",
+            "power": self._command.upper(),
+            "fault_bits": self._fault_bits,
+            "position": self._work_zone(),
+            "turns": self.motor.position,
+            "turns_per_second": self.motor.velocity,
+            "faults": self.wrong.active + ["following_error"] * self.motor.jammed,
+        }
+
+    # ------------------------------------------------------------------ inside
+
+    def _enter(self, command: str) -> None:
+        self._command = command
+        self._reference = self.motor.position
+        self._ramp = self.motor.velocity
+
+    def _fail(self, bits: int) -> None:
+        self._fault_bits |= bits
+        self._enter("off")
+
+    def _work_zone(self) -> float:
+        return (self.motor.position - self._zero) * self.motor.hardware.increments_per_turn
+
+    def _step(self, dt: float, now: float) -> None:
+        motor, command = self.motor, self._command
+        if command not in ("off", "stop") and now - self._heard_at > self._timeout:
+            self._enter("stop")
+            command = "stop"
+        self._torque = 0.0
+        if command == "servo":
+            self._follow(self._zero + self._value / motor.hardware.increments_per_turn, dt)
+        elif command == "rpm":
+            self._run(self._value / MINUTE, dt)
+        elif command == "speed":
+            self._run(self._value / self._pole_pairs, dt)
+        elif command == "torque":
+            motor.push(self._value, dt)
+            self._torque = motor.torque
+        elif command == "stop":
+            self._brake(dt)
+        elif not motor.stands:
+            motor.coast(dt)
+
+    def _follow(self, target: float, dt: float) -> None:
+        self.motor.follow(self._reference, target, dt)
+        self._reference = target
+        self._torque = self.motor.torque
+        behind = abs(target - self.motor.position) > FOLLOWING_WINDOW and self.motor.jammed
+        self._behind_s = self._behind_s + dt if behind else 0.0
+        if self._behind_s > FOLLOWING_S:
+            self._fail(FOLLOWING_FAULT)
+
+    def _run(self, speed: float, dt: float) -> None:
+        limit = self.motor.hardware.max_speed
+        speed = min(max(speed, -limit), limit)
+        end = self._reference + speed * dt
+        behind = end - self.motor.position
+        if abs(behind) > WINDUP_S * limit:
+            end = self.motor.position + math.copysign(WINDUP_S * limit, behind)
+        self.motor.follow(end - speed * dt, end, dt)
+        self._reference = end
+        self._torque = self.motor.torque
+
+    def _brake(self, dt: float) -> None:
+        change = 0.8 * self.motor.hardware.max_acceleration * dt
+        old = self._ramp
+        self._ramp = math.copysign(max(abs(old) - change, 0.0), old)
+        end = self._reference + 0.5 * (old + self._ramp) * dt
+        self.motor.follow(self._reference, end, dt)
+        self._reference = end
+        self._torque = self.motor.torque
+
+    def _tell(self) -> None:
+        motor = self.motor
+        electrical_hz = motor.velocity * self._pole_pairs
+        angle = (motor.position * self._pole_pairs % 1.0) * TURN
+        current = self._torque / motor.hardware.rated_torque
+        self._transmit(Function.TPDO1, STATUS.pack(self._fault_bits, electrical_hz))
+        self._transmit(Function.TPDO2, PAIR.pack(angle, self._work_zone()))
+        self._transmit(Function.TPDO3, PAIR.pack(current, 0.0))
+
+    def _transmit(self, function: int, payload: bytes) -> None:
+        if self.wrong.mute:
+            return
+        identifier = function + self.node
+        sent = self.wrong.tpdo(identifier, payload)
+        if sent is not None:
+            self._transmit_frame(identifier, sent)

@@ -1,0 +1,223 @@
+"""``mcserver drive-sim`` as a process, with the canopen package as its master."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import canopen
+import pytest
+
+from mcserver.can.open import python_can_arguments
+from mcserver.cli import run_command_line
+from mcserver.drive_sim.control import Control
+from tests.can.hubs import LIMIT_S, wait_until
+
+ENTRY = "from mcserver.cli import main; main()"
+MACHINE = """
+[machine]
+name = "bench"
+cycle_hz = 100
+
+[[bus]]
+name = "can0"
+address = "{address}"
+"""
+AXIS = """
+[[axis]]
+index = {index}
+type = "rotary"
+max_velocity = 500.0
+max_acceleration = 5000.0
+[axis.drive]
+kind = "cia402"
+bus = "can0"
+node = {node}
+counts_per_motor_rev = 65536
+"""
+EDS = Path(__file__).resolve().parents[2] / "mcserver" / "drive_sim" / "cia402.eds"
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        number: int = listener.getsockname()[1]
+        return number
+
+
+def machine_file(folder: Path, port: int, nodes: int = 3) -> Path:
+    axes = "".join(AXIS.format(index=node - 1, node=node) for node in range(1, nodes + 1))
+    path = folder / "bench.toml"
+    path.write_text(MACHINE.format(address=f"socketcand:127.0.0.1:{port}/can0") + axes)
+    return path
+
+
+@contextlib.contextmanager
+def drive_sim(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The command as a process, and its READY line."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", ENTRY, "drive-sim", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert process.stdout is not None
+    try:
+        yield process, process.stdout.readline()
+    finally:
+        if process.poll() is None:
+            process.terminate()
+        try:
+            process.wait(LIMIT_S)
+        finally:
+            process.kill()
+            process.wait()
+            process.stdout.close()
+
+
+@contextlib.contextmanager
+def master(port: int) -> Iterator[canopen.Network]:
+    network = canopen.Network()
+    address = f"socketcand:127.0.0.1:{port}/can0"
+    network.bus = can.Bus(**python_can_arguments(address))
+    network.notifier = can.Notifier(network.bus, network.listeners, 0.1)
+    try:
+        yield network
+    finally:
+        network.disconnect()
+
+
+def test_drives_in_a_process_are_nodes_that_canopen_can_master(tmp_path: Path) -> None:
+    port = free_port()
+    path = machine_file(tmp_path, port)
+    with (
+        drive_sim("-m", str(path), "--hub", f"127.0.0.1:{port}", "--control", "127.0.0.1:0") as (_, ready),
+        master(port) as network,
+    ):
+        assert ready.startswith("READY 3 drives on can0, control 127.0.0.1:")
+        network.scanner.search(8)
+        wait_until(lambda: sorted(network.scanner.nodes) == [1, 2, 3], "three nodes answer")
+        node = canopen.BaseNode402(2, str(EDS))
+        # the package's own patience is too short for a computer that does much else
+        node.sdo.RESPONSE_TIMEOUT = LIMIT_S
+        node.TIMEOUT_SWITCH_STATE_SINGLE = node.TIMEOUT_SWITCH_STATE_FINAL = LIMIT_S
+        network.add_node(node)
+        node.nmt.state = "RESET"
+        node.nmt.wait_for_bootup(LIMIT_S)
+        assert node.sdo["Manufacturer device name"].raw == "Simulated servo drive"
+        node.sdo["Producer heartbeat time"].raw = 50
+        assert node.nmt.wait_for_heartbeat(LIMIT_S) == "PRE-OPERATIONAL"
+        node.tpdo.read()
+        node.rpdo.read()
+        pdo = node.tpdo[3]
+        pdo.clear()
+        pdo.add_variable("Position actual value")
+        pdo.trans_type = 1
+        pdo.enabled = True
+        pdo.save()
+        node.setup_402_state_machine()
+        node.nmt.state = "OPERATIONAL"
+        node.state = "OPERATION ENABLED"
+        assert node.state == "OPERATION ENABLED"
+        came: list[int] = []
+        pdo.add_callback(lambda variables: came.append(variables["Position actual value"].raw))
+        network.sync.transmit()
+        wait_until(lambda: came, "the mapped TPDO answers the SYNC")
+        number = int(re.findall(r"control 127\.0\.0\.1:(\d+)", ready)[0])
+        with Control("127.0.0.1", number) as control:
+            assert control.state(2)["power"] == "OPERATION_ENABLED"
+            control.fault(2, "emcy", code=0x4310)
+            wait_until(lambda: [told.code for told in node.emcy.log] == [0x4310], "the emergency came")
+            wait_until(lambda: control.state(2)["power"] == "FAULT", "the drive is in fault")
+
+
+def test_each_drive_can_be_a_process_of_its_own(tmp_path: Path) -> None:
+    port = free_port()
+    path = str(machine_file(tmp_path, port, nodes=2))
+    with (
+        drive_sim("-m", path, "--hub", f"127.0.0.1:{port}", "--node", "1") as (_, first),
+        drive_sim("-m", path, "--node", "2") as (second_process, second),
+        master(port) as network,
+    ):
+        assert first.startswith("READY 1 drives")
+        assert second.startswith("READY 1 drives")
+        network.scanner.search(8)
+        wait_until(lambda: sorted(network.scanner.nodes) == [1, 2], "both nodes answer")
+        second_process.kill()
+        second_process.wait(LIMIT_S)
+        network.scanner.reset()
+        network.scanner.search(8)
+        wait_until(lambda: network.scanner.nodes == [1], "the other one goes on")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_it_with_exit_code_0_and_its_hub_with_it(tmp_path: Path, number: int) -> None:
+    port = free_port()
+    path = machine_file(tmp_path, port)
+    with drive_sim("-m", str(path), "--hub", f"127.0.0.1:{port}") as (process, ready):
+        assert ready.startswith("READY 3 drives")
+        process.send_signal(number)
+        assert process.wait(LIMIT_S) == 0
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", port))
+
+
+def test_a_bus_that_nobody_serves_gives_exit_code_5(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = machine_file(tmp_path, free_port())
+    assert run_command_line(["drive-sim", "-m", str(path), "--wait", "0"]) == 5
+    assert "error[MC424]" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "exit_code"),
+    [
+        (["-m", "cartesian"], "MC540", 3),
+        (["--node", "77"], "MC541", 2),
+        (["--bus", "can9"], "MC541", 2),
+        (["--hub", "nowhere"], "MC542", 2),
+        (["--control", "127.0.0.1:x"], "MC542", 2),
+        (["-m", "no-such-file.toml"], "MC001", 3),
+    ],
+)
+def test_what_cannot_be_meant_has_a_code_and_an_exit_code(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], arguments: list[str], code: str, exit_code: int
+) -> None:
+    path = machine_file(tmp_path, 1)
+    given = arguments if "-m" in arguments else ["-m", str(path), *arguments]
+    assert run_command_line(["drive-sim", *given]) == exit_code
+    assert f"error[{code}]" in capfd.readouterr().err
+
+
+def test_realtime_priority_that_is_not_allowed_is_said(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    path = str(machine_file(tmp_path, free_port()))
+    assert run_command_line(["drive-sim", "-m", path, "--realtime", "30"]) == 1
+    assert "error[MC545]" in capfd.readouterr().err
+
+
+def test_addresses_that_are_taken_are_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        where = f"127.0.0.1:{taken.getsockname()[1]}"
+        path = str(machine_file(tmp_path, free_port()))
+        assert run_command_line(["drive-sim", "-m", path, "--hub", where]) == 1
+        assert "error[MC543]" in capfd.readouterr().err
+        port = free_port()
+        path = str(machine_file(tmp_path, port))
+        hub = f"127.0.0.1:{port}"
+        assert run_command_line(["drive-sim", "-m", path, "--hub", hub, "--control", where]) == 1
+        assert "error[MC544]" in capfd.readouterr().err
