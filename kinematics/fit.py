@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.newton import joint_slope, newton
 from kinematics.pose import Array
+from kinematics.single import solve_two
 from kinematics.spline import clamped_spline, evaluate_cells
-from kinematics.target_path import TargetPath
+from kinematics.target_path import Grid, TargetPath
 from kinematics.tool import LOOSE_SHARE, ToolModel
+from kinematics.trace import Trace
 
 # share of the tolerance that is used: the rest is for what lies between the points that are checked
 TOLERANCE_SHARE = 0.2
@@ -20,6 +23,8 @@ LARGEST_KNOT_COUNT = 200_000
 SMALLEST_CELL = 1e-7
 MOST_PIECES = 16
 ROUNDS = 12
+# how much less a fitted spline is off than the predictions; below 64, as a round costs more than some knots
+EXTRAPOLATED = 24.0
 # rounds without the error falling to a half after which more knots are no help
 STALLED_ROUNDS = 2
 
@@ -36,20 +41,19 @@ class Fit:
     failed_at: float | None
 
 
-def fit(tool: ToolModel, path: TargetPath, s: Array, joints: Array, aside: float = 0.0) -> Fit:
-    """Spline through rough positions ``joints`` (n, K) at ``s`` (n,), the first of them exact.
+def fit(tool: ToolModel, path: TargetPath, followed: Trace, grid: Grid, aside: float = 0.0) -> Fit:
+    """Spline through the rough positions of a trace, the first of them exact.
 
-    ``aside``: as in `joint_slope`, the same as the positions were found with.
+    ``grid``, ``aside``: what the positions were found with.
 
     Knots are added where the tool would leave its path by more than TOLERANCE_SHARE of its tolerance. The
     error of a cubic spline falls with the fourth power of the distance of its knots.
     """
-    knots = s
-    start = joints[0]
-    targets = path.at(knots[1:])
-    solved, ok = newton(tool, joints[1:], targets)
-    values = np.concatenate([start[None], solved])
-    slopes = _end_slopes(tool, path, values, aside)
+    knots, joints = _first_knots(followed)
+    targets = grid.targets if len(knots) == len(grid.s) else path.at(knots)
+    solved, ok = newton(tool, joints[1:], targets.rows(slice(1, None)))
+    values = np.concatenate([joints[:1], solved])
+    slopes = _end_slopes(tool, values, grid.rates, followed.end_slopes[0], aside)
     coefficients = clamped_spline(knots, values, *slopes)
     failed = ~ok
     if failed.any():
@@ -70,8 +74,8 @@ def fit(tool: ToolModel, path: TargetPath, s: Array, joints: Array, aside: float
         pieces = np.ceil(np.minimum(1.2 * excess[bad] ** 0.25, MOST_PIECES)).astype(int).clip(2)
         if width.min() < SMALLEST_CELL or len(knots) + int(pieces.sum()) > LARGEST_KNOT_COUNT:
             return Fit(knots, coefficients, worst)
-        cell = np.repeat(bad, pieces - 1)
-        share = np.concatenate([np.arange(1, count) / count for count in pieces])
+        which, share = _inner(pieces)
+        cell = bad[which]
         offset = share * np.diff(knots)[cell]
         x = offset[:, None]
         c3, c2, c1, c0 = coefficients[:, cell]
@@ -84,6 +88,37 @@ def fit(tool: ToolModel, path: TargetPath, s: Array, joints: Array, aside: float
         values = np.insert(values, cell + 1, solved, axis=0)
         coefficients = clamped_spline(knots, values, *slopes)
     return Fit(knots, coefficients, worst)
+
+
+def _first_knots(followed: Trace) -> tuple[Array, Array]:
+    """Knots (n,) and rough joints (n, K), so dense that most paths need no more.
+
+    The trace's predictions, cubics carried on by one cell, miss by the fourth derivative times h⁴/6; a spline
+    that is fitted is off by h⁴/384 of it.
+    """
+    s, joints, slopes = followed.s, followed.joints, followed.slopes
+    misses = followed.misses.copy()
+    # the first prediction is a tangent alone
+    misses[:1] = misses[:2].min()
+    excess = misses / (EXTRAPOLATED * TOLERANCE_SHARE)
+    pieces = np.ceil(excess**0.25).astype(int).clip(1, MOST_PIECES)
+    if pieces.max() == 1:
+        return s, joints
+    cell, share = _inner(pieces)
+    width = np.diff(s)[cell, None]
+    x, rest = share[:, None], 1.0 - share[:, None]
+    # Hermite's cubic of each cell
+    guess = rest**2 * ((1.0 + 2.0 * x) * joints[cell] + x * width * slopes[cell])
+    guess += x**2 * ((1.0 + 2.0 * rest) * joints[cell + 1] - rest * width * slopes[cell + 1])
+    return np.insert(s, cell + 1, s[cell] + share * width[:, 0]), np.insert(joints, cell + 1, guess, axis=0)
+
+
+def _inner(pieces: NDArray[np.int_]) -> tuple[NDArray[np.int_], Array]:
+    """Places between the pieces of cells: the cell and the share of it, shape (sum of pieces - 1,) each."""
+    count = pieces - 1
+    cell = np.repeat(np.arange(len(pieces)), count)
+    number = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count) + 1
+    return cell, number / pieces[cell]
 
 
 def _excess(tool: ToolModel, path: TargetPath, at: Array, joints: Array) -> Array:
@@ -100,9 +135,15 @@ def _excess(tool: ToolModel, path: TargetPath, at: Array, joints: Array) -> Arra
     return worst
 
 
-def _end_slopes(tool: ToolModel, path: TargetPath, values: Array, aside: float) -> tuple[Array, Array]:
-    ends = np.array([0.0, 1.0])
+def _end_slopes(
+    tool: ToolModel, values: Array, rates: Array, start: Array | None, aside: float
+) -> tuple[Array, Array]:
+    if start is not None and tool.square and aside == 0.0:
+        columns, rate = tool.chain.single.linearise(values[-1].tolist()).columns, rates[-1].tolist()
+        end = solve_two(columns, rate, rate)
+        if end is not None:
+            return start, np.array(end[0])
     joints = values[[0, -1]]
-    jacobians = tool.linearise(joints, path.at(ends))[1]
-    start, end = joint_slope(tool, joints, jacobians, path.rates(ends), aside)
-    return start, end
+    jacobians = tool.chain.jacobian(joints, tool.rows)[2]
+    slopes = joint_slope(tool, joints, jacobians, rates[[0, -1]], aside)
+    return slopes[0] if start is None else start, slopes[1]

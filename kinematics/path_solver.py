@@ -9,12 +9,13 @@ import numpy as np
 from kinematics import refusal
 from kinematics.errors import JointLimit, KinematicsError
 from kinematics.fit import Fit, fit
+from kinematics.fold import folds
 from kinematics.newton import newton
 from kinematics.pose import Array, JointPath, ToolPath
 from kinematics.pose_solver import missing, missing_within_limits
 from kinematics.search import LIMIT_SLACK, within_limits
-from kinematics.spline import spline_extremes
-from kinematics.target_path import TargetPath
+from kinematics.spline import spline_extremes, spline_hull
+from kinematics.target_path import Grid, TargetPath
 from kinematics.tool import ToolModel
 from kinematics.trace import Trace, trace
 
@@ -25,13 +26,15 @@ CLEAR_GAIN = 50.0
 # what is lost below this smallest singular value is lost to a singular position
 SINGULAR_BELOW = 0.03
 # a path is traced again this much finer where knots between the first ones are not found
-REFINEMENT = 16
+REFINEMENTS = (4, 16)
 MOST_CELLS = 1 << 16
 # how strongly a chain with joints to spare moves them away from limits, once one would be passed
 ASIDE = 4.0
 # points of the rest of a path that are tried to see how far it leaves the reach, and what counts there [m]
 PROBES = 7
 MISSING_FLOOR = 1e-7
+# how far behind a fold it is looked whether the path can be reached there
+BEYOND = 2e-3
 
 
 def solve_tool_path(tool: ToolModel, path: ToolPath, joints: Array) -> JointPath:
@@ -54,38 +57,49 @@ def solve_tool_path(tool: ToolModel, path: ToolPath, joints: Array) -> JointPath
 
 
 def _solve(tool: ToolModel, targets: TargetPath, joints: Array, aside: float) -> JointPath:
-    cells = targets.cells()
-    followed, fitted = _follow(tool, targets, joints, cells, aside)
+    grid = targets.grid()
+    followed, fitted = _follow(tool, targets, joints, grid, aside)
+    for finer in REFINEMENTS:
+        if fitted.failed_at is None:
+            break
+        cells = targets.even_grid(min(finer * grid.cells, MOST_CELLS))
+        followed, fitted = _follow(tool, targets, joints, cells, aside)
     if fitted.failed_at is not None:
-        followed, fitted = _follow(tool, targets, joints, min(REFINEMENT * cells, MOST_CELLS), aside)
-        if fitted.failed_at is not None:
-            raise _lost(tool, targets, followed, fitted.failed_at)
+        raise _lost(tool, targets, followed, fitted.failed_at)
     _refuse_limits(tool, targets, fitted.knots, fitted.coefficients)
     # slopes within the spline are the joints' own; where they are small nothing is singular
     slopes = tool.joint_speed(fitted.coefficients[2])
-    if slopes.max() > CLEAR_GAIN * tool.tool_speed(targets.rates(fitted.knots)).max():
-        knots = Trace(fitted.knots[:-1], fitted.coefficients[3], True)
-        _refuse_singular(tool, targets, knots, list(range(len(knots.s))))
+    if slopes.max() > CLEAR_GAIN * tool.tool_speed(grid.rates).max():
+        _refuse_singular(tool, targets, followed, fitted.knots[:-1], fitted.coefficients[3])
     return JointPath(tool.chain.axes, fitted.knots, fitted.coefficients)
 
 
 def _follow(
-    tool: ToolModel, targets: TargetPath, joints: Array, cells: int, aside: float
+    tool: ToolModel, targets: TargetPath, joints: Array, grid: Grid, aside: float
 ) -> tuple[Trace, Fit]:
-    followed = trace(tool, targets, joints, cells, aside)
+    followed = trace(tool, targets, joints, grid, aside)
+    start, end = followed.end_slopes
     # from a singular start both sides of it look the same, so that nothing beyond it is to be relied on
-    _refuse_singular(tool, targets, Trace(followed.s[:1], followed.joints[:1], False), [0])
+    if not _tame(tool, start, grid.rates[:1]):
+        _refuse_singular(tool, targets, followed.begun(), followed.s[:1], followed.joints[:1])
     if not followed.complete:
         raise _lost(tool, targets, followed, float(followed.s[-1]))
     # no spline comes to an end that is singular
-    _refuse_singular(tool, targets, followed, [-1])
-    return followed, fit(tool, targets, followed.s, followed.joints, aside)
+    if not _tame(tool, end, grid.rates[-1:]):
+        _refuse_singular(tool, targets, followed, followed.s[-1:], followed.joints[-1:])
+    return followed, fit(tool, targets, followed, grid, aside)
 
 
-def _refuse_singular(tool: ToolModel, targets: TargetPath, followed: Trace, rows: list[int]) -> None:
-    """Refuses a path whose joints are wild at one of these rows of the trace."""
-    s = followed.s[rows]
-    jacobians = tool.linearise(followed.joints[rows], targets.at(s))[1]
+def _tame(tool: ToolModel, slope: Array | None, rates: Array) -> bool:
+    """Whether an exact slope (K,) of the joints is known to be none of wild joints."""
+    if slope is None:
+        return False
+    return float(tool.joint_speed(slope[None])[0]) <= LARGEST_GAIN * float(tool.tool_speed(rates)[0])
+
+
+def _refuse_singular(tool: ToolModel, targets: TargetPath, followed: Trace, s: Array, joints: Array) -> None:
+    """Refuses a path whose joints are wild at one of these places, s (n,) and joints (n, K)."""
+    jacobians = tool.linearise(joints, targets.at(s))[1]
     wild = tool.joint_gain(jacobians, targets.rates(s)) > LARGEST_GAIN
     if wild.any():
         raise _lost(tool, targets, followed, float(s[wild][0]))
@@ -93,6 +107,9 @@ def _refuse_singular(tool: ToolModel, targets: TargetPath, followed: Trace, rows
 
 def _refuse_limits(tool: ToolModel, targets: TargetPath, knots: Array, coefficients: Array) -> None:
     chain = tool.chain
+    low, high = spline_hull(knots, coefficients)
+    if (low >= chain.lower).all() and (high <= chain.upper).all():
+        return
     low, high = spline_extremes(knots, coefficients)
     excess = np.maximum(chain.lower - low, high - chain.upper)
     bad = np.argwhere(excess > LIMIT_SLACK)
@@ -143,7 +160,27 @@ def _lost(tool: ToolModel, targets: TargetPath, followed: Trace, s: float) -> Ki
     worst = int(np.argmin(conditioning))
     if conditioning[worst] < SINGULAR_BELOW:
         at = followed.s[ahead][worst : worst + 1]
+        end = _beyond_fold(tool, targets, float(at[0]), followed.joints[ahead][worst])
+        if end is not None:
+            return end
         return refusal.singular(tool, float(conditioning[worst]), targets.at(at).positions[0], float(at[0]))
+    return refusal.branch_jump(tool, place, s)
+
+
+def _beyond_fold(tool: ToolModel, targets: TargetPath, s: float, joints: Array) -> KinematicsError | None:
+    """What keeps a path from going on from a fold at s; None if there is no fold, or the path ends in it.
+
+    At a fold the configuration that the joints are in meets another one, and beyond it neither is there: the
+    path goes on in a third one, or nowhere.
+    """
+    beyond = s + BEYOND
+    if s == 0.0 or beyond >= 1.0 or not folds(tool, joints, targets.rates(np.array([s]))):
+        return None
+    pose = targets.at(np.array([beyond]))
+    residual = missing(tool, pose, joints)
+    place = targets.at(np.array([s])).positions[0]
+    if _size(tool, residual) > MISSING_FLOOR:
+        return refusal.unreachable(tool, residual, place, s)
     return refusal.branch_jump(tool, place, s)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from kinematics import refusal
 from kinematics.errors import KinematicsError
 from kinematics.pose import Array
-from kinematics.search import Found, search, unwind, within_limits
+from kinematics.search import ITERATIONS, Found, search, unwind, within_limits
 from kinematics.tool import Targets, ToolModel
 
 # a solution from the joints' own place that goes no further than this is taken at once [rad]
@@ -17,6 +17,10 @@ NEAR_STARTS = 16
 NEAR_SHARE = 0.25
 # what is missing to a pose out of reach: starts, and the weight with which one part of the pose is held
 MISSING_STARTS = 32
+# a pose that the joints' own place leads to is found within these
+NEAR_ITERATIONS = 20
+# after as many, the places that go on to their end
+FINALISTS = 6
 HELD_WEIGHT = 100.0
 
 
@@ -51,21 +55,21 @@ def missing(tool: ToolModel, target: Targets, joints: Array) -> Array:
     With orientation, the distance at which the tool can hold the orientation asked for; if it cannot hold
     that anywhere near, the turn that is missing while the point is held, or both.
     """
-    if search(tool, target, joints[None]).reached.any():
+    if search(tool, target, joints[None], iterations=NEAR_ITERATIONS).reached.any():
         return np.zeros(tool.rows)
     starts = np.concatenate([joints[None], tool.seeds[:MISSING_STARTS]])
-    found = search(tool, target, starts)
+    found = _best(tool, target, starts)
     if found.reached.any():
         return np.zeros(tool.rows)
     least = _least(found)
     if not tool.orientation:
         return least
-    held = _least(search(tool, target, starts, turn_weight=HELD_WEIGHT), turn_weight=HELD_WEIGHT)
+    held = _least(_best(tool, target, starts, turn_weight=HELD_WEIGHT), turn_weight=HELD_WEIGHT)
     # with this weight a turn that can be held is off by 1e-4 of the distance at most
     distance, turn = np.linalg.norm(held[:3]), np.linalg.norm(held[3:])
     if turn <= 100.0 / HELD_WEIGHT**2 * distance / tool.chain.reach + tool.residual_tolerance_angle:
         return np.concatenate([held[:3], np.zeros(3)])
-    point = _least(search(tool, target, starts, point_weight=HELD_WEIGHT), point_weight=HELD_WEIGHT)
+    point = _least(_best(tool, target, starts, point_weight=HELD_WEIGHT), point_weight=HELD_WEIGHT)
     if np.linalg.norm(point[:3]) < tool.tolerance:
         return np.concatenate([np.zeros(3), point[3:]])
     return point
@@ -74,13 +78,46 @@ def missing(tool: ToolModel, target: Targets, joints: Array) -> Array:
 def missing_within_limits(tool: ToolModel, target: Targets, joints: Array) -> float:
     """Distance that is missing to one pose at best, with the joints within their limits [m]."""
     starts = np.concatenate([joints[None], tool.seeds[:MISSING_STARTS]])
-    return float(np.linalg.norm(_least(search(tool, target, starts, limited=True))[:3]))
+    return float(np.linalg.norm(_least(_best(tool, target, starts, limited=True))[:3]))
+
+
+def _best(
+    tool: ToolModel,
+    target: Targets,
+    starts: Array,
+    *,
+    limited: bool = False,
+    point_weight: float = 1.0,
+    turn_weight: float = 1.0,
+) -> Found:
+    """As `search`, but only those that have come nearest after some iterations go on to their end."""
+
+    def go_on(places: Array, iterations: int) -> Found:
+        return search(
+            tool,
+            target,
+            places,
+            limited=limited,
+            point_weight=point_weight,
+            turn_weight=turn_weight,
+            iterations=iterations,
+        )
+
+    found = go_on(starts, NEAR_ITERATIONS)
+    if found.reached.any():
+        return found
+    order = np.argsort(_costs(found, point_weight, turn_weight), kind="stable")
+    return go_on(found.joints[order[:FINALISTS]], ITERATIONS)
+
+
+def _costs(found: Found, point_weight: float, turn_weight: float) -> Array:
+    point = np.linalg.norm(found.residuals[:, :3], axis=1)
+    turn = np.linalg.norm(found.residuals[:, 3:], axis=1)
+    return np.asarray(np.hypot(point_weight * point, turn_weight * turn), dtype=np.float64)
 
 
 def _least(found: Found, *, point_weight: float = 1.0, turn_weight: float = 1.0) -> Array:
-    point = np.linalg.norm(found.residuals[:, :3], axis=1)
-    turn = np.linalg.norm(found.residuals[:, 3:], axis=1)
-    least: Array = found.residuals[int(np.argmin(np.hypot(point_weight * point, turn_weight * turn)))]
+    least: Array = found.residuals[int(np.argmin(_costs(found, point_weight, turn_weight)))]
     return least
 
 

@@ -75,9 +75,11 @@ def rotation_vectors(matrices: Array) -> Array:
     small = sine < 1e-4
     scale = np.where(small, 0.5 + angle * angle / 12.0, 0.5 * angle / np.where(small, 1.0, sine))
     vectors: Array = skew * scale[..., None]
-    for index in np.argwhere((cosine < 0.0) & (sine < 1e-3)):
-        place = tuple(index)
-        vectors[place] = _near_half_turn(matrices[place], skew[place], float(angle[place]))
+    behind = cosine < 0.0
+    if behind.any():
+        for index in np.argwhere(behind & (sine < 1e-3)):
+            place = tuple(index)
+            vectors[place] = _near_half_turn(matrices[place], skew[place], float(angle[place]))
     return vectors
 
 

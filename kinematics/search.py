@@ -15,6 +15,8 @@ from kinematics.pose import Array, BoolArray
 from kinematics.tool import Targets, ToolModel
 
 ITERATIONS = 80
+# a share of the cost that is too little to go on for; of a distance that is missing it is half of this
+SETTLED_GAIN = 1e-9
 # largest change of a joint in one iteration [rad, or m per metre of reach]
 LONGEST_MOVE = 0.7
 LIMIT_SLACK = 1e-9
@@ -37,6 +39,7 @@ def search(
     limited: bool = False,
     point_weight: float = 1.0,
     turn_weight: float = 1.0,
+    iterations: int = ITERATIONS,
 ) -> Found:
     """Solutions or nearest positions for one pose from each of ``starts`` (n, K).
 
@@ -60,7 +63,7 @@ def search(
     cost = ((residual * scale) ** 2).sum(axis=1)
     active = np.ones(count, dtype=bool)
     identity = np.eye(size)
-    for _ in range(ITERATIONS):
+    for _ in range(iterations):
         rows = np.flatnonzero(active)
         if not len(rows):
             break
@@ -89,7 +92,9 @@ def search(
         cost[taken] = new_cost[better]
         damping[rows] = np.where(better, np.maximum(damping[rows] / 5.0, 1e-12), damping[rows] * growth[rows])
         growth[rows] = np.where(better, 2.0, np.minimum(2.0 * growth[rows], 1e3))
-        settled = (cost[rows] < 1e-20) | (damping[rows] > 1e8) | (better & (gained < 1e-13 * cost[rows]))
+        settled = (
+            (cost[rows] < 1e-20) | (damping[rows] > 1e8) | (better & (gained < SETTLED_GAIN * cost[rows]))
+        )
         active[rows[settled]] = False
     close = cost < 1e-8
     if close.any():

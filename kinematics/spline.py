@@ -28,8 +28,10 @@ def clamped_spline(knots: Array, values: Array, start_slope: Array, end_slope: A
         right = 3.0 * (after[:, None] * secant[:-1] + before[:, None] * secant[1:])
         right[0] -= after[0] * slopes[0]
         right[-1] -= before[-1] * slopes[-1]
-        solution = dgtsv(after[1:], 2.0 * (before + after), before[:-1], right)[3]
-        slopes[1:-1] = solution
+        diagonal = 2.0 * (before + after)
+        # LAPACK's wrapper takes no matrix of one row
+        alone = len(diagonal) == 1
+        slopes[1:-1] = right / diagonal[0] if alone else dgtsv(after[1:], diagonal, before[:-1], right)[3]
     coefficients = np.empty((4, len(width), values.shape[1]))
     coefficients[0] = (slopes[:-1] + slopes[1:] - 2.0 * secant) / width[:, None] ** 2
     coefficients[1] = (3.0 * secant - 2.0 * slopes[:-1] - slopes[1:]) / width[:, None]
@@ -48,6 +50,19 @@ def evaluate_cells(knots: Array, coefficients: Array, shares: Array) -> tuple[Ar
     x = offsets[..., None]
     c3, c2, c1, c0 = coefficients[:, :, None, :]
     return knots[:-1, None] + offsets, ((c3 * x + c2) * x + c1) * x + c0
+
+
+def spline_hull(knots: Array, coefficients: Array) -> tuple[Array, Array]:
+    """Bounds of each column, shape (K,) each: no value of the spline is beyond them.
+
+    Each cell lies in the convex hull of its Bernstein coefficients (de Boor).
+    """
+    width = np.diff(knots)[:, None]
+    c3, c2, c1, c0 = coefficients
+    third = c1 * width / 3.0
+    bend = c2 * (width * width) / 3.0
+    points = np.stack([c0, c0 + third, c0 + 2.0 * third + bend, c0 + 3.0 * (third + bend) + c3 * width**3])
+    return points.min(axis=(0, 1)), points.max(axis=(0, 1))
 
 
 def spline_extremes(knots: Array, coefficients: Array) -> tuple[Array, Array]:

@@ -65,6 +65,11 @@ class ToolModel:
         return 6 if self.orientation else 3
 
     @property
+    def square(self) -> bool:
+        """Whether a pose determines the joints but for a few configurations: as many joints as numbers."""
+        return self.rows == self.chain.size == self.rank
+
+    @property
     def unit(self) -> Array:
         """What each joint's travel is measured in, shape (K,): 1 rad, or the reach [m]."""
         return np.where(self.chain.revolute, 1.0, self.chain.reach)
@@ -81,8 +86,8 @@ class ToolModel:
 
     def linearise(self, joints: Array, targets: Targets) -> tuple[Array, Array]:
         """As `residual`, and the Jacobians, shape (n, rows, K)."""
-        positions, rotations, jacobians = self.chain.jacobian(joints)
-        return _residual(targets, positions, rotations), jacobians[:, : self.rows]
+        positions, rotations, jacobians = self.chain.jacobian(joints, self.rows)
+        return _residual(targets, positions, rotations), jacobians
 
     def reached(self, residual: Array) -> BoolArray:
         """Which residuals of shape (n, rows) count as reached, shape (n,)."""
@@ -105,7 +110,7 @@ class ToolModel:
         Both without units: lengths are divided by the chain's reach. 1 / `conditioning` at most; less where
         the tool does not move in the direction that the chain loses.
         """
-        left, values, _ = np.linalg.svd(_without_units(self.chain, jacobians), full_matrices=False)
+        left, values, _ = np.linalg.svd(without_units(self.chain, jacobians), full_matrices=False)
         scaled = self._without_lengths(rates)
         along = (left.swapaxes(-1, -2) @ scaled[..., None])[..., : self.rank, 0]
         speed = np.linalg.norm(along / np.maximum(values[:, : self.rank], 1e-12), axis=1)
@@ -142,7 +147,7 @@ class ToolModel:
 
 def singular_values(chain: Chain, jacobians: Array) -> Array:
     """Singular values of Jacobians (n, rows, K) whose lengths are divided by the reach, falling, (n, min)."""
-    values = np.linalg.svd(_without_units(chain, jacobians), compute_uv=False)
+    values = np.linalg.svd(without_units(chain, jacobians), compute_uv=False)
     return np.asarray(values, dtype=np.float64)
 
 
@@ -189,7 +194,8 @@ def build_tool(
     )
 
 
-def _without_units(chain: Chain, jacobians: Array) -> Array:
+def without_units(chain: Chain, jacobians: Array) -> Array:
+    """Jacobians (n, rows, K) with lengths divided by the chain's reach."""
     scaled = jacobians.copy()
     scaled[:, :3] /= chain.reach
     scaled[:, :, ~chain.revolute] *= chain.reach

@@ -6,7 +6,7 @@ import importlib.util
 
 from mcserver.config import load_machine
 from mcserver.gcode.interpreter import Interpreter
-from tests.bench.figures import Figure, NotAvailable, seconds
+from tests.bench.figures import Figure, NotAvailable, processor_seconds
 
 SETUP = ("G1010", "G93 F60")
 STEPS = (
@@ -37,8 +37,8 @@ def measure() -> list[Figure]:
             for _ in range(WAYPOINTS):
                 kinematics.pose(tool, joints)
 
-    taken = 1000.0 * seconds(plan, runs=3) / LINES
-    floor = 1000.0 * seconds(poses)
+    taken = 1000.0 * processor_seconds(plan) / LINES
+    floor = 1000.0 * processor_seconds(poses)
     return [
         Figure(
             "a line of four legs, parsed and solved",

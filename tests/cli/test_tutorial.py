@@ -13,8 +13,8 @@ import pytest
 from tests.cli.command import ENTRY, EXAMPLES, ROOT
 
 TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text("utf-8")
-# what needs a server, or the environment that is being made
-ELSEWHERE = re.compile(r"make |source |mcctl |mcserver run|mcserver doctor")
+# what needs a server, is one, or the environment that is being made
+ELSEWHERE = re.compile(r"make |source |mcctl |mcserver run|mcserver view|mcserver doctor")
 
 
 def commands() -> list[str]:

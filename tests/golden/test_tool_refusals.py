@@ -11,7 +11,7 @@ import pytest
 from mcserver.config import Machine, load_machine
 from mcserver.machine_model import build_kinematics
 from mcserver.simulation import simulate
-from tests.kinematics.tool_machines import Joint, X, Z, chain_machine
+from tests.kinematics.tool_machines import Joint, X, Y, Z, chain_machine
 
 
 def refused(machine: Machine, command: str) -> dict[str, Any]:
@@ -74,12 +74,24 @@ def test_an_aligned_wrist_that_would_have_to_turn_aside_is_singular() -> None:
 
 
 def test_a_path_that_no_continuous_joint_motion_follows_is_refused(tmp_path: Path) -> None:
-    # a slide that cannot pass the middle of its turntable: beyond it the table would have to jump half a turn
+    # the configuration that the arm starts in ends inside its reach; others go on
+    arm = (
+        Joint("continuous", "0 0 0", Z),
+        Joint("continuous", "0.1 0 0", Y),
+        Joint("continuous", "0.2 0.1 0", Z),
+    )
+    machine = chain_machine(tmp_path, arm, tip="0.15 0 0", start={0: 60.0, 1: 23.0, 2: 44.0})
+    diagnostic = refused(machine, "G01 T1 X-16 Y56 Z114")
+    assert diagnostic["code"] == "MC305"
+    assert diagnostic["tool"] == 1
+    assert "configuration" in diagnostic["hint"]
+
+
+def test_a_slide_that_cannot_pass_the_middle_of_its_turntable_is_at_its_limit(tmp_path: Path) -> None:
     polar = (Joint("continuous", "0 0 0", Z), Joint("prismatic", "0 0 0", X, 0.0, 0.5))
     machine = chain_machine(tmp_path, polar, tip="0 0 0", start={1: 200.0})
     diagnostic = refused(machine, "G01 T1 X-200")
-    assert diagnostic["code"] in ("MC303", "MC304", "MC305")
-    assert diagnostic["tool"] == 1
+    assert (diagnostic["code"], diagnostic["axis"]) == ("MC303", 1)
 
 
 def test_one_leg_out_of_reach_keeps_all_legs_of_the_line_still() -> None:

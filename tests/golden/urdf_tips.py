@@ -19,7 +19,11 @@ def tips(model: str, frame: str, joints: Array) -> tuple[Array, Rotation]:
         model: file name of a built-in URDF. frame: a link of it.
         joints: shape (N, K), the chain's moving joints, base to tip [rad].
     """
-    text = resources.files("kinematics").joinpath("models", model).read_text("utf-8")
+    return tips_of(resources.files("kinematics").joinpath("models", model).read_text("utf-8"), frame, joints)
+
+
+def tips_of(text: str, frame: str, joints: Array) -> tuple[Array, Rotation]:
+    """As `tips`, of a URDF's text; a joint that slides goes along its axis [m]."""
     into = {_of(joint, "child", "link"): joint for joint in ElementTree.fromstring(text).iter("joint")}
     chain = []
     while frame in into:
@@ -33,7 +37,11 @@ def tips(model: str, frame: str, joints: Array) -> tuple[Array, Rotation]:
         turn = turn * Rotation.from_euler("xyz", _numbers(joint, "origin", "rpy"))
         if joint.get("type") == "fixed":
             continue
-        turn = turn * Rotation.from_rotvec(joints[:, column, None] * _numbers(joint, "axis", "xyz"))
+        motion = joints[:, column, None] * _numbers(joint, "axis", "xyz")
+        if joint.get("type") == "prismatic":
+            place = place + turn.apply(motion)
+        else:
+            turn = turn * Rotation.from_rotvec(motion)
         column += 1
     assert column == joints.shape[1]
     return place, turn

@@ -11,7 +11,7 @@ import pytest
 from kinematics.errors import BranchJump, JointLimit, ModelError, Singular, Unreachable
 from kinematics.pose import Pose
 from kinematics.solver import MachineKinematics
-from tests.kinematics.tool_machines import Joint, X, Z, built_in, chain_machine
+from tests.kinematics.tool_machines import Joint, X, Y, Z, built_in, chain_machine
 from tests.kinematics.tool_paths import circle, joints_at, largest_error, line
 
 # a leg of 400 + 300 mm in the plane X Y, on a slide along Z
@@ -159,13 +159,58 @@ def test_a_wrist_in_its_singular_position_refuses_the_lost_direction() -> None:
         arm.solve_path(1, line(pose.position, (x, y + 0.1, z), pose.angles, pose.angles), joints)
 
 
-def test_a_path_through_the_axis_of_a_turntable_has_no_continuous_joint_path(tmp_path: Path) -> None:
+# Wenger's 3R arm with axes at right angles: inside its reach, places of two and of four configurations
+CUSPIDAL = (
+    Joint("continuous", "0 0 0", Z),
+    Joint("continuous", "0.1 0 0", Y),
+    Joint("continuous", "0.2 0.1 0", Z),
+)
+CUSPIDAL_TIP = "0.15 0 0"
+
+
+def _degrees(*values: float) -> dict[int, float]:
+    return dict(enumerate(math.radians(value) for value in values))
+
+
+def test_a_path_out_of_its_configuration_has_no_continuous_joint_path(tmp_path: Path) -> None:
+    arm = MachineKinematics(chain_machine(tmp_path, CUSPIDAL, tip=CUSPIDAL_TIP))
+    joints = _degrees(60.0, 23.0, 44.0)
+    end = (-0.016, 0.056, 0.114)
+    with pytest.raises(BranchJump) as caught:
+        arm.solve_path(1, line(arm.pose(1, joints).position, end), joints)
+    error = caught.value
+    assert error.code == "MC305"
+    assert error.s is not None
+    assert 0.7 < error.s < 0.76
+    assert "start from the other configuration" in error.hint
+
+
+def test_the_same_path_is_passed_in_another_configuration(tmp_path: Path) -> None:
+    arm = MachineKinematics(chain_machine(tmp_path, CUSPIDAL, tip=CUSPIDAL_TIP))
+    start = arm.pose(1, _degrees(60.0, 23.0, 44.0))
+    joints = dict(enumerate(arm.solve_pose(1, start, _degrees(77.5, 20.2, -8.0))))
+    wanted = line(start.position, (-0.016, 0.056, 0.114))
+    assert largest_error(arm, 1, wanted, arm.solve_path(1, wanted, joints)) < 1e-5
+
+
+def test_every_point_of_a_path_without_a_joint_path_can_be_reached(tmp_path: Path) -> None:
+    arm = MachineKinematics(chain_machine(tmp_path, CUSPIDAL, tip=CUSPIDAL_TIP))
+    joints = _degrees(60.0, 23.0, 44.0)
+    start, end = np.asarray(arm.pose(1, joints).position), np.array([-0.016, 0.056, 0.114])
+    for share in np.linspace(0.0, 1.0, 21):
+        x, y, z = (start + share * (end - start)).tolist()
+        reached = dict(enumerate(arm.solve_pose(1, Pose((x, y, z)), joints)))
+        np.testing.assert_allclose(arm.pose(1, reached).position, (x, y, z), atol=1e-9)
+
+
+def test_a_path_through_the_axis_of_a_turntable_needs_its_slide_past_its_limit(tmp_path: Path) -> None:
     # X on a slide that cannot pass the middle: beyond it the table would have to jump half a turn
     polar = (Joint("continuous", "0 0 0", Z), Joint("prismatic", "0.001 0 0", X, 0.0, 0.5))
     kinematics = MachineKinematics(chain_machine(tmp_path, polar, tip="0 0 0"))
     joints = {0: 0.0, 1: 0.2}
-    with pytest.raises((BranchJump, JointLimit, Singular)):
+    with pytest.raises(JointLimit) as caught:
         kinematics.solve_path(1, line((0.201, 0.0, 0.0), (-0.201, 0.0, 0.0)), joints)
+    assert caught.value.axis == 1
 
 
 def test_joints_that_are_not_at_the_start_of_the_path_are_refused(leg: MachineKinematics) -> None:

@@ -1,0 +1,66 @@
+"""Playing a recorded run: where in its time it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcserver.view.solids import Array
+
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
+
+
+@dataclass
+class Playback:
+    """A clock over a recording that can be stopped, set and made faster.
+
+    Attributes:
+        time_s: of the recording's rows, shape (N,), rising, N ≥ 1. now: [s]. speed: of the recording [1].
+        repeat: whether it begins anew at its end.
+    """
+
+    time_s: Array
+    now: float = 0.0
+    speed: float = 1.0
+    playing: bool = True
+    repeat: bool = False
+
+    def __post_init__(self) -> None:
+        self.now = self.start
+
+    @property
+    def start(self) -> float:
+        """Time of the first row [s]."""
+        return float(self.time_s[0])
+
+    @property
+    def end(self) -> float:
+        """Time of the last row [s]."""
+        return float(self.time_s[-1])
+
+    def advance(self, elapsed: float) -> None:
+        """Goes on by ``elapsed`` seconds of the wall; stops at the end, or begins anew."""
+        if not self.playing:
+            return
+        if self.repeat and self.now >= self.end:
+            self.now = self.start
+            return
+        self.now = min(self.now + elapsed * self.speed, self.end)
+        if self.now >= self.end and not self.repeat:
+            self.playing = False
+
+    def toggle(self) -> None:
+        """Plays or pauses; at the end it begins anew."""
+        self.playing = not self.playing
+        if self.playing and self.now >= self.end:
+            self.now = self.start
+
+    def seek(self, time: float) -> None:
+        """Goes to a time of the recording [s], kept within it."""
+        self.now = min(max(time, self.start), self.end)
+
+    @property
+    def row(self) -> int:
+        """The newest row at this time."""
+        return max(0, int(np.searchsorted(self.time_s, self.now + 1e-9, side="right")) - 1)

@@ -1,0 +1,236 @@
+"""The picture in the browser, by viser: what is drawn, and how it is moved."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import socket
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from mcserver.commands.faults import UsageFault
+from mcserver.view.body import Body
+from mcserver.view.solids import Array, Colour
+from mcserver.view.stage import Stage
+from mcserver.view.tracks import Track
+
+# of lines on the screen [pixels]
+PATH_WIDTH = 2.0
+LINE_WIDTH = 5.0
+PATH: Colour = (150, 162, 176)
+LIFT = 1e-3
+TRAIL: Colour = (238, 102, 119)
+# axes of drawn frames and tips, as shares of what is seen
+FRAME_SIZE = 0.05
+TIP_SIZE = 0.035
+
+
+class Window:
+    """A web page that shows a body; anyone who opens its address sees the same.
+
+    Args:
+        host, port: where it is served; port 0 takes a free one.
+        title: of the page. body: what is drawn. stage: how it stands. tips: labels of its tips.
+
+    Attributes:
+        url: its address. gui: viser's controls beside the picture.
+
+    Raises:
+        UsageFault: MC017 the address cannot be listened on.
+    """
+
+    def __init__(
+        self, host: str, port: int, *, title: str, body: Body, stage: Stage, tips: Sequence[str]
+    ) -> None:
+        # here, as it takes a second and is an extra
+        import viser
+        import viser.transforms
+
+        _refuse_taken(host, port)
+        self._rotation: Any = viser.transforms.SO3
+        # its greeting would stand where results do
+        with contextlib.redirect_stdout(io.StringIO()):
+            server = viser.ViserServer(host, port, label=title, verbose=False)
+        # a page could otherwise ask for a tunnel to a server outside
+        server.request_share_url = _no_tunnel  # type: ignore[method-assign]
+        self._server = server
+        self._body = body
+        self._size, self._up = stage.size, stage.up
+        self._parts: dict[str, Any] = {}
+        self._tips: dict[str, Any] = {}
+        # as sent, by viser's name: what stands still is not sent again
+        self._poses: dict[str, Array] = {}
+        self._tracks: dict[str, Any] = {}
+        self._line_paths: dict[str, Any] = {}
+        self._paths_wanted = True
+        self.gui = server.gui
+        shown = f"[{host}]" if ":" in host else host
+        self.url = f"http://{shown}:{server.get_port()}"
+        try:
+            self._furnish(title, stage, tips)
+        except BaseException:
+            self.close()
+            raise
+
+    def _furnish(self, title: str, stage: Stage, tips: Sequence[str]) -> None:
+        self.gui.configure_theme(show_logo=False, show_share_button=False)
+        self.gui.main_panel.dock_right()
+        self.gui.set_panel_label(title)
+        scene = self._server.scene
+        scene.set_up_direction(stage.up)
+        for place, part in enumerate(self._body.parts):
+            # numbered: a slash in a link's name would make it the child of another
+            name = f"/machine/{place}"
+            self._parts[part.name] = scene.add_frame(
+                name,
+                show_axes=False,
+                axes_length=FRAME_SIZE * stage.size,
+                axes_radius=0.06 * FRAME_SIZE * stage.size,
+            )
+            for number, solid in enumerate(part.solids):
+                scene.add_mesh_simple(
+                    f"{name}/{number}",
+                    solid.vertices.astype(np.float32),
+                    solid.faces.astype(np.uint32),
+                    color=solid.colour,
+                )
+        for label in tips:
+            self._tips[label] = scene.add_frame(
+                f"/tips/{label or 'tip'}",
+                axes_length=TIP_SIZE * stage.size,
+                axes_radius=0.07 * TIP_SIZE * stage.size,
+            )
+            if label:
+                scene.add_label(f"/tips/{label}/name", label, anchor="bottom-center")
+        self._add_floor(stage)
+        camera = self._server.initial_camera
+        camera.position = tuple(stage.camera)
+        camera.look_at = tuple(stage.middle)
+        camera.up = tuple(stage.up)
+
+    def add_tracks(self, tracks: Sequence[Track]) -> None:
+        """Draws paths in space."""
+        for track in tracks:
+            self._tracks[track.label] = self._draw(f"/paths/{track.label or 'path'}", track.points, PATH)
+
+    def highlight(self, tracks: Sequence[Track], line: int, colour: Colour) -> None:
+        """Draws what belongs to one line of the program in its colour, in place of the line before."""
+        for track in tracks:
+            before = self._line_paths.pop(track.label, None)
+            if before is not None:
+                before.remove()
+            # a repeated path lies on itself: the line under way is drawn a little above
+            points = track.of_line(line) + LIFT * self._size * self._up
+            if len(points) > 1 and self._paths_wanted:
+                name = f"/lines/{track.label or 'path'}"
+                self._line_paths[track.label] = self._draw(name, points, colour, LINE_WIDTH)
+
+    def show_trails(self, trails: Mapping[str, Array]) -> None:
+        """Draws where tips have been, (n, 3) [m] by label, in place of what was drawn before."""
+        for label, points in trails.items():
+            if len(points) > 1:
+                self._draw(f"/trails/{label or 'tip'}", points, TRAIL)
+
+    def clear_trails(self) -> None:
+        """Takes the trails away."""
+        self._server.scene.remove_by_name("/trails")
+
+    def place(self, positions: Mapping[int, float], tips: Mapping[str, Array]) -> None:
+        """Moves everything: axes' positions [m or rad] by number, tips' frames (4, 4) by label."""
+        with self._server.atomic():
+            for name, pose in self._body.poses(positions).items():
+                self._move(self._parts[name], pose)
+            for label, pose in tips.items():
+                self._move(self._tips[label], pose)
+
+    def tip(self, label: str) -> tuple[float, float, float]:
+        """Where a tip is drawn [m]."""
+        x, y, z = (float(value) for value in self._tips[label].position)
+        return x, y, z
+
+    def show_frames(self, wanted: bool) -> None:
+        """Draws the joints' frames, or not."""
+        for name in self._body.frames:
+            self._parts[name].show_axes = wanted
+
+    def show_paths(self, wanted: bool) -> None:
+        """Draws the paths, or not."""
+        self._paths_wanted = wanted
+        for path in (*self._tracks.values(), *self._line_paths.values()):
+            path.visible = wanted
+
+    @property
+    def missing_meshes(self) -> tuple[str, ...]:
+        """Meshes that could not be had, as the URDF names them."""
+        return self._body.missing_meshes
+
+    @property
+    def watched(self) -> bool:
+        """Whether somebody looks."""
+        return bool(self._server.get_clients())
+
+    def close(self) -> None:
+        """Ends the page."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def _draw(self, name: str, points: Array, colour: Colour, width: float = PATH_WIDTH) -> Any:
+        return self._server.scene.add_line_segments(
+            name,
+            np.stack([points[:-1], points[1:]], axis=1).astype(np.float32),
+            colour,
+            thickness=width,
+            thickness_units="screen",
+        )
+
+    def _move(self, handle: Any, pose: Array) -> None:
+        before = self._poses.get(handle.name)
+        if before is not None and np.array_equal(before, pose):
+            return
+        self._poses[handle.name] = pose
+        handle.position = pose[:3, 3]
+        handle.wxyz = self._rotation.from_matrix(pose[:3, :3]).wxyz
+
+    def _add_floor(self, stage: Stage) -> None:
+        side = 4.0 * stage.size
+        planes: tuple[Literal["yz"], Literal["zx"], Literal["xy"]] = ("yz", "zx", "xy")
+        plane = planes[int(np.argmax(np.abs(stage.up)))]
+        cell = 10.0 ** np.floor(np.log10(stage.size / 3.0))
+        position = stage.middle - stage.up * (stage.middle @ stage.up - stage.floor)
+        self._server.scene.add_grid(
+            "/floor",
+            width=side,
+            height=side,
+            plane=plane,
+            position=np.round(position / cell) * cell * (1.0 - np.abs(stage.up))
+            + position * np.abs(stage.up),
+            cell_size=cell,
+            section_size=10.0 * cell,
+            cell_color=(222, 227, 232),
+            section_color=(190, 198, 207),
+            fade_distance=5.0 * stage.size,
+            shadow_opacity=0.18,
+        )
+
+
+def _no_tunnel(verbose: bool = True) -> None:
+    """In place of viser's sharing."""
+
+
+def _refuse_taken(host: str, port: int) -> None:
+    """viser would silently take another port."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family[0], socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(family[4])
+    except OSError as error:
+        taken = error.errno == errno.EADDRINUSE
+        raise UsageFault(
+            "MC017",
+            f"--host {host} --port {port} cannot be listened on: {error.strerror or error}",
+            "take another port, or --port 0 for a free one" if taken else "127.0.0.1 is this computer alone",
+        ) from error
