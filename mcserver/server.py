@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import logging
 import os
 import secrets
@@ -32,6 +33,8 @@ from mcserver.programs.service_options import ServiceOptions
 
 log = logging.getLogger(__name__)
 
+# New objects between two looks of the garbage collector.
+YOUNG_OBJECTS = 20_000
 # The planner computes in Python beside the loop: with the default of 5 ms a message could wait so long.
 SWITCH_INTERVAL_S = 0.0005
 
@@ -114,6 +117,9 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
     """
     options = options or ServerOptions()
     sys.setswitchinterval(SWITCH_INTERVAL_S)
+    # what is here now stays; a planner that makes thousands of values a second need not look through it again
+    gc.freeze()
+    gc.set_threshold(YOUNG_OBJECTS, 10, 10)
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -223,11 +223,16 @@ class Lookahead:
         first = set(starts.tolist())
         for index, node in enumerate(self.nodes):
             group += index in first
-            here = at
-            for each in node.rows:
-                parts.append(each)
-                at += len(each)
-            lengths.append(at - here)
+            parts.append(node.samples)
+            length = len(node.samples)
+            if node.vertex_before is not None:
+                parts.append(node.vertex_before)
+                length += 1
+            if node.vertex_after is not None:
+                parts.append(node.vertex_after)
+                length += 1
+            at += length
+            lengths.append(length)
             if node.segment.duration is not None:
                 if node.vertex_after is not None:
                     vertices.append((at - 1, group + 1))
