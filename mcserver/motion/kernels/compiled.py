@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -11,8 +12,13 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def compiled(function: _Function) -> _Function:
-    """Compiles at the first call, keeps the result in ``__pycache__``, and lets other threads run meanwhile.
+    """Compiles at the first call, keeps the result on disk, and lets other threads run meanwhile.
 
-    Divisions by zero give infinities as in numpy.
+    Divisions by zero give infinities as in numpy. The result is kept in ``__pycache__``, ``$NUMBA_CACHE_DIR``
+    or in the user's cache folder; where none of them can be written, each start compiles anew.
     """
-    return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    with contextlib.suppress(RuntimeError):
+        # raised here, and not at the call, where there is no place for the cache
+        return cast(_Function, numba.njit(cache=True, **options)(function))
+    return cast(_Function, numba.njit(**options)(function))
