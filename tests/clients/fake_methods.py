@@ -101,7 +101,7 @@ class FakeMethods:
                 "cycles_a_message": 10,
                 "state_hz": 20.0,
             },
-            "limits": {"max_line_bytes": 8192, "max_lines_a_message": 20000, "queue_lines": QUEUE_LINES},
+            "limits": {"max_line_length": 8192, "max_lines_a_message": 20000, "queue_lines": QUEUE_LINES},
             "methods": ["open"],
         }
 

@@ -268,7 +268,7 @@ class Machine(DriveCalls):
             axes=opened.axes,
             caller=self._caller,
             open_reports=self._open_reports,
-            max_line_bytes=self.info.limits.max_line_bytes,
+            max_line_length=self.info.limits.max_line_length,
             patience_s=self._patience_s,
         )
 

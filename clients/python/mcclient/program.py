@@ -62,7 +62,7 @@ class Program:
         axes: tuple[int, ...],
         caller: Caller,
         open_reports: OpenReports,
-        max_line_bytes: int,
+        max_line_length: int,
         patience_s: float,
     ) -> None:
         self.id = stream.program
@@ -70,7 +70,7 @@ class Program:
         self._stream = stream
         self._caller = caller
         self._open_reports = open_reports
-        self._max_line_bytes = max_line_bytes
+        self._max_line_length = max_line_length
         self._patience_s = patience_s
         self._turn = asyncio.Lock()
 
@@ -270,10 +270,10 @@ class Program:
             raise RequestRefused(
                 "MC538", "a line must not hold a line end", "use send_lines(text.splitlines())"
             )
-        if len(text) * 4 > self._max_line_bytes and len(text.encode()) > self._max_line_bytes:
+        if len(text) > self._max_line_length:
             raise RequestRefused(
                 "MC538",
-                f"the line has {len(text.encode())} bytes, the server takes {self._max_line_bytes}",
+                f"the line has {len(text)} characters, the server takes {self._max_line_length}",
                 "break it at a command",
                 line=self.given_through + 1,
             )

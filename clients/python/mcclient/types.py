@@ -211,7 +211,7 @@ class TelemetryInfo:
 class LimitsInfo:
     """Bounds of the service."""
 
-    max_line_bytes: int = 8192
+    max_line_length: int = 8192
     max_lines_a_message: int = 20_000
     queue_lines: int = 0
     programs_at_once: int = 0

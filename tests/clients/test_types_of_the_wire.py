@@ -1,0 +1,27 @@
+"""The client's types are its own, and name what the server sends."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+
+import mcclient.types
+import pytest
+
+from mcserver.net import messages
+from mcserver.programs import reports
+
+# What only one side has: the client's own views of replies, gathered from several messages.
+OWN = {"SdoObject", "CheckResult", "EventPage", "OpenedProgram"}
+TYPES = {
+    name: kind
+    for name, kind in vars(mcclient.types).items()
+    if inspect.isclass(kind) and kind.__module__ == mcclient.types.__name__ and name not in OWN
+}
+
+
+@pytest.mark.parametrize("name", sorted(TYPES))
+def test_a_type_of_the_client_has_the_fields_that_the_server_sends(name: str) -> None:
+    server = getattr(reports, name, None) or getattr(messages, name)
+    fields = {field.name for field in dataclasses.fields(TYPES[name])}
+    assert fields == set(server.__struct_fields__)
