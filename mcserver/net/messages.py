@@ -60,25 +60,6 @@ ProgramId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
 RequestId = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 LineNumber = Annotated[int, Meta(ge=1, le=2**53)]
 AxisIndex = Annotated[int, Meta(ge=0, le=63)]
-NodeNumber = Annotated[int, Meta(ge=1, le=127)]
-SdoType = Literal[
-    "bool",
-    "i8",
-    "i16",
-    "i24",
-    "i32",
-    "i64",
-    "u8",
-    "u16",
-    "u24",
-    "u32",
-    "u64",
-    "f32",
-    "f64",
-    "str",
-    "utf16",
-    "bytes",
-]
 
 
 class ErrorReply(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -260,33 +241,6 @@ class ProgramsRequest(Request, frozen=True, kw_only=True):
     limit: Annotated[int, Meta(ge=1, le=1000)] = 100
 
 
-class DrivesRequest(Request, frozen=True, kw_only=True):
-    """Every drive on a CAN bus."""
-
-
-class SdoReadRequest(Request, frozen=True, kw_only=True):
-    """Reads an object of a drive's dictionary (CiA 301).
-
-    Attributes:
-        axis: whose drive; or ``node``, with ``bus`` where several buses have that number.
-        index, subindex: of the object.
-        type: how the bytes are to be read; None: by the drive's EDS, or the standard's objects.
-    """
-
-    index: Annotated[int, Meta(ge=0, le=0xFFFF)]
-    subindex: Annotated[int, Meta(ge=0, le=0xFF)] = 0
-    axis: AxisIndex | None = None
-    node: NodeNumber | None = None
-    bus: Annotated[str, Meta(max_length=200)] = ""
-    type: SdoType | None = None
-
-
-class SdoWriteRequest(SdoReadRequest, frozen=True, kw_only=True):
-    """Writes an object; ``value`` may be text: a number such as ``0x10``, or hexadecimal for ``bytes``."""
-
-    value: bool | int | float | Annotated[str, Meta(max_length=65_536)]
-
-
 class EventsRequest(Request, frozen=True, kw_only=True):
     """Events that the server still has, from number ``since`` on, oldest first."""
 
@@ -337,56 +291,6 @@ class ProgramsReply(msgspec.Struct, frozen=True):
     """Newest first."""
 
     programs: list[ProgramStatus]
-
-
-class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One drive on a CAN bus.
-
-    Attributes:
-        state: what the server takes it for. nmt: what its last heartbeat said; empty: none has come.
-        heartbeat_age_s: since its last sign of life [s].
-        statusword: 6041h, or the fault bits of a Servosila drive. status: the same in words.
-        device_type, vendor_id, product_code: 1000h, 1018h:01, 1018h:02.
-        emergency: its last emergency message in words; emergency_code, emergency_age_s: of that.
-        boot_ups: how often it has started since the server did. message: why its configuration failed.
-    """
-
-    axis: int
-    kind: str
-    bus: str
-    node: int
-    state: Literal["booting", "operational", "lost", "restarting", "failed", "closed"]
-    nmt: str = ""
-    heartbeat_age_s: float | None = None
-    statusword: int | None = None
-    status: str = ""
-    device_type: int | None = None
-    vendor_id: int | None = None
-    product_code: int | None = None
-    emergency: str = ""
-    emergency_code: int | None = None
-    emergency_age_s: float | None = None
-    boot_ups: int = 0
-    message: str = ""
-
-
-class DrivesReply(msgspec.Struct, frozen=True):
-    """By axis; empty where no drive is on a CAN bus."""
-
-    drives: list[DriveInfo]
-
-
-class SdoReply(msgspec.Struct, frozen=True):
-    """An object's value, read or written; ``raw``: the bytes, little endian. ``bytes`` are shown as text."""
-
-    axis: int
-    bus: str
-    node: int
-    index: int
-    subindex: int
-    type: SdoType
-    value: bool | int | float | str
-    raw: bytes
 
 
 class TelemetryBlock(msgspec.Struct, frozen=True, array_like=True):

@@ -9,6 +9,7 @@ import msgspec
 
 from mcserver.canopen_service.views import DriveAccess, SdoTarget, SdoValue
 from mcserver.errors import Diagnostic, ServiceError
+from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
@@ -60,7 +61,7 @@ class Methods:
             "jog": (wire.JogRequest, self.jog),
             "reset": (wire.ResetRequest, self.reset),
             "estop": (wire.EstopRequest, self.estop),
-            "sdo_write": (wire.SdoWriteRequest, self.sdo_write),
+            "sdo_write": (drive_wire.SdoWriteRequest, self.sdo_write),
         }
         reading: dict[str, tuple[type[wire.Request], Callable[[Any], Any]]] = {
             "status": (wire.StatusRequest, self.status),
@@ -68,8 +69,8 @@ class Methods:
             "events": (wire.EventsRequest, self.events),
             "check": (wire.CheckRequest, self.check),
             "simulate": (wire.SimulateRequest, self.simulate),
-            "drives": (wire.DrivesRequest, self.drives),
-            "sdo_read": (wire.SdoReadRequest, self.sdo_read),
+            "drives": (drive_wire.DrivesRequest, self.drives),
+            "sdo_read": (drive_wire.SdoReadRequest, self.sdo_read),
             "info": (wire.Request, self.info),
         }
         return {name: Method(request, call, True) for name, (request, call) in changing.items()} | {
@@ -181,28 +182,31 @@ class Methods:
     async def simulate(self, request: wire.SimulateRequest) -> dict[str, Any]:
         return await self._bench.simulate(request.text)
 
-    def drives(self, _request: wire.DrivesRequest) -> wire.DrivesReply:
-        return wire.DrivesReply(
-            [msgspec.convert(view, wire.DriveInfo, from_attributes=True) for view in self._drives.drives()]
+    def drives(self, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
+        return drive_wire.DrivesReply(
+            [
+                msgspec.convert(view, drive_wire.DriveInfo, from_attributes=True)
+                for view in self._drives.drives()
+            ]
         )
 
-    async def sdo_read(self, request: wire.SdoReadRequest) -> wire.SdoReply:
+    async def sdo_read(self, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
         return _sdo_reply(await self._drives.sdo_read(_target(request), request.type))
 
-    async def sdo_write(self, request: wire.SdoWriteRequest) -> wire.SdoReply:
+    async def sdo_write(self, request: drive_wire.SdoWriteRequest) -> drive_wire.SdoReply:
         return _sdo_reply(await self._drives.sdo_write(_target(request), request.type, request.value))
 
     def info(self, _request: wire.Request) -> wire.Info:
         return machine_info(self._service, list(self.table()))
 
 
-def _target(request: wire.SdoReadRequest) -> SdoTarget:
+def _target(request: drive_wire.SdoReadRequest) -> SdoTarget:
     if (request.axis is None) == (request.node is None):
         raise ServiceError("MC511", "an SDO goes to one drive", "give either `axis` or `node`")
     return SdoTarget(request.index, request.subindex, request.axis, request.node, request.bus)
 
 
-def _sdo_reply(found: SdoValue) -> wire.SdoReply:
+def _sdo_reply(found: SdoValue) -> drive_wire.SdoReply:
     return msgspec.convert(
         {
             "axis": found.axis,
@@ -214,7 +218,7 @@ def _sdo_reply(found: SdoValue) -> wire.SdoReply:
             "value": found.value,
             "raw": found.raw,
         },
-        wire.SdoReply,
+        drive_wire.SdoReply,
     )
 
 

@@ -8,8 +8,7 @@ import inspect
 import mcclient.types
 import pytest
 
-from mcserver.net import messages
-from mcserver.programs import reports
+from mcserver.net.schemas import message_types
 
 # What only one side has: the client's own views of replies, gathered from several messages.
 OWN = {"SdoObject", "CheckResult", "EventPage", "OpenedProgram"}
@@ -22,6 +21,8 @@ TYPES = {
 
 @pytest.mark.parametrize("name", sorted(TYPES))
 def test_a_type_of_the_client_has_the_fields_that_the_server_sends(name: str) -> None:
-    server = getattr(reports, name, None) or getattr(messages, name)
+    known = message_types()
+    # what the server calls a diagnostic on the wire
+    server = known.get(name) or known[f"Wire{name}"]
     fields = {field.name for field in dataclasses.fields(TYPES[name])}
     assert fields == set(server.__struct_fields__)
