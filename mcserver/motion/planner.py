@@ -67,8 +67,11 @@ class MotionPlanner:
 
     @property
     def full(self) -> bool:
-        """Whether a plan is due: enough has come since the last one for its stop to lie well behind."""
-        return self.pending >= min(self._left + WINDOW // 2, LARGEST_WINDOW)
+        """Whether a plan is due: enough has come since the last one for its stop to lie well behind.
+
+        What is left of a window is planned again with each plan, so the more is left the more has to come.
+        """
+        return self.pending >= min(self._left + max(WINDOW, self._left) // 2, LARGEST_WINDOW)
 
     @property
     def moving(self) -> bool:

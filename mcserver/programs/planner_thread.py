@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import enum
 import logging
+import math
 import queue
 import threading
 import time
@@ -27,6 +28,8 @@ log = logging.getLogger(__name__)
 ACTIVE_POLL_S = 0.002
 IDLE_POLL_S = 0.02
 LINES_A_TURN = 256
+# How often it is asked where a window ends into which lines pour [s].
+END_PERIOD_S = 0.25
 MAX_LINE_LENGTH = 8192
 
 
@@ -169,6 +172,9 @@ class _Plan:
         self.closed = False
         self.ended = False
         self.judged = 0
+        self.end_u = 0.0
+        self.end_asked = -math.inf
+        self.end_stale = False
 
 
 class PlannerThread:
@@ -291,7 +297,7 @@ class PlannerThread:
             except Exception as error:
                 self._break(plan, error)
             if event.kind in (EventKind.FINISHED, EventKind.STOPPED):
-                self._judge(plan)
+                self._judge(plan, settled=True)
                 self._plans.pop(plan.program, None)
                 by_slot.pop(event.program, None)
         self._outcomes.append(Happened(events))
@@ -311,7 +317,7 @@ class PlannerThread:
             return False
         if reports:
             self._report(plan, reports)
-        self._judge(plan)
+        self._judge(plan, settled=not (more or fed))
         return more or fed
 
     def _feed(self, plan: _Plan) -> bool:
@@ -358,11 +364,20 @@ class PlannerThread:
         if final:
             plan.closing = True
 
-    def _judge(self, plan: _Plan) -> None:
+    def _judge(self, plan: _Plan, *, settled: bool) -> None:
+        """Tells how far lines are right and planned; ``settled``: there is nothing more to plan now."""
         through = plan.pipeline.planned_line
-        if through > plan.judged:
-            plan.judged = through
-            self._outcomes.append(Judged(plan.program, through, plan.pipeline.planned_end_u))
+        judged = through > plan.judged
+        # where the window ends takes a plan of all of it: while lines pour in it is asked for now and then
+        due = judged and self.seen - plan.end_asked >= END_PERIOD_S
+        if due or (settled and (judged or plan.end_stale)):
+            plan.end_u, plan.end_asked, plan.end_stale = plan.pipeline.planned_end_u, self.seen, False
+        elif judged:
+            plan.end_stale = True
+        else:
+            return
+        plan.judged = through
+        self._outcomes.append(Judged(plan.program, through, plan.end_u))
 
     def _break(self, plan: _Plan, error: Exception) -> None:
         log.error("the pipeline of %s failed", plan.program, exc_info=error)
