@@ -16,7 +16,7 @@ PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 
 export PIP_NO_INPUT := 1
 
-.PHONY: help demo dog test lint format bench pictures clean
+.PHONY: help demo dog test socketcan faults lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
@@ -31,11 +31,19 @@ dog: $(VENV)/.for-demo  ## the robot dog of the demo alone: out/dog.png
 test: $(VENV)/.for-development  ## run every test
 	$(BIN)/python -m pytest $(ARGS)
 
+# QEMU, busybox and (once) Debian's kernel: deploy/qemu/README.md
+socketcan: $(VENV)/.for-development  ## the tests that need CAN interfaces, on vcan in QEMU
+	@$(BIN)/python -m deploy.qemu $(if $(ARGS),-- $(BIN)/python -m pytest -p no:cacheprovider $(ARGS))
+
+faults: $(VENV)/.for-development  ## each fault of a CAN drive in a moving group: what happened, in cycles
+	@$(BIN)/python -m tests.e2e_can.faults $(ARGS)
+
 lint: $(VENV)/.for-development  ## ruff (rules and format) and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/mypy examples/demo.py
+	$(BIN)/mypy -p deploy.qemu
 
 format: $(VENV)/.for-development  ## rewrite the sources in the one format
 	$(BIN)/ruff check --fix .
@@ -48,9 +56,10 @@ pictures: $(VENV)/.for-development  ## draw the pictures of the documentation an
 	$(BIN)/mcserver plot examples/arcs.gcode --output docs/images/arcs.png
 	$(BIN)/mcserver plot examples/helix.gcode --output docs/images/helix.png
 	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --no-limits --output docs/images/dog.png
+	$(BIN)/python -m tests.view.picture examples/robot-dog.gcode robot-dog 2.45 docs/images/view.png
 
 clean:  ## remove what the other targets made
-	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .qemu out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 $(BIN)/python:
 	@if [ -z "$(PYTHON)" ]; then \
@@ -64,8 +73,10 @@ $(BIN)/python:
 $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
 	$(PIP) install --quiet --editable '.[kinematics,plot]'
 	$(PIP) install --quiet --editable '$(SDK)[cli]'
+	@echo "compiling the planner, once"
+	@$(BIN)/python -c 'from mcserver.motion.warm_up import warm_up; warm_up()'
 	@touch $@
 
 $(VENV)/.for-development: $(VENV)/.for-demo
-	$(PIP) install --quiet --editable '.[kinematics,plot,can]' --group dev
+	$(PIP) install --quiet --editable '.[kinematics,plot,can,view]' --group dev
 	@touch $@

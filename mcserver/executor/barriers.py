@@ -161,7 +161,7 @@ class Energized:
         if self._waited > DRIVE_TIMEOUT_S:
             column = self._cycle.bank.masks.columns(missing)[0]
             # nobody waits for them any more: none must begin to hold by itself later
-            self._cycle.bank.off(missing)
+            self._cycle.bank.latch(missing)
             raise BarrierFault(FaultCode.NO_ENERGIZE, column, (self._waited, DRIVE_TIMEOUT_S))
         return False
 

@@ -14,7 +14,8 @@ import threading
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-START_LIMIT_S = 40.0
+# in an emulated machine a server takes a minute to start
+START_LIMIT_S = 300.0
 STOP_LIMIT_S = 20.0
 READY = re.compile(r"ready, .* listening on ([^\s,]+)")
 EXECUTOR = "mcserver.executor.realtime_loop"

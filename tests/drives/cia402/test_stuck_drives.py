@@ -36,8 +36,11 @@ def test_a_drive_that_did_not_energize_in_time_does_not_do_so_later() -> None:
     assert (fault.code, fault.axis, fault.line) == (FaultCode.NO_ENERGIZE, 1, 1)
     rig.drives[1].stuck = False
     rig.step(200)
-    assert condition(rig, 1) == AxisCondition.OFF
+    assert condition(rig, 1) == AxisCondition.FAULT
     assert rig.core.bank.states[1] != DriveState.ENERGIZED
+    rig.recover()
+    rig.step(200)
+    assert condition(rig, 1) == AxisCondition.HOLDING
 
 
 def test_a_drive_that_goes_on_holding_after_g1001_is_a_fault() -> None:

@@ -1,0 +1,169 @@
+"""What can go wrong with a drive or its bus: how it is brought about, and how it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+from mcclient import Machine, RequestRefused
+
+from mcserver.can.cob import Function
+from mcserver.drives.node_watch import HEARTBEAT_PATIENCE
+from tests.e2e_can.bench import CYCLE_HZ, NODE, VICTIM
+from tests.e2e_can.cell import Cell
+from tests.e2e_can.machines import FOLLOWING_MM
+from tests.e2e_can.signs import (
+    Behind,
+    InFrames,
+    NoFrames,
+    Sign,
+    has,
+    lacks_answer,
+    lacks_heartbeat,
+    short_answer,
+    told_otherwise,
+)
+
+# defaults of the machine file
+HEARTBEAT_MS = 100
+SILENCE_CYCLES = 3
+OVERDUE_S = HEARTBEAT_PATIENCE * HEARTBEAT_MS / 1e3
+SHORT = SILENCE_CYCLES - 1
+LONG = 10 * SILENCE_CYCLES
+OVERCURRENT = 0x2310
+FOLLOWING = 0x8611
+INTERPOLATION = 0x60C2
+STATUSWORD = 0x6041
+LATE_ANSWER_S = 1.0
+STARTED = "drive.started"
+ON_ITS_BUS = (0, 1)
+
+Act = Callable[[Cell], object]
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """One thing that goes wrong, at the victim.
+
+    Attributes:
+        name: in the table.
+        inject, undo: in another thread than the loop's. sign: None where the motion goes on to its end.
+        meanwhile: what a client does then; gives what it was told.
+        concerned: axes that have the fault.
+        returns: kind of the event that says that the drive can be energized again; empty: at once.
+        at_rest: it shows only when the drive is energized.
+    """
+
+    name: str
+    inject: Act
+    undo: Act
+    sign: Sign | None
+    meanwhile: Callable[[Machine], Awaitable[str]] | None = None
+    concerned: tuple[int, ...] = (VICTIM,)
+    returns: str = ""
+    at_rest: bool = False
+
+
+def ask(fault: str, **values: float) -> Act:
+    """A request to the victim's simulated drive."""
+
+    def request(cell: Cell) -> None:
+        cell.drives_of(NODE).control.fault(NODE, fault, **values)
+
+    return request
+
+
+def reboot_with(fault: str, **values: float) -> Act:
+    """The drive boots, and its configuration goes wrong."""
+
+    def both(cell: Cell) -> None:
+        ask(fault, **values)(cell)
+        ask("reboot")(cell)
+
+    return both
+
+
+def nothing(_: Cell) -> None:
+    """It mends itself."""
+
+
+async def read_an_object(machine: Machine) -> str:
+    """As `mcctl` does; gives the code of the refusal."""
+    try:
+        await machine.sdo_read(VICTIM, STATUSWORD)
+    except RequestRefused as refused:
+        return refused.code
+    return ""
+
+
+CLEAR = ask("clear")
+ANSWER = InFrames(lambda: lacks_answer(NODE))
+
+
+def emergency(code: int) -> Sign:
+    """An EMCY frame with that code."""
+    return InFrames(lambda: has(Function.EMCY + NODE, code.to_bytes(2, "little")))
+
+
+def disturbances(cycle_hz: float = CYCLE_HZ) -> tuple[Disturbance, ...]:
+    """All of them, in the order of the table."""
+    overdue = InFrames(lambda: lacks_heartbeat(NODE, round(OVERDUE_S * cycle_hz)))
+    return (
+        Disturbance("mute", ask("mute"), CLEAR, ANSWER),
+        Disturbance(f"TPDO {SHORT} cycles late", ask("late_tpdo", syncs=SHORT), CLEAR, None),
+        Disturbance(f"TPDO {LONG} cycles late", ask("late_tpdo", syncs=LONG), CLEAR, ANSWER),
+        Disturbance("short TPDO", ask("short_tpdo"), CLEAR, InFrames(lambda: short_answer(NODE))),
+        Disturbance("EMCY, overcurrent", ask("emcy", code=OVERCURRENT), CLEAR, emergency(OVERCURRENT)),
+        Disturbance(
+            "controlword ignored",
+            ask("stuck"),
+            CLEAR,
+            InFrames(lambda: told_otherwise(NODE)),
+            at_rest=True,
+        ),
+        Disturbance("SDO aborted", ask("sdo_abort", index=STATUSWORD), CLEAR, None, meanwhile=read_an_object),
+        Disturbance(
+            "SDO answered late",
+            ask("sdo_delay", seconds=LATE_ANSWER_S),
+            CLEAR,
+            None,
+            meanwhile=read_an_object,
+        ),
+        Disturbance("reboot", ask("reboot"), nothing, ANSWER, returns=STARTED),
+        Disturbance(
+            "reboot, then SDO aborted",
+            reboot_with("sdo_abort", index=INTERPOLATION),
+            CLEAR,
+            ANSWER,
+            returns=STARTED,
+        ),
+        Disturbance(
+            "reboot, then SDO answered late",
+            reboot_with("sdo_delay", seconds=LATE_ANSWER_S),
+            CLEAR,
+            ANSWER,
+            returns=STARTED,
+        ),
+        Disturbance("heartbeat stops", ask("heartbeat_stop"), CLEAR, overdue),
+        Disturbance("shaft jams", ask("following_error"), CLEAR, Behind(VICTIM, FOLLOWING_MM)),
+        Disturbance(
+            "following error of the drive", ask("following_error", trip=1), CLEAR, emergency(FOLLOWING)
+        ),
+        Disturbance(f"{SHORT} SYNCs missed", ask("drop_sync", syncs=SHORT), nothing, None),
+        Disturbance(f"{LONG} SYNCs missed", ask("drop_sync", syncs=LONG), nothing, ANSWER),
+        Disturbance(
+            "process killed",
+            lambda cell: cell.kill_drives(NODE),
+            lambda cell: cell.start_drives([NODE]),
+            ANSWER,
+            returns=STARTED,
+        ),
+        Disturbance(
+            "bus away",
+            lambda cell: cell.stop_hub(0),
+            lambda cell: cell.start_hub(0),
+            NoFrames(),
+            concerned=ON_ITS_BUS,
+            returns="bus.back",
+        ),
+    )

@@ -1,0 +1,44 @@
+"""Some rows of docs/canopen-faults.md from a real run; `make faults` makes all of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.e2e_can.bench import LINE
+from tests.e2e_can.disturbances import ON_ITS_BUS, SILENCE_CYCLES, disturbances
+from tests.e2e_can.faults import measure
+
+# a computer that also runs the drives is late now and then
+CYCLE_HZ = 50.0
+STOPPING = {
+    "mute": "MC411",
+    "short TPDO": "MC411",
+    "EMCY, overcurrent": "MC425",
+    "reboot": "MC426",
+    "process killed": "MC411",
+    "bus away": "MC429",
+}
+PASSED_OVER = {"TPDO 2 cycles late": "", "SDO aborted": "MC553"}
+
+
+@pytest.mark.timeout(240)
+async def test_a_fault_stops_the_group_names_axis_and_line_latches_and_is_recovered_without_a_jump() -> None:
+    chosen = [each for each in disturbances(CYCLE_HZ) if each.name in STOPPING]
+    outcomes = await measure(chosen, cycle_hz=CYCLE_HZ)
+    assert {each.fault: each.code for each in outcomes} == STOPPING
+    for each in outcomes:
+        assert each.axis in ON_ITS_BUS, each
+        assert each.line == LINE, each
+        assert each.reported is not None, each
+        assert 0 <= each.reported < SILENCE_CYCLES, each
+        assert each.braked == each.reported + 1, each
+        assert each.latch == "MC412", each
+        assert each.recovered, each
+        assert each.jump == 0, each
+
+
+async def test_what_stops_nothing_changes_nothing() -> None:
+    chosen = [each for each in disturbances(CYCLE_HZ) if each.name in PASSED_OVER]
+    outcomes = await measure(chosen, cycle_hz=CYCLE_HZ)
+    assert {each.fault: each.code for each in outcomes} == PASSED_OVER
+    assert all(each.recovered and each.reported is None for each in outcomes), outcomes
