@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcserver.drive_sim.control import Control
-
 from tests.e2e.servers import ServerProcess
 from tests.e2e_can.machines import AXES, Raw, write
 from tests.e2e_can.processes import ReadyProcess
