@@ -99,11 +99,6 @@ class Hub:
         port: int = self._listener.getsockname()[1]
         return port
 
-    @property
-    def clients(self) -> int:
-        """Connections now; for a look from another thread."""
-        return len(self._clients)
-
     def end_with(self, descriptor: int) -> None:
         """Ends `run` once a pipe is closed by whoever holds its other end."""
         self._selector.register(descriptor, selectors.EVENT_READ, None)

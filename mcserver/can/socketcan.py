@@ -1,7 +1,7 @@
 """A port on a SocketCAN interface: a raw socket that never waits.
 
 An interface that goes down or away (ENETDOWN, ENODEV) or a controller that is bus-off makes the port `down`.
-The socket is opened again by itself, at most every `REOPEN_S`, once the interface is back.
+The socket is opened again by itself once the interface is back.
 """
 
 from __future__ import annotations
@@ -9,22 +9,13 @@ from __future__ import annotations
 import errno
 import socket
 import struct
-import time
 from contextlib import suppress
 
-from mcserver.can.frame import (
-    ERROR_FLAG,
-    FRAME_SIZE,
-    HEADER,
-    NOT_DATA,
-    PAYLOAD_OFFSET,
-    STANDARD_MASK,
-    prepare_frame,
-)
-from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame, PortCounters
+from mcserver.can.frame import ERROR_FLAG, FRAME_SIZE, HEADER, NOT_DATA, STANDARD_MASK
+from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame
+from mcserver.can.socket_port import SocketPort
 from mcserver.errors import RuntimeFault
 
-REOPEN_S = 0.1
 # linux/can.h, linux/can/raw.h, linux/can/error.h: this interpreter may be built without CAN's constants.
 PF_CAN = 29
 CAN_RAW = 1
@@ -36,14 +27,13 @@ ERROR_BUS_OFF = 0x40
 ERROR_RESTARTED = 0x100
 RECEIVE_BUFFER = 1 << 20
 SO_RCVBUFFORCE = 33
-GONE = frozenset((errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF))
 FULL = frozenset((errno.EAGAIN, errno.ENOBUFS))
 
 
-class SocketCanPort:
+class SocketCanPort(SocketPort):
     """A raw socket on an interface. Own frames are not received; other sockets of this computer get them."""
 
-    payload_offset = PAYLOAD_OFFSET
+    GONE = frozenset((errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF))
 
     def __init__(self, interface: str) -> None:
         """Opens the interface.
@@ -51,27 +41,13 @@ class SocketCanPort:
         Raises:
             RuntimeFault: MC424 there is no such interface, it is down, or the kernel has no CAN.
         """
+        super().__init__()
         self._interface = interface
-        self.counters = PortCounters()
         self._incoming = bytearray(FRAME_SIZE)
-        self._closed = False
-        self._next_try = 0.0
-        self._socket: socket.socket | None = None
         try:
-            self._socket = _open(interface)
+            self._open()
         except OSError as error:
             raise _cannot_open(interface, error) from error
-
-    def fileno(self) -> int:
-        return -1 if self._socket is None else self._socket.fileno()
-
-    def prepare(self, identifier: int, length: int) -> bytearray:
-        return prepare_frame(identifier, length)
-
-    def send(self, identifier: int, payload: bytes) -> bool:
-        frame = prepare_frame(identifier, len(payload))
-        frame[PAYLOAD_OFFSET : PAYLOAD_OFFSET + len(payload)] = payload
-        return self.send_prepared(frame)
 
     def send_prepared(self, buffer: bytearray) -> bool:
         if self._socket is None and not self._reopen():
@@ -112,12 +88,6 @@ class SocketCanPort:
             frames.append((identifier & STANDARD_MASK, bytes(buffer[8 : 8 + length])))
         return frames
 
-    def close(self) -> None:
-        self._closed = True
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
     def _not_data(self, identifier: int) -> None:
         if not identifier & ERROR_FLAG:
             self.counters.malformed += 1
@@ -128,30 +98,11 @@ class SocketCanPort:
         if identifier & ERROR_RESTARTED:
             self.counters.down = False
 
-    def _failed(self, error: OSError) -> None:
-        """A system call failed; the socket is given up where the interface is away."""
-        self.counters.errors += 1
-        if error.errno in GONE:
-            self.counters.down = True
-            if self._socket is not None:
-                self._socket.close()
-                self._socket = None
-            self._next_try = time.monotonic() + REOPEN_S
-
-    def _reopen(self) -> bool:
-        now = time.monotonic()
-        if self._closed or now < self._next_try:
-            return False
-        self._next_try = now + REOPEN_S
-        try:
-            self._socket = _open(self._interface)
-        except OSError:
-            return False
-        self.counters.down = False
-        return True
+    def _open(self) -> None:
+        self._socket = _raw_socket(self._interface)
 
 
-def _open(interface: str) -> socket.socket:
+def _raw_socket(interface: str) -> socket.socket:
     opened = socket.socket(PF_CAN, socket.SOCK_RAW | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC, CAN_RAW)
     try:
         opened.setsockopt(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, struct.pack("=I", ALL_ERRORS))

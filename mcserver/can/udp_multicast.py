@@ -10,21 +10,19 @@ import errno
 import ipaddress
 import socket
 import struct
-import time
 from contextlib import suppress
 from typing import Any
 
 import msgspec
 
-from mcserver.can.frame import HEADER, PAYLOAD_OFFSET, STANDARD_MASK, prepare_frame
-from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame, PortCounters
+from mcserver.can.frame import HEADER, PAYLOAD_OFFSET, STANDARD_MASK
+from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame
+from mcserver.can.socket_port import SocketPort
 from mcserver.errors import RuntimeFault
 
 HOP_LIMIT = 0
-REOPEN_S = 0.1
 MAX_PACKET = 1024
 RECEIVE_BUFFER = 1 << 20
-GONE = frozenset((errno.ENETDOWN, errno.ENODEV, errno.ENETUNREACH, errno.EBADF))
 
 
 class Packet(msgspec.Struct, kw_only=True):
@@ -46,10 +44,10 @@ class Packet(msgspec.Struct, kw_only=True):
 _DECODER = msgspec.msgpack.Decoder(Packet)
 
 
-class UdpMulticastPort:
+class UdpMulticastPort(SocketPort):
     """A member of a group. It sends from a socket of its own, by whose port its own packets are left out."""
 
-    payload_offset = PAYLOAD_OFFSET
+    GONE = frozenset((errno.ENETDOWN, errno.ENODEV, errno.ENETUNREACH, errno.EBADF))
 
     def __init__(self, group: str, port: int) -> None:
         """Joins the group.
@@ -57,12 +55,9 @@ class UdpMulticastPort:
         Raises:
             RuntimeFault: MC424 this computer cannot join it.
         """
+        super().__init__()
         self._group = ipaddress.ip_address(group)
         self._port = port
-        self.counters = PortCounters()
-        self._closed = False
-        self._next_try = 0.0
-        self._receiver: socket.socket | None = None
         self._sender: socket.socket | None = None
         self._own_port = 0
         self._message = Packet(arbitration_id=0, data=b"")
@@ -75,17 +70,6 @@ class UdpMulticastPort:
                 f"the multicast group {group}:{port} cannot be joined: {error.strerror or error}",
                 "check with ip route get that this computer has a route to the group",
             ) from error
-
-    def fileno(self) -> int:
-        return -1 if self._receiver is None else self._receiver.fileno()
-
-    def prepare(self, identifier: int, length: int) -> bytearray:
-        return prepare_frame(identifier, length)
-
-    def send(self, identifier: int, payload: bytes) -> bool:
-        frame = prepare_frame(identifier, len(payload))
-        frame[PAYLOAD_OFFSET : PAYLOAD_OFFSET + len(payload)] = payload
-        return self.send_prepared(frame)
 
     def send_prepared(self, buffer: bytearray) -> bool:
         if self._sender is None and not self._reopen():
@@ -111,10 +95,10 @@ class UdpMulticastPort:
 
     def drain(self) -> list[Frame]:
         frames: list[Frame] = []
-        if self._receiver is None and not self._reopen():
+        if self._socket is None and not self._reopen():
             return frames
-        assert self._receiver is not None
-        receive, own = self._receiver.recvfrom, self._own_port
+        assert self._socket is not None
+        receive, own = self._socket.recvfrom, self._own_port
         counters = self.counters
         for _ in range(MAX_DRAINED):
             try:
@@ -134,56 +118,33 @@ class UdpMulticastPort:
             frames.append(frame)
         return frames
 
-    def close(self) -> None:
-        self._closed = True
-        self._give_back()
-
     def _give_back(self) -> None:
-        for opened in (self._receiver, self._sender):
-            if opened is not None:
-                opened.close()
-        self._receiver = self._sender = None
-
-    def _failed(self, error: OSError) -> None:
-        self.counters.errors += 1
-        if error.errno in GONE:
-            self.counters.down = True
-            self._give_back()
-            self._next_try = time.monotonic() + REOPEN_S
-
-    def _reopen(self) -> bool:
-        now = time.monotonic()
-        if self._closed or now < self._next_try:
-            return False
-        self._next_try = now + REOPEN_S
-        try:
-            self._open()
-        except OSError:
-            return False
-        self.counters.down = False
-        return True
+        super()._give_back()
+        if self._sender is not None:
+            self._sender.close()
+            self._sender = None
 
     def _open(self) -> None:
         family = socket.AF_INET if self._group.version == 4 else socket.AF_INET6
         flags = socket.SOCK_DGRAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC
         try:
-            self._receiver = socket.socket(family, flags)
-            self._receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            self._receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+            self._socket = socket.socket(family, flags)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
             with suppress(OSError):
-                self._receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
             self._sender = socket.socket(family, flags)
             group = self._group.packed
             if family == socket.AF_INET:
                 # bound to the group's own address: other groups on this port are not heard
-                self._receiver.bind((str(self._group), self._port))
+                self._socket.bind((str(self._group), self._port))
                 joined = group + struct.pack("=I", socket.INADDR_ANY)
-                self._receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, joined)
+                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, joined)
                 self._sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOP_LIMIT)
             else:
-                self._receiver.bind((str(self._group), self._port))
+                self._socket.bind((str(self._group), self._port))
                 joined = group + struct.pack("=I", 0)
-                self._receiver.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, joined)
+                self._socket.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, joined)
                 self._sender.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_HOPS, HOP_LIMIT)
             self._sender.connect((str(self._group), self._port))
             self._own_port = self._sender.getsockname()[1]

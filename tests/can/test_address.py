@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mcserver.can.address import BusAddress, Transport, parse_address
-from mcserver.can.open import open_port, python_can_arguments
+from mcserver.can.open import open_port
 from mcserver.errors import ConfigurationError, RuntimeFault
 
 
@@ -52,14 +52,6 @@ def test_what_is_no_address_is_refused_with_a_remedy(text: str) -> None:
         parse_address(text)
     assert refused.value.code == "MC009"
     assert "udp:GROUP:PORT" in refused.value.hint
-
-
-def test_python_can_gets_the_same_bus() -> None:
-    assert python_can_arguments("can0") == {"interface": "socketcan", "channel": "can0"}
-    server = python_can_arguments("socketcand:localhost:29536/can0")
-    assert (server["interface"], server["host"], server["port"]) == ("socketcand", "localhost", 29536)
-    group = python_can_arguments("udp:239.74.163.2:43113")
-    assert (group["interface"], group["channel"], group["fd"]) == ("udp_multicast", "239.74.163.2", False)
 
 
 def test_an_interface_that_is_not_there_cannot_be_opened() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -12,9 +13,10 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from mcserver.can.hub import MAX_QUEUE, Hub, main
-from mcserver.can.open import open_port, python_can_arguments
+from mcserver.can.hub import MAX_CHANNELS, MAX_QUEUE, Hub, main
+from mcserver.can.open import open_port
 from tests.can.hubs import LIMIT_S, RawClient, address_of, receive, running_hub, wait_until
+from tests.can.python_can import python_can_bus
 
 
 @pytest.fixture
@@ -39,7 +41,7 @@ def test_a_frame_goes_to_all_other_clients_of_its_channel_and_to_no_other_channe
 def test_python_can_and_the_port_understand_each_other(hub: Hub) -> None:
     address = address_of(hub)
     port = open_port(address)
-    with can.Bus(**python_can_arguments(address)) as bus:
+    with python_can_bus(address) as bus:
         port.send(0x181, bytes(range(8)))
         port.send(0x080, b"")
         taken = [bus.recv(LIMIT_S), bus.recv(LIMIT_S)]
@@ -60,7 +62,7 @@ def test_python_can_opens_a_bus_on_which_frames_are_passing(hub: Hub) -> None:
     for _ in range(5):
         for count in range(50):
             port.send(0x181, bytes((count,)))
-        buses.append(can.Bus(**python_can_arguments(address)))
+        buses.append(python_can_bus(address))
     port.send(0x182, b"\xff")
     for bus in buses:
         found = iter(lambda bus=bus: bus.recv(LIMIT_S), None)  # type: ignore[misc]
@@ -143,11 +145,10 @@ def test_a_client_that_does_not_read_is_dropped_and_the_others_go_on(hub: Hub) -
     sender = open_port(address_of(hub))
     with RawClient(hub, receive_buffer=4096) as sleeper:
         sleeper.enter()
-        assert hub.clients == 3
         sent = 0
         frame = sender.prepare(0x100, 8)
         # what the kernel keeps for the sleeper comes on top of the hub's own queue
-        while hub.clients == 3:
+        while hub.counters.dropped == 0:
             for _ in range(200):
                 sent += sender.send_prepared(frame)
             receive(reader, 1)
@@ -159,12 +160,19 @@ def test_a_client_that_does_not_read_is_dropped_and_the_others_go_on(hub: Hub) -
     sender.close()
 
 
-def test_clients_that_hang_up_are_forgotten(hub: Hub) -> None:
+def test_clients_that_hang_up_are_forgotten_and_leave_room_for_other_channels(hub: Hub) -> None:
+    def answer_to_one_more() -> str:
+        with RawClient(hub) as late:
+            assert late.hear() == "< hi >"
+            late.say("< open late >")
+            return late.hear()
+
     port = open_port(address_of(hub))
-    with RawClient(hub) as client:
-        client.enter()
-        assert hub.clients == 2
-    wait_until(lambda: hub.clients == 1, "the client is forgotten")
+    with contextlib.ExitStack() as here:
+        for number in range(1, MAX_CHANNELS):
+            here.enter_context(RawClient(hub)).enter(f"can{number}")
+        assert answer_to_one_more() == "< error could not open bus >"
+    wait_until(lambda: answer_to_one_more() == "< ok >", "the clients are forgotten")
     assert port.send(0x100, b"")
     port.close()
 

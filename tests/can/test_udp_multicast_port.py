@@ -9,9 +9,10 @@ import can
 import msgspec
 import pytest
 
-from mcserver.can.open import open_port, python_can_arguments
+from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
 from tests.can.hubs import LIMIT_S, receive, wait_until
+from tests.can.python_can import python_can_bus
 
 GROUP = "239.74.163.2"
 
@@ -47,7 +48,7 @@ def test_frames_go_between_members_and_not_back(pair: tuple[CanPort, CanPort]) -
 
 def test_python_can_and_the_port_understand_each_other(address: str) -> None:
     port = open_port(address)
-    with can.Bus(**python_can_arguments(address)) as bus:
+    with python_can_bus(address) as bus:
         port.send(0x181, bytes(range(8)))
         message = bus.recv(LIMIT_S)
         assert message is not None

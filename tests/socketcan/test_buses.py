@@ -5,9 +5,10 @@ from __future__ import annotations
 import can
 import pytest
 
-from mcserver.can.open import open_port, python_can_arguments
+from mcserver.can.open import open_port
 from mcserver.doctor.can import judge_can, probe_can
 from mcserver.errors import RuntimeFault
+from tests.can.python_can import python_can_bus
 from tests.socketcan.conftest import Open
 from tests.socketcan.interfaces import BUSES, LIMIT_S, receive
 
@@ -42,7 +43,7 @@ def test_frames_of_a_cycle_come_whole_and_in_order(opened: Open) -> None:
 
 def test_python_can_and_a_port_understand_each_other(opened: Open) -> None:
     port = opened("vcan0")
-    with can.Bus(**python_can_arguments("vcan0")) as bus:
+    with python_can_bus("vcan0") as bus:
         bus.send(can.Message(arbitration_id=0x601, data=b"\x40\x41\x60\x00", is_extended_id=False))
         assert receive(port, 1) == [(0x601, b"\x40\x41\x60\x00")]
         assert port.send(0x581, b"\x4b\x41\x60\x00\x37\x02")
@@ -54,7 +55,7 @@ def test_python_can_and_a_port_understand_each_other(opened: Open) -> None:
 
 def test_frames_that_canopen_does_not_use_are_counted_and_left_out(opened: Open) -> None:
     port = opened("vcan0")
-    with can.Bus(**python_can_arguments("vcan0")) as bus:
+    with python_can_bus("vcan0") as bus:
         bus.send(can.Message(arbitration_id=0x18DAF110, data=b"\1", is_extended_id=True))
         bus.send(can.Message(arbitration_id=0x181, is_remote_frame=True, is_extended_id=False, dlc=2))
         bus.send(can.Message(arbitration_id=0x181, data=b"\7", is_extended_id=False))
