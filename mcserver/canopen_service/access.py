@@ -17,7 +17,7 @@ from mcserver.canopen_service.node import Node, Phase
 from mcserver.canopen_service.sdo import NodeSdo
 from mcserver.canopen_service.service import CanopenService
 from mcserver.canopen_service.values import TYPES, Value, decode_value, encode_value, type_name
-from mcserver.canopen_service.views import DriveView, SdoTarget, SdoValue
+from mcserver.canopen_service.views import DriveInfo, SdoTarget, SdoValue
 from mcserver.drives.cia402.state import power_state
 
 T = TypeVar("T")
@@ -64,7 +64,7 @@ class OperatorAccess:
         """Ends the threads; a transfer under way ends first."""
         self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def drives(self) -> list[DriveView]:
+    def drives(self) -> list[DriveInfo]:
         now = time.monotonic()
         return [_view(node, now) for node in self._service.nodes]
 
@@ -176,10 +176,10 @@ def _value(node: Node, target: SdoTarget, kind: str, value: Value, raw: bytes) -
     )
 
 
-def _view(node: Node, now: float) -> DriveView:
+def _view(node: Node, now: float) -> DriveInfo:
     settings = node.settings
     emergency = node.emergency
-    return DriveView(
+    return DriveInfo(
         axis=settings.axis,
         kind=settings.kind,
         bus=settings.bus,

@@ -139,11 +139,6 @@ class CanopenBus:
         """The node of that number."""
         return next((node for node in self.nodes if node.settings.node == number), None)
 
-    @property
-    def connected(self) -> bool:
-        """Whether the bus is there now."""
-        return not self._network.counters.down
-
     # ------------------------------------------------------------ the bus's thread
 
     def _new_thread(self) -> threading.Thread:

@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
+
+import msgspec
 
 from mcserver.errors import ServiceError
 
 Value = int | float | str | bool
+# those of `mcserver.canopen_service.node.Phase`
+DrivePhase = Literal["booting", "operational", "lost", "restarting", "failed", "closed"]
 
 
-@dataclass(frozen=True)
-class DriveView:
+class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One drive on a CAN bus.
 
     Attributes:
-        state: ``booting operational lost restarting failed closed``. nmt: what its last heartbeat said, empty
-            where there was none. heartbeat_age_s: since the last sign of life [s].
-        statusword: 6041h, or a Servosila drive's fault bits. status: the same in words.
+        state: what the server takes it for. nmt: what its last heartbeat said; empty: none has come.
+        heartbeat_age_s: since its last sign of life [s].
+        statusword: 6041h, or the fault bits of a Servosila drive. status: the same in words.
         device_type, vendor_id, product_code: 1000h, 1018h:01, 1018h:02.
-        emergency: the last emergency message in words; emergency_code, emergency_age_s: its own.
-        boot_ups: how often it has started while this server runs. message: why it has failed.
+        emergency: its last emergency message in words; emergency_code, emergency_age_s: of that.
+        boot_ups: how often it has started since the server did. message: why its configuration failed.
     """
 
     axis: int
     kind: str
     bus: str
     node: int
-    state: str
+    state: DrivePhase
     nmt: str = ""
     heartbeat_age_s: float | None = None
     statusword: int | None = None
@@ -70,7 +73,7 @@ class SdoValue:
 class DriveAccess(Protocol):
     """Drives as operators may reach them."""
 
-    def drives(self) -> list[DriveView]:
+    def drives(self) -> list[DriveInfo]:
         """Every drive on a CAN bus, by axis."""
 
     async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoValue:
@@ -83,7 +86,7 @@ class DriveAccess(Protocol):
 class NoDrives:
     """`DriveAccess` of a machine without drives on CAN buses."""
 
-    def drives(self) -> list[DriveView]:
+    def drives(self) -> list[DriveInfo]:
         return []
 
     async def sdo_read(self, _target: SdoTarget, _kind: str | None, /) -> SdoValue:

@@ -103,23 +103,13 @@ class Cia402Node(CanopenNode):
         """
         values = values_of(request, fault)
         self._now = now
-        wrong = self.wrong
-        if fault == "mute":
-            wrong.mute = True
-        elif fault == "late_tpdo":
-            wrong.late_syncs = int(values["syncs"])
-            wrong.late.clear()
-        elif fault == "short_tpdo":
-            wrong.short = True
+        if self.wrong.begin(fault, values):
+            pass
         elif fault == "emcy":
             self.raise_fault(int(values["code"]), fatal=bool(values["fatal"]))
-        elif fault == "stuck":
-            wrong.stuck = True
         elif fault == "sdo_abort":
             subindex = None if values["subindex"] < 0 else int(values["subindex"])
             self.sdo.refusals[int(values["index"]), subindex] = int(values["code"])
-        elif fault == "sdo_delay":
-            wrong.sdo_delay_s = values["seconds"]
         elif fault == "reboot":
             self.nmt.reset(now)
         elif fault == "heartbeat_stop":
@@ -128,8 +118,6 @@ class Cia402Node(CanopenNode):
             self.motor.jammed = not values["trip"]
             if values["trip"]:
                 self.raise_fault(FOLLOWING_ERROR)
-        elif fault == "drop_sync":
-            wrong.deaf_syncs = int(values["syncs"])
         else:
             self._behave()
         self.wake = now

@@ -79,6 +79,30 @@ class Misbehaviour:
     sdo_delay_s: float = 0.0
     late: dict[int, deque[bytes]] = field(default_factory=dict)
 
+    def begin(self, fault: str, values: Mapping[str, float]) -> bool:
+        """Does a fault's wrong from now on; False: it is none that is kept here.
+
+        Args:
+            values: as `values_of` gives them.
+        """
+        match fault:
+            case "mute":
+                self.mute = True
+            case "late_tpdo":
+                self.late_syncs = int(values["syncs"])
+                self.late.clear()
+            case "short_tpdo":
+                self.short = True
+            case "stuck":
+                self.stuck = True
+            case "drop_sync":
+                self.deaf_syncs = int(values["syncs"])
+            case "sdo_delay":
+                self.sdo_delay_s = values["seconds"]
+            case _:
+                return False
+        return True
+
     def tpdo(self, identifier: int, payload: bytes) -> bytes | None:
         """What leaves in place of a TPDO's payload."""
         if self.late_syncs:

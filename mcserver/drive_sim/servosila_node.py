@@ -134,20 +134,13 @@ class ServosilaNode:
             BadRequest: there is no such fault, or a value does not fit.
         """
         values = values_of(request, fault)
-        wrong = self.wrong
         if fault in NOT_CANOPEN:
             raise BadRequest(f"{fault} belongs to CANopen: node {self.node} is a Servosila drive")
-        if fault in ("mute", "heartbeat_stop"):
-            wrong.mute = True
-        elif fault == "late_tpdo":
-            wrong.late_syncs = int(values["syncs"])
-            wrong.late.clear()
-        elif fault == "short_tpdo":
-            wrong.short = True
-        elif fault == "emcy":
+        # its telemetry is its only sign of life
+        if self.wrong.begin("mute" if fault == "heartbeat_stop" else fault, values):
+            return
+        if fault == "emcy":
             self._fail(int(values["code"]) or OTHER_FAULT)
-        elif fault == "stuck":
-            wrong.stuck = True
         elif fault == "reboot":
             self.switch_on(now)
         elif fault == "following_error":

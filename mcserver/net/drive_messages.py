@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from mcserver.canopen_service.views import DriveInfo
 from mcserver.net.messages import AxisIndex, Request
 
 NodeNumber = Annotated[int, Meta(ge=1, le=127)]
@@ -55,37 +56,6 @@ class SdoWriteRequest(SdoReadRequest, frozen=True, kw_only=True):
     """Writes an object; ``value`` may be text: a number such as ``0x10``, or hexadecimal for ``bytes``."""
 
     value: bool | int | float | Annotated[str, Meta(max_length=65_536)]
-
-
-class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One drive on a CAN bus.
-
-    Attributes:
-        state: what the server takes it for. nmt: what its last heartbeat said; empty: none has come.
-        heartbeat_age_s: since its last sign of life [s].
-        statusword: 6041h, or the fault bits of a Servosila drive. status: the same in words.
-        device_type, vendor_id, product_code: 1000h, 1018h:01, 1018h:02.
-        emergency: its last emergency message in words; emergency_code, emergency_age_s: of that.
-        boot_ups: how often it has started since the server did. message: why its configuration failed.
-    """
-
-    axis: int
-    kind: str
-    bus: str
-    node: int
-    state: Literal["booting", "operational", "lost", "restarting", "failed", "closed"]
-    nmt: str = ""
-    heartbeat_age_s: float | None = None
-    statusword: int | None = None
-    status: str = ""
-    device_type: int | None = None
-    vendor_id: int | None = None
-    product_code: int | None = None
-    emergency: str = ""
-    emergency_code: int | None = None
-    emergency_age_s: float | None = None
-    boot_ups: int = 0
-    message: str = ""
 
 
 class DrivesReply(msgspec.Struct, frozen=True):

@@ -16,10 +16,10 @@ import can
 import canopen
 import pytest
 
-from mcserver.can.open import python_can_arguments
 from mcserver.cli import run_command_line
 from mcserver.drive_sim.control import Control
 from tests.can.hubs import LIMIT_S, wait_until
+from tests.can.python_can import python_can_bus
 
 ENTRY = "from mcserver.cli import main; main()"
 MACHINE = """
@@ -87,7 +87,7 @@ def drive_sim(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
 def master(port: int) -> Iterator[canopen.Network]:
     network = canopen.Network()
     address = f"socketcand:127.0.0.1:{port}/can0"
-    network.bus = can.Bus(**python_can_arguments(address))
+    network.bus = python_can_bus(address)
     network.notifier = can.Notifier(network.bus, network.listeners, 0.1)
     try:
         yield network

@@ -11,7 +11,7 @@ import pytest
 from mcserver.can_drives import CanDrives
 from mcserver.canopen_service.errors import DriveError
 from mcserver.canopen_service.events import CanopenEvent
-from mcserver.canopen_service.views import DriveView, SdoTarget, SdoValue, Value
+from mcserver.canopen_service.views import DriveInfo, SdoTarget, SdoValue, Value
 from mcserver.net.session import NetworkOptions
 from mcserver.programs.service import MachineService
 from mcserver.server import ServerOptions, running
@@ -25,8 +25,8 @@ class ToldDrives:
     def __init__(self) -> None:
         self.asked: list[tuple[SdoTarget, str | None, Value | None]] = []
 
-    def drives(self) -> list[DriveView]:
-        return [DriveView(1, "cia402", "can0", 3, "operational", statusword=0x27, status="operation enabled")]
+    def drives(self) -> list[DriveInfo]:
+        return [DriveInfo(1, "cia402", "can0", 3, "operational", statusword=0x27, status="operation enabled")]
 
     async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoValue:
         self.asked.append((target, kind, None))
@@ -53,7 +53,8 @@ async def served(told: ToldDrives, tmp_path: Path) -> AsyncIterator[tuple[Machin
     drives = CanDrives(asyncio.get_running_loop())
     drives.access = told
     drives.on_event(CanopenEvent("drive.lost", "before the service was there", 1, "MC557"))
-    async with running(machine, options, FakePort(machine), FakePipelines(), drives) as (service, face):
+    port = FakePort(machine)
+    async with running(machine, options, port, FakePipelines(port), drives) as (service, face):
         yield service, drives, (await face.endpoints())[0]
 
 
@@ -162,7 +163,8 @@ async def test_a_machine_without_can_has_no_such_drives(tmp_path: Path) -> None:
     options = ServerOptions(
         network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
     )
-    async with running(machine, options, FakePort(machine), FakePipelines()) as (_, face):
+    port = FakePort(machine)
+    async with running(machine, options, port, FakePipelines(port)) as (_, face):
         client = WireClient((await face.endpoints())[0], "bench")
         try:
             assert (await client.call("drives"))["drives"] == []

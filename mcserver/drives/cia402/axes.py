@@ -20,7 +20,7 @@ from mcserver.drives.bus import Array, DriveFault, DriveMode, DriveState, Feedba
 from mcserver.drives.cia402.layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode, Pdo
 from mcserver.drives.cia402.power_stage import PowerStage
 from mcserver.drives.cia402.scaling import TORQUE_LIMIT, PositionTracker, Scaling, wrapped
-from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS, STATE_TABLE
+from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS
 
 # Cycles over which a velocity is taken from positions.
 VELOCITY_CYCLES = 4
@@ -364,16 +364,6 @@ class Cia402Axes:
         for stage in self.stages:
             stage.step(DriveMode.OFF, STATE_OF_BITS[0x40], stage.mode, fresh=True, standing=True)
         self._plan_sends()
-
-    @property
-    def powered(self) -> bool:
-        """Whether a drive shows power at its motor."""
-        states = STATE_TABLE[np.bitwise_and(self._status, STATE_BITS)]
-        return bool(((states >= 4) & (states <= 6)).any())
-
-    @property
-    def energized(self) -> bool:
-        return bool((self._states == DriveState.ENERGIZED).any())
 
 
 _MODES = tuple(DriveMode)

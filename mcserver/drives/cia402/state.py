@@ -8,8 +8,6 @@ from __future__ import annotations
 import enum
 from types import MappingProxyType
 
-import numpy as np
-
 from mcserver.drives.bus import DriveMode
 
 
@@ -66,7 +64,6 @@ def power_state(statusword: int) -> PowerState:
 
 # By statusword & STATE_BITS.
 STATE_OF_BITS = tuple(power_state(bits) for bits in range(STATE_BITS + 1))
-STATE_TABLE = np.array(STATE_OF_BITS, np.int8)
 
 # What energizes, one transition after the other (2, 3, 4); from a quick stop only through off (12).
 _ENERGIZE = MappingProxyType(

@@ -35,11 +35,6 @@ class Reading:
     work_zone: float
 
 
-def pack_command(code: int, value: float = 0.0) -> bytes:
-    """A command's payload."""
-    return COMMAND_PACKING.pack(code, value)
-
-
 def unpack_status(payload: bytes) -> Status | None:
     """None: the payload is none of a status."""
     return Status(*STATUS_PACKING.unpack(payload)) if len(payload) == LENGTH else None

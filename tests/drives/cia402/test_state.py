@@ -11,7 +11,6 @@ from mcserver.drives.cia402.emergency import emergency_text, unpack_emergency
 from mcserver.drives.cia402.state import (
     STATE_BITS,
     STATE_OF_BITS,
-    STATE_TABLE,
     Controlword,
     PowerState,
     next_controlword,
@@ -45,7 +44,6 @@ def test_a_statusword_tells_its_state(statusword: int, state: PowerState) -> Non
 @given(st.integers(0, 0xFFFF))
 def test_only_the_state_bits_count(statusword: int) -> None:
     assert power_state(statusword) is STATE_OF_BITS[statusword & STATE_BITS]
-    assert STATE_TABLE[statusword & STATE_BITS] == power_state(statusword)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mcserver.config import Machine, parse_machine
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
 from mcserver.drives.can_bus import CanBus
-from mcserver.drives.servosila.codec import pack_command, unpack_reading, unpack_status
+from mcserver.drives.servosila.codec import COMMAND_PACKING, LENGTH, unpack_reading, unpack_status
 from mcserver.executor.entries import EventKind
 from mcserver.executor.faults import FaultCode, remedy_of
 from mcserver.executor.feedback import AxisCondition
@@ -89,8 +89,8 @@ class Bench:
 
 
 def test_a_command_is_its_code_and_a_float_at_byte_4() -> None:
-    assert pack_command(SERVO, 1.5) == b"\x30\x00\x00\x00" + struct.pack("<f", 1.5)
-    assert len(pack_command(OFF)) == 8
+    assert COMMAND_PACKING.pack(SERVO, 1.5) == b"\x30\x00\x00\x00" + struct.pack("<f", 1.5)
+    assert COMMAND_PACKING.size == LENGTH == 8
 
 
 def test_telemetry_has_fault_bits_and_speed_and_the_work_zone_s_count() -> None:
