@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -35,7 +35,7 @@ class Finding:
     hint: str
     tool: int | None = None
     axis: int | None = None
-    severity: str = "error"
+    severity: Literal["error", "warning"] = "error"
     code: str = ModelError.code
 
 

@@ -21,8 +21,11 @@ The error tree::
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Literal
 
 import msgspec
+
+Severity = Literal["error", "warning"]
 
 
 class Diagnostic(msgspec.Struct, frozen=True, omit_defaults=False):
@@ -44,7 +47,7 @@ class Diagnostic(msgspec.Struct, frozen=True, omit_defaults=False):
     column: int = 0
     end_column: int = 0
     hint: str = ""
-    severity: str = "error"
+    severity: Severity = "error"
     tool: int | None = None
     residual_mm: float | None = None
     axis: int | None = None

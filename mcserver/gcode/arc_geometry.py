@@ -56,9 +56,17 @@ class Arc(msgspec.Struct, frozen=True):
     radius: float
     growth: float
 
-    def path_length(self, *further: float) -> float:
-        """Length with the travels of further axes, which go linearly with the angle (D-30) [m]."""
-        return math.hypot(self.radius * self.sweep, self.growth, *further)
+    def curve(self, axes: tuple[int, ...], start: tuple[float, ...], end: tuple[float, ...]) -> ArcCurve:
+        """The arc as a path of axes; the travels of those behind the plane's two count for its length (D-30).
+
+        Args:
+            start, end: shape (len(axes),) [m], the plane's axes first, as the arc was found between them.
+        """
+        further: list[float] = []
+        if len(axes) > 2:
+            further = [last - first for first, last in zip(start[2:], end[2:], strict=True)]
+        length = math.hypot(self.radius * self.sweep, self.growth, *further)
+        return ArcCurve(axes, start, end, self.centre, self.sweep, length)
 
 
 def radius_tolerance(radius: float) -> float:

@@ -92,8 +92,7 @@ def _arc(
     plane = find_plane(draft, command, words)
     if plane is None or not _plane_axes(draft, command, plane, by_axis):
         return None
-    further = [target for target in targets if target.axis.index not in plane]
-    axes = (*plane, *(target.axis.index for target in further))
+    axes = (*plane, *(target.axis.index for target in targets if target.axis.index not in plane))
     draft.claim(plane, command, _words(targets))
     if rotary or len(targets) < len(words.axes) or draft.commanded.assumed.intersection(axes):
         return None
@@ -102,19 +101,11 @@ def _arc(
     shape = find_arc(draft, command, words, plane, starts, ends)
     if shape is None:
         return None
-    length = shape.path_length(*(ends[target.axis.index] - starts[target.axis.index] for target in further))
-    curve = ArcCurve(
-        axes=axes,
-        start=tuple(starts[axis] for axis in axes),
-        end=tuple(ends[axis] for axis in axes),
-        centre=shape.centre,
-        sweep=shape.sweep,
-        length=length,
-    )
+    curve = shape.curve(axes, tuple(starts[axis] for axis in axes), tuple(ends[axis] for axis in axes))
     _check_arc_travel(draft, command, curve, by_axis)
     for axis in plane:
         draft.end_at(axis, ends[axis])
-    draft.feed_length += length
+    draft.feed_length += curve.length
     measure = measure_axes(len(axes), 0)
     return FeedMove(command, curve, measure, draft.modal.inverse_time, draft.modal.feed)
 

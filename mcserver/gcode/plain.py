@@ -178,16 +178,12 @@ class PlainMoves:
                 shape = arc_by_centre(begin, end_point, (centre[0], centre[1]), motion == 2, 1)
         except ArcFault:
             return None
-        if len(starts) == 2:
-            length = shape.path_length()
-        else:
-            length = shape.path_length(*[b - a for a, b in zip(starts[2:], finish[2:], strict=True)])
-        curve = ArcCurve(frame.axes, starts, finish, shape.centre, shape.sweep, length)
+        curve = shape.curve(frame.axes, starts, finish)
         if not _surely_inside(curve, shape, frame.rows) and not _inside(curve, frame.rows):
             return None
         for index, column in zip(move.axes, frame.columns, strict=True):
             positions[index] = finish[column]
-        return self._finish(number, modal, curve, feed, feed.speed, length, motion)
+        return self._finish(number, modal, curve, feed, feed.speed, curve.length, motion)
 
     def _arc_frame(
         self, chosen: int | None, axes: tuple[int, ...], offsets: tuple[int, ...]

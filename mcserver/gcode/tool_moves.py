@@ -17,7 +17,7 @@ from mcserver.gcode.syntax import Command
 from mcserver.gcode.targets import Words
 from mcserver.gcode.tool_pose import commanded_pose, start_pose, with_words
 from mcserver.motion.canonical import RapidGroup
-from mcserver.motion.path import ArcCurve, LineCurve, SampledCurve
+from mcserver.motion.path import LineCurve, SampledCurve
 
 NO_TRAVEL = 1e-9  # m; below it a move only turns
 
@@ -165,19 +165,12 @@ def _tool_curve(
     shape = find_arc(draft, command, words, plane, first, last)
     if shape is None:
         return None
-    third = 3 - plane[0] - plane[1]
-    order = (*plane, third)
-    length = shape.path_length(last[third] - first[third])
-    arc = ArcCurve(
-        axes=order,
-        start=tuple(first[column] for column in order),
-        end=tuple(last[column] for column in order),
-        centre=shape.centre,
-        sweep=shape.sweep,
-        length=length,
+    order = (*plane, 3 - plane[0] - plane[1])
+    arc = shape.curve(
+        order, tuple(first[column] for column in order), tuple(last[column] for column in order)
     )
     columns = [order.index(column) for column in range(3)]
-    return lambda s: arc.position(s)[:, columns], lambda s: arc.derivatives(s)[0][:, columns], length
+    return lambda s: arc.position(s)[:, columns], lambda s: arc.derivatives(s)[0][:, columns], arc.length
 
 
 def _arrive(draft: Draft, tool: int, end: Pose, joints: tuple[float, ...]) -> None:

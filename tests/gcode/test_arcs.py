@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.gcode.arc_geometry import arc_by_centre, arc_by_radius, plane_extrema
-from mcserver.motion.path import ArcCurve
 from tests.gcode.support import Program, feeding, machine_of
 
 QUARTER = math.pi / 2.0
@@ -233,7 +232,7 @@ def test_an_arc_ends_where_it_was_programmed_and_its_extrema_are_its_bounds(
     arc = arc_by_centre(start, end, middle, clockwise, turns)
     expected = sweep + math.copysign(2.0 * math.pi * (turns - 1), sweep)
     assert arc.sweep == pytest.approx(expected, abs=1e-6)
-    curve = ArcCurve((0, 1), start, end, arc.centre, arc.sweep, arc.path_length())
+    curve = arc.curve((0, 1), start, end)
     low, high = curve.bounds()
     assert np.allclose(np.array(plane_extrema(curve)), np.array([low, high]), atol=1e-9)
 

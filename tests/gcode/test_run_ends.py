@@ -1,0 +1,139 @@
+"""Which plain lines are taken as one run, what it holds, what ends it, and how far is looked."""
+
+from __future__ import annotations
+
+import pytest
+
+from mcserver.gcode.interpreter import Interpreter
+from mcserver.gcode.plain_runs import LEAST
+from mcserver.motion.canonical import PlainRun
+from tests.gcode.plain_programs import NO_NUMBERS
+from tests.gcode.support import CARTESIAN
+
+
+def started(*lines: str) -> Interpreter:
+    interpreter = Interpreter(CARTESIAN)
+    for number, text in enumerate(lines, start=1):
+        interpreter.interpret_text(text, number)
+    return interpreter
+
+
+def taken(interpreter: Interpreter, texts: list[str], number: int = 100, most: int = 4096) -> int:
+    found = interpreter.interpret_run(texts, number, most)
+    return 0 if found is None else found[1]
+
+
+@pytest.mark.parametrize("number", NO_NUMBERS)
+def test_what_the_dialect_does_not_read_as_a_number_ends_a_run(number: str) -> None:
+    texts = [f"X{index}" for index in range(20)]
+    texts[15] = f"X{number}"
+    assert taken(started("F100 G01"), texts) == 15
+
+
+@pytest.mark.parametrize(
+    "number", ["5", "+5", "-5", ".5", "5.", "-.5", "+5.", "005", "5\t", " 5", "5 (five)", "5;", "5 F7"]
+)
+def test_what_the_dialect_reads_as_a_number_does_not_end_a_run(number: str) -> None:
+    texts = [f"X{index}" for index in range(20)]
+    texts[15] = f"X{number}"
+    assert taken(started("F100 G01"), texts) == 20
+
+
+OTHERS = (
+    *(
+        "Y1",
+        "X1 Y1",
+        "G02 X1 Y1 R5",
+        "G00 X1",
+        "T1",
+        "M00",
+        "X1, Y1",
+        "N5",
+        "%",
+        "G91 X1",
+        "X1 F0",
+        "X9000",
+        "U1",
+    ),
+    *("5 X1", "- X1", "X", "N X1", "N1.5 X1", "N-1 X1", "G X1", "G1.0 X1", "G+1 X1", "G11 X1", "G0001 X1"),
+    *(
+        "X1 X2",
+        "X1 [0]2",
+        "[64]1",
+        "[ ]1",
+        "F5 X1 F6",
+        "X1 F",
+        "X1 N5",
+        "X1 (",
+        "X1)",
+        "X1 ((a))",
+        "X1 (a (b) ; c)",
+        "x1 \u017f",
+    ),
+)
+
+
+@pytest.mark.parametrize("line", OTHERS)
+def test_other_lines_end_a_run(line: str) -> None:
+    texts = [f"X{index}" for index in range(20)]
+    texts[15] = line
+    assert taken(started("F100 G01"), texts) == 15
+
+
+def test_a_run_holds_lines_numbers_points_and_times() -> None:
+    found = started("G94 F6000").interpret_run(["G01 X0 Y0", "", *["X3 Y4", "X0 Y0 F3000"] * 6], 2)
+    assert found is not None
+    run, lines = found
+    assert isinstance(run, PlainRun)
+    assert lines == 14
+    assert run.lines.tolist() == [2, *range(4, 16)]
+    assert run.axes == (0, 1)
+    assert run.points[:4].tolist() == [[0.0, 0.0], [0.0, 0.0], [0.003, 0.004], [0.0, 0.0]]
+    assert run.travels[:3] == pytest.approx([0.0, 0.005, 0.005])
+    assert run.speeds is not None
+    assert run.speeds[:4].tolist() == [0.1, 0.1, 0.05, 0.05]
+    assert run.requested[:4] == pytest.approx([0.0, 0.05, 0.1, 0.1])
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        ["F100"],  # no motion code to repeat
+        ["F100 G02"],
+        ["F100 G00"],
+        ["G01"],  # no feed
+        ["F100 G01 G93"],  # nor here
+        ["F100 G01", "G09"],
+        ["F100 G01", "G1010 P0"],  # the encoder decides where X starts
+        ["F100 G01", "M30"],
+    ],
+)
+def test_where_a_line_is_not_plain_there_is_no_run(before: list[str]) -> None:
+    assert taken(started(*before), ["X1"] * 20) == 0
+
+
+def test_no_more_lines_are_taken_than_asked_for() -> None:
+    texts = ["X1"] * 40
+    assert taken(started("F100 G01"), texts, most=15) == 15
+    assert taken(started("F100 G01"), texts, most=LEAST - 1) == 0
+    assert taken(started("F100 G01"), texts[: LEAST - 1]) == 0
+
+
+def test_looking_in_vain_pauses_and_a_run_takes_more_next_time() -> None:
+    interpreter = started("F100 G01")
+    first = interpreter.run_window(100)
+    assert taken(interpreter, ["X1"] * first, 100) == first
+    assert interpreter.run_window(100 + first) > first
+    vain = ["X1", "Y1"] * 20
+    assert taken(interpreter, vain, 200) == 0
+    assert interpreter.run_window(200) == 0
+    assert interpreter.run_window(201) > 0
+    assert taken(interpreter, vain, 201) == 0
+    assert interpreter.run_window(202) == 0
+    assert interpreter.run_window(203) == first
+
+
+def test_a_capture_keeps_runs_away_from_its_own_axes_only() -> None:
+    assert taken(started("F100 G01", "G1010 P1"), ["X1"] * 20) == 20
+    assert taken(started("F100 G01", "G1010 P1"), ["X1 Y1"] * 20) == 0
+    assert taken(started("F100 G01", "G1010", "X1 Y1"), ["X1 Y1"] * 20) == 20
