@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.kernels.corners import PLACES, best_reach, distance_from_corner, quintic
-from mcserver.motion.kernels.polynomials import half_of, polynomial_samples
+from mcserver.motion.kernels.corners import Corner, best_reach, distance_from_corner, farthest, quintic
+from mcserver.motion.kernels.joints import length_of
+from mcserver.motion.kernels.polynomials import PLACES, half_of, polynomial_samples, power_basis
 from mcserver.motion.path import Array, PolynomialCurve, SampledCurve
 from mcserver.motion.segment import AxisLimits, Segment, columns_of
 
@@ -24,7 +25,7 @@ from mcserver.motion.segment import AxisLimits, Segment, columns_of
 SHARE = 0.49
 # Tangents that nearly oppose each other cannot be rounded: the curve would turn on the spot.
 REVERSAL = -0.95
-_S = np.linspace(0.0, 1.0, 33)
+_S = np.linspace(0.0, 1.0, PLACES)
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,9 @@ def _make(
     p3 = 2.0 * p4 - p5 + a5 * (h * h / 20.0)
     mask = before.mask | after.mask
     columns = columns_of(mask)
-    power = _power_basis(np.stack([p0, p1, p2, p3, p4, p5]))
+    points = np.stack([p0, p1, p2, p3, p4, p5])
+    power = np.empty_like(points)
+    power_basis(points, power)
     # columns that rest keep their place to the last bit
     power[1:] *= np.isin(np.arange(width), columns)
     error = _error(power[:, columns], before, after, leave, join, columns, per_axis)
@@ -128,8 +131,8 @@ def _between(before: Segment, after: Segment, leave: float, join: float, power: 
     width = len(before.base)
     before_slope, before_bend, _ = before.derivatives(np.array([leave]), width)
     after_slope, after_bend, _ = after.derivatives(np.array([join]), width)
-    first = _half(power, 0.0, columns, _Side(before, mask, after.base, _length(before_slope[0])))
-    second = _half(power, 0.5, columns, _Side(after, mask, after.base, _length(after_slope[0])))
+    first = _half(power, 0.0, columns, _Side(before, mask, after.base, length_of(before_slope[0])))
+    second = _half(power, 0.5, columns, _Side(after, mask, after.base, length_of(after_slope[0])))
     if first is None or second is None:
         return None
     first.opens = False
@@ -142,10 +145,6 @@ def _between(before: Segment, after: Segment, leave: float, join: float, power: 
         second,
         dataclasses.replace(after, begin=join, first=after_slope[0], bend_first=after_bend[0], opens=False),
     )
-
-
-def _length(vector: Array) -> float:
-    return math.sqrt(float(vector @ vector))
 
 
 def straight_blend(
@@ -164,7 +163,7 @@ def straight_blend(
     """
     if not (_can_be_trimmed(before) and _can_be_trimmed(after)):
         return None
-    end, begin = _length(before.first), _length(after.first)
+    end, begin = length_of(before.first), length_of(after.first)
     t1, t2 = before.first / end, after.first / begin
     cosine = float(t1 @ t2)
     if cosine < REVERSAL:
@@ -178,9 +177,8 @@ def straight_blend(
         [longest if miss <= 0.0 else min(longest, share * tolerance / miss) for share in shares]
     )
     feeds = np.array([before.feed * end, after.feed * begin])
-    reach = best_reach(
-        before.first, after.first, left, right, feeds, limits.rows, limits.cycle, power, reaches
-    )
+    corner = Corner(before.first, after.first, feeds, limits.rows, limits.cycle)
+    reach = best_reach(corner, left, right, power, reaches)
     if reach <= 0.0:
         return None
     power *= reach
@@ -189,7 +187,8 @@ def straight_blend(
 
 
 def _handle(share: float, cosine: float) -> float:
-    return share + (0.045 if cosine > 0.0 else 0.13) * cosine
+    """Share of d for a Bezier handle; 0.4 spaces the points of a straight one evenly: dp/ds is steady."""
+    return share + 0.13 * min(cosine, 0.0)
 
 
 def _moved(segment: Segment, width: int) -> Array:
@@ -203,21 +202,6 @@ def _at(segment: Segment, s: float, width: int) -> tuple[Array, Array, Array]:
     slope, bend, _ = segment.derivatives(at, width)
     speed = math.sqrt(float(slope[0] @ slope[0]))
     return position, slope[0] / speed, bend[0] / speed**2
-
-
-def _power_basis(points: Array) -> Array:
-    """Coefficients, constant first, of the Bezier curve of six points."""
-    p0, p1, p2, p3, p4, p5 = points
-    return np.stack(
-        [
-            p0,
-            5.0 * (p1 - p0),
-            10.0 * (p2 - 2.0 * p1 + p0),
-            10.0 * (p3 - 3.0 * p2 + 3.0 * p1 - p0),
-            5.0 * (p4 - 4.0 * p3 + 6.0 * p2 - 4.0 * p1 + p0),
-            p5 - 5.0 * p4 + 10.0 * p3 - 10.0 * p2 + 5.0 * p1 - p0,
-        ]
-    )
 
 
 def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> Segment | None:
@@ -282,7 +266,7 @@ def _error(
     programmed = np.concatenate([first, second[1:]])[:, columns] * weight
     # sampling an arc by 16 chords misses its bow by this much
     bow = 0.0 if before.straight and after.straight else _bow(programmed)
-    return max(_farthest(blended, programmed), _farthest(programmed, blended)) * 1.001 + bow
+    return max(farthest(blended, programmed), farthest(programmed, blended)) * 1.001 + bow
 
 
 def _bow(points: Array) -> float:
@@ -290,13 +274,3 @@ def _bow(points: Array) -> float:
     corner = len(points) // 2 - 1
     second[corner] = 0.0
     return float(np.linalg.norm(second, axis=1).max()) / 8.0
-
-
-def _farthest(points: Array, polyline: Array) -> float:
-    """Largest distance of ``points`` from a polyline."""
-    start, travel = polyline[:-1], np.diff(polyline, axis=0)
-    length = np.maximum((travel * travel).sum(axis=1), 1e-300)
-    away = points[:, None, :] - start[None, :, :]
-    along = np.clip((away * travel).sum(axis=2) / length, 0.0, 1.0)
-    gap = away - along[:, :, None] * travel
-    return float(np.sqrt((gap * gap).sum(axis=2).min(axis=1).max()))

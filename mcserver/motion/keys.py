@@ -7,19 +7,22 @@ again. Segments of G93 stand between keys of their own, since each has its T.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.bound import Bound, PlanningError
+from mcserver.motion.kernels.groups import KEY, Groups
 from mcserver.motion.kernels.keys import SOLVED, find_keys
 from mcserver.motion.limits import Level, RunLimits
-from mcserver.motion.node import Bound, Node, PlanningError
+from mcserver.motion.nodes import Nodes
 from mcserver.motion.path import Array
 from mcserver.motion.profile import Profile, ProfileSolver, rows_of
 from mcserver.motion.ramps import exactly, fastest
-from mcserver.motion.segment import AxisLimits
+from mcserver.motion.segment import AxisLimits, Segment
 
 
 @dataclass(frozen=True)
@@ -28,26 +31,21 @@ class Solution:
 
     Attributes:
         phases: rows of `mcserver.motion.kernels.phases`. first: the first phase behind each key, and one past
-            the last, shape (k,).
+            the last, shape (k,). late: timed groups that take longer than their T, in order, and why.
     """
 
-    keys: list[int]
+    keys: NDArray[np.intp]
     speeds: dict[int, float]
     phases: Array
     first: NDArray[np.intp]
-    bound_by: list[Bound | None]
-
-    @property
-    def late(self) -> list[int]:
-        """Timed groups that take longer than their T."""
-        return [group for group, bound in enumerate(self.bound_by) if bound is not None]
+    late: dict[int, Bound]
 
 
 class KeySolver:
     """Solves one run.
 
     Args:
-        nodes: first nodes of its groups, n of them. edges: σ at the groups' starts and at the end, (n+1,).
+        nodes: its segments. groups: how they are planned, n of them.
         entry: speed at the beginning [m/s or rad/s along σ].
 
     Attributes:
@@ -55,87 +53,87 @@ class KeySolver:
     """
 
     def __init__(
-        self,
-        solver: ProfileSolver,
-        limits: AxisLimits,
-        nodes: list[Node],
-        edges: Array,
-        entry: float,
+        self, solver: ProfileSolver, limits: AxisLimits, nodes: Nodes, groups: Groups, entry: float
     ) -> None:
         self._solver = solver
         self._limits = limits
-        self.nodes = nodes
-        self.edges = edges
+        self._nodes = nodes
+        self._groups = groups
+        self._timed = nodes.timed[groups.starts]
+        self._has_timed = bool(self._timed.any())
         self.run: RunLimits
         self._entry = entry
 
-    def solve(self, keys: list[int], caps: Array) -> Solution:
+    def solve(self, caps: Array) -> Solution:
         """Adds keys until no stretch passes a cap; each round binds the lowest cap of each stretch
         that does.
 
         Raises:
             PlanningError: no time law keeps all limits.
         """
-        run = self.run
-        is_key = np.zeros(len(caps), np.bool_)
-        is_key[keys] = True
-        timed = np.array([node.segment.duration is not None for node in self.nodes])
-        status, blamed, found, key_speeds, phases, first = find_keys(
-            self.edges,
-            caps,
-            run.tops,
-            timed,
-            is_key,
-            run.rows,
-            run.offset,
-            self._limits.rows,
-            self._limits.cycle,
-            run.rest,
-            run.weak,
-            run.ceiling,
-            run.kinds,
-            run.at_rest,
-            run.grid,
-            run.known,
-            self._entry,
-        )
-        if status != SOLVED:
-            raise PlanningError(self.nodes[blamed].segment.line)
+        found, key_speeds, phases, first = self._found(caps)
         keys = found.tolist()
-        for index in set(keys) - {0, len(self.nodes)}:
-            self.nodes[index].key = True
         speeds = dict(zip(keys, key_speeds.tolist(), strict=True))
-        bound_by: list[Bound | None] = [None] * len(self.nodes)
-        if not timed.any():
-            return Solution(keys, speeds, phases, np.append(first, len(phases)), bound_by)
+        if not self._has_timed:
+            return Solution(found, speeds, phases, np.append(first, len(phases)), {})
         # stretches with a time of their own between those without
         parts: list[Array] = []
+        late: dict[int, Bound] = {}
         ends = [*first.tolist(), len(phases)]
         for index, (left, right) in enumerate(pairwise(keys)):
             if ends[index] < 0:
-                profiles, bound_by[left] = self._timed(left, speeds[left], speeds[right])
-                parts.append(rows_of(profiles, float(self.edges[left])))
+                profiles, bound = self._in_time(left, speeds[left], speeds[right])
+                if bound is not None:
+                    late[left] = bound
+                parts.append(rows_of(profiles, float(self._groups.edges[left])))
             else:
                 until = next(end for end in ends[index + 1 :] if end >= 0)
                 parts.append(phases[ends[index] : until])
         offsets = np.concatenate([[0], np.cumsum([len(part) for part in parts])])
-        return Solution(keys, speeds, np.concatenate(parts), offsets, bound_by)
+        return Solution(found, speeds, np.concatenate(parts), offsets, late)
 
-    def _timed(self, index: int, entry: float, exit_: float) -> tuple[list[Profile], Bound | None]:
+    def _found(self, caps: Array) -> tuple[NDArray[np.intp], Array, Array, NDArray[np.intp]]:
+        """Keys, their speeds, phases and where these begin, as `find_keys` gives them."""
+        blamed = 0
+        # a key asks for zero acceleration: one that was to save time may leave no way from the speed that is
+        # already there, so without such keys it is tried again
+        for plain in (False, True):
+            first = self._first_keys(caps, hints=not plain)
+            status, blamed, keys, speeds, phases, starts = find_keys(
+                self.run.run, self._groups.edges, caps.copy(), self._timed, first, self._entry, plain
+            )
+            if status == SOLVED:
+                return keys, speeds, phases, starts
+        raise PlanningError(self._segment(blamed).line)
+
+    def _first_keys(self, caps: Array, *, hints: bool) -> NDArray[np.bool_]:
+        """Where acceleration is zero from the outset: about timed segments, at stops, and by ``hints`` where
+        it was last time."""
+        is_key = caps <= 0.0
+        is_key[0] = is_key[-1] = True
+        is_key[:-1] |= self._timed
+        is_key[1:] |= self._timed
+        if hints:
+            is_key[:-1] |= self._nodes.marks[self._groups.starts, KEY] & self._groups.bits != 0
+        return is_key
+
+    def _segment(self, group: int) -> Segment:
+        return self._nodes.segments[int(self._groups.starts[group])]
+
+    def _in_time(self, index: int, entry: float, exit_: float) -> tuple[list[Profile], Bound | None]:
         """One G93 segment: T to the rounding error where the limits allow it, else as short as they allow."""
-        node = self.nodes[index]
-        duration = node.segment.duration
-        assert duration is not None
+        segment = self._segment(index)
+        assert segment.duration is not None
         ladder = self.run.ladder(index, index + 1)
-        kept = exactly(self._solver, node.segment.extent, entry, exit_, ladder, duration)
+        kept = exactly(self._solver, segment.extent, entry, exit_, ladder, segment.duration)
         if kept is not None:
             return kept, None
-        quickest = fastest(node.segment.extent, entry, exit_, ladder)
+        quickest = fastest(segment.extent, entry, exit_, ladder)
         if quickest is None:
-            raise PlanningError(node.segment.line)
-        return quickest, self._bound_of(node, quickest, ladder)
+            raise PlanningError(segment.line)
+        return quickest, self._bound_of(index, quickest, ladder)
 
-    def raise_speeds(self, late: list[int], speeds: dict[int, float], caps: Array, hard: Array) -> bool:
+    def raise_speeds(self, late: Iterable[int], speeds: dict[int, float], caps: Array) -> bool:
         """Raises speeds at the ends of timed segments that take longer than their T (D-33).
 
         The speed at a joint of two timed segments is at first the lower of their means. A segment that cannot
@@ -143,10 +141,11 @@ class KeySolver:
         changed.
         """
         changed = False
+        hard = self._groups.hard
         now = dict(speeds)
         for index in late:
             for end, other in ((index, index - 1), (index + 1, index + 1)):
-                if end in (0, len(self.nodes)) or hard[end] <= now[end] * (1.0 + 1e-9):
+                if end in (0, len(self._timed)) or hard[end] <= now[end] * (1.0 + 1e-9):
                     continue
                 if not self._timed_overrun(index, now):
                     break
@@ -167,7 +166,7 @@ class KeySolver:
 
     def _timed_overrun(self, index: int, speeds: dict[int, float]) -> bool:
         """Whether a timed segment cannot keep its T between these speeds; False for one without T."""
-        segment = self.nodes[index].segment
+        segment = self._segment(index)
         if segment.duration is None:
             return False
         kept = exactly(
@@ -180,11 +179,13 @@ class KeySolver:
         )
         return kept is None
 
-    def _bound_of(self, node: Node, profiles: list[Profile], ladder: list[Level]) -> Bound:
+    def _bound_of(self, index: int, profiles: list[Profile], ladder: list[Level]) -> Bound:
+        first = int(self._groups.starts[index])
         peak = max(part.peak_velocity for part in profiles)
         if peak >= 0.999 * ladder[-1].velocity:
-            return Bound(node.limit.column, node.limit.kind)
-        slope = np.concatenate(node.rows)[:, : len(self._limits.velocity)].max(axis=0)
+            limit = self._nodes.limit_of(first)
+            return Bound(limit.column, limit.kind)
+        slope = self._nodes.rows_of(first)[:, : len(self._limits.velocity)].max(axis=0)
         with np.errstate(divide="ignore"):
             by_acceleration = self._limits.acceleration / np.maximum(slope, 1e-300)
             by_jerk = self._limits.jerk / np.maximum(slope, 1e-300)

@@ -16,14 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.kernels.joints import line_sample, meet
-from mcserver.motion.kernels.limits import GRID, GRID_SIZE, make_ladder, prepare, weakest
-from mcserver.motion.kernels.polynomials import KINDS, limit_of, polynomial_samples
+from mcserver.motion.kernels.limits import Run, make_ladder, run_of, weakest
+from mcserver.motion.kernels.polynomials import KINDS, PLACES, limit_of, polynomial_samples
 from mcserver.motion.kernels.ramps import MOST_RUNGS
 from mcserver.motion.path import Array, LineCurve, PolynomialCurve, SampledCurve
 from mcserver.motion.segment import AxisLimits, Segment
-
-# Places at which a polynomial is sampled.
-POLYNOMIAL_PLACES = 33
 
 
 @dataclass(frozen=True)
@@ -64,15 +61,15 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
     if isinstance(segment.curves[0], PolynomialCurve):
         power = np.zeros((len(segment.curves[0].coefficients), width))
         power[:, segment.columns[0]] = segment.curves[0].coefficients
-        rows = np.zeros((POLYNOMIAL_PLACES, 5 * width + 2))
-        polynomial_samples(power, segment.scale, rows, np.empty(POLYNOMIAL_PLACES))
+        rows = np.zeros((PLACES, 5 * width + 2))
+        polynomial_samples(power, segment.scale, rows, np.empty(PLACES))
         return rows, speed_limit(rows, limits)
     count = 2
     for curve in segment.curves:
         if isinstance(curve, SampledCurve):
             count = max(count, 4 * (len(curve.knots) - 1) + 1)
         elif isinstance(curve, PolynomialCurve):
-            count = max(count, POLYNOMIAL_PLACES)
+            count = max(count, PLACES)
         elif not isinstance(curve, LineCurve):
             # derivatives of a circle repeat after one turn: 128 points a turn miss an extreme by 0.03 %
             sweep = abs(getattr(curve, "sweep", 2.0 * math.pi))
@@ -103,59 +100,25 @@ class RunLimits:
         tops: greatest speeds of the groups (n,).
 
     Attributes:
-        tops: lowered where a speed would leave hardly any acceleration or jerk to get to it.
-        rest, weak: acceleration and jerk free at rest and at every speed, (n, 2). ceiling: of each sample.
-        kinds, at_rest, grid, known: see `mcserver.motion.kernels.limits`.
+        run: the same for kernels; its tops are lowered where a speed would leave hardly any acceleration or
+            jerk to get to it.
     """
 
     def __init__(self, rows: Array, offset: NDArray[np.intp], tops: Array, limits: AxisLimits) -> None:
-        self._limits = limits
-        self.rows, self.offset = rows, offset
-        self.tops: Array = tops.copy()
-        self.rest: Array = np.empty((len(tops), 2))
-        self.weak: Array = np.empty((len(tops), 2))
-        self.ceiling: Array = np.empty(len(rows))
-        self.kinds: NDArray[np.int8] = np.empty(len(rows), np.int8)
-        self.at_rest: Array = np.empty((len(rows), 2))
-        self.grid: Array = self.tops.max() * GRID ** np.arange(GRID_SIZE)
-        self.known: Array = np.full((len(tops), GRID_SIZE, 2), math.nan)
-        prepare(
-            rows,
-            offset,
-            self.tops,
-            limits.rows,
-            limits.cycle,
-            self.rest,
-            self.weak,
-            self.ceiling,
-            self.kinds,
-            self.at_rest,
-        )
+        self.run: Run = run_of(rows, offset, tops.copy(), limits.rows, limits.cycle)
+
+    @property
+    def tops(self) -> Array:
+        return self.run.tops
 
     def weakest(self, left: int, right: int) -> tuple[float, float]:
         """Acceleration and jerk that are free at every speed on groups ``left`` … ``right`` - 1."""
-        return weakest(self.weak, left, right)
+        return weakest(self.run.weak, left, right)
 
     def ladder(self, left: int, right: int) -> list[Level]:
         """Speeds up to the stretch's top with what is free up to each."""
         rungs = np.empty((MOST_RUNGS, 3))
-        count = make_ladder(
-            self.rows,
-            self.offset,
-            self.tops,
-            self._limits.rows,
-            self._limits.cycle,
-            self.rest,
-            self.weak,
-            self.ceiling,
-            self.kinds,
-            self.at_rest,
-            self.grid,
-            self.known,
-            left,
-            right,
-            rungs,
-        )
+        count = make_ladder(self.run, left, right, 0.0, rungs)
         return [Level(*rung) for rung in rungs[:count].tolist()]
 
 
@@ -189,6 +152,7 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         after.bend_first,
         limits.rows,
         limits.cycle,
+        before.in_parts and after.in_parts,
         samples,
     )
     if scale == 0.0:

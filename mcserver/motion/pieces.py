@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from mcserver.motion.node import Bound
+from mcserver.motion.bound import Bound
 from mcserver.motion.sampling import Rows
 
 # Rows in one piece of output.

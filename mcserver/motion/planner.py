@@ -16,10 +16,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from mcserver.config import Machine
+from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.corner import best_blend
 from mcserver.motion.lookahead import Lookahead, PlannedRun
-from mcserver.motion.node import PlanningError
 from mcserver.motion.path import Array
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
 from mcserver.motion.sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
@@ -124,31 +124,43 @@ class MotionPlanner:
 
     def _round(self, segment: Segment, tolerance: float) -> bool:
         """Rounds the corner before ``segment``, if that is faster; False where the corner stays."""
-        before = self._window.nodes[-1].segment
+        nodes = self._window.nodes
+        before = nodes.segments[-1]
         if not before.closes:
             return False
         found = best_blend(self._window, segment, tolerance, self._weights, self._limits)
         if found is None:
             return False
-        untouched = list(self._window.nodes)
-        self._window.replace_last(found.before)
+        untouched = nodes.mark()
+        nodes.replace(-1, found.before)
         for part in (found.first, found.second, found.after):
             part.active = self._active
             self._window.append(part)
-        if self._reserve is not None and len(untouched) <= len(self._reserve.segments):
+        if self._reserve is not None and untouched.count <= len(self._reserve.segments):
             # the stop that is held in reserve runs to the untrimmed end: only a plan that is sure to hold
             # may take its place
             try:
                 self._plan = self._window.plan()
             except PlanningError:
-                self._window.nodes = untouched
+                nodes.go_back(untouched)
                 return False
             self._reserve = None
         return True
 
     def _solved(self) -> PlannedRun:
+        """The time law of all that is in the window.
+
+        Raises:
+            PlanningError: there is none, and lines have come since the last one was found.
+        """
         if self._plan is None:
-            self._plan = self._window.plan()
+            try:
+                self._plan = self._window.plan()
+            except PlanningError:
+                # the stop in reserve is a time law too, if nothing has come behind it
+                if self._reserve is None or len(self._reserve.segments) < len(self._window.nodes):
+                    raise
+                self._plan = self._reserve
         return self._plan
 
     # ------------------------------------------------------------------ committing
@@ -174,28 +186,23 @@ class MotionPlanner:
         nodes = self._window.nodes
         index = int(np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(nodes) - 1))
         sigma, speed = (float(x[0]) for x in plan.phases.at(np.array([moment])))
-        kept = nodes[index:]
         gone = moment - float(plan.times[index])
+        nodes.drop(index)
         if gone > 1e-12:
             # what is left of a segment under way
-            segment = kept[0].segment
+            segment = nodes.segments[0]
             begin = segment.begin + (sigma - float(plan.bounds[index])) / segment.scale
-            kept[0] = dataclasses.replace(
-                kept[0], segment=dataclasses.replace(segment, begin=begin, opens=False)
-            )
+            nodes.replace(0, dataclasses.replace(segment, begin=begin, opens=False))
         self._reserve = PlannedRun(
-            segments=[node.segment for node in kept],
+            segments=list(nodes.segments),
             bounds=np.maximum(plan.bounds[index:] - sigma, 0.0),
             phases=plan.phases.after(moment),
             times=np.maximum(plan.times[index:] - moment, 0.0),
             bound_by=plan.bound_by[index:],
         )
-        window = Lookahead(self._limits)
-        window.nodes = kept
-        window.entry = speed
-        self._left = max(len(kept), WINDOW // 2)
+        self._window.entry = speed
+        self._left = max(len(nodes), WINDOW // 2)
         origin, self.u = self.u, self.u + moment / self._cycle
-        self._window = window
         self._plan = None
         return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
 
@@ -207,11 +214,10 @@ class MotionPlanner:
         """
         plan = self._reserve
         if plan is None:
-            raise PlanningError(self._window.nodes[0].segment.line)
-        window = Lookahead(self._limits)
-        window.nodes = self._window.nodes[len(plan.segments) :]
+            raise PlanningError(self._window.nodes.segments[0].line)
+        self._window.nodes.drop(len(plan.segments))
+        self._window.entry = 0.0
         self._reserve = None
-        self._window = window
         self._plan = None
         origin, self.u = self.u, self.u + plan.phases.duration / self._cycle
         return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)

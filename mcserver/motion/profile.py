@@ -7,6 +7,7 @@ motion is sampled with numpy in one go and its duration is exact, not rounded to
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import ruckig
@@ -42,7 +43,7 @@ class Phases:
     jerk: Array
     end: float
 
-    @property
+    @cached_property
     def rows(self) -> Array:
         """The phases as rows of `mcserver.motion.kernels.phases`."""
         lasts = np.diff(self.start, append=self.duration)

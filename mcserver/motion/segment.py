@@ -89,6 +89,11 @@ class Segment:
     straight: bool = False
 
     @property
+    def in_parts(self) -> bool:
+        """Whether it is planned in parts if it is long: lines without a time of their own."""
+        return self.straight and self.duration is None
+
+    @property
     def extent(self) -> float:
         """Length of what is left of it along σ."""
         return self.scale * (self.finish - self.begin)
@@ -208,6 +213,13 @@ class StraightRun:
             np.divide(run.speeds, run.lengths, out=feeds, where=long)
             np.divide(1.0, run.requested, out=feeds, where=~long & (run.requested > 0.0))
         return cls(run, sum(1 << column for column in columns), points, travels, scales, feeds)
+
+    @property
+    def asked(self) -> Array:
+        """Feed [1/s], time and T (NaN: none) of each [s], shape (n, 3)."""
+        requested = self.run.requested
+        duration = requested if self.run.speeds is None else np.full(len(requested), math.nan)
+        return np.column_stack((self.feeds, requested, duration))
 
     def segments(self, scales: list[float], active: int) -> Iterator[Segment]:
         """The segments, with coordinates scaled so."""

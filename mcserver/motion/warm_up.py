@@ -7,19 +7,23 @@ import math
 import numpy as np
 
 from mcserver.motion.canonical import FeedGroup, PlainRun
+from mcserver.motion.corner import best_blend
 from mcserver.motion.limits import Level
 from mcserver.motion.lookahead import Lookahead
-from mcserver.motion.path import LineCurve
+from mcserver.motion.path import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.profile import join
 from mcserver.motion.ramps import fastest
 from mcserver.motion.sampling import sample
-from mcserver.motion.segment import AxisLimits, StraightRun, place, segment_of
+from mcserver.motion.segment import AxisLimits, Segment, StraightRun, place, segment_of
 
 _SLOTS = {0: 0, 1: 1}
 
 
 def warm_up() -> None:
-    """Plans a few lines of no machine. Takes some 20 s once for each installation, then half a second."""
+    """Plans a few lines of no machine. Takes some 30 s once for each installation, then half a second.
+
+    All that a program may ask for is called here: what is compiled while one runs makes its motion wait.
+    """
     limits = AxisLimits(
         velocity=np.array([1.0, 1.0]),
         acceleration=np.array([1.0, 1.0]),
@@ -41,14 +45,36 @@ def warm_up() -> None:
     straight = StraightRun.of(run, _SLOTS, position)
     assert straight is not None
     window.append_run(straight, active=straight.mask)
+    window.plan()
     position[:] = points[-1]
-    curve = LineCurve((0, 1), (0.01, 0.01), (0.02, 0.02), math.hypot(0.01, 0.01))
-    segment = segment_of(FeedGroup((curve,), requested=0.2, duration=0.2), 3, _SLOTS, len(position))
-    place(segment, position)
-    window.append(segment)
+    line = LineCurve((0, 1), (0.01, 0.01), (0.02, 0.02), math.hypot(0.01, 0.01))
+    window.append(_segment(FeedGroup((line,), requested=0.2, duration=0.2), 3, position))
     window.enter_fast()
     window.entry = 0.0
     sample(window.plan(), 0.0, 1, 10, limits.cycle)
     quickest = fastest(0.01, 0.0, 0.0, [Level(0.1, 1.0, 10.0)])
     assert quickest is not None
     join(quickest).time_at(np.array([0.0, 0.01]))
+    _round_corners(limits)
+
+
+def _segment(group: FeedGroup, line: int, position: Array) -> Segment:
+    segment = segment_of(group, line, _SLOTS, len(position))
+    place(segment, position)
+    return segment
+
+
+def _round_corners(limits: AxisLimits) -> None:
+    """A corner of two lines, and one of a line and an arc."""
+    turn = math.pi / 2.0
+    seconds: tuple[Curve, ...] = (
+        LineCurve((0, 1), (0.01, 0.0), (0.01, 0.01), 0.01),
+        ArcCurve((0, 1), (0.01, 0.0), (0.02, 0.01), (0.02, 0.0), -turn, turn * 0.01),
+    )
+    for second in seconds:
+        window = Lookahead(limits)
+        first = LineCurve((0, 1), (0.0, 0.0), (0.01, 0.0), 0.01)
+        window.append(_segment(FeedGroup((first,), requested=0.1, speed=0.1), 1, np.zeros(2)))
+        after = _segment(FeedGroup((second,), requested=0.1, speed=0.1), 2, np.array([0.01, 0.0]))
+        found = best_blend(window, after, 2e-3, np.ones(2), limits)
+        assert found is not None

@@ -20,6 +20,7 @@ SECTIONS = {
     "parsing": "parse and interpret",
     "planning": "parse … lookahead … setpoints",
     "squares": "a 100 mm square",
+    "polylines": "polylines that stand for an arc",
     "short_segments": "10 000 segments of 0.05 mm",
     "gait": "a line of four legs",
     "inverse_kinematics": "tool waypoints a second",

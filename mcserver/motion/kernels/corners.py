@@ -8,24 +8,44 @@ does its distance from the lines, and one shape for d = 1 tells everything.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.joints import line_sample, meet
+from mcserver.motion.kernels.joints import length_of, line_sample, meet
 from mcserver.motion.kernels.keys import SOLVED, find_keys
-from mcserver.motion.kernels.limits import GRID, GRID_SIZE, prepare
-from mcserver.motion.kernels.polynomials import half_of, limit_of, polynomial_samples
+from mcserver.motion.kernels.limits import bind_joints, ease_short, run_of
+from mcserver.motion.kernels.parts import is_long, near_vertex, straight_limits
+from mcserver.motion.kernels.polynomials import PLACES, half_of, limit_of, polynomial_samples, power_basis
 from mcserver.motion.kernels.ramps import reachable_speed
 from mcserver.motion.path import Array
 
-# Places on a blend at which it is compared with the lines.
-PLACES = 33
 # What the polyline through these places may miss of the curve, as a share of the distance.
 _POLYLINE = 1.001
-# Cycles below which a segment's own top speed is that of its joints.
-SHORT = 5.0
+
+# At a corner that is a stop, a blend is chosen that takes less than this share of the time. At one that can
+# be passed at a speed, one that can be passed so much faster, since near its top speed a bend leaves hardly
+# anything to get there; it may lose a little where the motion is slow on both sides.
+BETTER = 1.0 - 1e-6
+FASTER = 1.2
+LOSS = 0.05
+
+
+class Corner(NamedTuple):
+    """Two straight segments on end.
+
+    Attributes:
+        last, first: travels of the two whole segments, shape (K,). feeds: greatest path speeds of the two by
+            their F, shape (2,). limits, cycle: of the axes, shape (3, K), and [s].
+    """
+
+    last: Array
+    first: Array
+    feeds: Array
+    limits: Array
+    cycle: float
 
 
 @compiled
@@ -35,16 +55,11 @@ def quintic(t1: Array, t2: Array, handle: float, power: Array) -> None:
     Args:
         t1, t2: unit tangents before and after, shape (K,). handle: length of the Bezier handles.
     """
-    for k in range(len(t1)):
-        p0, p5 = -t1[k], t2[k]
-        p1, p4 = p0 + handle * t1[k], p5 - handle * t2[k]
-        p2, p3 = 2.0 * p1 - p0, 2.0 * p4 - p5
-        power[0, k] = p0
-        power[1, k] = 5.0 * (p1 - p0)
-        power[2, k] = 10.0 * (p2 - 2.0 * p1 + p0)
-        power[3, k] = 10.0 * (p3 - 3.0 * p2 + 3.0 * p1 - p0)
-        power[4, k] = 5.0 * (p4 - 4.0 * p3 + 6.0 * p2 - 4.0 * p1 + p0)
-        power[5, k] = p5 - 5.0 * p4 + 10.0 * p3 - 10.0 * p2 + 5.0 * p1 - p0
+    points = np.empty((6, len(t1)))
+    points[0], points[5] = -t1, t2
+    points[1], points[4] = points[0] + handle * t1, points[5] - handle * t2
+    points[2], points[3] = 2.0 * points[1] - points[0], 2.0 * points[4] - points[5]
+    power_basis(points, power)
 
 
 @compiled
@@ -64,6 +79,18 @@ def _to_segment(point: Array, start: Array, end: Array) -> float:
 
 
 @compiled
+def farthest(points: Array, polyline: Array) -> float:
+    """Largest distance of points (n, K) from a polyline (m, K)."""
+    worst = 0.0
+    for i in range(len(points)):
+        near = math.inf
+        for j in range(len(polyline) - 1):
+            near = min(near, _to_segment(points[i], polyline[j], polyline[j + 1]))
+        worst = max(worst, near)
+    return math.sqrt(worst)
+
+
+@compiled
 def distance_from_corner(t1: Array, t2: Array, power: Array, weights: Array) -> float:
     """Largest distance between blend and lines for d = 1, in either direction.
 
@@ -72,31 +99,18 @@ def distance_from_corner(t1: Array, t2: Array, power: Array, weights: Array) -> 
     """
     width = len(t1)
     blend = np.empty((PLACES, width))
+    lines = np.zeros((PLACES, width))
+    half = PLACES // 2
     for i in range(PLACES):
-        s = i / (PLACES - 1)
+        s, share = i / (PLACES - 1), (i - half) / half
         for k in range(width):
             value = power[5, k]
             for row in range(4, -1, -1):
                 value = value * s + power[row, k]
             blend[i, k] = value * weights[k]
-    corner = np.zeros((3, width))
-    for k in range(width):
-        corner[0, k], corner[2, k] = -t1[k] * weights[k], t2[k] * weights[k]
-    worst = 0.0
-    for i in range(PLACES):
-        near = min(_to_segment(blend[i], corner[0], corner[1]), _to_segment(blend[i], corner[1], corner[2]))
-        worst = max(worst, near)
-    point = np.empty(width)
-    half = PLACES // 2
-    for i in range(2 * half + 1):
-        share = (i - half) / half
-        for k in range(width):
-            point[k] = -share * corner[0, k] if share < 0.0 else share * corner[2, k]
-        near = math.inf
-        for j in range(PLACES - 1):
-            near = min(near, _to_segment(point, blend[j], blend[j + 1]))
-        worst = max(worst, near)
-    return math.sqrt(worst) * _POLYLINE
+            lines[i, k] = (share * t1[k] if share < 0.0 else share * t2[k]) * weights[k]
+    corner = lines[::half]
+    return max(farthest(blend, corner), farthest(lines, blend)) * _POLYLINE
 
 
 @compiled
@@ -106,179 +120,161 @@ def run_time(
     edges: Array,
     caps: Array,
     tops: Array,
-    limits: Array,
-    cycle: float,
+    corner: Corner,
     entry: float,
 ) -> float:
     """How long a short run of segments takes from the speed ``entry`` to rest [s]; infinite: no time law.
 
     Args:
-        rows, offset: samples of the segments. edges, caps, tops: as of `find_keys`, without the caps' bounds.
+        rows, offset: samples of n segments. edges, caps: shape (n+1,). tops: shape (n,).
     """
     n = len(tops)
-    for i in range(n):
-        joint = max(caps[i], caps[i + 1])
-        if edges[i + 1] - edges[i] < SHORT * cycle * joint:
-            tops[i] = min(tops[i], joint)
-    rest, weak = np.empty((n, 2)), np.empty((n, 2))
-    ceiling, kinds = np.empty(len(rows)), np.empty(len(rows), np.int8)
-    at_rest = np.empty((len(rows), 2))
-    prepare(rows, offset, tops, limits, cycle, rest, weak, ceiling, kinds, at_rest)
     caps[0], caps[n] = entry, 0.0
-    for i in range(1, n):
-        caps[i] = min(caps[i], tops[i - 1], tops[i])
-    if tops[0] < entry:
-        caps[0] = tops[0]
-    grid = tops.max() * GRID ** np.arange(GRID_SIZE)
-    known = np.full((n, GRID_SIZE, 2), math.nan)
-    is_key = np.zeros(n + 1, np.bool_)
+    ease_short(edges, caps, tops, corner.cycle)
+    run = run_of(rows, offset, tops, corner.limits, corner.cycle)
+    bind_joints(caps, tops)
+    caps[0] = min(entry, tops[0])
+    is_key = caps <= 0.0
     is_key[0] = is_key[n] = True
-    for i in range(1, n):
-        is_key[i] = caps[i] <= 0.0
-    status, _, _, _, phases, _ = find_keys(
-        edges,
-        caps,
-        tops,
-        np.zeros(n, np.bool_),
-        is_key,
-        rows,
-        offset,
-        limits,
-        cycle,
-        rest,
-        weak,
-        ceiling,
-        kinds,
-        at_rest,
-        grid,
-        known,
-        caps[0],
-    )
+    # a literal would have the search compiled once more, for that value alone
+    plain = bool(np.bool_(False))
+    status, _, _, _, phases, _ = find_keys(run, edges, caps, np.zeros(n, np.bool_), is_key, caps[0], plain)
     return phases[:, 0].sum() if status == SOLVED else math.inf
 
 
 @compiled
-def corner_time(
-    last: Array,
-    first: Array,
-    left: float,
-    right: float,
-    feeds: Array,
-    limits: Array,
-    cycle: float,
-    entry: float,
-) -> float:
-    """How long two straight segments take whose corner stays.
+def corner_time(corner: Corner, left: float, right: float, entry: float) -> tuple[float, float]:
+    """How long they take where the corner stays, and how fast it can be passed.
 
     Args:
-        last, first: travels of the two whole segments, shape (K,). left, right: what is left of them [m].
-        feeds: greatest path speeds of the two by their F.
+        left, right: what is left of them [m]. entry: speed at the beginning.
     """
+    last, first, limits = corner.last, corner.first, corner.limits
     width = len(last)
-    columns = 5 * width + 2
-    rows = np.zeros((4, columns))
     still = np.zeros(width)
-    lengths = np.array([math.sqrt((last * last).sum()), math.sqrt((first * first).sum())])
-    samples = np.zeros((2, columns))
-    speed, _ = meet(last, still, lengths[0], first, still, limits, cycle, samples)
+    lines, samples = np.zeros((2, 5 * width + 2)), np.zeros((2, 5 * width + 2))
+    end, begin = length_of(last), length_of(first)
+    speed, _ = meet(last, still, end, first, still, limits, corner.cycle, True, samples)
     tops = np.empty(2)
-    tops[0], _ = line_sample(last, lengths[0], limits, rows[:1])
-    rows[1] = samples[0]
-    tops[1], _ = line_sample(first, lengths[1], limits, rows[2:3])
-    rows[3] = samples[1]
-    for i in range(2):
-        tops[i] = min(tops[i], feeds[i])
-    if not 0.0 < speed < math.inf:
-        # no vertex is passed with speed: there is nothing that it asks for
-        rows[1], rows[3] = rows[0], rows[2]
-    edges = np.array([0.0, left, left + right])
-    caps = np.array([entry, speed, 0.0])
-    return run_time(rows, np.array([0, 2, 4]), edges, caps, tops, limits, cycle, entry)
+    tops[0], _ = line_sample(last, end, limits, lines[:1])
+    tops[1], _ = line_sample(first, begin, limits, lines[1:])
+    tops = np.minimum(tops, corner.feeds)
+    # the same parts as in a run: see `mcserver.motion.kernels.groups`
+    rows, offset = np.empty((6, 5 * width + 2)), np.zeros(5, np.intp)
+    edges, caps, parts_tops = np.zeros(5), np.full(5, math.inf), np.empty(4)
+    part = at = 0
+    for side in range(2):
+        length, reach = (left, right)[side], 0.0
+        # where no vertex is passed with a bounded speed there is nothing that it asks for
+        asks = 0.0 < speed < math.inf
+        if asks:
+            passed = min(speed, tops[side])
+            acceleration, _ = straight_limits(lines[side], limits)
+            reach = near_vertex(passed, acceleration, corner.cycle)
+            if not is_long(length, reach, reach, acceleration, passed):
+                reach = length
+        for place in range(2):
+            near = place != side
+            span = reach if near else length - reach
+            if span > 0.0:
+                rows[at] = lines[side]
+                at += 1
+                if near:
+                    rows[at] = samples[side]
+                    at += 1
+                edges[part + 1], parts_tops[part] = edges[part] + span, tops[side]
+                part += 1
+                offset[part] = at
+        if side == 0:
+            caps[part] = speed
+    ends = part + 1
+    time = run_time(rows[:at], offset[:ends], edges[:ends], caps[:ends], parts_tops[:part], corner, entry)
+    return time, speed
 
 
 @compiled
-def blend_time(
-    last: Array,
-    first: Array,
-    left: float,
-    right: float,
-    feeds: Array,
-    limits: Array,
-    cycle: float,
-    entry: float,
-    power: Array,
-) -> float:
-    """How long they take with this blend, whose reach has been taken off ``left`` and ``right``."""
+def blend_time(corner: Corner, left: float, right: float, entry: float, power: Array) -> tuple[float, float]:
+    """How long they take with a blend, and how fast that can be passed.
+
+    Args:
+        left, right: what is left of them beside the blend [m]. power: of the blend.
+    """
+    last, first, limits, feeds = corner.last, corner.first, corner.limits, corner.feeds
     width = len(last)
-    columns = 5 * width + 2
-    rows = np.zeros((2 + 2 * PLACES, columns))
+    rows = np.zeros((2 + 2 * PLACES, 5 * width + 2))
     tops = np.empty(4)
-    tops[0], _ = line_sample(last, math.sqrt((last * last).sum()), limits, rows[:1])
-    tops[3], _ = line_sample(first, math.sqrt((first * first).sum()), limits, rows[1 + 2 * PLACES :])
-    edges = np.empty(5)
-    edges[0], edges[1] = 0.0, left
+    limit, _ = line_sample(last, length_of(last), limits, rows[:1])
+    tops[0] = min(limit, feeds[0])
+    limit, _ = line_sample(first, length_of(first), limits, rows[1 + 2 * PLACES :])
+    tops[3] = min(limit, feeds[1])
     part = np.empty((6, width))
     speeds = np.empty(PLACES)
-    scale = 1.0
+    half_of(power, 0.0, 0.5, part)
+    # along σ, which goes on where the halves meet
+    scale = length_of(part[1])
     for half in range(2):
         half_of(power, 0.5 * half, 0.5, part)
         where = slice(1 + half * PLACES, 1 + (half + 1) * PLACES)
-        polynomial_samples(part, 1.0, rows[where], speeds)
-        if half == 0:
-            scale = speeds[0]
-        # along σ, which goes on where the halves meet
         polynomial_samples(part, scale, rows[where], speeds)
         limit, _, _ = limit_of(rows[where], limits)
         tops[1 + half] = min(limit, feeds[half] * scale / speeds.max())
-        edges[2 + half] = edges[1 + half] + scale
-    edges[4] = edges[3] + right
-    for i in (0, 3):
-        tops[i] = min(tops[i], feeds[i // 2])
+    edges = np.cumsum(np.array([0.0, left, scale, scale, right]))
     caps = np.full(5, math.inf)
     offset = np.array([0, 1, 1 + PLACES, 1 + 2 * PLACES, 2 + 2 * PLACES])
-    return run_time(rows, offset, edges, caps, tops, limits, cycle, entry)
+    top = min(tops[1], tops[2])
+    return run_time(rows, offset, edges, caps, tops, corner, entry), top
 
 
 @compiled
-def entry_speed(last: Array, feed: float, limits: Array) -> float:
-    """Half of the speed that a straight segment could have reached from rest in its own length."""
-    length = math.sqrt((last * last).sum())
-    top, acceleration, jerk = feed, math.inf, math.inf
-    for k in range(len(last)):
-        slope = abs(last[k]) / length
-        if slope > 0.0:
-            top = min(top, limits[0, k] / slope)
-            acceleration = min(acceleration, limits[1, k] / slope)
-            jerk = min(jerk, limits[2, k] / slope)
-    return 0.5 * reachable_speed(0.0, length, acceleration, jerk, top)
+def entry_speed(corner: Corner) -> float:
+    """Half of the speed that the first segment could have reached from rest in its own length."""
+    length = length_of(corner.last)
+    line = np.zeros((1, 5 * len(corner.last) + 2))
+    top, _ = line_sample(corner.last, length, corner.limits, line)
+    acceleration, jerk = straight_limits(line[0], corner.limits)
+    return 0.5 * reachable_speed(0.0, length, acceleration, jerk, min(top, corner.feeds[0]))
 
 
 @compiled
-def best_reach(
-    last: Array,
-    first: Array,
-    left: float,
-    right: float,
-    feeds: Array,
-    limits: Array,
-    cycle: float,
-    power: Array,
-    reaches: Array,
-) -> float:
+def may_win(speed: float, from_rest: float, slow: float, top: float, fastest: float) -> bool:
+    """Whether a blend is worth having in place of a corner.
+
+    At a stop it has to win from rest to rest: what is quicker at speed may be slower between two stops.
+
+    Args:
+        speed: at which the corner can be passed. from_rest, slow: times of corner and blend from rest to rest
+            [s]. top: greatest speed on the blend. fastest: what that has to pass where the corner is no stop.
+    """
+    if speed > 0.0:
+        return top > fastest and slow <= from_rest * (1.0 + LOSS)
+    return slow < from_rest * BETTER
+
+
+@compiled
+def best_reach(corner: Corner, left: float, right: float, power: Array, reaches: Array) -> float:
     """The reach with which the corner is passed soonest; 0: it stays.
 
     Args:
-        power: of the shape with d = 1. reaches: what is tried, shape (n,). The others: see `corner_time`.
+        left, right: what is left of the segments [m]. power: of the shape with d = 1. reaches: what is tried,
+            shape (n,).
     """
-    entry = entry_speed(last, feeds[0], limits)
-    least = corner_time(last, first, left, right, feeds, limits, cycle, entry) * (1.0 - 1e-6)
-    best = 0.0
+    entry = entry_speed(corner)
+    from_rest, speed = corner_time(corner, left, right, 0.0)
+    least = math.inf
+    if speed <= 0.0:
+        least, _ = corner_time(corner, left, right, entry)
+    best, fastest = 0.0, FASTER * speed
     for reach in reaches:
         if not reach > 0.0:
             continue
-        time = blend_time(
-            last, first, left - reach, right - reach, feeds, limits, cycle, entry, power * reach
-        )
-        if time < least:
+        there = power * reach
+        slow, top = blend_time(corner, left - reach, right - reach, 0.0, there)
+        if not may_win(speed, from_rest, slow, top, fastest):
+            continue
+        if speed > 0.0:
+            best, fastest = reach, top
+            continue
+        time, _ = blend_time(corner, left - reach, right - reach, entry, there)
+        if time < least * BETTER:
             best, least = reach, time
     return best

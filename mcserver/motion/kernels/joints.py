@@ -3,15 +3,33 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.kernels.compiled import compiled
+from mcserver.motion.kernels.groups import (
+    AFTER,
+    BEFORE,
+    CAP,
+    COLUMN,
+    DURATION,
+    END,
+    EXTENT,
+    FEED,
+    KEY,
+    KIND,
+    REQUESTED,
+    SPEED,
+    TOP,
+)
 from mcserver.motion.kernels.limits import CURVATURE_SHARE, TINY, ripple
+from mcserver.motion.kernels.parts import is_long, near_vertex
 from mcserver.motion.path import Array
 
-# A vertex between segments that last many cycles is passed in one cycle: half of the limit is left beside it.
+# A vertex is passed in one cycle. Beside it half of the limit is left, where that is all that there is on the
+# way to the next one.
 VERTEX_SHARE = 0.5
 # Short segments that turn by less than this are a polyline in place of a curve [rad].
 POLYLINE_TURN = 0.35
@@ -19,6 +37,20 @@ POLYLINE_TURN = 0.35
 CRAWL = 10.0
 # Tangents that differ by less than this share of an axis's acceleration are one tangent.
 _ONE_TANGENT = 1e-12
+
+
+class Before(NamedTuple):
+    """The end of the segment that others follow.
+
+    Attributes:
+        last, bend: dp/ds and d²p/ds² there, shape (K,). scale: of its coordinate; 0: they start at rest.
+        in_parts: whether it is planned in parts if it is long.
+    """
+
+    last: Array
+    bend: Array
+    scale: float
+    in_parts: bool
 
 
 @compiled
@@ -42,7 +74,8 @@ def line_sample(travel: Array, scale: float, limits: Array, rows: Array) -> tupl
 
 
 @compiled
-def _length(vector: Array) -> float:
+def length_of(vector: Array) -> float:
+    """Euclidean length of a vector (K,)."""
     total = 0.0
     for k in range(len(vector)):
         total += vector[k] * vector[k]
@@ -58,6 +91,7 @@ def meet(
     bend_first: Array,
     limits: Array,
     cycle: float,
+    in_parts: bool,
     samples: Array,
 ) -> tuple[float, float]:
     """Speed over a joint, and what it asks of both sides.
@@ -65,6 +99,7 @@ def meet(
     Args:
         last, bend_last: dp/ds and d²p/ds² at the end of the segment before, shape (K,). first, bend_first: at
             the start of the one after. before_scale: of the one before.
+        in_parts: whether both are planned in parts if they are long.
         samples: shape (2, 5 K + 2), zeroed; written where the joint is passed with a bounded speed.
 
     Returns:
@@ -72,7 +107,7 @@ def meet(
         is continuous; 0 where one of the two does not travel.
     """
     width = len(last)
-    end, begin = _length(last), _length(first)
+    end, begin = length_of(last), length_of(first)
     if end <= 0.0 or begin <= 0.0:
         return 0.0, 0.0
     scale = begin * before_scale / end
@@ -93,9 +128,14 @@ def meet(
         dense = math.sqrt(CURVATURE_SHARE * spacing / worst)
         dense /= math.sqrt(1.0 + ripple(min(1.0, spacing / (dense * cycle))))
         turn = math.sqrt(turned) * before_scale / end
+        most = CURVATURE_SHARE * cycle / worst
+        reach = near_vertex(most, crawl_limit, cycle)
+        if in_parts and is_long(spacing, reach, reach, crawl_limit, most):
+            # what it takes holds near it only, so it may take nearly all
+            speed = most
         if turn < POLYLINE_TURN and spacing < 10.0 * cycle * dense:
             # many short segments: a polyline stands for a curve, and the speed is that of the curve
-            speed = min(CURVATURE_SHARE * cycle / worst, dense)
+            speed = min(most, dense)
             isolated = False
         if isolated and speed < CRAWL * cycle * crawl_limit:
             return 0.0, 0.0
@@ -130,38 +170,60 @@ def meet(
 
 @compiled
 def meet_lines(
+    before: Before,
     travels: Array,
     scales: Array,
-    last: Array,
-    bend_last: Array,
-    before_scale: float,
+    asked: Array,
     limits: Array,
     cycle: float,
+    numbers: Array,
+    marks: NDArray[np.intp],
     rows: Array,
-    vertices: Array,
-    caps: Array,
-    tops: Array,
-    columns: NDArray[np.intp],
-) -> None:
+) -> tuple[int, bool]:
     """As `line_sample` and `meet`, for n straight segments on end.
 
     Args:
-        travels: shape (n, K). scales: shape (n,), of each alone; written, as they are in the run.
-        last, bend_last, before_scale: of the segment before them; a scale of 0: they start at rest.
-        rows: shape (n, 5 K + 2), and vertices: shape (n, 2, 5 K + 2), zeroed; written.
-        caps: shape (n,), written: the greatest speed at each start. tops, columns: shape (n,), written: the
-            greatest speed along each and the column that binds it.
+        before: what they follow. travels: shape (n, K). scales: their lengths, shape (n,).
+        asked: feed [1/s], time and T of each [s], shape (n, 3).
+        numbers, marks: of the nodes (see `mcserver.motion.kernels.groups`), shapes (n, `NUMBERS`) and
+            (n, `MARKS`); written, `END` from the first of ``rows`` on.
+        rows: shape (3 n, 5 K + 2), zeroed; written: the samples of all.
+
+    Returns:
+        How many rows there are, and whether the first is that of the vertex at the end of what was before.
     """
     still = np.zeros(travels.shape[1])
+    vertex = np.zeros((2, rows.shape[1]))
+    at, last_scale, last_in_parts = 0, before.scale, before.in_parts
+    leads = False
     for i in range(len(travels)):
         speed = scale = 0.0
-        if i > 0:
-            speed, scale = meet(
-                travels[i - 1], still, scales[i - 1], travels[i], still, limits, cycle, vertices[i]
-            )
-        elif before_scale > 0.0:
-            speed, scale = meet(last, bend_last, before_scale, travels[0], still, limits, cycle, vertices[0])
-        caps[i] = speed
-        if scale > 0.0:
-            scales[i] = scale
-        tops[i], columns[i] = line_sample(travels[i], scales[i], limits, rows[i : i + 1])
+        in_parts = math.isnan(asked[i, 2])
+        last, bend = (travels[i - 1], still) if i > 0 else (before.last, before.bend)
+        if last_scale > 0.0:
+            parts = in_parts and last_in_parts
+            speed, scale = meet(last, bend, last_scale, travels[i], still, limits, cycle, parts, vertex)
+        if not scale > 0.0:
+            scale = scales[i]
+        bounded = 0.0 < speed < math.inf
+        if bounded:
+            rows[at] = vertex[0]
+            at += 1
+            if i > 0:
+                marks[i - 1, END] += 1
+                marks[i - 1, AFTER] = 1
+            else:
+                leads = True
+        top, marks[i, COLUMN] = line_sample(travels[i], scale, limits, rows[at : at + 1])
+        at += 1
+        if bounded:
+            rows[at] = vertex[1]
+            at += 1
+        feed = asked[i, 0] * scale
+        numbers[i, EXTENT], numbers[i, CAP] = scale, speed
+        numbers[i, SPEED], numbers[i, FEED], numbers[i, TOP] = top, feed, min(top, feed)
+        numbers[i, REQUESTED], numbers[i, DURATION] = asked[i, 1], asked[i, 2]
+        marks[i, KIND], marks[i, END], marks[i, KEY] = 0, at, 0
+        marks[i, BEFORE], marks[i, AFTER] = 1 if bounded else 0, 0
+        last_scale, last_in_parts = scale, in_parts
+    return at, leads

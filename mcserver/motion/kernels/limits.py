@@ -8,6 +8,7 @@ bend steps, then the spacing of vertices ℓ and a speed that is not passed ther
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,10 @@ CURVATURE_SHARE = 0.97
 JERK_SHARE = 0.9
 # Speeds of the rungs, as shares of the lowest top speed of a stretch; the last one where others are higher.
 RUNGS = (0.45, 0.65, 0.8, 0.9, 0.96, 1.0)
+# Rungs below the lowest speed of a vertex, where that is lower, and the places of the grid between them.
+VERTEX_RUNGS, VERTEX_STEP = 4, 4
+# Ends of a stretch at this share of that speed need none of them.
+VERTEX_SPEED = 0.9
 # Rungs stand on a grid of speeds from the highest one down, each this share of the one above; below the last
 # of them a ladder has no rungs.
 GRID = 0.95
@@ -31,8 +36,45 @@ LEAST_FREE = 0.01
 # What of a sample's demand depends on speed: nothing, a vertex's step, all.
 CONSTANT, VERTEX, BENT = range(3)
 
+# Cycles below which a segment's own top speed is that of its joints.
+SHORT = 5.0
+
+# What a speed may pass its cap by, for rounding.
+SLACK = 1.0 + 1e-9
+
 TINY = 1e-300
 _HUGE = 1e100
+
+
+class Run(NamedTuple):
+    """Segments on end, in n groups that are planned as one each, and what the axes leave free on them.
+
+    Attributes:
+        rows: samples of all groups, shape (m, 5 K + 2). offset: the groups' first samples, and one past the
+            last, shape (n+1,).
+        tops: greatest speeds of the groups, shape (n,). limits, cycle: of the axes, shape (3, K), and [s].
+        rest, weak: acceleration and jerk free at rest, and at every speed, shape (n, 2).
+        ceiling: the greatest speed at each sample, shape (m,).
+        slowest: the least of them on each group, shape (n,). bent: whether bends count on it, shape (n,).
+        kinds, at_rest: what of a sample depends on speed, and what it leaves free at rest, (m,) and (m, 2).
+        grid: falling speeds, each `GRID` times the one before, shape (g,). known: what is free of a group at
+            each of them, shape (n, g, 2); NaN where nobody has asked yet.
+    """
+
+    rows: Array
+    offset: NDArray[np.intp]
+    tops: Array
+    limits: Array
+    cycle: float
+    rest: Array
+    weak: Array
+    ceiling: Array
+    slowest: Array
+    bent: NDArray[np.bool_]
+    kinds: NDArray[np.int8]
+    at_rest: Array
+    grid: Array
+    known: Array
 
 
 @compiled
@@ -47,11 +89,18 @@ def ripple(apart: float) -> float:
 
 
 @compiled
+def _crowd(rows: Array, i: int, width: int, cycle: float, v: float) -> float:
+    """What a unit of a vertex's step asks for at speed ``v``, with the vertices near it [1/s times speed]."""
+    apart = min(rows[i, 5 * width] / max(v * cycle, TINY), 1.0)
+    crowd: float = v * (1.0 + ripple(apart)) / apart / cycle
+    return crowd
+
+
+@compiled
 def free_at(rows: Array, i: int, limits: Array, cycle: float, v: float) -> tuple[float, float]:
     """Acceleration and jerk along σ that the axes leave free at speed ``v`` on sample ``i``."""
     width = limits.shape[1]
-    apart = min(rows[i, 5 * width] / max(v * cycle, TINY), 1.0)
-    crowded = v * (1.0 + ripple(apart)) / apart / cycle
+    crowded = _crowd(rows, i, width, cycle, v)
     square, cube = v * v, v * v * v
     # a step of the acceleration within a cycle looks like this jerk at the cycle rate (peak of the
     # quadratic B-spline that a third difference is)
@@ -91,71 +140,97 @@ def _kind_of(rows: Array, i: int, width: int) -> int:
 
 
 @compiled
-def _free(
-    rows: Array, i: int, limits: Array, cycle: float, v: float, kind: int, at_rest: Array
-) -> tuple[float, float]:
-    """As `free_at`, with what is known of the sample: what is free at rest, shape (m, 2)."""
+def _free(run: Run, i: int, v: float) -> tuple[float, float]:
+    """As `free_at`, with what is known of the sample."""
+    kind = run.kinds[i]
     if kind == BENT:
-        return free_at(rows, i, limits, cycle, v)
-    acceleration: float = at_rest[i, 0]
-    jerk: float = at_rest[i, 1]
+        return free_at(run.rows, i, run.limits, run.cycle, v)
+    acceleration: float = run.at_rest[i, 0]
+    jerk: float = run.at_rest[i, 1]
     if kind == VERTEX:
-        width = limits.shape[1]
-        apart = min(rows[i, 5 * width] / max(v * cycle, TINY), 1.0)
-        crowded = v * (1.0 + ripple(apart)) / apart / cycle
+        width = run.limits.shape[1]
+        crowded = _crowd(run.rows, i, width, run.cycle, v)
         acceleration = math.inf
         for k in range(width):
-            left = limits[1, k] - rows[i, 3 * width + k] * crowded
-            acceleration = min(acceleration, left / max(rows[i, k], TINY))
+            left = run.limits[1, k] - run.rows[i, 3 * width + k] * crowded
+            acceleration = min(acceleration, left / max(run.rows[i, k], TINY))
     return acceleration, jerk
 
 
 @compiled
-def prepare(
-    rows: Array,
-    offset: NDArray[np.intp],
-    tops: Array,
-    limits: Array,
-    cycle: float,
-    rest: Array,
-    weak: Array,
-    ceiling: Array,
-    kinds: NDArray[np.int8],
-    at_rest: Array,
-) -> None:
+def _free_of_group(run: Run, group: int, speed: float) -> tuple[float, float]:
+    """Acceleration and jerk that are free on a group at ``speed``, or its samples' own where that is less."""
+    acceleration = jerk = math.inf
+    for i in range(run.offset[group], run.offset[group + 1]):
+        a, j = _free(run, i, min(run.ceiling[i], speed))
+        acceleration, jerk = min(acceleration, a), min(jerk, j)
+    return acceleration, jerk
+
+
+@compiled
+def run_of(rows: Array, offset: NDArray[np.intp], tops: Array, limits: Array, cycle: float) -> Run:
     """What is free at rest and at the top speed of each group of samples.
 
     Args:
-        offset: first samples of the groups, and one past the last, shape (n+1,).
-        tops: greatest speeds of the groups (n,); lowered where a speed would leave hardly any acceleration
-            or jerk to get to it.
-        rest, weak: shape (n, 2), written: acceleration and jerk free at rest, and at every speed.
-        ceiling: shape (m,), written: the greatest speed at each sample. kinds, at_rest: shape (m,) and
-            (m, 2), written: what of a sample depends on speed, and what it leaves free at rest.
+        tops: lowered where a speed would leave hardly any acceleration or jerk to get to it.
     """
-    for group in range(len(tops)):
+    n, m = len(tops), len(rows)
+    run = Run(
+        rows,
+        offset,
+        tops,
+        limits,
+        cycle,
+        np.empty((n, 2)),
+        np.empty((n, 2)),
+        np.empty(m),
+        np.empty(n),
+        np.empty(n, np.bool_),
+        np.empty(m, np.int8),
+        np.empty((m, 2)),
+        tops.max() * GRID ** np.arange(GRID_SIZE),
+        np.full((n, GRID_SIZE, 2), math.nan),
+    )
+    for group in range(n):
         low, high = offset[group], offset[group + 1]
         full = full_jerk = math.inf
         for i in range(low, high):
             acceleration, jerk = free_at(rows, i, limits, cycle, 0.0)
-            kinds[i] = _kind_of(rows, i, limits.shape[1])
-            at_rest[i, 0], at_rest[i, 1] = acceleration, jerk
+            run.kinds[i] = _kind_of(rows, i, limits.shape[1])
+            run.at_rest[i, 0], run.at_rest[i, 1] = acceleration, jerk
             full, full_jerk = min(full, acceleration), min(full_jerk, jerk)
-        rest[group, 0], rest[group, 1] = full, full_jerk
+        run.rest[group, 0], run.rest[group, 1] = full, full_jerk
         at_top = at_top_jerk = math.inf
         for _ in range(200):
-            at_top = at_top_jerk = math.inf
             for i in range(low, high):
-                ceiling[i] = min(tops[group], rows[i, rows.shape[1] - 1])
-                acceleration, jerk = _free(rows, i, limits, cycle, ceiling[i], kinds[i], at_rest)
-                at_top, at_top_jerk = min(at_top, acceleration), min(at_top_jerk, jerk)
+                run.ceiling[i] = min(tops[group], rows[i, rows.shape[1] - 1])
+            at_top, at_top_jerk = _free_of_group(run, group, tops[group])
             short = at_top < LEAST_FREE * full
             if not math.isinf(full_jerk):
                 short = short or at_top_jerk < LEAST_FREE * full_jerk
             if not short:
                 break
             tops[group] *= 0.98
-        weak[group, 0], weak[group, 1] = at_top, at_top_jerk
+        run.weak[group, 0], run.weak[group, 1] = at_top, at_top_jerk
+        run.slowest[group] = run.ceiling[low:high].min()
+        run.bent[group] = run.kinds[low:high].max() == BENT
+    return run
+
+
+@compiled
+def ease_short(edges: Array, caps: Array, tops: Array, cycle: float) -> None:
+    """Lowers top speeds ``tops`` (n,): a segment of few cycles is hardly faster than its joints are."""
+    for i in range(len(tops)):
+        joint = max(caps[i], caps[i + 1])
+        if edges[i + 1] - edges[i] < SHORT * cycle * joint:
+            tops[i] = min(tops[i], joint)
+
+
+@compiled
+def bind_joints(caps: Array, tops: Array) -> None:
+    """Lowers the caps of joints (n+1,) to the top speeds of both sides; those at the ends stay."""
+    for i in range(1, len(tops)):
+        caps[i] = min(caps[i], tops[i - 1], tops[i])
 
 
 @compiled
@@ -168,56 +243,25 @@ def weakest(values: Array, left: int, right: int) -> tuple[float, float]:
 
 
 @compiled
-def _rung(
-    rows: Array,
-    offset: NDArray[np.intp],
-    ceiling: Array,
-    kinds: NDArray[np.int8],
-    at_rest: Array,
-    left: int,
-    right: int,
-    limits: Array,
-    cycle: float,
-    grid: Array,
-    known: Array,
-    place: int,
-    out: Array,
-    at: int,
-) -> int:
+def _place_of(run: Run, speed: float) -> int:
+    """The first place of the grid that is not above ``speed``."""
+    return math.ceil(math.log(speed / run.grid[0]) / math.log(GRID) - 1e-9)
+
+
+@compiled
+def _put_rung(run: Run, left: int, right: int, place: int, ladder: Array, at: int) -> int:
     """Writes the rung at one speed of the grid."""
-    acceleration = jerk = math.inf
+    known = run.known
     for group in range(left, right):
         if math.isnan(known[group, place, 0]):
-            least = least_jerk = math.inf
-            for i in range(offset[group], offset[group + 1]):
-                speed = min(ceiling[i], grid[place])
-                a, j = _free(rows, i, limits, cycle, speed, kinds[i], at_rest)
-                least, least_jerk = min(least, a), min(least_jerk, j)
-            known[group, place, 0], known[group, place, 1] = least, least_jerk
-        acceleration = min(acceleration, known[group, place, 0])
-        jerk = min(jerk, known[group, place, 1])
-    out[at, 0], out[at, 1], out[at, 2] = grid[place], acceleration, jerk
+            known[group, place, 0], known[group, place, 1] = _free_of_group(run, group, run.grid[place])
+    acceleration, jerk = weakest(known[:, place], left, right)
+    ladder[at, 0], ladder[at, 1], ladder[at, 2] = run.grid[place], acceleration, jerk
     return at + 1
 
 
 @compiled
-def make_ladder(
-    rows: Array,
-    offset: NDArray[np.intp],
-    tops: Array,
-    limits: Array,
-    cycle: float,
-    rest: Array,
-    weak: Array,
-    ceiling: Array,
-    kinds: NDArray[np.int8],
-    at_rest: Array,
-    grid: Array,
-    known: Array,
-    left: int,
-    right: int,
-    out: Array,
-) -> int:
+def make_ladder(run: Run, left: int, right: int, speed: float, ladder: Array) -> int:
     """A ladder of speeds up to the top of groups ``left`` … ``right`` - 1 with what is free up to each; one
     rung where bends hardly count.
 
@@ -226,29 +270,38 @@ def make_ladder(
     is found once for each group.
 
     Args:
-        grid: falling speeds, each `GRID` times the one before, shape (g,). known: shape (n, g, 2), what is
-            free of a group at each of them; NaN where nobody has asked yet.
+        speed: the lower one at the ends: where that is nearly a vertex's own there is nothing to climb below.
 
     Returns:
-        How many rungs there are in ``out``, shape (`MOST_RUNGS`, 3).
+        How many rungs there are in ``ladder``, shape (`MOST_RUNGS`, 3).
     """
-    low = top = tops[left]
+    low = top = run.tops[left]
+    slowest = run.slowest[left]
     for group in range(left + 1, right):
-        low, top = min(low, tops[group]), max(top, tops[group])
-    at_top, jerk_at_top = weakest(weak, left, right)
-    full, full_jerk = weakest(rest, left, right)
+        low, top = min(low, run.tops[group]), max(top, run.tops[group])
+        slowest = min(slowest, run.slowest[group])
+    at_top, jerk_at_top = weakest(run.weak, left, right)
+    full, full_jerk = weakest(run.rest, left, right)
     at = 0
     if low > 0.0 and not (at_top >= 0.9 * full and (math.isinf(full_jerk) or jerk_at_top >= 0.9 * full_jerk)):
-        last = -1
-        for share in RUNGS:
-            if share == 1.0 and top <= low * 1.001:
-                continue
-            place = math.ceil(math.log(share * low / grid[0]) / math.log(GRID) - 1e-9)
-            if place >= len(grid) or place == last:
-                continue
-            last = place
-            at = _rung(
-                rows, offset, ceiling, kinds, at_rest, left, right, limits, cycle, grid, known, place, out, at
-            )
-    out[at, 0], out[at, 1], out[at, 2] = top, at_top, jerk_at_top
+        last = len(run.grid)
+        by_vertex = slowest < RUNGS[0] * low
+        if by_vertex and speed < VERTEX_SPEED * slowest:
+            place = _place_of(run, slowest)
+            place += -place % VERTEX_STEP + (VERTEX_RUNGS - 1) * VERTEX_STEP
+            for _ in range(VERTEX_RUNGS):
+                if place < last:
+                    last = place
+                    at = _put_rung(run, left, right, place, ladder, at)
+                place -= VERTEX_STEP
+        # above the speeds of vertices only bends ask for more
+        if not by_vertex or run.bent[left:right].any():
+            for share in RUNGS:
+                if share == 1.0 and top <= low * 1.001:
+                    continue
+                place = _place_of(run, share * low)
+                if place < last:
+                    last = place
+                    at = _put_rung(run, left, right, place, ladder, at)
+    ladder[at, 0], ladder[at, 1], ladder[at, 2] = top, at_top, jerk_at_top
     return at + 1

@@ -8,8 +8,24 @@ from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.limits import CURVATURE_SHARE, JERK_SHARE, TINY
 from mcserver.motion.path import Array
 
+# Places at which a polynomial is sampled.
+PLACES = 33
 # What limits speed, as `limit_of` numbers it.
 KINDS = ("velocity", "acceleration", "jerk")
+
+
+@compiled
+def power_basis(points: Array, power: Array) -> None:
+    """Writes the coefficients, constant first, of the Bezier curve of six points; both of shape (6, K)."""
+    for k in range(points.shape[1]):
+        p0, p1, p2 = points[0, k], points[1, k], points[2, k]
+        p3, p4, p5 = points[3, k], points[4, k], points[5, k]
+        power[0, k] = p0
+        power[1, k] = 5.0 * (p1 - p0)
+        power[2, k] = 10.0 * (p2 - 2.0 * p1 + p0)
+        power[3, k] = 10.0 * (p3 - 3.0 * p2 + 3.0 * p1 - p0)
+        power[4, k] = 5.0 * (p4 - 4.0 * p3 + 6.0 * p2 - 4.0 * p1 + p0)
+        power[5, k] = p5 - 5.0 * p4 + 10.0 * p3 - 10.0 * p2 + 5.0 * p1 - p0
 
 
 @compiled

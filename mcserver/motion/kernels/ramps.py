@@ -16,7 +16,7 @@ from mcserver.motion.path import Array
 
 MOVE = 5
 # Two ramps a rung at the most, three moves about the peak.
-MOST_RUNGS = 8
+MOST_RUNGS = 12
 MOST_MOVES = 2 * MOST_RUNGS + 4
 # Distances below this are not motion [m or rad along the path]: far under any encoder's resolution.
 NO_DISTANCE = 1e-12
@@ -80,6 +80,18 @@ def reachable_speed(low: float, distance: float, acceleration: float, jerk: floa
 
 
 @compiled
+def _choices(count: int) -> int:
+    """How many ways there are to use a ladder of ``count`` rungs."""
+    return 3 if count > 2 else 1
+
+
+@compiled
+def _rungs_of(choice: int, count: int) -> tuple[int, int]:
+    """The first rung and the step: all of them, every other one, the top one alone."""
+    return (0, 1) if choice == 0 else (1, 2) if choice == 1 else (count - 1, 1)
+
+
+@compiled
 def _reach(
     low: float, distance: float, ladder: Array, first: int, step: int, count: int, cap: float
 ) -> float:
@@ -100,10 +112,10 @@ def _reach(
 @compiled
 def reachable(low: float, distance: float, ladder: Array, count: int, cap: float) -> float:
     """Greatest speed ≤ ``cap`` that `fastest` reaches from ``low`` within ``distance``."""
-    best = _reach(low, distance, ladder, 0, 1, count, cap)
-    if count > 2:
-        best = max(best, _reach(low, distance, ladder, 1, 2, count, cap))
-        best = max(best, _reach(low, distance, ladder, count - 1, 1, count, cap))
+    best = low
+    for choice in range(_choices(count)):
+        first, step = _rungs_of(choice, count)
+        best = max(best, _reach(low, distance, ladder, first, step, count, cap))
     return best
 
 
@@ -308,13 +320,9 @@ def _ramps_only(
         for index in range(at // 2):
             other = at - 1 - index
             for column in range(MOVE):
-                kept = moves[index, column]
-                moves[index, column] = moves[other, column]
-                moves[other, column] = kept
+                moves[index, column], moves[other, column] = moves[other, column], moves[index, column]
         for index in range(at):
-            kept = moves[index, 0]
-            moves[index, 0] = moves[index, 1]
-            moves[index, 1] = kept
+            moves[index, 0], moves[index, 1] = moves[index, 1], moves[index, 0]
     return at
 
 
@@ -333,10 +341,9 @@ def fastest_moves(
     Returns:
         How many moves; 0 where the speeds cannot be joined over this distance.
     """
-    choices = 3 if count > 2 else 1
     best, least = 0, math.inf
-    for choice in range(choices):
-        first, step = (0, 1) if choice == 0 else (1, 2) if choice == 1 else (count - 1, 1)
+    for choice in range(_choices(count)):
+        first, step = _rungs_of(choice, count)
         found = _climb(spare, distance, entry, exit_, ladder, first, step, count)
         if found > 0:
             total = duration_of(spare, found)
@@ -346,8 +353,8 @@ def fastest_moves(
     if best > 0:
         return best
     # where a change of speed fills the whole distance the peak may be missed by rounding
-    for choice in range(choices):
-        first, step = (0, 1) if choice == 0 else (1, 2) if choice == 1 else (count - 1, 1)
+    for choice in range(_choices(count)):
+        first, step = _rungs_of(choice, count)
         found = _ramps_only(moves, distance, entry, exit_, ladder, first, step, count)
         if found > 0:
             return found
