@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
 import logging
 import os
 import secrets
@@ -18,24 +17,26 @@ import msgspec
 
 from mcserver.can_drives import CanDrives, booted
 from mcserver.canopen_service.errors import Stopped
+from mcserver.collector import settle_collector
 from mcserver.config import Machine
 from mcserver.errors import ServiceError
+from mcserver.executor.process import ExecutorProcess
+from mcserver.motion.compiling import COMPILING
 from mcserver.net.face import MachineFace
 from mcserver.net.session import NetworkOptions
 from mcserver.programs.executor_port import ExecutorPort
 from mcserver.programs.jog import Jogging
 from mcserver.programs.offline import OfflineWorker
-from mcserver.programs.pipeline_factory import PipelineFactory
-from mcserver.programs.planner_thread import MakesPipelines
+from mcserver.programs.planner_messages import Planning
+from mcserver.programs.planner_process import ProcessPlanning
 from mcserver.programs.port import MotionPort
 from mcserver.programs.service import MachineService
 from mcserver.programs.service_options import ServiceOptions
 
 log = logging.getLogger(__name__)
 
-# New objects between two looks of the garbage collector.
-YOUNG_OBJECTS = 20_000
-# The planner computes in Python beside the loop: with the default of 5 ms a message could wait so long.
+# The journal and the planner's messages are Python beside the loop: with the default of 5 ms a call could
+# wait so long.
 SWITCH_INTERVAL_S = 0.0005
 
 
@@ -69,7 +70,7 @@ async def running(
     machine: Machine,
     options: ServerOptions,
     port: MotionPort,
-    pipelines: MakesPipelines,
+    planning: Planning,
     drives: CanDrives | None = None,
 ) -> AsyncIterator[tuple[MachineService, MachineFace]]:
     """A server that answers inside the block, and is stopped in order at its end.
@@ -92,7 +93,7 @@ async def running(
         service = MachineService(
             machine,
             port,
-            pipelines,
+            planning,
             ServiceOptions(journal=journal, instance=instance),
             on_ack=face.publish_ack,
             on_event=face.publish_event,
@@ -113,13 +114,12 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
 
     Raises:
         ServiceError: MC518 the executor does not start or has died, MC520, MC521, MC522.
-        ConfigurationError: MC008, MC016, MC552. RuntimeFault: MC424 a CAN bus, MC550 … MC555 a drive on it.
+        ConfigurationError: MC008, MC016, MC552. RuntimeFault: MC422 the executor or MC436 the planner does
+            not come up, MC424 a CAN bus, MC550 … MC555 a drive on it.
     """
     options = options or ServerOptions()
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    # what is here now stays; a planner that makes thousands of values a second need not look through it again
-    gc.freeze()
-    gc.set_threshold(YOUNG_OBJECTS, 10, 10)
+    settle_collector()
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -127,13 +127,22 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
     on_progress = options.on_progress or log.info
     try:
         # drives leave operation only when the executor has released them
-        async with booted(machine, on_progress, stopping.is_set) as drives:
-            port = await asyncio.to_thread(ExecutorPort.start, machine)
-            pipelines = PipelineFactory(machine, port)
-            async with running(machine, options, port, pipelines, drives) as (_, face):
-                if options.on_ready is not None:
-                    options.on_ready(await face.endpoints() or list(options.network.listen))
-                await _until_stopped(stopping, port)
+        async with (
+            booted(machine, on_progress, stopping.is_set) as drives,
+            contextlib.AsyncExitStack() as stack,
+        ):
+            executor = ExecutorProcess(machine)
+            executor.launch()
+            stack.callback(executor.stop)
+            planning = ProcessPlanning(machine, executor)
+            stack.callback(planning.close)
+            await asyncio.to_thread(executor.wait)
+            await asyncio.to_thread(planning.wait, lambda: on_progress(COMPILING))
+            port = ExecutorPort(machine, executor)
+            _, face = await stack.enter_async_context(running(machine, options, port, planning, drives))
+            if options.on_ready is not None:
+                options.on_ready(await face.endpoints() or list(options.network.listen))
+            await _until_stopped(stopping, port)
     except Stopped:
         return
     finally:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import threading
 
 from mcserver.commands.console import narration
-
-# A start from the cache is over before this [s].
-_PATIENCE_S = 3.0
+from mcserver.motion.compiling import COMPILING, PATIENCE_S
 
 
 def prepare_planner() -> None:
@@ -15,8 +13,8 @@ def prepare_planner() -> None:
     from mcserver.motion.warm_up import warm_up
 
     told = threading.Timer(
-        _PATIENCE_S,
-        lambda: narration().print("compiling the planner for this computer: once, some 20 seconds …"),
+        PATIENCE_S,
+        lambda: narration().print(COMPILING),
     )
     told.daemon = True
     told.start()

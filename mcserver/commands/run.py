@@ -13,7 +13,6 @@ from rich.logging import RichHandler
 
 from mcserver.commands.console import narration
 from mcserver.commands.options import DEFAULT_MACHINE, MachineOption
-from mcserver.commands.planner import prepare_planner
 from mcserver.config import Machine, load_machine
 from mcserver.errors import ConfigurationError
 from mcserver.machine_model import build_kinematics
@@ -61,7 +60,6 @@ def run(
             "MC018", f"there is no Zenoh configuration {zenoh}", "see deploy/zenoh for examples"
         )
     narrate_logs(verbose)
-    prepare_planner()
     options = ServerOptions(
         network=NetworkOptions(
             listen=tuple(listen) if listen else DEFAULT_LISTEN,

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import time
 
-import msgspec
-
+from mcserver.child_process import start_child
 from mcserver.config import Machine
 from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
@@ -46,44 +44,38 @@ class ExecutorProcess:
         self._priority = priority
         self._process: subprocess.Popen[bytes] | None = None
         self._parts: SharedParts | None = None
+        self._memory = -1
         self._beat_seen = (-1, 0.0)
 
     # ------------------------------------------------------------------ life
 
     def start(self, timeout_s: float = START_TIMEOUT_S) -> None:
-        """Starts the process and waits until it runs cycles.
+        """`launch` and `wait`. Raises as these."""
+        self.launch()
+        self.wait(timeout_s)
+
+    def launch(self) -> None:
+        """Makes the memory and starts the process, without waiting for it."""
+        if self._process is not None:
+            raise RuntimeError("the executor has been started already")
+        self._memory = create_block(self.machine, self._slots)
+        self._parts = map_block(self._memory, self.machine, self._slots)
+        self._parts.mailbox.initialise()
+        start = Start(self.machine, self._memory, self._slots, os.getpid(), self._priority)
+        self._process = start_child("mcserver.executor.realtime_loop", start, [self._memory])
+
+    def wait(self, timeout_s: float = START_TIMEOUT_S) -> None:
+        """Waits until cycles run.
 
         Raises:
             RuntimeFault: MC422 it ended, or did not come up in time.
         """
-        if self._process is not None:
-            raise RuntimeError("the executor has been started already")
-        descriptor = create_block(self.machine, self._slots)
-        try:
-            self._parts = map_block(descriptor, self.machine, self._slots)
-            self._parts.mailbox.initialise()
-            start = Start(self.machine, descriptor, self._slots, os.getpid(), self._priority)
-            environment = dict(
-                os.environ, PYTHONPATH=os.pathsep.join(path or os.getcwd() for path in sys.path)
-            )
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "mcserver.executor.realtime_loop"],
-                stdin=subprocess.PIPE,
-                pass_fds=(descriptor,),
-                env=environment,
-            )
-            assert self._process.stdin is not None
-            try:
-                with self._process.stdin as stdin:
-                    stdin.write(msgspec.msgpack.encode(start))
-            except BrokenPipeError:
-                # it ended before it read; its exit code is reported below
-                pass
-        finally:
-            os.close(descriptor)
+        process = self._process
+        if process is None:
+            raise RuntimeError("the executor has not been started")
         deadline = time.monotonic() + timeout_s
         while self.mailbox.executor_beat == 0:
-            code = self._process.poll()
+            code = process.poll()
             if code is not None or time.monotonic() > deadline:
                 self.kill()
                 what = (
@@ -107,6 +99,8 @@ class ExecutorProcess:
             return self._process.wait(timeout_s)
         except subprocess.TimeoutExpired:
             return self.kill()
+        finally:
+            self._forget_memory()
 
     def kill(self) -> int | None:
         """Ends the process at once; its drives time out by themselves."""
@@ -114,7 +108,14 @@ class ExecutorProcess:
             return None
         if self._process.poll() is None:
             self._process.kill()
+        self._forget_memory()
         return self._process.wait()
+
+    def _forget_memory(self) -> None:
+        """It stays mapped here, but nobody else can have it any more."""
+        memory, self._memory = self._memory, -1
+        if memory >= 0:
+            os.close(memory)
 
     @property
     def alive(self) -> bool:
@@ -144,6 +145,22 @@ class ExecutorProcess:
     def exit_code(self) -> int | None:
         """Exit code of the process (negative: a signal), None while it runs."""
         return None if self._process is None else self._process.poll()
+
+    @property
+    def memory(self) -> int:
+        """Descriptor of the shared memory, for another process that is to have it too.
+
+        Raises:
+            RuntimeError: the executor does not run.
+        """
+        if self._memory < 0:
+            raise RuntimeError("the executor does not run")
+        return self._memory
+
+    @property
+    def slots(self) -> int:
+        """How many programs it has places for."""
+        return self._slots
 
     @property
     def pid(self) -> int | None:

@@ -183,12 +183,7 @@ class Methods:
         return await self._bench.simulate(request.text)
 
     def drives(self, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
-        return drive_wire.DrivesReply(
-            [
-                msgspec.convert(view, drive_wire.DriveInfo, from_attributes=True)
-                for view in self._drives.drives()
-            ]
-        )
+        return drive_wire.DrivesReply(self._drives.drives())
 
     async def sdo_read(self, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
         return _sdo_reply(await self._drives.sdo_read(_target(request), request.type))

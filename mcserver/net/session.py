@@ -54,11 +54,26 @@ class Publication(Protocol):
     def undeclare(self) -> None: ...
 
 
-class MatchedPublication(Publication, Protocol):
-    """A declared publisher that knows whether someone subscribes."""
+class MatchedPublication:
+    """A declared publisher that knows whether someone subscribes, without asking Zenoh each time.
 
-    @property
-    def matching_status(self) -> bool: ...
+    Attributes:
+        wanted: there is a subscriber now. Set in Zenoh's thread.
+    """
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self.wanted = False
+        self._publisher = publisher
+        # it is told at once of subscribers that are there already
+        self._listener = publisher.declare_matching_listener(
+            zenoh.handlers.Callback(self._on_matching, indirect=False)
+        )
+
+    def put(self, payload: bytes) -> None:
+        self._publisher.put(payload)
+
+    def _on_matching(self, status: zenoh.MatchingStatus) -> None:
+        self.wanted = status.matching
 
 
 def configuration(
@@ -153,7 +168,11 @@ class ZenohSession:
             )
         )
 
-    def publisher(self, key: str, qos: Qos) -> MatchedPublication:
+    def matched_publisher(self, key: str, qos: Qos) -> MatchedPublication:
+        """A publisher that knows whether someone subscribes."""
+        return MatchedPublication(self.publisher(key, qos))
+
+    def publisher(self, key: str, qos: Qos) -> zenoh.Publisher:
         return self._session.declare_publisher(
             key,
             encoding=ENCODING,

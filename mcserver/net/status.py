@@ -25,7 +25,7 @@ from mcserver.net.messages import (
 )
 from mcserver.programs.intake import OPEN_PROGRAMS
 from mcserver.programs.lease import EXECUTOR_SLOTS
-from mcserver.programs.planner_thread import MAX_LINE_LENGTH
+from mcserver.programs.planner_messages import MAX_LINE_LENGTH
 from mcserver.programs.port import Cycles
 from mcserver.programs.queue import QUEUE_LINES
 from mcserver.programs.service import MachineService

@@ -38,10 +38,11 @@ class Telemetry:
         self._units = EdgeUnits(service.machine)
         self._state_seq = 0
         self._encode = msgspec.msgpack.Encoder().encode
-        self._batch = session.publisher(keys.telemetry_batch, batch_qos())
-        self._state = session.publisher(keys.telemetry_state, state_qos())
+        self._batch = session.matched_publisher(keys.telemetry_batch, batch_qos())
+        self._state = session.matched_publisher(keys.telemetry_state, state_qos())
         self._axes = [
-            session.publisher(keys.telemetry_axis(axis.index), axis_qos()) for axis in service.machine.axes
+            session.matched_publisher(keys.telemetry_axis(axis.index), axis_qos())
+            for axis in service.machine.axes
         ]
         self._next_cycle = 0
 
@@ -64,14 +65,14 @@ class Telemetry:
                 log.warning("telemetry could not be published: %s", error)
 
     def _publish_state(self) -> None:
-        if not self._state.matching_status:
+        if not self._state.wanted:
             return
         self._state_seq += 1
         self._state.put(self._encode(machine_status(self._service, self._units, self._state_seq)))
 
     def _publish_cycles(self) -> None:
-        whole = self._batch.matching_status
-        single = [column for column, publisher in enumerate(self._axes) if publisher.matching_status]
+        whole = self._batch.wanted
+        single = [column for column, publisher in enumerate(self._axes) if publisher.wanted]
         if not (whole or single):
             # whoever comes later begins with the newest cycles
             self._next_cycle = -1

@@ -5,13 +5,10 @@ from __future__ import annotations
 import threading
 from typing import Protocol
 
-import numpy as np
-
 from mcserver.config import Machine
-from mcserver.executor.entries import ExecutorEvent, MotionSink
-from mcserver.executor.feedback import AxisCondition, FeedbackRing, FeedbackState
+from mcserver.executor.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.mailbox import CommandMailbox
-from mcserver.executor.process import ExecutorProcess
+from mcserver.programs.executor_view import ExecutorView
 from mcserver.programs.port import Cycles, SlotView, Snapshot
 from mcserver.programs.reports import AxisState
 
@@ -25,15 +22,6 @@ _STATES: tuple[AxisState, ...] = (
     "stopping",
     "released",
     "fault",
-)
-ENERGIZED = frozenset(
-    {
-        AxisCondition.HOLDING,
-        AxisCondition.MOVING,
-        AxisCondition.SPEED,
-        AxisCondition.TORQUE,
-        AxisCondition.STOPPING,
-    }
 )
 
 
@@ -52,15 +40,14 @@ class ExecutorFaces(Protocol):
     def alive(self) -> bool: ...
     @property
     def ending(self) -> str: ...
-    def events(self) -> list[ExecutorEvent]: ...
     def open_slot(
         self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
-    ) -> MotionSink: ...
+    ) -> object: ...
     def beat(self) -> None: ...
     def stop(self) -> object: ...
 
 
-class ExecutorPort:
+class ExecutorPort(ExecutorView):
     """One machine's executor.
 
     Args:
@@ -69,33 +56,16 @@ class ExecutorPort:
     """
 
     def __init__(self, machine: Machine, executor: ExecutorFaces) -> None:
+        super().__init__(machine, lambda: executor.feedback)
         self._executor = executor
-        self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
         self._closing = threading.Lock()
-
-    @classmethod
-    def start(cls, machine: Machine) -> ExecutorPort:
-        """Starts the executor's process; blocks until it runs cycles.
-
-        Raises:
-            RuntimeFault: MC422 it did not come up. ConfigurationError: a drive that does not fit.
-        """
-        executor = ExecutorProcess(machine)
-        executor.start()
-        return cls(machine, executor)
 
     @property
     def epoch(self) -> float:
         return self._executor.epoch
 
-    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> MotionSink:
-        return self._executor.open_slot(slot, self._mask(axes), override=ratio, hold=held)
-
-    def slots(self) -> list[SlotView]:
-        return [SlotView(slot.u, slot.rate) for slot in self._executor.feedback.slots]
-
-    def poll_events(self) -> list[ExecutorEvent]:
-        return self._executor.events()
+    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
+        self._executor.open_slot(slot, self._mask(axes), override=ratio, hold=held)
 
     def beat(self) -> None:
         self._executor.beat()
@@ -163,20 +133,6 @@ class ExecutorPort:
     def close(self) -> None:
         if self._closing.acquire(blocking=False):
             self._executor.stop()
-
-    def energized(self) -> frozenset[int]:
-        """Axes that hold a position or move."""
-        condition = self._executor.feedback.condition
-        return frozenset(
-            index for index, column in self._columns.items() if int(condition[column]) in ENERGIZED
-        )
-
-    def positions(self) -> dict[int, float]:
-        """Where motion starts from [m, rad]: the setpoint, or the encoder of an axis without energy."""
-        latest = self._executor.feedback
-        live = np.isin(latest.condition, [int(condition) for condition in ENERGIZED])
-        start = np.where(live, latest.setpoint, latest.actual)
-        return {index: float(start[column]) for index, column in self._columns.items()}
 
     def _mask(self, axes: frozenset[int]) -> int:
         return sum(1 << self._columns[axis] for axis in axes)

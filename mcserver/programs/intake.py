@@ -14,7 +14,7 @@ from mcserver.config import Machine
 from mcserver.errors import ServiceError
 from mcserver.programs.deferred import Deferred
 from mcserver.programs.journal_reader import read_lines_before
-from mcserver.programs.planner_thread import MakesPipelines, Order
+from mcserver.programs.planner_messages import Order, Planning
 from mcserver.programs.port import MotionPort
 from mcserver.programs.program import Program, Verdict
 from mcserver.programs.program_table import ProgramTable
@@ -33,7 +33,7 @@ class ProgramIntake:
     Args:
         machine: its axes.
         port: the executor.
-        pipelines: makes programs' pipelines.
+        planning: plans the programs.
         options: journal and instance.
         on_ack, on_event: called in the loop.
 
@@ -45,7 +45,7 @@ class ProgramIntake:
         self,
         machine: Machine,
         port: MotionPort,
-        pipelines: MakesPipelines,
+        planning: Planning,
         options: ServiceOptions,
         *,
         on_ack: Callable[[Ack], None],
@@ -56,8 +56,8 @@ class ProgramIntake:
         self.options = options
         self.override = 1.0
         self._loop = asyncio.get_running_loop()
-        self._table = ProgramTable(port, pipelines, options, on_ack=on_ack, on_event=on_event)
-        self._pipelines = pipelines
+        self._table = ProgramTable(port, planning.planner, options, on_ack=on_ack, on_event=on_event)
+        self._planning = planning
         self._counter = 0
         self._estop = False
         self._stopping = False
@@ -98,7 +98,7 @@ class ProgramIntake:
                 f"{len(before)} lines before line {start_line}: lines 1 … {start_line - 1} are meant",
                 "give all of them, or none",
             )
-        modal = await asyncio.to_thread(self._pipelines.prepare, before) if before else None
+        modal = await asyncio.to_thread(self._planning.modal_before, before) if before else None
         if sum(not program.ended for program in self._table.programs.values()) >= OPEN_PROGRAMS:
             raise Refused("MC508", f"{OPEN_PROGRAMS} programs are open", "close one", limit=OPEN_PROGRAMS)
         self._ready()

@@ -12,6 +12,7 @@ import numpy as np
 
 from mcserver.config import Machine
 from mcserver.executor.entries import Control, ControlKind, MotionSink
+from mcserver.motion.bound import Bound
 from mcserver.motion.canonical import (
     AxisLine,
     AxisOperation,
@@ -29,7 +30,6 @@ from mcserver.motion.canonical import (
     requested_of,
 )
 from mcserver.motion.lookahead import PlannedRun
-from mcserver.motion.node import Bound
 from mcserver.motion.pieces import Activation, Deactivation, LineBound, LineMark, Piece
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.sampling import CYCLE_ROUNDING, Rows

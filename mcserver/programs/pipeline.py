@@ -20,7 +20,7 @@ from mcserver.executor.headroom import stopping_rows
 from mcserver.gcode.interpreter import Interpreter
 from mcserver.gcode.modal import INITIAL, ModalState
 from mcserver.gcode.parser import ParsedLine, scan_line
-from mcserver.motion.node import PlanningError
+from mcserver.motion.bound import PlanningError
 from mcserver.motion.sampling import Rows
 from mcserver.programs.line_planner import LinePlanner
 from mcserver.programs.pipeline_reports import Report, ReportKind

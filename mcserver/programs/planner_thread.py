@@ -7,45 +7,44 @@ bounded by the credit that the service gives to clients.
 
 from __future__ import annotations
 
-import enum
 import logging
 import math
 import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
-
-import msgspec
 
 from mcserver.errors import Diagnostic, McError, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
-from mcserver.programs.port import MotionPort
+from mcserver.programs.pipeline_reports import Report, ReportKind
+from mcserver.programs.planner_messages import (
+    MAX_LINE_LENGTH,
+    Begin,
+    Broken,
+    Consumed,
+    Deliver,
+    Happened,
+    Judged,
+    Lines,
+    Order,
+    Orders,
+    Outcome,
+    PipelineRequest,
+    Planned,
+    Rejected,
+)
+from mcserver.programs.port import PlannerPort
 
 log = logging.getLogger(__name__)
 
 ACTIVE_POLL_S = 0.002
 IDLE_POLL_S = 0.02
 LINES_A_TURN = 256
-# How often it is asked where a window ends into which lines pour [s].
+# How often it is asked where a window ends into which lines pour, and after what pause in any case [s].
 END_PERIOD_S = 0.25
-MAX_LINE_LENGTH = 8192
-
-
-class PlannedLine(Protocol):
-    """What a pipeline reports about one line."""
-
-    @property
-    def kind(self) -> enum.Enum: ...
-    @property
-    def line(self) -> int: ...
-    @property
-    def requested_s(self) -> float | None: ...
-    @property
-    def bound_by(self) -> str | None: ...
-    @property
-    def diagnostics(self) -> Sequence[Diagnostic]: ...
+QUIET_S = 0.02
 
 
 class LinePipeline(Protocol):
@@ -63,101 +62,16 @@ class LinePipeline(Protocol):
     def close(self) -> None: ...
     def pump(self, u: float | None = None) -> bool: ...
     def on_event(self, event: ExecutorEvent) -> None: ...
-    def take_reports(self) -> Sequence[PlannedLine]: ...
+    def take_reports(self) -> Sequence[Report]: ...
     @property
     def planned_end_u(self) -> float: ...
-
-
-class PipelineRequest(msgspec.Struct, frozen=True):
-    """What a pipeline is made of; ``modal`` is what `MakesPipelines.prepare` gave, or None."""
-
-    program: str
-    axes: frozenset[int]
-    modal: object = None
 
 
 class MakesPipelines(Protocol):
     """`mcserver.programs.pipeline_factory.PipelineFactory`."""
 
-    def prepare(self, before: Sequence[str]) -> object:
-        """Modal state after lines that are only read; from any thread. Raises ProgramRejected."""
-
     def make(self, request: PipelineRequest, sink: MotionSink) -> LinePipeline:
         """A program's pipeline, in the planner thread."""
-
-
-class Begin(msgspec.Struct, frozen=True):
-    """A program has its lease: it runs in ``slot``, whose rings are ``sink``."""
-
-    request: PipelineRequest
-    slot: int
-    sink: MotionSink
-    step: bool
-
-
-class Lines(msgspec.Struct, frozen=True):
-    """Journaled lines of a program; ``asked``: by a call, whose reply tells more than an acknowledgement."""
-
-    program: str
-    epoch: int
-    first: int
-    lines: Sequence[str]
-    asked: bool
-
-
-class Order(msgspec.Struct, frozen=True):
-    """``close``, ``step``, ``halt`` (plans no further, it is being stopped) or ``drop`` (forgets it)."""
-
-    program: str
-    what: str
-
-
-class Consumed(msgspec.Struct, frozen=True):
-    """Lines through ``through`` are in the pipeline: their place in the queue is free."""
-
-    program: str
-    through: int
-
-
-class Rejected(msgspec.Struct, frozen=True):
-    """A line is faulty. ``final``: found while planning, the program ends there."""
-
-    program: str
-    epoch: int
-    line: int
-    diagnostics: tuple[Diagnostic, ...]
-    final: bool
-
-
-class Planned(msgspec.Struct, frozen=True):
-    """Lines that now have a time; ``reports`` in order."""
-
-    program: str
-    reports: Sequence[PlannedLine]
-
-
-class Judged(msgspec.Struct, frozen=True):
-    """Lines through ``through`` are right and planned; what is planned ends at ``end_u`` [cycles]."""
-
-    program: str
-    through: int
-    end_u: float
-
-
-class Happened(msgspec.Struct, frozen=True):
-    """Events of the executor, in order."""
-
-    events: Sequence[ExecutorEvent]
-
-
-class Broken(msgspec.Struct, frozen=True):
-    """The pipeline of a program made a mistake; the program has to be stopped."""
-
-    program: str
-    message: str
-
-
-Outcome = Consumed | Rejected | Planned | Judged | Happened | Broken
 
 
 class _Plan:
@@ -175,6 +89,7 @@ class _Plan:
         self.end_u = 0.0
         self.end_asked = -math.inf
         self.end_stale = False
+        self.worked = -math.inf
 
 
 class PlannerThread:
@@ -187,27 +102,35 @@ class PlannerThread:
         port: the executor; its events are this thread's.
         pipelines: makes a program's pipeline; called in this thread.
         deliver: takes what happened, in order; called in this thread.
+        pulse_s: it is called at least this often, with nothing if nothing has happened [s].
     """
 
     def __init__(
-        self, port: MotionPort, pipelines: MakesPipelines, deliver: Callable[[list[Outcome]], None]
+        self,
+        port: PlannerPort,
+        pipelines: MakesPipelines,
+        deliver: Deliver,
+        *,
+        pulse_s: float = math.inf,
     ) -> None:
         self._port = port
         self._pipelines = pipelines
         self._deliver = deliver
-        self._inbox: queue.SimpleQueue[Begin | Lines | Order | None] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[Orders | None] = queue.SimpleQueue()
         self._plans: dict[str, _Plan] = {}
         # lines that came before their program had its lease
         self._early: dict[str, list[Lines | Order]] = {}
         self._outcomes: list[Outcome] = []
         self.seen = time.monotonic()
+        self._pulse_s = pulse_s
+        self._told = self.seen
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="planner", daemon=True)
 
     def start(self) -> None:
         self._thread.start()
 
-    def order(self, order: Begin | Lines | Order) -> None:
+    def order(self, order: Orders) -> None:
         """From any thread."""
         self._inbox.put(order)
 
@@ -228,12 +151,14 @@ class PlannerThread:
             self._take_orders(wait_s)
             self.seen = time.monotonic()
             self._take_events()
-            slots = self._port.slots()
             busy = False
-            for plan in list(self._plans.values()):
-                busy = self._advance(plan, slots[plan.slot].u) or busy
-            if self._outcomes:
+            if self._plans:
+                slots = self._port.slots()
+                for plan in list(self._plans.values()):
+                    busy = self._advance(plan, slots[plan.slot].u) or busy
+            if self._outcomes or self.seen - self._told >= self._pulse_s:
                 outcomes, self._outcomes = self._outcomes, []
+                self._told = self.seen
                 self._deliver(outcomes)
 
     def _take_orders(self, wait_s: float) -> None:
@@ -246,7 +171,7 @@ class PlannerThread:
         except queue.Empty:
             return
 
-    def _obey(self, order: Begin | Lines | Order) -> None:
+    def _obey(self, order: Orders) -> None:
         if isinstance(order, Begin):
             self._begin(order)
             return
@@ -270,7 +195,7 @@ class PlannerThread:
     def _begin(self, order: Begin) -> None:
         name = order.request.program
         try:
-            pipeline = self._pipelines.make(order.request, order.sink)
+            pipeline = self._pipelines.make(order.request, self._port.sink(order.slot))
         except McError as error:
             self._outcomes.append(Broken(name, str(error)))
             return
@@ -317,7 +242,9 @@ class PlannerThread:
             return False
         if reports:
             self._report(plan, reports)
-        self._judge(plan, settled=not (more or fed))
+        if more or fed:
+            plan.worked = self.seen
+        self._judge(plan, settled=self.seen - plan.worked > QUIET_S)
         return more or fed
 
     def _feed(self, plan: _Plan) -> bool:
@@ -347,12 +274,12 @@ class PlannerThread:
             self._outcomes.append(Consumed(plan.program, through))
         return through > 0
 
-    def _report(self, plan: _Plan, reports: Sequence[PlannedLine]) -> None:
-        timed = [report for report in reports if report.kind.value in ("planned", "bound")]
+    def _report(self, plan: _Plan, reports: Sequence[Report]) -> None:
+        timed = [report for report in reports if report.kind in (ReportKind.PLANNED, ReportKind.BOUND)]
         if timed:
             self._outcomes.append(Planned(plan.program, timed))
         for report in reports:
-            if report.kind.value == "rejected":
+            if report.kind is ReportKind.REJECTED:
                 # a pipeline that still has room goes on with that line, mended; else the program ends there
                 final = plan.pipeline.credit == 0
                 self._reject(plan, report.line, tuple(report.diagnostics), final=final)
@@ -365,7 +292,7 @@ class PlannerThread:
             plan.closing = True
 
     def _judge(self, plan: _Plan, *, settled: bool) -> None:
-        """Tells how far lines are right and planned; ``settled``: there is nothing more to plan now."""
+        """Tells how far lines are right and planned; ``settled``: nothing has come for a while."""
         through = plan.pipeline.planned_line
         judged = through > plan.judged
         # where the window ends takes a plan of all of it: while lines pour in it is asked for now and then

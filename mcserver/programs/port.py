@@ -54,22 +54,32 @@ class Snapshot(msgspec.Struct, frozen=True):
     late_cycles: int
 
 
+class PlannerPort(Protocol):
+    """The executor as the planner sees it; all of it belongs to the planner's thread."""
+
+    def poll_events(self) -> list[ExecutorEvent]:
+        """Events since the last call, in order."""
+
+    def slots(self) -> Sequence[SlotView]:
+        """Where every slot's program is now."""
+
+    def sink(self, slot: int) -> MotionSink:
+        """Where a program that begins in the slot puts its rows and control entries."""
+
+
 class MotionPort(Protocol):
     """Commands to the executor and reports from it.
 
-    `poll_events` belongs to the planner thread, `beat` to the heartbeat's; `emergency_stop` and what only
-    reads may be called from any thread; all else belongs to the loop.
+    `beat` belongs to the heartbeat's thread; `emergency_stop` and what only reads may be called from any
+    thread; all else belongs to the loop.
     """
 
     @property
     def epoch(self) -> float:
         """Unix time of executor time 0 [s]."""
 
-    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> MotionSink:
+    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
         """Empties the slot's rings and starts its time axis at 0; ``ratio`` is the override."""
-
-    def poll_events(self) -> list[ExecutorEvent]:
-        """Events since the last call, in order."""
 
     def beat(self) -> None:
         """Says that the server is alive; without it motion stops."""

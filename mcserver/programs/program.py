@@ -8,6 +8,7 @@ from enum import IntEnum
 
 import msgspec
 
+from mcserver.gcode.modal import ModalState
 from mcserver.programs.deferred import Deferred
 from mcserver.programs.progress import LineProgress
 from mcserver.programs.queue import LineQueue
@@ -65,7 +66,7 @@ class Program:
         self.queue = queue
         self.state: ProgramState = "queued"
         # for the pipeline, until it begins
-        self.modal: object = None
+        self.modal: ModalState | None = None
         self.slot: int | None = None
         # counts rejections: what the planner says about lines of an earlier epoch no longer matters
         self.epoch = 0

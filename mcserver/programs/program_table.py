@@ -1,4 +1,4 @@
-"""The programs of one machine and what moves them on: journal, leases, planner thread, executor events.
+"""The programs of one machine and what moves them on: journal, leases, planner, executor events.
 
 Everything here runs in the asyncio loop, but the two methods that take what other threads hand over.
 """
@@ -7,35 +7,36 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.faults import WARNINGS, FaultCode
 from mcserver.programs.acks import AckSender
 from mcserver.programs.events import EventLog
+from mcserver.programs.fault_latch import FaultLatch
 from mcserver.programs.faults import fault_of
 from mcserver.programs.heartbeat import Heartbeat
 from mcserver.programs.journal import Journal
 from mcserver.programs.lease import Grant, LeaseTable
-from mcserver.programs.planner_thread import (
+from mcserver.programs.planner_messages import (
     Begin,
     Broken,
     Consumed,
+    Deliver,
     Happened,
     Judged,
     Lines,
-    MakesPipelines,
     Order,
     Outcome,
     PipelineRequest,
     Planned,
-    PlannerThread,
+    Planner,
     Rejected,
 )
 from mcserver.programs.port import MotionPort
 from mcserver.programs.program import Program, Reached, Verdict
-from mcserver.programs.reports import Ack, AxisState, Event, Fault, ProgramState, wire_diagnostic
+from mcserver.programs.reports import Ack, Event, Fault, ProgramState, wire_diagnostic
 from mcserver.programs.reports import EventKind as Kind
 from mcserver.programs.service_options import ServiceOptions
 
@@ -43,9 +44,6 @@ log = logging.getLogger(__name__)
 
 ENDED_PROGRAMS = 100
 TICK_S = 0.02
-LATCHED_FAULTS = 64
-# feedback may show the latch a moment after the event
-FAULT_SHOWN_S = 0.5
 
 
 class ProgramTable:
@@ -60,7 +58,7 @@ class ProgramTable:
     def __init__(
         self,
         port: MotionPort,
-        pipelines: MakesPipelines,
+        planner: Callable[[Deliver], Planner],
         options: ServiceOptions,
         *,
         on_ack: Callable[[Ack], None],
@@ -70,7 +68,7 @@ class ProgramTable:
         self.options = options
         self.programs: dict[str, Program] = {}
         self.leases = LeaseTable()
-        self.faults: list[Fault] = []
+        self.faults = FaultLatch(self.now, self._record)
         self.journal_failure = ""
         self.events = EventLog(options.instance, self.now, on_event)
         self.acks = AckSender(on_ack)
@@ -80,7 +78,7 @@ class ProgramTable:
         self.journal = Journal(
             options.journal, on_commit=self._from_journal, on_failure=self._from_failed_journal
         )
-        self.planner = PlannerThread(port, pipelines, self._from_planner)
+        self.planner = planner(self._from_planner)
         self.heartbeat = Heartbeat(port.beat, lambda: self.planner.seen)
 
     def now(self) -> float:
@@ -153,33 +151,14 @@ class ProgramTable:
             program.settle()
             self.acks.acknowledge(program)
 
-    def latch(self, fault: Fault) -> None:
-        """Keeps a fault until the reset."""
-        known = any((other.code, other.axis) == (fault.code, fault.axis) for other in self.faults)
-        if not known and len(self.faults) < LATCHED_FAULTS:
-            self.faults.append(fault)
-            self.journal.fault(fault, self.options.clock())
-
-    def forget_cleared(self, states: Mapping[int, AxisState]) -> bool:
-        """Drops faults that no axis has latched any more; True if none is left of some."""
-        since = self.now() - FAULT_SHOWN_S
-        kept = [
-            fault
-            for fault in self.faults
-            if fault.t > since or (fault.axis is not None and states.get(fault.axis) == "fault")
-        ]
-        cleared = bool(self.faults) and not kept
-        self.faults = kept
-        return cleared
-
     def _start(self, grants: Sequence[Grant]) -> None:
         for grant in grants:
             program = self.programs[grant.program]
             program.slot = grant.slot
             # here, so that no hold or abort can reach the executor before it
-            sink = self.port.begin(grant.slot, grant.axes, ratio=program.override, held=program.held)
+            self.port.begin(grant.slot, grant.axes, ratio=program.override, held=program.held)
             request = PipelineRequest(program.program, grant.axes, program.modal)
-            self.planner.order(Begin(request, grant.slot, sink, program.step))
+            self.planner.order(Begin(request, grant.slot, program.step))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
             self.publish("program.started", program)
@@ -261,6 +240,9 @@ class ProgramTable:
                 for event in outcome.events:
                     self._executor_event(event)
                 continue
+            if isinstance(outcome, Broken):
+                self._broken(outcome)
+                continue
             program = self.programs.get(outcome.program)
             if program is None or program.ended:
                 continue
@@ -272,16 +254,21 @@ class ProgramTable:
                 self._judged(program, outcome)
             elif isinstance(outcome, Rejected):
                 self._rejected(program, outcome)
-            elif isinstance(outcome, Broken):
-                fault = Fault(
-                    code="MC516",
-                    message=f"the planner failed: {outcome.message}",
-                    hint="this is a defect of the server; its log has the traceback",
-                    program=program.program,
-                    line=program.progress.started,
-                    t=self.now(),
-                )
-                self.stop(program, "faulted", fault.message, fault)
+
+    def _broken(self, outcome: Broken) -> None:
+        """Stops the program that the planner failed with, or all of them."""
+        for program in list(self.programs.values()):
+            if program.ended or outcome.program not in ("", program.program):
+                continue
+            fault = Fault(
+                code="MC516",
+                message=f"the planner failed: {outcome.message}",
+                hint="this is a defect of the server; its log tells more. Open the program again",
+                program=program.program,
+                line=program.progress.started,
+                t=self.now(),
+            )
+            self.stop(program, "faulted", fault.message, fault)
 
     def _consumed(self, program: Program, outcome: Consumed) -> None:
         if outcome.through > program.queue.accepted:
@@ -348,7 +335,7 @@ class ProgramTable:
         if event.code == FaultCode.EMERGENCY_STOP:
             # latched and told by whoever asked for it
             return
-        self.latch(fault)
+        self.faults.latch(fault)
         self.events.publish(
             "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
         )
@@ -358,6 +345,9 @@ class ProgramTable:
             hit = [each for each in self.programs.values() if not each.ended]
         for each in hit:
             self.stop(each, "faulted", fault.message, fault)
+
+    def _record(self, fault: Fault) -> None:
+        self.journal.fault(fault, self.options.clock())
 
     def _in_slot(self, slot: int) -> Program | None:
         for program in self.programs.values():

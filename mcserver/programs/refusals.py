@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcserver.errors import Diagnostic, ProgramRejected, ServiceError
+from mcserver.errors import ProgramRejected, ServiceError
 from mcserver.programs.reports import WireDiagnostic
 
 
@@ -18,19 +18,5 @@ class RejectedLines(ProgramRejected):
     """Lines of a submit were taken up to a faulty one; ``details`` has the numbers."""
 
     def __init__(self, diagnostics: list[WireDiagnostic], **details: object) -> None:
-        super().__init__(
-            Diagnostic(
-                code=found.code,
-                message=found.message,
-                line=found.line,
-                column=found.column,
-                end_column=found.end_column,
-                hint=found.hint,
-                severity=found.severity,
-                tool=found.tool,
-                residual_mm=found.residual_mm,
-                axis=found.axis,
-            )
-            for found in diagnostics
-        )
+        super().__init__(diagnostics)
         self.details = details

@@ -11,6 +11,7 @@ from typing import Literal
 
 import msgspec
 
+from mcserver.canopen_service.events import CanopenEventKind
 from mcserver.errors import Diagnostic
 
 ProgramState = Literal[
@@ -29,7 +30,6 @@ MachineState = Literal["ready", "fault", "estop"]
 AxisState = Literal[
     "off", "starting", "standstill", "moving", "speed", "torque", "stopping", "released", "fault"
 ]
-Severity = Literal["error", "warning"]
 OnDisconnect = Literal["finish", "stop"]
 ENDED: frozenset[ProgramState] = frozenset({"finished", "aborted", "rejected", "faulted", "interrupted"})
 EventKind = Literal[
@@ -51,46 +51,17 @@ EventKind = Literal[
     "reset",
     "override",
     "client.gone",
-    "drive.emergency",
-    "drive.lost",
-    "drive.back",
-    "drive.rebooted",
-    "drive.started",
-    "drive.failed",
-    "bus.lost",
-    "bus.back",
+    CanopenEventKind,
 ]
 
 
-class WireDiagnostic(msgspec.Struct, frozen=True, omit_defaults=True):
+class WireDiagnostic(Diagnostic, frozen=True, omit_defaults=True):
     """One fault of a program, placed in its text; ``line`` is the client's line number."""
-
-    code: str
-    message: str
-    line: int = 0
-    column: int = 0
-    end_column: int = 0
-    hint: str = ""
-    severity: Severity = "error"
-    tool: int | None = None
-    residual_mm: float | None = None
-    axis: int | None = None
 
 
 def wire_diagnostic(diagnostic: Diagnostic) -> WireDiagnostic:
     """The wire's form of a diagnostic."""
-    return WireDiagnostic(
-        code=diagnostic.code,
-        message=diagnostic.message,
-        line=diagnostic.line,
-        column=diagnostic.column,
-        end_column=diagnostic.end_column,
-        hint=diagnostic.hint,
-        severity="warning" if diagnostic.severity == "warning" else "error",
-        tool=diagnostic.tool,
-        residual_mm=diagnostic.residual_mm,
-        axis=diagnostic.axis,
-    )
+    return WireDiagnostic(**msgspec.structs.asdict(diagnostic))
 
 
 class Fault(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -137,7 +137,7 @@ class MachineService(ProgramIntake):
             hint="remove the cause, then reset",
             t=self.now(),
         )
-        self._table.latch(fault)
+        self._table.faults.latch(fault)
         self.events.publish("estop", reason=reason, client=client or None)
         for program in list(self._table.programs.values()):
             if not program.ended:
@@ -169,7 +169,7 @@ class MachineService(ProgramIntake):
 
     def refresh_faults(self, states: Mapping[int, AxisState]) -> None:
         """Drops the faults of axes that a G1000 has cleared, and of lines that no axis has latched."""
-        if not self._estop and self._table.forget_cleared(states):
+        if not self._estop and self._table.faults.forget_cleared(states):
             self.events.publish("reset", message="the latch is cleared")
 
     def holder(self, axis: int) -> str | None:
@@ -226,7 +226,7 @@ class MachineService(ProgramIntake):
             hint="start the server again; axes have to be captured anew",
             t=self.now(),
         )
-        self._table.latch(fault)
+        self._table.faults.latch(fault)
         self.events.publish("fault", fault=fault, message=fault.message)
         # the newest first, so that none is given the axes of one before it
         for program in reversed(self._chosen(None)):

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from tests.bench.figures import Figure, NotAvailable, percentile
-from tests.bench.round_trip import latencies
+from tests.bench.round_trip import RAW_KEY, latencies, raw_session
 from tests.bench.server import server
 
 LINES = 200_000
@@ -17,10 +17,14 @@ CALLS = 2000
 
 
 def measure() -> list[Figure]:
-    """`status` calls, one after another, before and while the program streams."""
-    with server() as reached, tempfile.TemporaryDirectory() as folder:
+    """`status` calls, one after another, before and while the program streams; raw gets in turn with them.
+
+    A raw get has nothing of the server in it but the load that it puts on the computer.
+    """
+    with raw_session() as raw, server() as reached, tempfile.TemporaryDirectory() as folder:
         key = f"mc/@v1/{reached.machine}/@rpc/status"
         idle = latencies(reached.session, key, [b""] * CALLS)
+        raw_idle = latencies(raw, RAW_KEY, [b""] * CALLS)
         program = Path(folder, "curve.gcode")
         program.write_text(curve(), "utf-8")
         client = subprocess.Popen(
@@ -40,9 +44,11 @@ def measure() -> list[Figure]:
             stderr=subprocess.PIPE,
         )
         busy: list[float] = []
+        raw_busy: list[float] = []
         try:
             while client.poll() is None:
                 busy += latencies(reached.session, key, [b""] * 200)
+                raw_busy += latencies(raw, RAW_KEY, [b""] * 200)
             assert client.stderr is not None
             told = client.stderr.read().decode()
         finally:
@@ -50,15 +56,17 @@ def measure() -> list[Figure]:
             client.communicate()
         if client.returncode != 0:
             raise NotAvailable(f"mcctl run ended with {client.returncode}: {told.strip()[-200:]}")
+    meanwhile = f"while {LINES:,} lines are planned".replace(",", "\u2009")
     return [
         Figure(
-            f"status {name} while {LINES:,} lines are planned".replace(",", "\u2009"),
-            percentile(busy, share),
+            f"{what} {name} {meanwhile}",
+            percentile(under_load, share),
             "µs",
-            percentile(idle, share),
+            percentile(before, share),
             "the same while the server idles",
-            "≤ 3" if share == 0.99 else "",
+            "≤ 3" if share == 0.99 and what == "status" else "",
         )
+        for what, under_load, before in (("status", busy, idle), ("a raw get", raw_busy, raw_idle))
         for name, share in (("p50", 0.5), ("p99", 0.99))
     ]
 

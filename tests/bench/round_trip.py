@@ -6,6 +6,8 @@ import queue
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import msgspec
 import zenoh
@@ -14,6 +16,7 @@ from tests.bench.figures import Figure, percentile
 from tests.bench.server import Server, client_config, free_port, server
 
 CALLS = 1000
+RAW_KEY = "bench/raw"
 
 
 def measure() -> list[Figure]:
@@ -60,6 +63,13 @@ def submitted(reached: Server) -> list[float]:
 
 def raw_latencies() -> list[float]:
     """The floor [µs]."""
+    with raw_session() as session:
+        return latencies(session, RAW_KEY, [b""] * CALLS)
+
+
+@contextmanager
+def raw_session() -> Iterator[zenoh.Session]:
+    """A session to a process that does nothing but answer `RAW_KEY`."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.bench.raw_queryable", endpoint],
@@ -71,7 +81,7 @@ def raw_latencies() -> list[float]:
         assert process.stdout is not None
         process.stdout.readline()
         with zenoh.open(client_config(endpoint)) as session:
-            return latencies(session, "bench/raw", [b""] * CALLS)
+            yield session
     finally:
         process.communicate(timeout=20)
 

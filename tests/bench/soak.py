@@ -36,6 +36,12 @@ def _moves() -> Iterator[str]:
                 yield f"G01 X{x0 + step * dx / 2} Y{y0 + step * dy / 2}"
 
 
+NAMES = {
+    "mcserver.executor.realtime_loop": "executor",
+    "mcserver.programs.planner_main": "planner",
+}
+
+
 def _rss_mib(pid: int) -> float:
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():
         if line.startswith("VmRSS"):
@@ -51,6 +57,16 @@ def _children(pid: int) -> list[int]:
             if int(stat.read_text().rpartition(")")[2].split()[1]) == pid:
                 found.append(int(stat.parent.name))
     return found
+
+
+def _sizes(server: int) -> dict[str, float]:
+    """Resident memory of the server and of the processes that it has started [MiB]."""
+    sizes = {"server": _rss_mib(server)}
+    for pid in _children(server):
+        with contextlib.suppress(OSError):
+            module = Path(f"/proc/{pid}/cmdline").read_bytes().decode().rstrip("\0").rpartition("\0")[2]
+            sizes[NAMES.get(module, module)] = _rss_mib(pid)
+    return sizes
 
 
 def _floor(seconds: float, late: multiprocessing.sharedctypes.Synchronized[int]) -> None:  # type: ignore[type-arg]
@@ -75,7 +91,7 @@ async def _stream(endpoint: str, minutes: float, rate: float, server: int) -> No
     end = started + minutes * 60.0
     moves = _moves()
     sent = 0
-    memory: list[tuple[float, float, float]] = []
+    memory: list[tuple[float, dict[str, float]]] = []
     async with Machine.connect(connect=endpoint, timeout_s=30.0) as machine:
         before = (await machine.status()).late_cycles
         async with machine.program(name="soak") as program:
@@ -85,15 +101,12 @@ async def _stream(endpoint: str, minutes: float, rate: float, server: int) -> No
                 now = time.monotonic()
                 if now >= next_report:
                     next_report += 15.0
-                    children = [
-                        int(pid) for pid in Path(f"/proc/{server}/task/{server}/children").read_text().split()
-                    ]
-                    sizes = _rss_mib(server), max((_rss_mib(pid) for pid in children), default=0.0)
-                    memory.append((now - started, *sizes))
+                    sizes = _sizes(server)
+                    memory.append((now - started, sizes))
                     print(
                         f"{now - started:7.0f} s  sent {sent}  accepted {program.accepted_through}  "
                         f"done {program.done_through}  "
-                        f"server {sizes[0]:.1f} MiB  executor {sizes[1]:.1f} MiB",
+                        + "  ".join(f"{name} {size:.1f} MiB" for name, size in sizes.items()),
                         flush=True,
                     )
                 ahead = sent / rate - (now - started)
@@ -103,8 +116,8 @@ async def _stream(endpoint: str, minutes: float, rate: float, server: int) -> No
         status = await machine.status()
     settled = [each for each in memory if each[0] >= 60.0] or memory
     print(f"lines sent {sent}, accepted {result.accepted}, done {result.done}, state {result.state}")
-    print(f"memory from {settled[0][1]:.1f} to {settled[-1][1]:.1f} MiB (server)")
-    print(f"memory from {settled[0][2]:.1f} to {settled[-1][2]:.1f} MiB (executor)")
+    for name, size in settled[0][1].items():
+        print(f"memory from {size:.1f} to {settled[-1][1].get(name, 0.0):.1f} MiB ({name})")
     print(f"late cycles of the executor {status.late_cycles - before}")
 
 

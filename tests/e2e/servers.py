@@ -19,6 +19,7 @@ START_LIMIT_S = 300.0
 STOP_LIMIT_S = 20.0
 READY = re.compile(r"ready, .* listening on ([^\s,]+)")
 EXECUTOR = "mcserver.executor.realtime_loop"
+PLANNER = "mcserver.programs.planner_main"
 
 
 def environment() -> dict[str, str]:
@@ -92,6 +93,10 @@ class ServerProcess:
     def executors(self) -> list[int]:
         """Process ids of the executors that this server has started."""
         return [pid for pid in children(self.pid) if EXECUTOR in command_line(pid)]
+
+    def planners(self) -> list[int]:
+        """Process ids of the planners that this server has started and that run."""
+        return [pid for pid in children(self.pid) if PLANNER in command_line(pid)]
 
     def end(self, number: signal.Signals) -> int:
         """Sends a signal to the server alone, and waits for its end; gives the exit code."""

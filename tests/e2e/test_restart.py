@@ -1,12 +1,14 @@
-"""The server or its executor killed in the middle of a program."""
+"""The server, its executor or its planner killed in the middle of a program."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcclient import MotionError, ProgramInterrupted
 
@@ -134,6 +136,52 @@ async def test_a_killed_executor_is_reported_and_ends_the_server(own_server: Ser
         assert set((await machine.status()).axes.state) == {"off"}
 
 
+async def test_a_killed_planner_stops_its_programs_on_their_paths_and_another_goes_on(
+    own_server: ServerProcess,
+) -> None:
+    async with connected(own_server) as machine:
+        program = await machine.program("part", [0])
+        waiting = await machine.program("next", [0])
+        await waiting.send_lines(["G1010", "G93 F600 G01 X1"])
+        reports = await listening(machine, program)
+        await program.send_lines(["G1010", "G94 F6000", "G01 X500"])
+        await line_started(reports, 3)
+        async with recorded(machine) as recording:
+            (planner,) = own_server.planners()
+            os.kill(planner, signal.SIGKILL)
+            for lost in (program, waiting):
+                with pytest.raises(MotionError) as told:
+                    async with asyncio.timeout(LIMIT_S):
+                        await lost.finish()
+                assert told.value.code == "MC516"
+                assert "ended by signal 9" in told.value.message
+            status = await machine.status()
+        assert [each for each in status.axes.state if each != "off"] == ["standstill"]
+        assert 0.0 < status.axes.setpoint[0] < 500.0
+        # it was brought to rest within its limits, from 100 mm/s at 10 000 mm/s²
+        speed = np.diff(recording.setpoint[:, 0]) / 0.001
+        assert abs(np.diff(speed)).max() <= 10_000.0 * 0.001 * 1.02 + 0.1
+        (again,) = own_server.planners()
+        assert again != planner
+        await run(machine, ["G93 F600 G01 X1"])
+        assert (await machine.status()).axes.setpoint[0] == pytest.approx(1.0)
+    assert own_server.end(signal.SIGTERM) == 0
+    assert command_line(again) == ""
+
+
+async def test_a_planner_that_ends_again_and_again_ends_the_server(own_server: ServerProcess) -> None:
+    seen: set[int] = set()
+    async with asyncio.timeout(4 * LIMIT_S):
+        while len(seen) < 4:
+            for planner in set(own_server.planners()) - seen:
+                seen.add(planner)
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(planner, signal.SIGKILL)
+            await asyncio.sleep(0.02)
+    assert await asyncio.to_thread(own_server.wait) != 0
+    assert "MC518" in "".join(own_server.said)
+
+
 async def test_a_killed_server_leaves_no_process_and_no_memory(own_server: ServerProcess) -> None:
     named = named_memory()
     async with connected(own_server) as machine:
@@ -142,9 +190,11 @@ async def test_a_killed_server_leaves_no_process_and_no_memory(own_server: Serve
         await program.send_lines(["G1010", "G94 F6000", "G01 X500"])
         await line_started(reports, 3)
         (executor,) = own_server.executors()
+        (planner,) = own_server.planners()
         own_server.end(signal.SIGKILL)
-        assert await asyncio.to_thread(wait_for_end, executor, EXECUTOR_LIMIT_S)
-        assert command_line(executor) == ""
+        for orphan in (executor, planner):
+            assert await asyncio.to_thread(wait_for_end, orphan, EXECUTOR_LIMIT_S)
+            assert command_line(orphan) == ""
         own_server.start()
         (again,) = own_server.executors()
         assert again != executor

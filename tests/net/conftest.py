@@ -29,7 +29,8 @@ class Rig:
 @pytest.fixture
 async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
     machine = three_axes()
-    port, pipelines = FakePort(machine), FakePipelines()
+    port = FakePort(machine)
+    pipelines = FakePipelines(port)
     options = ServerOptions(
         network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
     )

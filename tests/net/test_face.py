@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import numpy as np
 import pytest
 
@@ -142,6 +144,20 @@ async def test_telemetry_batches_hold_every_cycle_of_every_axis(client: WireClie
     assert values[:, 0, 0] == pytest.approx(np.arange(seq, seq + 10), abs=1e-3)
     following = await batches.first(lambda batch: batch[0] > seq)
     assert following[0] == seq + 10
+
+
+async def test_no_cycle_is_read_while_nobody_listens(rig: Rig, client: WireClient) -> None:
+    await client.ask("info")
+    await asyncio.sleep(0.1)
+    assert rig.port.cycle == 0
+    await client.subscribe("tele/batch").first()
+    assert rig.port.cycle > 0
+    await client.close()
+    async with asyncio.timeout(5.0):
+        before = -1
+        while rig.port.cycle != before:
+            before = rig.port.cycle
+            await asyncio.sleep(0.1)
 
 
 async def test_one_axis_is_published_alone(client: WireClient) -> None:

@@ -38,7 +38,7 @@ async def test_status_and_state_tell_the_tools_poses_at_the_encoders_readings(tm
     )
     port = FakePort(machine)
     expected = kinematics.pose(1, dict(enumerate(port.snapshot().position.tolist())))
-    async with running(machine, options, port, FakePipelines()) as (_, face):
+    async with running(machine, options, port, FakePipelines(port)) as (_, face):
         client = WireClient((await face.endpoints())[0], "arm6")
         try:
             states = client.subscribe("tele/state")

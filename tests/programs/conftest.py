@@ -22,7 +22,7 @@ class Bench:
     def __init__(self, journal: Path, instance: str = "one") -> None:
         self.machine = three_axes()
         self.port = FakePort(self.machine)
-        self.pipelines = FakePipelines()
+        self.pipelines = FakePipelines(self.port)
         self.acks: list[Ack] = []
         self.events: list[Event] = []
         self._news = asyncio.Event()

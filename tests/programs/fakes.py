@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import enum
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from mcserver.config import Machine, parse_machine
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
-from mcserver.programs.planner_thread import PipelineRequest
+from mcserver.gcode.modal import ModalState
+from mcserver.programs.pipeline_reports import Report, ReportKind
+from mcserver.programs.planner_messages import Deliver, PipelineRequest
+from mcserver.programs.planner_thread import PlannerThread
 from mcserver.programs.port import Cycles, SlotView, Snapshot
 from mcserver.programs.reports import AxisState
 
@@ -50,20 +51,6 @@ def three_axes(name: str = "bench") -> Machine:
     return parse_machine(THREE_AXES.format(name=name))
 
 
-class Kind(enum.Enum):
-    PLANNED = "planned"
-    BOUND = "bound"
-    REJECTED = "rejected"
-
-
-class FakeReport(msgspec.Struct, frozen=True):
-    kind: Kind
-    line: int
-    requested_s: float | None = None
-    bound_by: str | None = None
-    diagnostics: tuple[Diagnostic, ...] = ()
-
-
 class FakePort:
     """Remembers what it was told, and reports what pipelines and tests make happen."""
 
@@ -86,8 +73,10 @@ class FakePort:
         with self._lock:
             self._events.append(event)
 
-    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> MotionSink:
+    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
         self.calls.append(("begin", slot, axes, ratio, held))
+
+    def sink(self, slot: int) -> MotionSink:
         return FakeSink(self, slot)
 
     def poll_events(self) -> list[ExecutorEvent]:
@@ -189,7 +178,7 @@ class FakePipeline:
         self._port, self._slot = sink.port, sink.slot
         self._gate = gate
         self._queue: deque[tuple[int, str]] = deque()
-        self._reports: list[FakeReport] = []
+        self._reports: list[Report] = []
         self._closed = False
         self._ended = False
 
@@ -217,14 +206,14 @@ class FakePipeline:
                 raise RuntimeError("a defect")
             if text in ("bad", "fatal"):
                 fault = Diagnostic(code="MC101", message=f"{text} line", line=number, column=1)
-                self._reports.append(FakeReport(Kind.REJECTED, number, diagnostics=(fault,)))
+                self._reports.append(Report(ReportKind.REJECTED, number, diagnostics=(fault,)))
                 self._queue.clear()
                 self._closed = self._closed or text == "fatal"
                 return True
             worked = True
             self.executed.append((number, text))
             if text in ("move", "wait"):
-                self._reports.append(FakeReport(Kind.PLANNED, number, requested_s=0.5))
+                self._reports.append(Report(ReportKind.PLANNED, number, requested_s=0.5))
                 self._port.happen(EventKind.LINE_START, self._slot, number)
                 self._port.happen(EventKind.LINE_END, self._slot, number)
             self.planned_line = number
@@ -236,7 +225,7 @@ class FakePipeline:
     def on_event(self, event: ExecutorEvent) -> None:
         assert event.program == self._slot
 
-    def take_reports(self) -> list[FakeReport]:
+    def take_reports(self) -> list[Report]:
         reports, self._reports = self._reports, []
         return reports
 
@@ -246,19 +235,21 @@ class FakePipeline:
 
 
 class FakePipelines:
-    """Makes pipelines, and keeps them for the test to look at."""
+    """Plans in this process; keeps the pipelines that it makes for the test to look at."""
 
-    def __init__(self) -> None:
+    def __init__(self, port: FakePort) -> None:
+        self.port = port
         self.made: dict[str, FakePipeline] = {}
         self.gate = threading.Event()
         self.failure: Exception | None = None
 
-    def prepare(self, before: Sequence[str]) -> object:
-        if "bad" in before:
-            raise ProgramRejected(
-                [Diagnostic(code="MC101", message="bad line", line=before.index("bad") + 1)]
-            )
-        return list(before)
+    def planner(self, deliver: Deliver) -> PlannerThread:
+        return PlannerThread(self.port, self, deliver)
+
+    def modal_before(self, lines: Sequence[str]) -> ModalState:
+        if "bad" in lines:
+            raise ProgramRejected([Diagnostic(code="MC101", message="bad line", line=lines.index("bad") + 1)])
+        return ModalState(inch="G20" in lines, incremental="G91" in lines)
 
     def make(self, request: PipelineRequest, sink: MotionSink) -> FakePipeline:
         if self.failure is not None:

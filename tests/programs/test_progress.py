@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from mcserver.programs.pipeline_reports import Report, ReportKind
 from mcserver.programs.progress import LineProgress
-from tests.programs.fakes import FakeReport, Kind
 
 
-def planned(*lines: int) -> list[FakeReport]:
-    return [FakeReport(Kind.PLANNED, line, requested_s=1.0) for line in lines]
+def planned(*lines: int) -> list[Report]:
+    return [Report(ReportKind.PLANNED, line, requested_s=1.0) for line in lines]
 
 
 def test_lines_without_time_are_done_once_read() -> None:
@@ -38,8 +38,8 @@ def test_a_line_that_ends_before_an_earlier_one_does_not_count_yet() -> None:
 
 def test_a_report_holds_times_and_the_limit_that_stretched_the_line() -> None:
     progress = LineProgress(1)
-    progress.planned([FakeReport(Kind.PLANNED, 1, requested_s=1.0)])
-    progress.planned([FakeReport(Kind.BOUND, 1, bound_by="axis 2 acceleration")])
+    progress.planned([Report(ReportKind.PLANNED, 1, requested_s=1.0)])
+    progress.planned([Report(ReportKind.BOUND, 1, bound_by="axis 2 acceleration")])
     progress.line_started(1, 10.0)
     progress.line_ended(1, 11.5)
     (report,) = progress.take_ended()

@@ -6,6 +6,7 @@ import pytest
 
 from mcserver.errors import ServiceError
 from mcserver.executor.entries import EventKind
+from mcserver.gcode.modal import ModalState
 from mcserver.programs.refusals import RejectedLines
 from tests.programs.conftest import Bench
 from tests.programs.fakes import executed_lines
@@ -305,7 +306,7 @@ async def test_lines_before_the_start_line_reach_the_pipeline_as_modal_text(benc
     program = await bench.service.open("hmi", start_line=3, before=["G20", "G91"])
     await bench.service.submit("hmi", program.program, 3, ["move"])
     await bench.until_acked(program.program, done=3)
-    assert bench.pipelines.made[program.program].request.modal == ["G20", "G91"]
+    assert bench.pipelines.made[program.program].request.modal == ModalState(inch=True, incremental=True)
     assert executed_lines(bench.pipelines, program.program) == [3]
 
 
