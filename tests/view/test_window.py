@@ -96,7 +96,7 @@ async def test_a_running_server_is_followed(tmp_path: Path, window: Window) -> N
         network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
     )
     port = FakePort(DOG)
-    async with running(DOG, options, port, FakePipelines()) as (_, face):
+    async with running(DOG, options, port, FakePipelines(port)) as (_, face):
         endpoint = (await face.endpoints())[0]
         states = await asyncio.to_thread(LiveStates, DOG.name, endpoint, timeout_s=LIMIT_S)
         with states:

@@ -43,16 +43,19 @@ def _order(
         results().print(told(name, outcome), markup=False)
 
 
-def _concerned(what: str) -> Callable[[str, dict[str, Any]], str]:
+def _order_programs(
+    what: str, target: Target, as_json: bool, order: Callable[[Machine], Awaitable[list[str]]]
+) -> None:
+    """Gives an order to programs; ``order`` returns those concerned, ``what`` is its word."""
+
+    async def act(machine: Machine) -> dict[str, Any]:
+        return {"programs": await order(machine)}
+
     def told(name: str, outcome: dict[str, Any]) -> str:
         programs = outcome["programs"]
-        return (
-            f"{name}: {what} {', '.join(programs)}"
-            if programs
-            else f"{name}: no program to {what.split()[0]}"
-        )
+        return f"{name}: {what} {', '.join(programs)}" if programs else f"{name}: no program to {what}"
 
-    return told
+    _order(target, as_json, act, told)
 
 
 def hold(
@@ -63,11 +66,7 @@ def hold(
     json: JsonOption = False,
 ) -> None:
     """Feed hold: stop along the path, ready to resume."""
-
-    async def act(one: Machine) -> dict[str, Any]:
-        return {"programs": await one.hold(program)}
-
-    _order(Target(machine, connect, zenoh), json, act, _concerned("hold"))
+    _order_programs("hold", Target(machine, connect, zenoh), json, lambda one: one.hold(program))
 
 
 def resume(
@@ -78,11 +77,7 @@ def resume(
     json: JsonOption = False,
 ) -> None:
     """End a hold, M00 or M01."""
-
-    async def act(one: Machine) -> dict[str, Any]:
-        return {"programs": await one.resume(program)}
-
-    _order(Target(machine, connect, zenoh), json, act, _concerned("resume"))
+    _order_programs("resume", Target(machine, connect, zenoh), json, lambda one: one.resume(program))
 
 
 def step(
@@ -96,10 +91,10 @@ def step(
 ) -> None:
     """Start the next line of a program in single line mode."""
 
-    async def act(one: Machine) -> dict[str, Any]:
-        return {"programs": await one.step(program or await _only_program(one))}
+    async def order(one: Machine) -> list[str]:
+        return await one.step(program or await _only_program(one))
 
-    _order(Target(machine, connect, zenoh), json, act, _concerned("step"))
+    _order_programs("step", Target(machine, connect, zenoh), json, order)
 
 
 async def _only_program(machine: Machine) -> str:
@@ -118,11 +113,7 @@ def abort(
     json: JsonOption = False,
 ) -> None:
     """Stop along the path and drop the rest of the program."""
-
-    async def act(one: Machine) -> dict[str, Any]:
-        return {"programs": await one.abort(program)}
-
-    _order(Target(machine, connect, zenoh), json, act, _concerned("abort"))
+    _order_programs("abort", Target(machine, connect, zenoh), json, lambda one: one.abort(program))
 
 
 def override(
