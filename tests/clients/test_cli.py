@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import select
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from mcclient.cli.app import run_command_line
 PACKAGE = Path(__file__).resolve().parents[2] / "clients" / "python"
 Run = Callable[..., tuple[int, str, str]]
 FAR_AWAY = "tcp/127.0.0.1:9"
+READ_LIMIT_S = 60.0
 
 
 @pytest.fixture
@@ -242,6 +244,8 @@ def test_an_interrupt_at_a_terminal_asks_and_a_second_one_aborts(server: FakeSer
         server.wait_until(lambda: server.calls["close"] == 1, 20.0)
         child.send_signal(signal.SIGINT)
         _read_until(controller, "[h]old")
+        # the answer to the hold is all that tells of it
+        server.lose["ack"] = 1
         os.write(controller, b"h\n")
         server.wait_until(lambda: server.programs["p1"].state == "held", 20.0)
         _read_until(controller, "holding")
@@ -252,6 +256,7 @@ def test_an_interrupt_at_a_terminal_asks_and_a_second_one_aborts(server: FakeSer
         assert child.wait(20) == 1
     finally:
         child.kill()
+        child.wait(20)
         os.close(controller)
     assert server.programs["p1"].state == "aborted"
 
@@ -259,6 +264,8 @@ def test_an_interrupt_at_a_terminal_asks_and_a_second_one_aborts(server: FakeSer
 def _read_until(descriptor: int, wanted: str) -> None:
     seen = ""
     while wanted not in seen:
+        readable, _, _ = select.select([descriptor], [], [], READ_LIMIT_S)
+        assert readable, f"{wanted!r} has not come after {seen!r}"
         seen += os.read(descriptor, 4096).decode(errors="replace")
 
 

@@ -39,6 +39,17 @@ async def test_several_machines_are_told_apart_by_name(make_server: MakeServer) 
         assert machine.name == "one"
 
 
+async def test_of_many_machines_none_is_overlooked(make_server: MakeServer) -> None:
+    server = make_server("m000")
+    names = [f"m{number:03d}" for number in range(300)]
+    for name in names[1:]:
+        server.declare_another(name)
+    for _ in range(3):
+        with pytest.raises(SeveralMachines) as caught:
+            await Machine.connect(connect=server.endpoint)
+        assert caught.value.details["machines"] == names
+
+
 async def test_all_machines_are_listed_those_that_do_not_answer_too(make_server: MakeServer) -> None:
     server = make_server("one")
     server.declare_another("two")

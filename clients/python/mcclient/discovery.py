@@ -10,16 +10,17 @@ from mcclient.calls import Caller
 from mcclient.errors import MotionError, NobodyAnswers, SeveralMachines
 from mcclient.keys import ALL_MACHINES, Keys, machine_and_instance
 from mcclient.presence import Presence
-from mcclient.transport import Arrived, Link, endpoints_of
+from mcclient.transport import Link, endpoints_of
 from mcclient.types import Info
 from mcclient.wire import decode
 
 CONNECT_S = 3.0
+LOOK_AGAIN_S = 0.05
 
 
-async def machines(link: Link, *, timeout_s: float) -> list[str]:
-    """Names of all machines that are there now, sorted."""
-    live = await link.live_keys(ALL_MACHINES, timeout_s=timeout_s)
+async def machines(link: Link, key: str = ALL_MACHINES, *, timeout_s: float) -> list[str]:
+    """Names of the machines that are there now, sorted; ``key``: of their liveliness tokens."""
+    live = await link.live_keys(key, timeout_s=timeout_s)
     return sorted({machine_and_instance(key)[0] for key in live})
 
 
@@ -30,36 +31,26 @@ async def find_machine(link: Link, name: str | None, *, timeout_s: float) -> str
         NobodyAnswers: MC530 none comes within the time.
         SeveralMachines: MC531 none is named and more than one is there.
     """
-    found: dict[str, None] = {}
-    arrived = asyncio.Event()
-
-    def on_token(token: Arrived) -> None:
-        if not token.gone:
-            found[machine_and_instance(token.key)[0]] = None
-            arrived.set()
-
-    subscription = link.watch_tokens(Keys(name).live if name else ALL_MACHINES, on_token)
-    try:
-        async with asyncio.timeout(timeout_s):
-            await arrived.wait()
-    except TimeoutError:
-        others = await machines(link, timeout_s=timeout_s) if name else []
-        raise _nobody(name, others) from None
-    finally:
-        subscription.close()
+    key = Keys(name).live if name else ALL_MACHINES
+    clock = asyncio.get_running_loop().time
+    until = clock() + timeout_s
+    # Only queries: beside a subscription to the same tokens, or just after its end, Zenoh answers a query
+    # from what it has heard so far, and a part of the machines would be taken for all.
+    while not (found := await machines(link, key, timeout_s=timeout_s)):
+        if clock() > until:
+            others = await machines(link, timeout_s=timeout_s) if name else []
+            raise _nobody(name, others)
+        await asyncio.sleep(LOOK_AGAIN_S)
     if name:
         return name
-    # one has come; the query is answered with all that the network knows
-    found.update(dict.fromkeys(await machines(link, timeout_s=timeout_s)))
     if len(found) > 1:
-        names = sorted(found)
         raise SeveralMachines(
             "MC531",
-            f"{len(names)} machines are there: {', '.join(names)}",
-            f"name one, such as --machine {names[0]}",
-            details={"machines": names},
+            f"{len(found)} machines are there: {', '.join(found)}",
+            f"name one, such as --machine {found[0]}",
+            details={"machines": found},
         )
-    return next(iter(found))
+    return found[0]
 
 
 async def list_machines(

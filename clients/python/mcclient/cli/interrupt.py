@@ -19,6 +19,8 @@ from mcclient.types import OnDisconnect
 
 INTERRUPTED = 130
 TYPED_LINES = 100
+RESUMABLE = ("held", "paused")
+STATE_LIMIT_S = 0.5
 
 
 class Asked(Protocol):
@@ -81,8 +83,7 @@ class Interrupts:
 
     async def _ask(self) -> bool:
         """Whether the user leaves."""
-        held = self._program.state == "held"
-        first = "[r]esume" if held else "[h]old"
+        first = "[r]esume" if await self._state() in RESUMABLE else "[h]old"
         say(f"{first}, [a]bort, [l]eave, [c]ontinue?  (Ctrl-C again aborts)", "bold")
         answer = await self._answer()
         try:
@@ -98,6 +99,16 @@ class Interrupts:
         except MotionError as error:
             say(f"error[{error.code}]: {error.message}", "bold red")
         return False
+
+    async def _state(self) -> str:
+        """As the server knows it now: its acknowledgements come on their own way, perhaps after the answer to
+        a hold. Where it does not answer in time, what was last told.
+        """
+        try:
+            async with asyncio.timeout(STATE_LIMIT_S):
+                return (await self._program.status()).state
+        except (MotionError, TimeoutError):
+            return self._program.state
 
     async def _answer(self) -> str:
         """The first letter or word typed; a second Ctrl-C counts as abort."""
