@@ -49,7 +49,7 @@ def blend(
             degree count as a millimetre.
         handle_share: share of d that a Bezier handle takes at a right angle.
     """
-    if not (_can_be_trimmed(before) and _can_be_trimmed(after)):
+    if not (can_be_rounded(before) and can_be_rounded(after)):
         return None
     t1 = before.last / math.sqrt(float(before.last @ before.last))
     t2 = after.first / math.sqrt(float(after.first @ after.first))
@@ -74,7 +74,7 @@ def blend(
     return found
 
 
-def _can_be_trimmed(segment: Segment) -> bool:
+def can_be_rounded(segment: Segment) -> bool:
     """Lines and arcs under G94; tool paths keep their pose, G93 lines their time."""
     return segment.duration is None and not any(
         isinstance(curve, SampledCurve | PolynomialCurve) for curve in segment.curves
@@ -105,7 +105,12 @@ def _make(
     power_basis(points, power)
     # columns that rest keep their place to the last bit
     power[1:] *= np.isin(np.arange(width), columns)
-    error = _error(power[:, columns], before, after, leave, join, columns, per_axis)
+    weight = per_axis[columns]
+    error = deviation(
+        PolynomialCurve((), power[:, columns], 0.0).position(_S) * weight,
+        programmed_points(before, after, leave, join)[:, columns] * weight,
+        straight=before.straight and after.straight,
+    )
     made = _between(before, after, leave, join, power)
     return None if made is None else (made, error)
 
@@ -143,25 +148,34 @@ def _between(before: Segment, after: Segment, leave: float, join: float, power: 
         ),
         first,
         second,
-        dataclasses.replace(after, begin=join, first=after_slope[0], bend_first=after_bend[0], opens=False),
+        dataclasses.replace(
+            after,
+            begin=join,
+            first=after_slope[0],
+            bend_first=after_bend[0],
+            opens=False,
+            tolerance=0.0,
+        ),
     )
 
 
 def straight_blend(
     before: Segment,
     after: Segment,
-    tolerance: float,
-    per_axis: Array,
     handle_share: float,
     shares: tuple[float, ...],
     limits: AxisLimits,
+    gain: float,
 ) -> Blend | None:
     """Rounds the corner of two straight segments with the share of the tolerance that is quickest.
+
+    Args:
+        gain: what the corner, if it is a stop, takes less than the lines to it and from it [s].
 
     Returns:
         None where the corner itself is passed as soon, or cannot be rounded.
     """
-    if not (_can_be_trimmed(before) and _can_be_trimmed(after)):
+    if not (can_be_rounded(before) and can_be_rounded(after)):
         return None
     end, begin = length_of(before.first), length_of(after.first)
     t1, t2 = before.first / end, after.first / begin
@@ -170,15 +184,15 @@ def straight_blend(
         return None
     power = np.empty((6, len(t1)))
     quintic(t1, t2, _handle(handle_share, cosine), power)
-    miss = distance_from_corner(t1, t2, power, per_axis)
+    miss = distance_from_corner(t1, t2, power, limits.weights)
     left, right = end * (before.finish - before.begin), begin * (after.finish - after.begin)
     longest = SHARE * min(left, right)
     reaches = np.array(
-        [longest if miss <= 0.0 else min(longest, share * tolerance / miss) for share in shares]
+        [longest if miss <= 0.0 else min(longest, share * after.tolerance / miss) for share in shares]
     )
     feeds = np.array([before.feed * end, after.feed * begin])
     corner = Corner(before.first, after.first, feeds, limits.rows, limits.cycle)
-    reach = best_reach(corner, left, right, power, reaches)
+    reach = best_reach(corner, left, right, power, reaches, gain)
     if reach <= 0.0:
         return None
     power *= reach
@@ -242,34 +256,34 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
         opens=True,
         closes=True,
         straight=False,
+        tolerance=0.0,
     )
 
 
-def _error(
-    power: Array,
-    before: Segment,
-    after: Segment,
-    leave: float,
-    join: float,
-    columns: NDArray[np.intp],
-    per_axis: Array,
-) -> float:
-    """Largest distance between blend and programmed path, in either direction [m]."""
-    weight = per_axis[columns]
-    blended = PolynomialCurve((), power, 0.0).position(_S) * weight
+def programmed_points(before: Segment, after: Segment, leave: float, join: float) -> Array:
+    """The path between two places about a vertex, which stands in the middle, shape (33, width)."""
     width = len(before.base)
     first = before.sample(np.linspace(leave, before.finish, 17))[0]
     second = after.sample(np.linspace(after.begin, join, 17))[0]
     moved_before, moved_after = _moved(before, width), _moved(after, width)
     first = np.where(moved_before, first, after.base)
     second = np.where(moved_after, second, np.where(moved_before, first[-1], after.base))
-    programmed = np.concatenate([first, second[1:]])[:, columns] * weight
+    return np.concatenate([first, second[1:]])
+
+
+def deviation(rounded: Array, programmed: Array, *, straight: bool) -> float:
+    """Largest distance between two paths about a corner, in either direction [m].
+
+    Args:
+        rounded, programmed: weighted points, shape (n, K). straight: what was programmed is two lines.
+    """
     # sampling an arc by 16 chords misses its bow by this much
-    bow = 0.0 if before.straight and after.straight else _bow(programmed)
-    return max(farthest(blended, programmed), farthest(programmed, blended)) * 1.001 + bow
+    bow = 0.0 if straight else bow_of(programmed)
+    return max(farthest(rounded, programmed), farthest(programmed, rounded)) * 1.001 + bow
 
 
-def _bow(points: Array) -> float:
+def bow_of(points: Array) -> float:
+    """What a polyline through evenly spaced points of arcs misses of them; the vertex is in the middle."""
     second = points[2:] - 2.0 * points[1:-1] + points[:-2]
     corner = len(points) // 2 - 1
     second[corner] = 0.0

@@ -10,7 +10,6 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.kernels.corners import BETTER, FASTER, may_win
 from mcserver.motion.kernels.groups import TOP
 from mcserver.motion.lookahead import Lookahead
-from mcserver.motion.path import Array
 from mcserver.motion.segment import AxisLimits, Segment
 
 # Shape, and shares of the tolerance that are tried for a rounded corner: what is left of it is for rows that
@@ -19,22 +18,21 @@ HANDLE = 0.4
 TOLERANCE_SHARES = (0.85, 0.3)
 
 
-def best_blend(
-    window: Lookahead, after: Segment, tolerance: float, weights: Array, limits: AxisLimits
-) -> Blend | None:
+def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend | None:
     """The blend that passes the corner after the window's last segment soonest, if any beats the
-    corner itself.
-
-    Args:
-        tolerance: largest distance from the programmed path [m].
-        weights: of each column in that distance, shape (K,).
+    corner itself. ``after.tolerance`` says how far it may be rounded.
     """
     before = window.nodes.segments[-1]
     speed = window.joint_speed(after)
     if speed >= min(float(window.nodes.numbers[-1, TOP]), after.feed * after.scale):
         return None
     if before.straight and after.straight:
-        return straight_blend(before, after, tolerance, weights, HANDLE, TOLERANCE_SHARES, limits)
+        found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
+        if found is not None and speed <= 0.0:
+            gain = _gain_in_time(limits, before, after)
+            if gain > 0.0:
+                found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, gain)
+        return found
     best: Blend | None = None
     from_rest, _ = _time(limits, [before, after], fast=False)
     least = math.inf
@@ -42,7 +40,7 @@ def best_blend(
         least, _ = _time(limits, [before, after], fast=True)
     fastest = FASTER * speed
     for share in TOLERANCE_SHARES:
-        found = blend(before, after, share * tolerance, weights, HANDLE)
+        found = blend(before, after, share * after.tolerance, limits.weights, HANDLE)
         if found is None:
             continue
         parts = [found.before, found.first, found.second, found.after]
@@ -56,6 +54,22 @@ def best_blend(
         if time < least * BETTER:
             best, least = found, time
     return best
+
+
+def _gain_in_time(limits: AxisLimits, before: Segment, after: Segment) -> float:
+    """What two segments take less, from rest to rest, if the stop between them is passed in a time of its
+    own [s].
+    """
+    window = Lookahead(limits)
+    window.append(dataclasses.replace(before))
+    behind = dataclasses.replace(after)
+    window.append(behind)
+    try:
+        run = window.plan()
+    except PlanningError:
+        return 0.0
+    corner = run.phases.rows[run.timed, 0]
+    return 2.0 * behind.corner.reach - float(corner[0]) if len(corner) and behind.corner else 0.0
 
 
 def _time(limits: AxisLimits, parts: list[Segment], *, fast: bool) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from mcserver.motion.kernels.groups import (
     REQUESTED,
     SPEED,
     START,
+    TOLERANCE,
     TOP,
     Columns,
     Groups,
@@ -36,28 +37,13 @@ from mcserver.motion.keys import KeySolver, Solution
 from mcserver.motion.limits import RunLimits, junction, samples_of
 from mcserver.motion.nodes import Nodes
 from mcserver.motion.path import Array
+from mcserver.motion.planned_run import PlannedRun
 from mcserver.motion.profile import Phases, ProfileSolver, time_law
 from mcserver.motion.segment import AxisLimits, Segment, StraightRun
+from mcserver.motion.timed_corner import Stop, TimedCorner, TimedCorners
 
 # Late segments of one window that stops are tried for.
 MOST_STOPS = 8
-
-
-@dataclass(frozen=True)
-class PlannedRun:
-    """A time law over segments.
-
-    Attributes:
-        segments: in order. bounds: σ at their starts and at the end, shape (n+1,).
-        phases: σ over time. times: at ``bounds``, shape (n+1,) [s].
-        bound_by: for each segment what limit stretched it, or None.
-    """
-
-    segments: list[Segment]
-    bounds: Array
-    phases: Phases
-    times: Array
-    bound_by: list[Bound | None]
 
 
 @dataclass(frozen=True)
@@ -115,6 +101,7 @@ class Lookahead:
     def __init__(self, limits: AxisLimits) -> None:
         self._limits = limits
         self._solver = ProfileSolver()
+        self._corners = TimedCorners(limits)
         self.nodes = Nodes(len(limits.velocity))
         self.entry = 0.0
 
@@ -170,19 +157,61 @@ class Lookahead:
         """The time law of the whole run from `entry` speed to rest."""
         nodes = self.nodes
         law = self._law(nodes.columns)
+        run = self._run_of(law)
         if not nodes.timed.any():
             slow = slow_vertices(nodes.columns, law.times, self._limits.rows)
             if slow.any():
                 with contextlib.suppress(PlanningError):
-                    law = min(law, self._law(nodes.columns_with_stops(slow)), key=lambda each: each.times[-1])
-        groups, solution = law.groups, law.solution
-        inner = solution.keys[(solution.keys > 0) & (solution.keys < len(groups.starts))]
+                    other = self._law(nodes.columns_with_stops(slow))
+                    stopping = self._run_of(other)
+                    if stopping.phases.duration < run.phases.duration:
+                        law, run = other, stopping
+        groups, keys = law.groups, law.solution.keys
+        inner = keys[(keys > 0) & (keys < len(groups.starts))]
         nodes.bind(groups.starts[inner], groups.bits[inner])
-        bound_by: list[Bound | None] = [None] * len(nodes)
-        for group, bound in solution.late.items():
-            bound_by[groups.starts[group]] = bound
+        return run
+
+    def _run_of(self, law: _Law) -> PlannedRun:
+        bound_by: list[Bound | None] = [None] * len(self.nodes)
+        for group, bound in law.solution.late.items():
+            bound_by[law.groups.starts[group]] = bound
         self._feed_bounds(law.times, bound_by)
-        return PlannedRun(list(nodes.segments), groups.bounds, law.phases, law.times, bound_by)
+        plain = PlannedRun(
+            segments=list(self.nodes.segments),
+            nodes=np.arange(len(self.nodes)),
+            bounds=law.groups.bounds,
+            phases=law.phases,
+            timed=np.zeros(len(law.phases.start), np.bool_),
+            times=law.times,
+            bound_by=bound_by,
+        )
+        stops, corners = self._corners_of(plain)
+        return plain.with_corners(stops, corners)
+
+    def _corners_of(self, run: PlannedRun) -> tuple[list[int], list[TimedCorner]]:
+        """Corners that may stand in the place of stops, each with the segment that starts at its stop."""
+        found: tuple[list[int], list[TimedCorner]] = ([], [])
+        untimed = ~self.nodes.timed
+        (tolerant,) = np.nonzero((self.nodes.numbers[1:, TOLERANCE] > 0.0) & untimed[1:] & untimed[:-1])
+        if not len(tolerant):
+            return found
+        at = tolerant + 1
+        for index in at[run.phases.at(run.times[at])[1] <= 0.0].tolist():
+            start, moment, end = run.times[index - 1 : index + 2].tolist()
+            stop = Stop(
+                before=run.segments[index - 1],
+                after=run.segments[index],
+                phases=run.phases,
+                moment=moment,
+                begin=float(run.bounds[index - 1]),
+                sigma=float(run.bounds[index]),
+                longest=0.5 * min(moment - start, end - moment),
+            )
+            corner = self._corners.find(stop)
+            if corner is not None:
+                found[0].append(index)
+                found[1].append(corner)
+        return found
 
     def _law(self, columns: Columns) -> _Law:
         groups = groups_of(columns, self.entry, self._limits.rows, self._limits.cycle)

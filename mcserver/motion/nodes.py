@@ -23,6 +23,7 @@ from mcserver.motion.kernels.groups import (
     NUMBERS,
     REQUESTED,
     SPEED,
+    TOLERANCE,
     TOP,
     Columns,
 )
@@ -134,6 +135,7 @@ class Nodes:
         numbers[0, [EXTENT, CAP, TOP]] = segment.extent, cap, min(limit.velocity, feed)
         numbers[0, [SPEED, FEED, REQUESTED]] = limit.velocity, feed, segment.requested
         numbers[0, DURATION] = np.nan if segment.duration is None else segment.duration
+        numbers[0, TOLERANCE] = segment.tolerance
         marks = np.zeros((1, MARKS), np.intp)
         marks[0, [COLUMN, KIND]] = limit.column, KINDS.index(limit.kind)
         marks[0, [END, BEFORE]] = self._dropped + len(self.rows), vertex is not None
@@ -160,6 +162,7 @@ class Nodes:
         if leads:
             self.marks[-1, [END, AFTER]] += 1
         marks[:, END] += self._dropped + len(self.rows)
+        numbers[:, TOLERANCE] = 0.0
         self._rows.add(rows)
         self.segments.extend(run.segments(numbers[:, EXTENT].tolist(), active))
         self._numbers.add(numbers)

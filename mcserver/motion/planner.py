@@ -19,13 +19,13 @@ from mcserver.config import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.corner import best_blend
-from mcserver.motion.lookahead import Lookahead, PlannedRun
+from mcserver.motion.lookahead import Lookahead
 from mcserver.motion.path import Array
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
+from mcserver.motion.planned_run import PlannedRun
 from mcserver.motion.sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
 from mcserver.motion.segment import AxisLimits, Segment, StraightRun, place, segment_of
 from mcserver.motion.side_by_side import side_by_side
-from mcserver.units import MM
 
 # Segments that come into the window between two plans of a stream, and the most that it holds: enough for any
 # stopping distance made of short lines.
@@ -48,8 +48,6 @@ class MotionPlanner:
         self._cycle = machine.cycle_s
         self._slots = {axis.index: column for column, axis in enumerate(machine.axes)}
         self._width = len(machine.axes)
-        # in the distance from the programmed path a degree counts as a millimetre
-        self._weights = np.array([MM / axis.type.si_per_unit for axis in machine.axes])
         self.position: Array = position.copy()
         self.u = 0.0
         self._window = Lookahead(self._limits)
@@ -104,7 +102,8 @@ class MotionPlanner:
         self._active |= segment.mask
         segment.active = self._active
         self._plan = None
-        if tolerance > 0.0 and not from_rest and self._window.nodes and self._round(segment, tolerance):
+        segment.tolerance = 0.0 if from_rest else tolerance
+        if segment.tolerance > 0.0 and self._window.nodes and self._round(segment):
             return
         self._window.append(segment, from_rest=from_rest)
 
@@ -122,13 +121,13 @@ class MotionPlanner:
         self.position[:] = straight.points[-1]
         return True
 
-    def _round(self, segment: Segment, tolerance: float) -> bool:
+    def _round(self, segment: Segment) -> bool:
         """Rounds the corner before ``segment``, if that is faster; False where the corner stays."""
         nodes = self._window.nodes
         before = nodes.segments[-1]
         if not before.closes:
             return False
-        found = best_blend(self._window, segment, tolerance, self._weights, self._limits)
+        found = best_blend(self._window, segment, self._limits)
         if found is None:
             return False
         untouched = nodes.mark()
@@ -136,7 +135,7 @@ class MotionPlanner:
         for part in (found.first, found.second, found.after):
             part.active = self._active
             self._window.append(part)
-        if self._reserve is not None and untouched.count <= len(self._reserve.segments):
+        if self._reserve is not None and untouched.count <= self._reserve.window:
             # the stop that is held in reserve runs to the untrimmed end: only a plan that is sure to hold
             # may take its place
             try:
@@ -158,7 +157,7 @@ class MotionPlanner:
                 self._plan = self._window.plan()
             except PlanningError:
                 # the stop in reserve is a time law too, if nothing has come behind it
-                if self._reserve is None or len(self._reserve.segments) < len(self._window.nodes):
+                if self._reserve is None or self._reserve.window < len(self._window.nodes):
                     raise
                 self._plan = self._reserve
         return self._plan
@@ -184,22 +183,14 @@ class MotionPlanner:
             self._left = self.pending
             return None
         nodes = self._window.nodes
-        index = int(np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(nodes) - 1))
-        sigma, speed = (float(x[0]) for x in plan.phases.at(np.array([moment])))
-        gone = moment - float(plan.times[index])
-        nodes.drop(index)
-        if gone > 1e-12:
+        rest = plan.after(moment)
+        nodes.drop(int(plan.nodes[len(plan.segments) - len(rest.segments)]))
+        first = rest.segments[0]
+        if first.begin > nodes.segments[0].begin:
             # what is left of a segment under way
-            segment = nodes.segments[0]
-            begin = segment.begin + (sigma - float(plan.bounds[index])) / segment.scale
-            nodes.replace(0, dataclasses.replace(segment, begin=begin, opens=False))
-        self._reserve = PlannedRun(
-            segments=list(nodes.segments),
-            bounds=np.maximum(plan.bounds[index:] - sigma, 0.0),
-            phases=plan.phases.after(moment),
-            times=np.maximum(plan.times[index:] - moment, 0.0),
-            bound_by=plan.bound_by[index:],
-        )
+            nodes.replace(0, dataclasses.replace(nodes.segments[0], begin=first.begin, opens=False))
+        self._reserve = rest
+        speed = float(plan.phases.at(np.array([moment]))[1][0])
         self._window.entry = speed
         self._left = max(len(nodes), WINDOW // 2)
         origin, self.u = self.u, self.u + moment / self._cycle
@@ -215,7 +206,7 @@ class MotionPlanner:
         plan = self._reserve
         if plan is None:
             raise PlanningError(self._window.nodes.segments[0].line)
-        self._window.nodes.drop(len(plan.segments))
+        self._window.nodes.drop(plan.window)
         self._window.entry = 0.0
         self._reserve = None
         self._plan = None
@@ -320,16 +311,14 @@ class MotionPlanner:
         )
         while index < len(phases.start):
             constant = abs(phases.acceleration[index]) <= trace and phases.jerk[index] == 0.0
-            if constant and phases.velocity[index] > 0.0:
+            if constant and not plan.timed[index] and phases.velocity[index] > 0.0:
                 break
             index += 1
             if index < len(phases.start):
                 moment = float(phases.start[index])
         moment = min(moment, safe)
         # a line with a time of its own is not cut inside
-        segment = int(
-            np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(plan.segments) - 1)
-        )
+        segment = plan.segment_at(moment)
         if plan.segments[segment].duration is not None:
             moment = min(float(plan.times[segment + 1]), safe)
         return moment
@@ -352,9 +341,7 @@ class MotionPlanner:
         if index == 0 or index == len(phases.start):
             return 0.0
         moment = float(phases.start[index])
-        segment = int(
-            np.clip(np.searchsorted(plan.times, moment, side="right") - 1, 0, len(plan.segments) - 1)
-        )
+        segment = plan.segment_at(moment)
         if plan.segments[segment].duration is not None:
             moment = float(plan.times[segment])
         return moment

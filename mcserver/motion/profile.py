@@ -49,6 +49,31 @@ class Phases:
         lasts = np.diff(self.start, append=self.duration)
         return np.column_stack((lasts, self.position, self.velocity, self.acceleration, self.jerk))
 
+    def between(self, low: float, high: float) -> Array:
+        """The part between two moments [s] as rows of `mcserver.motion.kernels.phases`."""
+        first = int(np.clip(np.searchsorted(self.start, low, side="right") - 1, 0, len(self.start) - 1))
+        last = max(int(np.searchsorted(self.start, high, side="left")), first + 1)
+        rows = self.rows[first:last].copy()
+        x = low - float(self.start[first])
+        _, p, v, a, j = rows[0].tolist()
+        rows[0] = (
+            rows[0, 0],
+            p + x * (v + x * (a / 2.0 + x * j / 6.0)),
+            v + x * (a + x * j / 2.0),
+            a + x * j,
+            j,
+        )
+        rows[0, 0] -= x
+        rows[-1, 0] -= (float(self.start[last]) if last < len(self.start) else self.duration) - high
+        return rows
+
+    def state(self, moment: float) -> tuple[float, float, float]:
+        """Coordinate, speed and acceleration at a moment [s]; where that steps, before the step."""
+        index = max(int(np.searchsorted(self.start, moment, side="left")) - 1, 0)
+        _, p, v, a, j = self.rows[index].tolist()
+        x = moment - float(self.start[index])
+        return p + x * (v + x * (a / 2.0 + x * j / 6.0)), v + x * (a + x * j / 2.0), a + x * j
+
     def after(self, moment: float) -> Phases:
         """What is left of the time law after ``moment`` [s], with time and coordinate counted from there."""
         index = int(np.clip(np.searchsorted(self.start, moment, side="right") - 1, 0, len(self.start) - 1))

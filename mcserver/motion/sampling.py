@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.kernels.sampling import follow, sample_lines
-from mcserver.motion.lookahead import PlannedRun
 from mcserver.motion.path import Array
+from mcserver.motion.planned_run import PlannedRun
 
 # Cycles by which a time may miss a whole cycle through rounding.
 CYCLE_ROUNDING = 1e-6

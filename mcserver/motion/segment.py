@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mcserver.config import Machine
 from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.path import Array, Curve, LineCurve
+from mcserver.units import MM
 
 _NOWHERE = np.zeros(0)
 # A path whose tangent is shorter than this does not travel [m or rad].
@@ -21,12 +22,18 @@ NO_TRAVEL = 1e-10
 
 @dataclass(frozen=True)
 class AxisLimits:
-    """Limits of the machine's columns in SI, shape (K,) each; infinite where not limited."""
+    """Limits of the machine's columns in SI, shape (K,) each; infinite where not limited.
+
+    Attributes:
+        cycle: [s]. weights: of the columns in the distance from the programmed path: 1 for metres; a degree
+            counts as a millimetre.
+    """
 
     velocity: Array
     acceleration: Array
     jerk: Array
     cycle: float
+    weights: Array
 
     @cached_property
     def rows(self) -> Array:
@@ -40,7 +47,19 @@ class AxisLimits:
             acceleration=np.array([axis.max_acceleration for axis in machine.axes]),
             jerk=np.array([axis.max_jerk for axis in machine.axes]),
             cycle=machine.cycle_s,
+            weights=np.array([MM / axis.type.si_per_unit for axis in machine.axes]),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class KnownCorner:
+    """How far a corner about a stop reaches to either side, 0 where none is worth it, and the room that there
+    was: as far as half of the lines, and until the ramps end [s].
+    """
+
+    reach: float
+    longest: float
+    ramps: float
 
 
 @dataclass(slots=True)
@@ -65,6 +84,8 @@ class Segment:
         active: mask of all columns that the run has moved up to this segment.
         opens, closes: whether the line's time begins or ends with this segment.
         straight: whether all its curves are lines.
+        tolerance: how far the corner at its start may be rounded [m]. corner: what the last plan found for a
+            stop there.
     """
 
     line: int
@@ -87,6 +108,8 @@ class Segment:
     opens: bool = True
     closes: bool = True
     straight: bool = False
+    tolerance: float = 0.0
+    corner: KnownCorner | None = None
 
     @property
     def in_parts(self) -> bool:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mcserver.motion.lookahead import PlannedRun
 from mcserver.motion.path import Array
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, Piece
+from mcserver.motion.planned_run import PlannedRun
 from mcserver.motion.sampling import Rows, first_row, sample
 
 

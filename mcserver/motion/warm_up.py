@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from mcserver.motion.blend import straight_blend
 from mcserver.motion.canonical import FeedGroup, PlainRun
-from mcserver.motion.corner import best_blend
+from mcserver.motion.corner import HANDLE, TOLERANCE_SHARES, best_blend
 from mcserver.motion.limits import Level
 from mcserver.motion.lookahead import Lookahead
 from mcserver.motion.path import ArcCurve, Array, Curve, LineCurve
@@ -29,6 +30,7 @@ def warm_up() -> None:
         acceleration=np.array([1.0, 1.0]),
         jerk=np.array([10.0, math.inf]),
         cycle=1e-3,
+        weights=np.ones(2),
     )
     window = Lookahead(limits)
     position = np.zeros(2)
@@ -76,5 +78,12 @@ def _round_corners(limits: AxisLimits) -> None:
         first = LineCurve((0, 1), (0.0, 0.0), (0.01, 0.0), 0.01)
         window.append(_segment(FeedGroup((first,), requested=0.1, speed=0.1), 1, np.zeros(2)))
         after = _segment(FeedGroup((second,), requested=0.1, speed=0.1), 2, np.array([0.01, 0.0]))
-        found = best_blend(window, after, 2e-3, np.ones(2), limits)
-        assert found is not None
+        after.tolerance = 2e-3
+        best_blend(window, after, limits)
+        # whichever way round the corner is the best one, all of them are called
+        if after.straight:
+            assert straight_blend(window.nodes.segments[-1], after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
+        window.append(after)
+        run = window.plan()
+        assert run.timed.any()
+        sample(run, 0.0, 1, math.ceil(run.phases.duration / limits.cycle), limits.cycle)

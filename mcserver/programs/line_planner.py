@@ -29,8 +29,8 @@ from mcserver.motion.canonical import (
     TorqueGroup,
     requested_of,
 )
-from mcserver.motion.lookahead import PlannedRun
 from mcserver.motion.pieces import Activation, Deactivation, LineBound, LineMark, Piece
+from mcserver.motion.planned_run import PlannedRun
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.sampling import CYCLE_ROUNDING, Rows
 from mcserver.programs.output import Output

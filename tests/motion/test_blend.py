@@ -151,17 +151,14 @@ def test_a_line_with_a_time_of_its_own_is_not_trimmed() -> None:
 
 @pytest.mark.parametrize("jerk", [None, 20_000.0])
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-4, 1e-3])
-def test_a_square_with_rounded_corners_is_no_slower_than_one_with_stops_and_keeps_all_limits(
+def test_a_square_with_rounded_corners_is_quicker_than_one_with_stops_and_keeps_all_limits(
     tolerance: float, jerk: float | None
 ) -> None:
     machine = alike(2, velocity=200.0, acceleration=1000.0, jerk=jerk)
     square = polyline(machine, [(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1), (0, 0)], 0.1)
     stopping = plan(machine, [Move(group, from_rest=True) for group in square])
     rounded = plan(machine, [Move(group, tolerance=tolerance) for group in square])
-    assert rounded.duration <= stopping.duration
-    # through so small a corner a jerk limit lets hardly any speed: stopping is as quick there
-    if jerk is None or tolerance >= 1e-3:
-        assert rounded.duration < stopping.duration
+    assert rounded.duration < stopping.duration
     assert farthest_from_path(rounded) <= tolerance
     assert path_missed_by(rounded) <= tolerance + 1.0 * rounded.cycle**2 / 8.0
     assert velocity_ratio(rounded) <= 1.001

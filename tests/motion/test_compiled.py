@@ -112,12 +112,14 @@ def everything(**environment: str) -> dict[str, Any]:
     return report
 
 
+@pytest.mark.timeout(600)
 def test_warming_up_leaves_nothing_to_compile() -> None:
     report = everything()
     assert report["faults"] == []
     assert report["late"] == {}
 
 
+@pytest.mark.timeout(600)
 def test_no_kernel_goes_beyond_an_array(tmp_path: Path) -> None:
     """Compiled with a check at every access, in a cache of its own."""
     assert everything(NUMBA_BOUNDSCHECK="1", NUMBA_CACHE_DIR=str(tmp_path))["faults"] == []

@@ -251,18 +251,19 @@ def may_win(speed: float, from_rest: float, slow: float, top: float, fastest: fl
 
 
 @compiled
-def best_reach(corner: Corner, left: float, right: float, power: Array, reaches: Array) -> float:
+def best_reach(corner: Corner, left: float, right: float, power: Array, reaches: Array, gain: float) -> float:
     """The reach with which the corner is passed soonest; 0: it stays.
 
     Args:
         left, right: what is left of the segments [m]. power: of the shape with d = 1. reaches: what is tried,
-            shape (n,).
+            shape (n,). gain: what a corner that is a stop takes less than the lines to it and from it [s].
     """
     entry = entry_speed(corner)
     from_rest, speed = corner_time(corner, left, right, 0.0)
     least = math.inf
     if speed <= 0.0:
         least, _ = corner_time(corner, left, right, entry)
+        from_rest, least = from_rest - gain, least - gain
     best, fastest = 0.0, FASTER * speed
     for reach in reaches:
         if not reach > 0.0:

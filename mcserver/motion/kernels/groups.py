@@ -15,9 +15,9 @@ from mcserver.motion.path import Array
 
 # What is known of a segment, in numbers: its length along σ; the greatest speed at its start, from the joint
 # with the one before; the greatest speed on it, with the feed and by the axes alone; the feed along σ; the
-# time that is asked for, and T under G93 (NaN: none) [s].
-EXTENT, CAP, TOP, SPEED, FEED, REQUESTED, DURATION = range(7)
-NUMBERS = 7
+# time that is asked for, and T under G93 (NaN: none) [s]; how far a stop at its start may be rounded [m].
+EXTENT, CAP, TOP, SPEED, FEED, REQUESTED, DURATION, TOLERANCE = range(8)
+NUMBERS = 8
 # And in marks: the column and kind of limit that SPEED is by; one past its last sample, counted from the
 # first sample of all; whether a vertex's sample stands at its start and its end; which of its edges a plan
 # had to bind, of these bits: its start, where the vertex there ends to count, where that at its
