@@ -231,6 +231,11 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
     polynomial_samples(part, 1.0, rows, speeds)
     if speeds.min() <= 1e-3 * speeds.max():
         return None
+    # the path speed of the line it belongs to is kept where the parameter runs fastest
+    feed = side.segment.feed * side.length / float(speeds.max())
+    if not side.segment.paced_alone:
+        counted = PolynomialCurve((), part[:, side.segment.paced], 0.0).derivatives(_S)[0]
+        feed = min(feed, side.segment.pace / max(float(np.linalg.norm(counted, axis=1).max()), 1e-300))
     orders = np.arange(len(part), dtype=np.float64)
     curve = PolynomialCurve(
         axes=tuple(columns.tolist()),
@@ -242,8 +247,7 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
         curves=(curve,),
         columns=(columns,),
         mask=side.mask,
-        # the path speed of the line it belongs to is kept where the parameter runs fastest
-        feed=side.segment.feed * side.length / float(speeds.max()),
+        feed=feed,
         requested=0.0,
         first=part[1].copy(),
         last=orders @ part,

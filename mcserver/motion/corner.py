@@ -26,7 +26,7 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
     speed = window.joint_speed(after)
     if speed >= min(float(window.nodes.numbers[-1, TOP]), after.feed * after.scale):
         return None
-    if before.straight and after.straight:
+    if before.straight and after.straight and before.paced_alone and after.paced_alone:
         found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
         if found is not None and speed <= 0.0:
             gain = _gain_in_time(limits, before, after)

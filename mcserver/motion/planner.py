@@ -26,6 +26,7 @@ from mcserver.motion.planned_run import PlannedRun
 from mcserver.motion.sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
 from mcserver.motion.segment import AxisLimits, Segment, StraightRun, place, segment_of
 from mcserver.motion.side_by_side import side_by_side
+from mcserver.units import AxisType
 
 # Segments that come into the window between two plans of a stream, and the most that it holds: enough for any
 # stopping distance made of short lines.
@@ -47,7 +48,7 @@ class MotionPlanner:
         self._limits = AxisLimits.of(machine)
         self._cycle = machine.cycle_s
         self._slots = {axis.index: column for column, axis in enumerate(machine.axes)}
-        self._width = len(machine.axes)
+        self._linear = np.array([axis.type is AxisType.LINEAR for axis in machine.axes])
         self.position: Array = position.copy()
         self.u = 0.0
         self._window = Lookahead(self._limits)
@@ -88,7 +89,7 @@ class MotionPlanner:
 
     def segment(self, group: FeedGroup, line: int) -> Segment:
         """The segment of a group; the commanded position moves on to its end."""
-        segment = segment_of(group, line, self._slots, self._width)
+        segment = segment_of(group, line, self._slots, self._linear)
         place(segment, self.position)
         return segment
 
@@ -369,7 +370,7 @@ class MotionPlanner:
         runs: list[PlannedRun | None] = []
         mask = 0
         for group in groups:
-            segment = segment_of(group, line, self._slots, self._width)
+            segment = segment_of(group, line, self._slots, self._linear)
             place(segment, self.position)
             segment.active = segment.mask
             mask |= segment.mask

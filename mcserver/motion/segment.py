@@ -16,6 +16,7 @@ from mcserver.motion.path import Array, Curve, LineCurve
 from mcserver.units import MM
 
 _NOWHERE = np.zeros(0)
+_NO_COLUMNS = np.zeros(0, np.intp)
 # A path whose tangent is shorter than this does not travel [m or rad].
 NO_TRAVEL = 1e-10
 
@@ -73,6 +74,7 @@ class Segment:
         mask: bit mask over all columns.
         duration: T under G93 [s], else None.
         feed: greatest ds/dt under G94 [1/s], infinite under G93: speed / length of the reference curve.
+        pace, paced: that speed [m/s or rad/s], and the columns that it counts (D-30).
         requested: [s].
         first, last: dp/ds at s = 0 and 1, shape (K,); zero where an axis has no part.
         bend_first, bend_last: d²p/ds² there.
@@ -108,8 +110,16 @@ class Segment:
     opens: bool = True
     closes: bool = True
     straight: bool = False
+    pace: float = math.inf
+    paced: NDArray[np.intp] = field(default_factory=lambda: _NO_COLUMNS)
     tolerance: float = 0.0
     corner: KnownCorner | None = None
+
+    @property
+    def paced_alone(self) -> bool:
+        """Whether nothing moves but what its path speed counts."""
+        counted: int = sum(1 << column for column in self.paced.tolist())
+        return self.mask == counted
 
     @property
     def in_parts(self) -> bool:
@@ -159,8 +169,13 @@ _ENDS = np.array([0.0, 1.0])
 _END = _ENDS[1:]
 
 
-def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -> Segment:
-    """The segment of a feed group; ``slots`` maps axis numbers to columns."""
+def segment_of(group: FeedGroup, line: int, slots: dict[int, int], linear: NDArray[np.bool_]) -> Segment:
+    """The segment of a feed group.
+
+    Args:
+        slots: columns of axis numbers. linear: which of the machine's columns are, shape (K,).
+    """
+    width = len(linear)
     columns = tuple(np.array([slots[axis] for axis in curve.axes], dtype=np.intp) for curve in group.curves)
     first, last, bend_first, bend_last = np.zeros((4, width))
     mask = 0
@@ -178,8 +193,12 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -
             first[where], last[where] = slope
             bend_first[where], bend_last[where] = bend
     scale = math.sqrt(float(first @ first))
-    feed = math.inf
+    feed = pace = math.inf
+    paced = columns[group.reference]
+    if linear[paced].any():
+        paced = paced[linear[paced]]
     if group.speed is not None:
+        pace = group.speed
         length = group.curves[group.reference].length
         feed = (
             group.speed / length
@@ -200,6 +219,8 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], width: int) -
         bend_last=bend_last,
         scale=scale,
         straight=straight,
+        pace=pace,
+        paced=paced,
     )
 
 

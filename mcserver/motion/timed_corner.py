@@ -224,7 +224,15 @@ class TimedCorners:
             programmed = programmed_points(before, after, leave.s, join.s)[:, columns]
             bow = bow_of(programmed)
         speeds = np.stack((leave.velocity, join.velocity))
-        feeds = np.array([before.feed * length_of(before.last), after.feed * length_of(after.first)])
+        slower = math.sqrt(float((speeds * speeds).sum(axis=1).max()))
+        lines = (before, after)
+        caps = np.array(
+            [
+                (min(each.feed * length_of(end), slower), each.pace)
+                for each, end in zip(lines, (before.last, after.first), strict=True)
+            ]
+        )
+        paced = np.array([np.isin(columns, each.paced) for each in lines], dtype=float)
         miss, turn = miss_of(
             curve.phases,
             curve.duration,
@@ -232,7 +240,8 @@ class TimedCorners:
             bow,
             self._limits.weights[columns],
             np.abs(speeds[:, columns]).max(axis=0),
-            np.minimum(feeds, np.sqrt((speeds * speeds).sum(axis=1).max())),
+            caps,
+            paced,
             self._limits.cycle,
         )
         if curve.duration >= 2.0 * reach:

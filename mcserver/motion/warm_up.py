@@ -61,7 +61,7 @@ def warm_up() -> None:
 
 
 def _segment(group: FeedGroup, line: int, position: Array) -> Segment:
-    segment = segment_of(group, line, _SLOTS, len(position))
+    segment = segment_of(group, line, _SLOTS, np.ones(len(position), np.bool_))
     place(segment, position)
     return segment
 

@@ -30,7 +30,9 @@ ANGLES = st.sampled_from([0.01, 0.1, 0.5, 1.0, math.pi / 2, 2.0, 2.6])
 
 
 def segment(curve: Curve, line: int, base: Array, feed: float = 0.1) -> Segment:
-    made = segment_of(at_speed(feed, curve), line, {axis: axis for axis in range(WIDTH)}, WIDTH)
+    made = segment_of(
+        at_speed(feed, curve), line, {axis: axis for axis in range(WIDTH)}, np.ones(WIDTH, np.bool_)
+    )
     place(made, base.copy())
     made.active = made.mask
     return made
@@ -143,7 +145,7 @@ def test_a_line_with_a_time_of_its_own_is_not_trimmed() -> None:
         in_time(1.0, line_curve(machine, (1,), (0.0,), (0.1,))),
         2,
         {axis: axis for axis in range(WIDTH)},
-        WIDTH,
+        np.ones(WIDTH, np.bool_),
     )
     place(timed, np.array([0.1, 0.0, 0.0]))
     assert made_of(there, timed, 1e-3) is None

@@ -180,7 +180,7 @@ def planned(jerk: float, tolerance: float) -> PlannedRun:
     machine = alike(2, jerk=jerk)
     window, position = Lookahead(AxisLimits.of(machine)), np.zeros(2)
     for number, group in enumerate(polyline(machine, [(0, 0), (SIDE, 0), (SIDE, SIDE)], SPEED), start=1):
-        segment = segment_of(group, number, {0: 0, 1: 1}, 2)
+        segment = segment_of(group, number, {0: 0, 1: 1}, np.ones(2, np.bool_))
         place(segment, position)
         segment.tolerance = tolerance
         window.append(segment)

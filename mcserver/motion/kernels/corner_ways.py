@@ -83,7 +83,14 @@ def _span(phases: Array, duration: float) -> tuple[float, float, float]:
 
 @compiled
 def _leaves(
-    ways: Array, times: Array, near: int, programmed: Array, fastest: Array, caps: Array, slack: float
+    ways: Array,
+    times: Array,
+    near: int,
+    programmed: Array,
+    fastest: Array,
+    caps: Array,
+    paced: Array,
+    slack: float,
 ) -> bool:
     """Whether an axis leaves the span of the programmed points or is faster than ``fastest``, or the path
     than the cap of its part, before or after the moment ``near``.
@@ -100,8 +107,14 @@ def _leaves(
     found = np.empty((4, len(moments), len(fastest)))
     ways_at(ways, moments, found)
     for i in range(len(moments)):
-        speed = math.sqrt((found[1, i] * found[1, i]).sum())
-        if speed > caps[0 if moments[i] <= times[near] else 1] * FASTER + SLACK:
+        part = 0 if moments[i] <= times[near] else 1
+        square = counted = 0.0
+        for k in range(len(fastest)):
+            square += found[1, i, k] ** 2
+            counted += paced[part, k] * found[1, i, k] ** 2
+        if math.sqrt(square) > caps[part, 0] * FASTER + SLACK:
+            return True
+        if math.sqrt(counted) > caps[part, 1] * FASTER + SLACK:
             return True
     return False
 
@@ -115,6 +128,7 @@ def miss_of(
     weights: Array,
     fastest: Array,
     caps: Array,
+    paced: Array,
     cycle: float,
 ) -> tuple[float, float]:
     """Largest distance between ways and programmed path, in either direction, and from the vertex to the
@@ -125,8 +139,9 @@ def miss_of(
         programmed: points of the path with the vertex in the middle, shape (m, K); of two straight lines the
             ends and the vertex. bow: what a polyline through them misses of the path [m]. weights: of the
             columns in the distance, shape (K,).
-        fastest: greatest speeds of the columns, shape (K,). caps: of the path before and after it is nearest
-            to the vertex, shape (2,).
+        fastest: greatest speeds of the columns, shape (K,). caps: of all columns together, and of those
+            that a path speed counts, before and after they are nearest to the vertex, shape (2, 2). paced: 1
+            for the columns that it counts then, 0 for others, shape (2, K).
         cycle: between two setpoints [s].
     """
     count, middle = len(weights), len(programmed) // 2
@@ -140,7 +155,7 @@ def miss_of(
     for i in range(2, PLACES - 1):
         if _distance(found[0, i], vertex, weights) < _distance(found[0, near], vertex, weights):
             near = i
-    if _leaves(ways, times, near, programmed, fastest, caps, SLACK + 2.0 * bow):
+    if _leaves(ways, times, near, programmed, fastest, caps, paced, SLACK + 2.0 * bow):
         return math.inf, 0.5
     # there is a setpoint within half a cycle of the nearest place
     rows = np.empty(2)
