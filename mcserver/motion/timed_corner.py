@@ -5,7 +5,7 @@ the stop and one x behind it the axes may leave the path: each goes the quickest
 to its state at the other, and all take the same time. Where the lines move different axes the end of one ramp
 and the beginning of the next pass at once, and acceleration need not vanish between them. Position, velocity
 and acceleration go on as they were, within each axis's own limits, so mostly the tolerance bounds x (D-35,
-D-36). The ways are Ruckig's.
+D-36).
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import ruckig
 from numpy.typing import NDArray
 
 from mcserver.motion.blend import bow_of, can_be_rounded, programmed_points
 from mcserver.motion.kernels.corner_ways import miss_of, ways_at
 from mcserver.motion.kernels.joints import length_of
 from mcserver.motion.kernels.polynomials import PLACES
+from mcserver.motion.kernels.state_to_state import PHASES, quickest_ways
 from mcserver.motion.path import Array
 from mcserver.motion.profile import Phases
 from mcserver.motion.segment import AxisLimits, KnownCorner, Segment, columns_of
@@ -142,11 +142,10 @@ def is_timed(segment: Segment) -> bool:
 
 
 class TimedCorners:
-    """Finds them; keeps Ruckig's objects, so use one per thread."""
+    """Finds them under the limits of a machine."""
 
     def __init__(self, limits: AxisLimits) -> None:
         self._limits = limits
-        self._solvers: dict[int, tuple[ruckig.Ruckig, ruckig.InputParameter, ruckig.Trajectory]] = {}
 
     def find(self, stop: Stop) -> TimedCorner | None:
         """The corner that saves most time within ``stop.after.tolerance``; None where none saves any.
@@ -214,9 +213,48 @@ class TimedCorners:
         leave = _state(stop.phases, stop.moment - reach, before, stop.begin)
         join = _state(stop.phases, stop.moment + reach, after, stop.sigma)
         columns = columns_of(before.mask | after.mask)
-        curve = self._curve(leave, join, columns, reach)
-        if curve is None:
-            return None, math.inf
+        best, miss = None, 0.0
+        for cruising in (False, True):
+            curve = self._curve(leave, join, columns, reach, cruising=cruising)
+            if curve is None:
+                # nothing is saved, but a longer corner might
+                continue
+            miss, turn = self._miss(stop, leave, join, curve)
+            if math.isfinite(miss):
+                best = _corner(stop, reach, leave, join, curve, turn)
+                break
+        return best, miss
+
+    def _curve(
+        self, leave: _State, join: _State, columns: NDArray[np.intp], reach: float, *, cruising: bool
+    ) -> TimedCurve | None:
+        """The quickest way from one state to the other; None: there is none that is quicker than the stop."""
+        limits = self._limits
+        here = leave.position[columns]
+        states = np.column_stack(
+            (
+                join.position[columns] - here,
+                leave.velocity[columns],
+                join.velocity[columns],
+                leave.acceleration[columns],
+                join.acceleration[columns],
+            )
+        )
+        most = np.maximum(limits.acceleration[columns], np.abs(states[:, 3:]).max(axis=1))
+        ways = np.empty((len(columns), PHASES, 5))
+        bounds = np.stack((most, limits.jerk[columns]))
+        duration = quickest_ways(states, bounds, 2.0 * reach, cruising, ways)
+        if not duration < 2.0 * reach:
+            return None
+        ways[:, :, 1] += here[:, None]
+        return TimedCurve(tuple(columns.tolist()), duration, ways)
+
+    def _miss(self, stop: Stop, leave: _State, join: _State, curve: TimedCurve) -> tuple[float, float]:
+        """Largest distance from the programmed path [m], infinite where it may not be driven, and the share
+        of the time at which it is nearest to the vertex.
+        """
+        before, after = stop.before, stop.after
+        columns = np.array(curve.axes, dtype=np.intp)
         if before.straight and after.straight:
             bow = 0.0
             programmed = np.stack((leave.position, after.base, join.position))[:, columns]
@@ -225,79 +263,21 @@ class TimedCorners:
             bow = bow_of(programmed)
         speeds = np.stack((leave.velocity, join.velocity))
         slower = math.sqrt(float((speeds * speeds).sum(axis=1).max()))
-        lines = (before, after)
-        caps = np.array(
-            [
-                (min(each.feed * length_of(end), slower), each.pace)
-                for each, end in zip(lines, (before.last, after.first), strict=True)
-            ]
-        )
-        paced = np.array([np.isin(columns, each.paced) for each in lines], dtype=float)
-        miss, turn = miss_of(
+        lines = ((before, before.last), (after, after.first))
+        caps = [(min(line.feed * length_of(tangent), slower), line.pace) for line, tangent in lines]
+        paced = [np.isin(columns, line.paced) for line, _ in lines]
+        found: tuple[float, float] = miss_of(
             curve.phases,
             curve.duration,
             np.ascontiguousarray(programmed),
             bow,
             self._limits.weights[columns],
             np.abs(speeds[:, columns]).max(axis=0),
-            caps,
-            paced,
+            np.array(caps),
+            np.array(paced, dtype=float),
             self._limits.cycle,
         )
-        if curve.duration >= 2.0 * reach:
-            return None, miss
-        return _corner(stop, reach, leave, join, curve, turn), miss
-
-    def _curve(
-        self, leave: _State, join: _State, columns: NDArray[np.intp], reach: float
-    ) -> TimedCurve | None:
-        """The quickest way from one state to the other."""
-        here = leave.position[columns]
-        travel = join.position[columns] - here
-        unit = float(np.abs(travel).max())
-        if not unit > 0.0:
-            return None
-        # numbers are given in units that make them about 1: Ruckig's tolerances are absolute
-        count = len(columns)
-        if count not in self._solvers:
-            self._solvers[count] = (
-                ruckig.Ruckig(count),
-                ruckig.InputParameter(count),
-                ruckig.Trajectory(count),
-            )
-        solver, given, trajectory = self._solvers[count]
-        limits = self._limits
-        per_speed, per_acceleration = reach / unit, reach**2 / unit
-        given.current_position = [0.0] * count
-        given.current_velocity = (leave.velocity[columns] * per_speed).tolist()
-        given.current_acceleration = (leave.acceleration[columns] * per_acceleration).tolist()
-        given.target_position = (travel / unit).tolist()
-        given.target_velocity = (join.velocity[columns] * per_speed).tolist()
-        given.target_acceleration = (join.acceleration[columns] * per_acceleration).tolist()
-        more = 1.0 + ROUNDING
-        given.max_velocity = (limits.velocity[columns] * per_speed * more).tolist()
-        given.max_acceleration = (limits.acceleration[columns] * per_acceleration * more).tolist()
-        given.max_jerk = (limits.jerk[columns] * per_acceleration * reach).tolist()
-        try:
-            result = solver.calculate(given, trajectory)
-        except (ruckig.RuckigError, ValueError):
-            return None
-        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-            return None
-        duration = trajectory.duration * reach
-        phases = np.empty((count, 7, 5))
-        for k, profile in enumerate(trajectory.profiles[0]):
-            if sum(profile.brake.t) > 0.0 or sum(profile.accel.t) > 0.0:
-                return None
-            start = np.concatenate(([0.0], np.cumsum(profile.t)[:-1]))
-            phases[k] = np.column_stack((start, profile.p[:7], profile.v[:7], profile.a[:7], profile.j))
-            # what the solver misses the target by is spread over the way
-            gap = (float(travel[k]) / unit - profile.p[7]) / trajectory.duration
-            phases[k, :, 1] += gap * start
-            phases[k, :, 2] += gap
-        phases *= np.array([reach, unit, unit / reach, unit / reach**2, unit / reach**3])
-        phases[:, :, 1] += here[:, None]
-        return TimedCurve(tuple(columns.tolist()), duration, phases)
+        return found
 
 
 def _ramps(stop: Stop) -> float:

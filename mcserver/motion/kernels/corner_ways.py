@@ -8,11 +8,12 @@ import numpy as np
 
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.corners import farthest
-from mcserver.motion.kernels.polynomials import PLACES
 from mcserver.motion.path import Array
 
-# What the polylines through the places may miss of the curves, as a share of the distance.
-POLYLINE = 1.001
+# Places at which ways are looked at, evenly spaced in time.
+PLACES = 65
+# What the farthest of a line's points may miss of the greatest distance, as a share of it.
+POINTS = 1.001
 # What rounding may add to a speed, and to a place [m].
 FASTER = 1.0 + 1e-6
 SLACK = 1e-9
@@ -82,6 +83,20 @@ def _span(phases: Array, duration: float) -> tuple[float, float, float]:
 
 
 @compiled
+def _between(ways: Array, weights: Array) -> float:
+    """Greatest acceleration that all axes may have together: ways leave their chords by a·dt²/8."""
+    square = 0.0
+    for k in range(len(ways)):
+        most = 0.0
+        for n in range(ways.shape[1]):
+            most = max(most, abs(ways[k, n, 3]))
+            if n + 1 < ways.shape[1]:
+                most = max(most, abs(ways[k, n, 3] + ways[k, n, 4] * (ways[k, n + 1, 0] - ways[k, n, 0])))
+        square += (most * weights[k]) ** 2
+    return math.sqrt(square)
+
+
+@compiled
 def _leaves(
     ways: Array,
     times: Array,
@@ -107,15 +122,18 @@ def _leaves(
     found = np.empty((4, len(moments), len(fastest)))
     ways_at(ways, moments, found)
     for i in range(len(moments)):
-        part = 0 if moments[i] <= times[near] else 1
-        square = counted = 0.0
-        for k in range(len(fastest)):
-            square += found[1, i, k] ** 2
-            counted += paced[part, k] * found[1, i, k] ** 2
-        if math.sqrt(square) > caps[part, 0] * FASTER + SLACK:
-            return True
-        if math.sqrt(counted) > caps[part, 1] * FASTER + SLACK:
-            return True
+        # the moment between the two parts belongs to both
+        for part in range(2):
+            if moments[i] > times[near] if part == 0 else moments[i] < times[near]:
+                continue
+            square = counted = 0.0
+            for k in range(len(fastest)):
+                square += found[1, i, k] ** 2
+                counted += paced[part, k] * found[1, i, k] ** 2
+            if math.sqrt(square) > caps[part, 0] * FASTER + SLACK:
+                return True
+            if math.sqrt(counted) > caps[part, 1] * FASTER + SLACK:
+                return True
     return False
 
 
@@ -165,6 +183,7 @@ def miss_of(
     ways_at(ways, rows, beside)
     worst = max(_distance(beside[0, 0], vertex, weights), _distance(beside[0, 1], vertex, weights))
     path, way = programmed * weights, found[0] * weights
+    between = _between(ways, weights) * (duration / (PLACES - 1)) ** 2 / 8.0
     # each part against its own line: where lines lie close, the other one is no excuse
     for part in range(2):
         line = path[: middle + 1] if part == 0 else path[middle:]
@@ -174,5 +193,5 @@ def miss_of(
             points = np.empty((STEPS + 1, count))
             for i in range(STEPS + 1):
                 points[i] = line[0] + (line[1] - line[0]) * (i / STEPS)
-        worst = max(worst, max(farthest(own, line), farthest(points, own)) * POLYLINE + bow)
+        worst = max(worst, max(farthest(own, line), farthest(points, own)) * POINTS + between + bow)
     return worst, times[near] / duration
