@@ -14,7 +14,7 @@ from mcserver.motion.profile import Phases, time_law
 from mcserver.motion.segment import Segment
 from mcserver.motion.timed_corner import TimedCorner, is_timed
 
-# What rounding may make of a moment [s].
+# What rounding makes of a moment at most: it is one with the end of a segment that is so near [s].
 NO_TIME = 1e-12
 
 
@@ -45,9 +45,14 @@ class PlannedRun:
         """Segments of the window that it covers."""
         return int(self.nodes[-1]) + 1
 
+    def at_end(self, moment: float) -> float:
+        """The end of a segment that a moment is one with but for rounding, else the moment itself [s]."""
+        near = float(self.times[int(np.argmin(np.abs(self.times - moment)))])
+        return near if abs(near - moment) <= NO_TIME else moment
+
     def segment_at(self, moment: float) -> int:
         """The segment under way at a moment [s] that is not inside a timed corner."""
-        index = int(np.searchsorted(self.times, moment + NO_TIME, side="right")) - 1
+        index = int(np.searchsorted(self.times, moment, side="right")) - 1
         index = min(max(index, 0), len(self.segments) - 1)
         # at the very start of a corner the line before it ends
         while is_timed(self.segments[index]):
@@ -111,12 +116,17 @@ class PlannedRun:
             segments[stop - 1] = dataclasses.replace(segments[stop - 1], finish=corner.leave_s, closes=False)
             segments[stop + 2] = dataclasses.replace(segments[stop + 2], begin=corner.join_s, opens=False)
         parts.append(self.phases.between(since, self.phases.duration))
+        phases = time_law(np.concatenate(parts), self.phases.end)
+        timed = np.concatenate([np.full(len(part), bool(i % 2)) for i, part in enumerate(parts)])
+        # the same sums as in the time law: a cut at the end of a corner is at the start of what follows
+        leave_at = phases.start[timed]
+        join_at = np.append(phases.start, phases.duration)[np.nonzero(timed)[0] + 1]
         return PlannedRun(
             segments=segments,
             nodes=np.insert(self.nodes, np.repeat(at, 2), np.column_stack((at - 1, at)).ravel()),
             bounds=np.insert(bounds, places, np.column_stack((from_, to)).ravel()),
-            phases=time_law(np.concatenate(parts), self.phases.end),
-            timed=np.concatenate([np.full(len(part), bool(i % 2)) for i, part in enumerate(parts)]),
-            times=np.insert(times, places, np.column_stack((leave_at, leave_at + lasts)).ravel()),
+            phases=phases,
+            timed=timed,
+            times=np.insert(times, places, np.column_stack((leave_at, join_at)).ravel()),
             bound_by=bound_by + self.bound_by[low:],
         )

@@ -184,6 +184,7 @@ class MotionPlanner:
             self._left = self.pending
             return None
         nodes = self._window.nodes
+        moment = plan.at_end(moment)
         rest = plan.after(moment)
         nodes.drop(int(plan.nodes[len(plan.segments) - len(rest.segments)]))
         first = rest.segments[0]

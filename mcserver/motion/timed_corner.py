@@ -36,6 +36,8 @@ TRIALS = 10
 AIM, NEAR = 0.97, 0.92
 POWER, LEAST, MOST, ASIDE = 0.4, 0.4, 2.5, 0.3
 FAR = 4.0
+# Chords of an arc are short enough if they have this share of its length.
+CHORDS = 0.99
 # Share of the limits that rounding may pass.
 ROUNDING = 1e-9
 _S = np.linspace(0.0, 1.0, PLACES)
@@ -162,8 +164,10 @@ class TimedCorners:
             and math.isclose(known.longest, stop.longest)
             and math.isclose(known.ramps, ramps)
         ):
-            found, miss = self._try(stop, known.reach) if known.reach > 0.0 else (None, 0.0)
-            if known.reach <= 0.0 or (found is not None and miss <= after.tolerance):
+            if known.reach <= 0.0:
+                return None
+            found, miss = self._try(stop, min(known.reach, stop.longest))
+            if found is not None and miss <= after.tolerance:
                 return found
         best = self._search(stop, ramps)
         if best is not None and best.saved < WORTH * self._limits.cycle:
@@ -180,7 +184,7 @@ class TimedCorners:
             corner, miss = self._try(stop, reach)
             share = miss / stop.after.tolerance
             if share <= 1.0:
-                good, best = reach, corner
+                good, best = reach, corner or best
                 if share >= NEAR or reach >= stop.longest:
                     break
             else:
@@ -261,6 +265,8 @@ class TimedCorners:
         else:
             programmed = programmed_points(before, after, leave.s, join.s)[:, columns]
             bow = bow_of(programmed)
+            if _length_of_points(programmed) < CHORDS * (join.sigma - leave.sigma):
+                return math.inf, 0.5
         speeds = np.stack((leave.velocity, join.velocity))
         slower = math.sqrt(float((speeds * speeds).sum(axis=1).max()))
         lines = ((before, before.last), (after, after.first))
@@ -297,6 +303,12 @@ def _rise(phases: Phases, index: int) -> float:
     """Mean acceleration of a phase."""
     last, _, _, acceleration, jerk = phases.rows[index].tolist()
     return float(acceleration + 0.5 * jerk * last)
+
+
+def _length_of_points(points: Array) -> float:
+    """Length of a polyline, shape (n, K)."""
+    steps = np.diff(points, axis=0)
+    return float(np.sqrt((steps * steps).sum(axis=1)).sum())
 
 
 def _state(phases: Phases, moment: float, segment: Segment, begin: float) -> _State:

@@ -11,6 +11,7 @@ import pytest
 from mcserver.config import Machine
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.lookahead import Lookahead
+from mcserver.motion.pieces import LineMark
 from mcserver.motion.planned_run import PlannedRun
 from mcserver.motion.segment import AxisLimits, place, segment_of
 from mcserver.motion.timed_corner import is_timed
@@ -146,6 +147,52 @@ def test_a_line_with_a_time_of_its_own_keeps_it() -> None:
     motion = plan(machine, [Move(group, tolerance=1e-3) for group in lines])
     assert motion.took(2) == pytest.approx(1.0, abs=1e-9)
     assert farthest_from_path(motion) <= 1e-9
+
+
+@pytest.mark.parametrize("jerk", [None, 20_000.0])
+def test_a_slower_line_begins_at_its_own_feed(jerk: float | None) -> None:
+    machine = alike(2, jerk=jerk)
+    for before, after in ((0.1, 0.01), (0.01, 0.1)):
+        lines = [
+            at_speed(before, line_curve(machine, (0, 1), (0.0, 0.0), (0.005, 0.0))),
+            at_speed(after, line_curve(machine, (0, 1), (0.005, 0.0), (0.003, 0.004))),
+        ]
+        stopping, rounded = both(machine, lines, 1e-3)
+        assert rounded.duration <= stopping.duration + rounded.cycle
+        assert speed_over_feed(rounded) <= VELOCITY_SLACK
+
+
+@pytest.mark.parametrize("jerk", [None, 20_000.0])
+def test_feed_holds_for_what_it_counts_where_other_axes_move_too(jerk: float | None) -> None:
+    """G94 counts the linear axes of the first command; what is turned beside it gives it no room."""
+    machine = machine_of([AxisSpec(200.0, 1000.0, jerk)] * 2 + [AxisSpec(500.0, 5000.0, jerk, rotary=True)])
+    slow = at_speed(
+        0.001,
+        line_curve(machine, (0,), (0.0,), (0.001,)),
+        line_curve(machine, (2,), (0.0,), (1.5,)),
+    )
+    fast = at_speed(0.1, line_curve(machine, (0, 1), (0.001, 0.0), (0.03, 0.01)))
+    _, rounded = both(machine, [slow, fast], 1e-3)
+    assert speed_over_feed(rounded) <= VELOCITY_SLACK
+
+
+def test_lines_begin_and_end_once_however_their_window_is_cut() -> None:
+    """A cut that is one with the end of a line but for rounding is taken for that end by all."""
+    machine = alike(3, cycle_hz=250.0)
+    random = np.random.default_rng(1)
+    for _ in range(150):
+        steps = random.uniform(-1.0, 1.0, (3, 3)) * [2e-3, 2e-3, 1e-3]
+        places = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        feeds = random.uniform(0.005, 0.05, 3)
+        lines = [
+            at_speed(float(feeds[i]), line_curve(machine, (0, 1, 2), places[i], places[i + 1]))
+            for i in range(3)
+        ]
+        commits = [Commit(3, float(random.uniform(1.0, 40.0)))]
+        for tolerance in (0.0, 5e-5):
+            motion = plan(machine, [Move(each, tolerance=tolerance) for each in lines], commits=commits)
+            marks = [(each.line, each.ends) for each in motion.pieces if isinstance(each, LineMark)]
+            assert sorted(marks) == [(line, ends) for line in (1, 2, 3) for ends in (False, True)]
 
 
 def test_an_exact_stop_stays_one() -> None:

@@ -12,6 +12,7 @@ from mcserver.motion.path import Array
 
 # Places at which ways are looked at, evenly spaced in time.
 PLACES = 65
+SPEEDS = 257
 # What the farthest of a line's points may miss of the greatest distance, as a share of it.
 POINTS = 1.001
 # What rounding may add to a speed, and to a place [m].
@@ -117,8 +118,8 @@ def _leaves(
             return True
         if speed > fastest[k] * FASTER + SLACK:
             return True
-    # with constant accelerations the path is fastest where one of them changes
-    moments = np.concatenate((times, ways[:, :, 0].copy().reshape(-1)))
+    # without jerk the path is fastest where an acceleration changes; with jerk many places come near enough
+    moments = np.concatenate((np.linspace(0.0, duration, SPEEDS), times, ways[:, :, 0].copy().reshape(-1)))
     found = np.empty((4, len(moments), len(fastest)))
     ways_at(ways, moments, found)
     for i in range(len(moments)):
