@@ -180,6 +180,8 @@ class TimedCorners:
         best: TimedCorner | None = None
         good, bad = 0.0, math.inf
         reach = min(self._guess(stop, ramps), stop.longest)
+        if not reach > 0.0:
+            return None
         for _ in range(TRIALS):
             corner, miss = self._try(stop, reach)
             share = miss / stop.after.tolerance
