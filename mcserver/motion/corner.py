@@ -34,7 +34,7 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
                 found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, gain)
         return found
     best: Blend | None = None
-    from_rest, _ = _time(limits, [before, after], fast=False)
+    from_rest, _ = _time(limits, [before, dataclasses.replace(after, tolerance=0.0)], fast=False)
     least = math.inf
     if speed <= 0.0:
         least, _ = _time(limits, [before, after], fast=True)

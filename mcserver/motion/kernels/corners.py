@@ -263,7 +263,8 @@ def best_reach(corner: Corner, left: float, right: float, power: Array, reaches:
     least = math.inf
     if speed <= 0.0:
         least, _ = corner_time(corner, left, right, entry)
-        from_rest, least = from_rest - gain, least - gain
+        # not from rest: in a chain of short lines a blend keeps a speed that such a judgement does not see
+        least -= gain
     best, fastest = 0.0, FASTER * speed
     for reach in reaches:
         if not reach > 0.0:
