@@ -9,6 +9,7 @@ import numpy as np
 from mcserver.motion.blend import straight_blend
 from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.corner import HANDLE, TOLERANCE_SHARES, best_blend
+from mcserver.motion.kernels.compiled import compiles
 from mcserver.motion.limits import Level
 from mcserver.motion.lookahead import Lookahead
 from mcserver.motion.path import ArcCurve, Array, Curve, LineCurve
@@ -25,6 +26,8 @@ def warm_up() -> None:
 
     All that a program may ask for is called here: what is compiled while one runs makes its motion wait.
     """
+    if not compiles():
+        return
     limits = AxisLimits(
         velocity=np.array([1.0, 1.0]),
         acceleration=np.array([1.0, 1.0]),

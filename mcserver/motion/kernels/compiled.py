@@ -11,6 +11,11 @@ import numba
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
+def compiles() -> bool:
+    """Whether kernels are compiled at all: ``NUMBA_DISABLE_JIT=1`` runs them as plain Python."""
+    return not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
+
+
 def compiled(function: _Function) -> _Function:
     """Compiles at the first call, keeps the result on disk, and lets other threads run meanwhile.
 
