@@ -31,3 +31,10 @@ def prepare_frame(identifier: int, length: int) -> bytearray:
     buffer = bytearray(FRAME_SIZE)
     HEADER.pack_into(buffer, 0, identifier, length)
     return buffer
+
+
+def filled_frame(identifier: int, payload: bytes) -> bytearray:
+    """A frame with this payload; raises as `prepare_frame`."""
+    frame = prepare_frame(identifier, len(payload))
+    frame[PAYLOAD_OFFSET : PAYLOAD_OFFSET + len(payload)] = payload
+    return frame

@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
-from mcserver.can.frame import PAYLOAD_OFFSET, prepare_frame
+from mcserver.can.frame import PAYLOAD_OFFSET, filled_frame, prepare_frame
 from mcserver.can.port import PortCounters
 
 REOPEN_S = 0.1
@@ -50,9 +50,7 @@ class SocketPort(ABC):
         return prepare_frame(identifier, length)
 
     def send(self, identifier: int, payload: bytes) -> bool:
-        frame = prepare_frame(identifier, len(payload))
-        frame[PAYLOAD_OFFSET : PAYLOAD_OFFSET + len(payload)] = payload
-        return self.send_prepared(frame)
+        return self.send_prepared(filled_frame(identifier, payload))
 
     def close(self) -> None:
         self._closed = True

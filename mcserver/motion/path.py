@@ -191,10 +191,7 @@ class SampledCurve(msgspec.Struct, frozen=True):
 
     def bounds(self) -> tuple[Array, Array]:
         fine = np.unique(np.concatenate([np.linspace(0.0, 1.0, 257), self.knots]))
-        points = self.position(fine)
-        low: Array = points.min(axis=0)
-        high: Array = points.max(axis=0)
-        return low, high
+        return span_of(self.position(fine))
 
 
 class PolynomialCurve(msgspec.Struct, frozen=True):
@@ -219,10 +216,14 @@ class PolynomialCurve(msgspec.Struct, frozen=True):
         return _horner(first, s), _horner(second, s), _horner(_derivative(second), s)
 
     def bounds(self) -> tuple[Array, Array]:
-        points = self.position(np.linspace(0.0, 1.0, 65))
-        low: Array = points.min(axis=0)
-        high: Array = points.max(axis=0)
-        return low, high
+        return span_of(self.position(np.linspace(0.0, 1.0, 65)))
+
+
+def span_of(points: Array) -> tuple[Array, Array]:
+    """Least and greatest of points (n, K) in each axis, shape (K,)."""
+    low: Array = points.min(axis=0)
+    high: Array = points.max(axis=0)
+    return low, high
 
 
 def _horner(coefficients: Array, s: Array) -> Array:

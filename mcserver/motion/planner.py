@@ -192,8 +192,7 @@ class MotionPlanner:
             # what is left of a segment under way
             nodes.replace(0, dataclasses.replace(nodes.segments[0], begin=first.begin, opens=False))
         self._reserve = rest
-        speed = float(plan.phases.at(np.array([moment]))[1][0])
-        self._window.entry = speed
+        self._window.entry = max(float(rest.phases.velocity[0]), 0.0)
         self._left = max(len(nodes), WINDOW // 2)
         origin, self.u = self.u, self.u + moment / self._cycle
         self._plan = None

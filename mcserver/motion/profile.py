@@ -54,22 +54,17 @@ class Phases:
         first = int(np.clip(np.searchsorted(self.start, low, side="right") - 1, 0, len(self.start) - 1))
         last = max(int(np.searchsorted(self.start, high, side="left")), first + 1)
         rows = self.rows[first:last].copy()
-        x = low - float(self.start[first])
-        _, p, v, a, j = rows[0].tolist()
-        rows[0] = (
-            rows[0, 0],
-            p + x * (v + x * (a / 2.0 + x * j / 6.0)),
-            v + x * (a + x * j / 2.0),
-            a + x * j,
-            j,
-        )
-        rows[0, 0] -= x
+        rows[0, 1:4] = self._inside(first, low)
+        rows[0, 0] -= low - float(self.start[first])
         rows[-1, 0] -= (float(self.start[last]) if last < len(self.start) else self.duration) - high
         return rows
 
     def state(self, moment: float) -> tuple[float, float, float]:
         """Coordinate, speed and acceleration at a moment [s]; where that steps, before the step."""
-        index = max(int(np.searchsorted(self.start, moment, side="left")) - 1, 0)
+        return self._inside(max(int(np.searchsorted(self.start, moment, side="left")) - 1, 0), moment)
+
+    def _inside(self, index: int, moment: float) -> tuple[float, float, float]:
+        """Coordinate, speed and acceleration at a moment [s] of one phase."""
         _, p, v, a, j = self.rows[index].tolist()
         x = moment - float(self.start[index])
         return p + x * (v + x * (a / 2.0 + x * j / 6.0)), v + x * (a + x * j / 2.0), a + x * j
@@ -77,15 +72,12 @@ class Phases:
     def after(self, moment: float) -> Phases:
         """What is left of the time law after ``moment`` [s], with time and coordinate counted from there."""
         index = int(np.clip(np.searchsorted(self.start, moment, side="right") - 1, 0, len(self.start) - 1))
-        x = moment - float(self.start[index])
-        a, j = float(self.acceleration[index]), float(self.jerk[index])
-        v, p = float(self.velocity[index]), float(self.position[index])
-        here = p + x * (v + x * (a / 2.0 + x * j / 6.0))
+        here, speed, change = self._inside(index, moment)
         start = self.start[index:] - moment
         position = self.position[index:] - here
         velocity, acceleration = self.velocity[index:].copy(), self.acceleration[index:].copy()
         start[0], position[0] = 0.0, 0.0
-        velocity[0], acceleration[0] = v + x * (a + x * j / 2.0), a + x * j
+        velocity[0], acceleration[0] = speed, change
         return Phases(
             start=start,
             duration=self.duration - moment,

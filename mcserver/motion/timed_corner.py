@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.blend import bow_of, can_be_rounded, programmed_points
-from mcserver.motion.kernels.corner_ways import miss_of, ways_at
+from mcserver.motion.kernels.corner_ways import PLACES, miss_of, ways_at
 from mcserver.motion.kernels.joints import length_of
-from mcserver.motion.kernels.polynomials import PLACES
 from mcserver.motion.kernels.state_to_state import PHASES, quickest_ways
-from mcserver.motion.path import Array
+from mcserver.motion.path import Array, span_of
 from mcserver.motion.profile import Phases
 from mcserver.motion.segment import AxisLimits, KnownCorner, Segment, columns_of
 
@@ -40,7 +39,6 @@ FAR = 4.0
 CHORDS = 0.99
 # Share of the limits that rounding may pass.
 ROUNDING = 1e-9
-_S = np.linspace(0.0, 1.0, PLACES)
 
 
 @dataclass(frozen=True)
@@ -65,10 +63,7 @@ class TimedCurve:
         return first * self.duration, second * self.duration**2, third * self.duration**3
 
     def bounds(self) -> tuple[Array, Array]:
-        points = self.position(_S)
-        low: Array = points.min(axis=0)
-        high: Array = points.max(axis=0)
-        return low, high
+        return span_of(self.position(np.linspace(0.0, 1.0, PLACES)))
 
     def _at(self, s: Array) -> tuple[Array, Array, Array, Array]:
         """Position and its derivatives by time, shape (len(s), K)."""

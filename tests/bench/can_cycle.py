@@ -8,7 +8,7 @@ import time
 from types import TracebackType
 
 from mcserver.can.cob import SYNC, Function
-from mcserver.can.frame import FRAME_SIZE, HEADER, PAYLOAD_OFFSET, prepare_frame
+from mcserver.can.frame import FRAME_SIZE, HEADER, PAYLOAD_OFFSET, filled_frame, prepare_frame
 from mcserver.can.port import MAX_DRAINED, Frame, PortCounters
 from mcserver.config import parse_machine
 from mcserver.drives.bus import DriveMode, DriveState, Setpoints
@@ -80,9 +80,7 @@ class DatagramPort:
         return prepare_frame(identifier, length)
 
     def send(self, identifier: int, payload: bytes) -> bool:
-        frame = prepare_frame(identifier, len(payload))
-        frame[PAYLOAD_OFFSET : PAYLOAD_OFFSET + len(payload)] = payload
-        return self.send_prepared(frame)
+        return self.send_prepared(filled_frame(identifier, payload))
 
     def send_prepared(self, buffer: bytearray) -> bool:
         try:
@@ -140,8 +138,7 @@ class Answers:
                 self._send(Function.TPDO2 + node, TPDO2.packing.pack(0, 0))
 
     def _send(self, identifier: int, payload: bytes) -> None:
-        frame = prepare_frame(identifier, len(payload))
-        frame[PAYLOAD_OFFSET : PAYLOAD_OFFSET + len(payload)] = payload
+        frame = filled_frame(identifier, payload)
         self._other.send(frame)
 
 

@@ -10,7 +10,7 @@ from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.corners import farthest
 from mcserver.motion.path import Array
 
-# Places at which ways are looked at, evenly spaced in time.
+# Places at which ways are looked at, evenly spaced in time, and at which their speeds are.
 PLACES = 65
 SPEEDS = 257
 # What the farthest of a line's points may miss of the greatest distance, as a share of it.
@@ -84,8 +84,8 @@ def _span(phases: Array, duration: float) -> tuple[float, float, float]:
 
 
 @compiled
-def _between(ways: Array, weights: Array) -> float:
-    """Greatest acceleration that all axes may have together: ways leave their chords by a·dt²/8."""
+def _strongest(ways: Array, weights: Array) -> float:
+    """Greatest acceleration that all axes may have together, weighted."""
     square = 0.0
     for k in range(len(ways)):
         most = 0.0
@@ -119,7 +119,8 @@ def _leaves(
         if speed > fastest[k] * FASTER + SLACK:
             return True
     # without jerk the path is fastest where an acceleration changes; with jerk many places come near enough
-    moments = np.concatenate((np.linspace(0.0, duration, SPEEDS), times, ways[:, :, 0].copy().reshape(-1)))
+    places = np.linspace(0.0, duration, SPEEDS)
+    moments = np.concatenate((places, times[near : near + 1], ways[:, :, 0].copy().reshape(-1)))
     found = np.empty((4, len(moments), len(fastest)))
     ways_at(ways, moments, found)
     for i in range(len(moments)):
@@ -184,7 +185,8 @@ def miss_of(
     ways_at(ways, rows, beside)
     worst = max(_distance(beside[0, 0], vertex, weights), _distance(beside[0, 1], vertex, weights))
     path, way = programmed * weights, found[0] * weights
-    between = _between(ways, weights) * (duration / (PLACES - 1)) ** 2 / 8.0
+    # ways leave their chords by a·dt²/8
+    between = _strongest(ways, weights) * (duration / (PLACES - 1)) ** 2 / 8.0
     # each part against its own line: where lines lie close, the other one is no excuse
     for part in range(2):
         line = path[: middle + 1] if part == 0 else path[middle:]

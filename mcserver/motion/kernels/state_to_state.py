@@ -56,7 +56,7 @@ def _knots(c: float, time: float, a0: float, a1: float, most: float, jerk: float
 
 
 @compiled
-def early(time: float, a0: float, a1: float, change: float, most: float, jerk: float, knots: Array) -> bool:
+def _early(time: float, a0: float, a1: float, change: float, most: float, jerk: float, knots: Array) -> bool:
     """Writes the course of acceleration that covers most in a time; False: none makes the change of speed.
 
     Args:
@@ -131,9 +131,9 @@ def _extremes(time: float, states: Array, most: float, jerk: float, soon: Array,
         states: travel [m], speeds and accelerations at the start and the end, shape (5,).
     """
     travel, v0, v1, a0, a1 = states[0], states[1], states[2], states[3], states[4]
-    if not early(time, a0, a1, v1 - v0, most, jerk, soon):
+    if not _early(time, a0, a1, v1 - v0, most, jerk, soon):
         return math.nan
-    if not early(time, -a0, -a1, v0 - v1, most, jerk, late):
+    if not _early(time, -a0, -a1, v0 - v1, most, jerk, late):
         return math.nan
     late[:, 1] *= -1.0
     farthest, nearest = _covered(soon, v0), _covered(late, v0)
