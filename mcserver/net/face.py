@@ -10,6 +10,9 @@ import msgspec
 import zenoh
 
 from mcserver.canopen_service.views import DriveAccess, NoDrives
+from mcserver.errors import ServiceError
+from mcserver.net.decoding import MessageDecoder
+from mcserver.net.defects import DefectLog
 from mcserver.net.inbox import Inbox
 from mcserver.net.keys import Keys
 from mcserver.net.messages import EstopRequest, StreamLines
@@ -44,7 +47,9 @@ class MachineFace:
         self._emergency = emergency
         self._loop = asyncio.get_running_loop()
         self._encode = msgspec.msgpack.Encoder().encode
-        self._lines_decoder = msgspec.msgpack.Decoder(StreamLines)
+        self._decode_lines = MessageDecoder(StreamLines)
+        self._decode_stop = MessageDecoder(EstopRequest)
+        self._unreadable = DefectLog(log)
         self._events: Publication = session.recoverable_publisher(keys.event, event_qos())
         self._acks: dict[str, Publication] = {}
         self._rpc: RpcServer | None = None
@@ -137,11 +142,11 @@ class MachineFace:
     def _on_lines(self, service: MachineService, sample: zenoh.Sample) -> None:
         program = str(sample.key_expr).rpartition("/")[2]
         try:
-            message = self._lines_decoder.decode(sample.payload.to_bytes())
-        except (msgspec.ValidationError, msgspec.DecodeError) as error:
-            service.events.publish(
-                "warning", reason="MC500", program=program, message=f"lines that are no StreamLines: {error}"
-            )
+            message = self._decode_lines(sample.payload.to_bytes())
+        except ServiceError as error:
+            # an event for each would let a flood of them push every other event out of the memory
+            if self._unreadable.add(f"in/{program}: {error.message}"):
+                service.events.publish("warning", reason=error.code, program=program, message=error.message)
             return
         service.stream(program, message.first, message.lines)
 
@@ -154,8 +159,8 @@ class MachineFace:
         payload = sample.payload.to_bytes()
         if payload:
             try:
-                reason = msgspec.msgpack.decode(payload, type=EstopRequest).reason
-            except (msgspec.ValidationError, msgspec.DecodeError):
+                reason = self._decode_stop(payload).reason
+            except ServiceError as error:
                 # whatever is put there stops the machine
-                log.warning("an emergency stop with a payload that is no EstopRequest")
+                self._unreadable.add(f"estop: {error.message}")
         service.emergency_stop("", reason)

@@ -8,9 +8,14 @@ round.
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
+
+from mcserver.net.defects import DefectLog
+
+log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -22,7 +27,8 @@ class Inbox(Generic[T]):
 
     Args:
         loop: where ``deliver`` runs.
-        deliver: called in the loop with each item, in order; must not raise.
+        deliver: called in the loop with each item, in order. What it raises is counted in ``failed`` and
+            logged; it costs that item alone.
         limit: items beyond it go to ``refuse`` instead, in the thread that brought them.
         refuse: for what does not fit; counted in ``refused``.
     """
@@ -36,6 +42,7 @@ class Inbox(Generic[T]):
         refuse: Callable[[T], None] | None = None,
     ) -> None:
         self.refused = 0
+        self.failed = DefectLog(log)
         self._loop = loop
         self._deliver = deliver
         self._limit = limit
@@ -69,7 +76,11 @@ class Inbox(Generic[T]):
         for _ in range(BUDGET):
             if not items:
                 return
-            self._deliver(items.popleft())
+            item = items.popleft()
+            try:
+                self._deliver(item)
+            except Exception as error:
+                self.failed.add(f"a message could not be handled: {error}", error)
         # a burst does not keep the loop from its other work
         if items and not self._woken:
             self._woken = True

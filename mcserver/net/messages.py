@@ -86,11 +86,11 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         client: the client's own id, the one of its liveliness token; needed by methods that change something.
         request: number that the client gives to this request; the same number again gets the same answer
-        again.
+            again. Needed by methods that change something.
     """
 
     client: ClientId = ""
-    request: RequestId = 0
+    request: RequestId | None = None
 
 
 class OpenRequest(Request, frozen=True, kw_only=True):

@@ -13,6 +13,8 @@ import zenoh
 
 from mcserver.errors import McError, ProgramRejected, ServiceError
 from mcserver.net.answers import Answer, AnswerMemory
+from mcserver.net.decoding import MessageDecoder
+from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Keys, is_wild
 from mcserver.net.messages import ENCODING, ErrorReply, Request
 from mcserver.programs.deferred import Deferred
@@ -76,10 +78,11 @@ class RpcServer:
         self._keys = keys
         self._methods = methods
         self._encode = msgspec.msgpack.Encoder().encode
-        self._decoders = {name: msgspec.msgpack.Decoder(method.request) for name, method in methods.items()}
+        self._decoders = {name: MessageDecoder(method.request) for name, method in methods.items()}
         self._own_keys = {(keys.info if name == "info" else keys.rpc(name)): name for name in methods}
         self._answers = AnswerMemory(time.monotonic)
         self._under_way = 0
+        self._defects = DefectLog(log)
         self._tasks: set[asyncio.Task[None]] = set()
 
     def on_query(self, query: zenoh.Query) -> None:
@@ -88,8 +91,8 @@ class RpcServer:
         name = self._own_keys.get(key) or key.rpartition("/")[2]
         try:
             self._carry_out(query, name, self._method(key, name))
-        except ServiceError as error:
-            self._send(query, name, Answer(False, encode_error(error)))
+        except Exception as error:
+            self._send(query, name, self._failed(name, error))
 
     async def close(self) -> None:
         """Cancels what is still being worked on."""
@@ -112,7 +115,7 @@ class RpcServer:
         raise Refused("MC501", f"there is no method {name!r}", "see `methods`", methods=sorted(self._methods))
 
     def _carry_out(self, query: zenoh.Query, name: str, method: Method) -> None:
-        request = self._decode(query, name, method)
+        request = self._decode(query, name)
 
         def answer(result: Answer) -> None:
             self._send(query, name, result)
@@ -123,17 +126,18 @@ class RpcServer:
             )
         remembered = method.changes
         if remembered:
-            if not request.client:
+            if not request.client or request.request is None:
                 raise ServiceError(
                     "MC506", f"{name} needs `client` and `request`", "give your id and a new number"
                 )
-            if not self._answers.begin(request.client, request.request, name, answer):
+            number = request.request
+            if not self._answers.begin(request.client, number, name, answer):
                 return
         finish: Callable[[Answer], None] = answer
         if remembered:
 
             def finish(result: Answer) -> None:
-                self._answers.finish(request.client, request.request, result)
+                self._answers.finish(request.client, number, result)
 
         self._under_way += 1
 
@@ -155,18 +159,11 @@ class RpcServer:
         else:
             settle(reply, None)
 
-    def _decode(self, query: zenoh.Query, name: str, method: Method) -> Request:
+    def _decode(self, query: zenoh.Query, name: str) -> Request:
         payload = query.payload
         # no payload, or an empty one, is an empty map
         written = (b"" if payload is None else payload.to_bytes()) or b"\x80"
-        try:
-            return self._decoders[name].decode(written)
-        except (msgspec.ValidationError, msgspec.DecodeError) as error:
-            raise ServiceError(
-                "MC500",
-                f"the payload is no {method.request.__name__}: {error}",
-                f"see docs/schemas/{method.request.__name__}.json",
-            ) from error
+        return self._decoders[name](written)
 
     async def _await(self, reply: Awaitable[object], settle: Settle) -> None:
         try:
@@ -180,7 +177,7 @@ class RpcServer:
 
     def _failed(self, name: str, error: BaseException) -> Answer:
         if not isinstance(error, McError):
-            log.error("method %s failed", name, exc_info=error)
+            self._defects.add(f"method {name} failed: {error}", error)
         return Answer(False, encode_error(error))
 
     def _send(self, query: zenoh.Query, name: str, answer: Answer) -> None:

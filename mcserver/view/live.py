@@ -9,10 +9,11 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-import msgspec
 import zenoh
 
 from mcserver.commands.faults import NobodyAnswers, UsageFault
+from mcserver.errors import ServiceError
+from mcserver.net.decoding import MessageDecoder
 from mcserver.net.keys import Keys
 from mcserver.net.messages import MachineStatus
 
@@ -48,7 +49,7 @@ class LiveStates:
         try:
             keys = Keys(machine)
             _find(self._session, keys, endpoint, timeout_s)
-            self._decode = msgspec.msgpack.Decoder(MachineStatus).decode
+            self._decode = MessageDecoder(MachineStatus)
             self._session.declare_subscriber(
                 keys.telemetry_state, zenoh.handlers.Callback(self._on_sample, indirect=False)
             )
@@ -86,7 +87,7 @@ class LiveStates:
     def _on_sample(self, sample: zenoh.Sample) -> None:
         try:
             state = self._decode(sample.payload.to_bytes())
-        except msgspec.MsgspecError:
+        except ServiceError:
             # a server of another version: silence tells the same
             return
         with self._lock:

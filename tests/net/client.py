@@ -47,6 +47,10 @@ class WireClient:
 
     async def ask(self, key: str, payload: object = None) -> list[Any]:
         """All replies to one query; raises the first error."""
+        return await self.ask_raw(key, None if payload is None else msgspec.msgpack.encode(payload))
+
+    async def ask_raw(self, key: str, payload: bytes | None) -> list[Any]:
+        """As `ask`, with the bytes as they are."""
         ended = asyncio.Event()
         replies: list[zenoh.Reply] = []
         self.session.get(
@@ -54,7 +58,7 @@ class WireClient:
             zenoh.handlers.Callback(
                 replies.append, lambda: self._loop.call_soon_threadsafe(ended.set), indirect=False
             ),
-            payload=None if payload is None else msgspec.msgpack.encode(payload),
+            payload=payload,
             consolidation=zenoh.ConsolidationMode.NONE,
             priority=zenoh.Priority.INTERACTIVE_HIGH,
             congestion_control=zenoh.CongestionControl.BLOCK,

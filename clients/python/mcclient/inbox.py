@@ -7,6 +7,7 @@ wakes the loop, no more.
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -15,18 +16,22 @@ T = TypeVar("T")
 
 BUDGET = 512
 
+log = logging.getLogger(__name__)
+
 
 class Inbox(Generic[T]):
     """A bounded queue into the loop; when full the oldest item goes, and ``dropped`` counts it.
 
     Args:
         loop: where ``deliver`` runs.
-        deliver: called in the loop with each item, in order; must not raise.
+        deliver: called in the loop with each item, in order. What it raises is counted in ``failed``, logged
+            the first time, and costs that item alone.
         limit: how many items wait at most.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, deliver: Callable[[T], None], *, limit: int) -> None:
         self.dropped = 0
+        self.failed = 0
         self._loop = loop
         self._deliver = deliver
         self._items: deque[T] = deque(maxlen=limit)
@@ -53,7 +58,12 @@ class Inbox(Generic[T]):
                 item = self._items.popleft()
             except IndexError:
                 return
-            self._deliver(item)
+            try:
+                self._deliver(item)
+            except Exception:
+                self.failed += 1
+                if self.failed == 1:
+                    log.exception("a message could not be handled; more of them are only counted")
         # a burst does not keep the loop from its other work
         if not self._woken:
             self._woken = True

@@ -39,7 +39,8 @@ def unpack(payload: bytes) -> Any:
     """Raises ProtocolError (MC533) where the bytes are no MessagePack."""
     try:
         return msgpack.unpackb(payload)
-    except (ValueError, msgpack.exceptions.UnpackException) as error:
+    # whatever the bytes are: invalid UTF-8, deep nesting and huge lengths each have an error of their own
+    except Exception as error:
         raise ProtocolError(
             "MC533", f"the payload is no MessagePack: {error}", "is it a motion server?"
         ) from error
@@ -49,7 +50,8 @@ def from_wire(kind: type[T], value: object) -> T:
     """Raises ProtocolError (MC533) where a field is missing or of another shape."""
     try:
         return typing.cast(T, _converter(typing.cast(Hashable, kind))(value))
-    except (TypeError, ValueError, AttributeError) as error:
+    # int() of an infinity is an OverflowError, for one
+    except Exception as error:
         raise ProtocolError(
             "MC533", f"the message is no {kind.__name__}: {error}", "client and server differ in version"
         ) from error

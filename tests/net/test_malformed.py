@@ -1,0 +1,120 @@
+"""Messages that are anything: each is refused by itself, and nobody else notices."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+
+import msgspec
+import pytest
+import zenoh
+
+from mcserver.errors import ServiceError
+from mcserver.net.decoding import MessageDecoder
+from mcserver.net.defects import DefectLog
+from mcserver.net.inbox import Inbox
+from mcserver.net.messages import EstopRequest, JogRequest, OverrideRequest, Request, StreamLines
+from tests.net.client import ErrorAnswer, WireClient
+from tests.net.conftest import Rig
+
+INVALID_UTF8 = b"\x81\xa6client\xa2\xff\xfe"
+NESTED = b"\x81\xa1a" * 3000 + b"\xc0"
+HUGE = b"\xdd\xff\xff\xff\xff"
+GARBAGE = [INVALID_UTF8, NESTED, HUGE, b"\xc1", b"\xdb\xff\xff\xff\xff", b"\xa3abc", b"\xff" * 4096]
+
+
+@pytest.mark.parametrize("payload", GARBAGE)
+@pytest.mark.parametrize("kind", [Request, StreamLines, EstopRequest])
+def test_whatever_the_bytes_are_the_decoder_raises_mc500(kind: type[msgspec.Struct], payload: bytes) -> None:
+    with pytest.raises(ServiceError) as refused:
+        MessageDecoder(kind)(payload)
+    assert refused.value.code == "MC500"
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), float("-inf")])
+def test_numbers_that_pass_every_bound_are_refused(number: float) -> None:
+    for kind, body in ((JogRequest, {"axis": 0, "distance": number}), (OverrideRequest, {"percent": number})):
+        with pytest.raises(ServiceError, match="MC500"):
+            MessageDecoder(kind)(msgspec.msgpack.encode(body))
+
+
+@pytest.mark.parametrize("payload", GARBAGE)
+async def test_a_call_with_garbage_is_answered_with_mc500(client: WireClient, payload: bytes) -> None:
+    with pytest.raises(ErrorAnswer) as refused:
+        await client.ask_raw("@rpc/status", payload)
+    assert refused.value.code == "MC500"
+
+
+async def test_garbage_by_the_hundred_delays_no_call(rig: Rig, client: WireClient) -> None:
+    stranger = WireClient(rig.endpoint, "bench", "stranger")
+    program = (await client.call("open"))["program"]
+    for _ in range(100):
+        for payload in (INVALID_UTF8, NESTED):
+            stranger.session.get(f"{stranger.root}/@rpc/status", lambda _: None, payload=payload)
+            stranger.session.put(f"{stranger.root}/in/{program}", payload)
+    assert (await client.call("hold", program=program))["programs"] == [program]
+    assert (await client.call("submit", program=program, first=1, lines=["G90"]))["accepted"] == 1
+    await client.call("abort", program=program)
+    await stranger.close()
+
+
+async def test_unreadable_lines_give_one_warning_and_not_one_each(rig: Rig, client: WireClient) -> None:
+    program = (await client.call("open"))["program"]
+    for _ in range(20):
+        client.session.put(f"{client.root}/in/{program}", INVALID_UTF8)
+    client.put(f"in/{program}", [1, ["G90"]])
+    async with asyncio.timeout(5.0):
+        while (await client.call("programs", program=program))["programs"][0]["accepted"] < 1:
+            await asyncio.sleep(0)
+    events = (await client.call("events"))["events"]
+    assert [event["reason"] for event in events if event["kind"] == "warning"] == ["MC500"]
+
+
+@pytest.mark.parametrize("payload", GARBAGE)
+async def test_an_emergency_stop_with_garbage_is_a_whole_emergency_stop(
+    rig: Rig, client: WireClient, payload: bytes
+) -> None:
+    events = client.subscribe("event")
+    await client.call("status")
+    client.session.put(f"{client.root}/estop", payload, priority=zenoh.Priority.REAL_TIME)
+    await events.first(lambda event: event["kind"] == "estop")
+    assert (await client.call("status"))["state"] == "estop"
+
+
+@pytest.mark.parametrize("body", [{"client": "tester"}, {"request": 4}, {"client": "", "request": 4}])
+async def test_a_change_without_client_or_number_is_refused(
+    client: WireClient, body: dict[str, object]
+) -> None:
+    with pytest.raises(ErrorAnswer) as refused:
+        await client.ask("@rpc/abort", body)
+    assert refused.value.code == "MC506"
+
+
+async def test_what_a_handler_raises_costs_its_own_item_alone() -> None:
+    handled: list[int] = []
+
+    def deliver(item: int) -> None:
+        if item % 2:
+            raise RecursionError(item)
+        handled.append(item)
+
+    inbox: Inbox[int] = Inbox(asyncio.get_running_loop(), deliver, limit=1000)
+    for item in range(600):
+        inbox.push(item)
+    async with asyncio.timeout(5.0):
+        while len(handled) < 300:
+            await asyncio.sleep(0)
+    assert handled == list(range(0, 600, 2))
+    assert inbox.failed.count == 300
+
+
+def test_a_flood_of_defects_is_logged_once_a_period(caplog: pytest.LogCaptureFixture) -> None:
+    now = 0.0
+    defects = DefectLog(logging.getLogger("flood"), clock=lambda: now)
+    with caplog.at_level(logging.WARNING):
+        for _ in range(100):
+            defects.add("bad")
+        now = 6.0
+        defects.add("bad")
+    assert [record.message for record in caplog.records] == ["bad", "bad (and 99 more since the last report)"]
+    assert defects.count == 101
