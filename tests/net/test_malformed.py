@@ -58,7 +58,7 @@ async def test_garbage_by_the_hundred_delays_no_call(rig: Rig, client: WireClien
     await stranger.close()
 
 
-async def test_unreadable_lines_give_one_warning_and_not_one_each(rig: Rig, client: WireClient) -> None:
+async def test_unreadable_lines_give_one_warning_and_not_one_each(client: WireClient) -> None:
     program = (await client.call("open"))["program"]
     for _ in range(20):
         client.session.put(f"{client.root}/in/{program}", INVALID_UTF8)
@@ -72,7 +72,7 @@ async def test_unreadable_lines_give_one_warning_and_not_one_each(rig: Rig, clie
 
 @pytest.mark.parametrize("payload", GARBAGE)
 async def test_an_emergency_stop_with_garbage_is_a_whole_emergency_stop(
-    rig: Rig, client: WireClient, payload: bytes
+    client: WireClient, payload: bytes
 ) -> None:
     events = client.subscribe("event")
     await client.call("status")
