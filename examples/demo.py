@@ -20,11 +20,11 @@ import numpy as np
 from mcclient import Event, Feed, LineReport, Machine, MotionError, Samples
 from rich.console import Console
 
-from mcserver.config import load_machine
-from mcserver.machine_model import build_kinematics
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.plot.figure import draw_png
 from mcserver.plot.scene import Scene, build_scene
-from mcserver.simulation_record import Recorded
+from mcserver.simulation.recorder import Recorded
 
 NAME = "demo"
 START_LIMIT_S = 30.0

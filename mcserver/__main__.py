@@ -1,6 +1,6 @@
 """``python -m mcserver``: the same as the command ``mcserver``."""
 
-from mcserver.cli import main
+from mcserver.cli.app import main
 
 if __name__ == "__main__":
     main()

@@ -15,23 +15,23 @@ from pathlib import Path
 
 import msgspec
 
-from mcserver.can_drives import CanDrives, booted
-from mcserver.canopen_service.errors import Stopped
-from mcserver.collector import settle_collector
-from mcserver.config import Machine
+from mcserver.canopen.booted_drives import CanDrives, booted
+from mcserver.canopen.canopen_errors import Stopped
 from mcserver.errors import ServiceError
-from mcserver.executor.process import ExecutorProcess
+from mcserver.executor.client import ExecutorProcess
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.compiling import COMPILING
-from mcserver.net.face import MachineFace
+from mcserver.net.endpoint import MachineFace
 from mcserver.net.session import NetworkOptions
-from mcserver.programs.executor_port import ExecutorPort
-from mcserver.programs.jog import Jogging
-from mcserver.programs.offline import OfflineWorker
-from mcserver.programs.planner_messages import Planning
-from mcserver.programs.planner_process import ProcessPlanning
-from mcserver.programs.port import MotionPort
-from mcserver.programs.service import MachineService
-from mcserver.programs.service_options import ServiceOptions
+from mcserver.planning.client import ProcessPlanning
+from mcserver.planning.planner_messages import Planning
+from mcserver.processes import settle_collector
+from mcserver.service.executor_port import ExecutorPort
+from mcserver.service.jog import Jogging
+from mcserver.service.motion_port import MotionPort
+from mcserver.service.service import MachineService
+from mcserver.service.service_options import ServiceOptions
+from mcserver.simulation.program_checker import OfflineWorker
 
 log = logging.getLogger(__name__)
 

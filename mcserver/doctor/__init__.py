@@ -5,13 +5,13 @@ Probes read facts and judge nothing; judges are pure functions from facts to fin
 
 from __future__ import annotations
 
-from mcserver.config import Machine
 from mcserver.doctor.can import judge_can, probe_can
 from mcserver.doctor.finding import Finding, State, worst
 from mcserver.doctor.machine import judge_buses, probe_buses
 from mcserver.doctor.python import judge_python, probe_python
 from mcserver.doctor.realtime import judge_realtime, probe_realtime
 from mcserver.doctor.service import judge_service, probe_service
+from mcserver.machine.machine_file import Machine
 
 __all__ = ["Finding", "State", "examine", "worst"]
 

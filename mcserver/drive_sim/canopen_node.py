@@ -13,7 +13,7 @@ from collections.abc import Callable
 from mcserver.can.cob import NMT, Function, NmtState
 from mcserver.drive_sim.dictionary import ObjectStore
 from mcserver.drive_sim.emergency import Emergencies
-from mcserver.drive_sim.faults import Misbehaviour
+from mcserver.drive_sim.fault_injection import Misbehaviour
 from mcserver.drive_sim.nmt import HeartbeatConsumer, NmtSlave
 from mcserver.drive_sim.pdo import Rpdo, Tpdo
 from mcserver.drive_sim.sdo_server import SdoServer

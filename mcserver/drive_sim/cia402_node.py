@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mcserver.drive_sim.canopen_node import NEVER, CanopenNode, Transmit
-from mcserver.drive_sim.faults import Misbehaviour, values_of
+from mcserver.drive_sim.fault_injection import Misbehaviour, values_of
 from mcserver.drive_sim.motion import Motion
 from mcserver.drive_sim.motor import Hardware, Motor
 from mcserver.drive_sim.power import (

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from mcserver.can.address import family_of
-from mcserver.drive_sim.faults import BadRequest
+from mcserver.drive_sim.fault_injection import BadRequest
 
 MAX_LINE = 4096
 MAX_CLIENTS = 16

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.eds import import_eds
 
-from mcserver.drive_sim.abort import Abort, SdoAbort
+from mcserver.drive_sim.sdo_abort import Abort, SdoAbort
 
 EDS = "cia402.eds"
 # CiA 301, table 44: the types of the simulated drive.

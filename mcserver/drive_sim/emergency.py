@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from mcserver.drive_sim.abort import Abort, SdoAbort
 from mcserver.drive_sim.dictionary import ObjectStore
+from mcserver.drive_sim.sdo_abort import Abort, SdoAbort
 
 MESSAGE = struct.Struct("<HB5s")
 INVALID = 1 << 31

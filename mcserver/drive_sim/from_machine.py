@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
-from mcserver.config import Axis, Machine
-from mcserver.config_drive import CAN_KINDS, CanBusConfig
 from mcserver.drive_sim.cia402_node import Cia402Node, Identity
 from mcserver.drive_sim.motor import Hardware
 from mcserver.drive_sim.servosila_node import ServosilaNode
 from mcserver.drive_sim.simulation import Node, SimulatedBusSegment
 from mcserver.drives.servo_model import DEFAULT_FRICTION, OVERSPEED
 from mcserver.errors import RuntimeFault
+from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig
+from mcserver.machine.machine_file import Axis, Machine
 from mcserver.units import TURN
 
 # A motor without a torque limit in the machine file accelerates by this multiple of the axis's limit.

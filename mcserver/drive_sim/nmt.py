@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 
 from mcserver.can.cob import Function, NmtCommand, NmtState
-from mcserver.drive_sim.abort import Abort, SdoAbort
 from mcserver.drive_sim.dictionary import ObjectStore
+from mcserver.drive_sim.sdo_abort import Abort, SdoAbort
 
 NEVER = math.inf
 # From a reset to the boot-up message [s].

@@ -11,8 +11,8 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mcserver.drive_sim.abort import Abort, SdoAbort
 from mcserver.drive_sim.dictionary import FORMATS, Entry, ObjectStore
+from mcserver.drive_sim.sdo_abort import Abort, SdoAbort
 
 INVALID = 1 << 31
 EXTENDED = 1 << 29

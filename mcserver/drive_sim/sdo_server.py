@@ -6,8 +6,8 @@ import enum
 import struct
 from collections.abc import Callable
 
-from mcserver.drive_sim.abort import Abort, SdoAbort
 from mcserver.drive_sim.dictionary import ObjectStore
+from mcserver.drive_sim.sdo_abort import Abort, SdoAbort
 
 MULTIPLEXER = struct.Struct("<BHB")
 ABORT_MESSAGE = struct.Struct("<BHBI")

@@ -12,7 +12,7 @@ import struct
 from collections.abc import Callable, Mapping
 
 from mcserver.can.cob import Function
-from mcserver.drive_sim.faults import BadRequest, Misbehaviour, values_of
+from mcserver.drive_sim.fault_injection import BadRequest, Misbehaviour, values_of
 from mcserver.drive_sim.motor import WINDUP_S, Hardware, Motor
 from mcserver.units import MINUTE, TURN
 

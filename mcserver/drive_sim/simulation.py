@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from mcserver.can.port import CanPort, Frame
-from mcserver.drive_sim.faults import BadRequest
+from mcserver.drive_sim.fault_injection import BadRequest
 
 # A bus that is away is asked so often whether it has come back [s].
 AWAY_S = 0.05

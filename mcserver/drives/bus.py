@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.config_drive import DriveFile
+from mcserver.machine.drive_section import DriveFile
 
 Array = NDArray[np.float64]
 

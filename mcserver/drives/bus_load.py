@@ -16,8 +16,8 @@ from mcserver.drives.cia402.layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2
 from mcserver.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from mcserver.config import Axis, Machine
-    from mcserver.config_drive import CanBusConfig
+    from mcserver.machine.drive_section import CanBusConfig
+    from mcserver.machine.machine_file import Axis, Machine
 
 # Share of a bus that the cycle may take: SDO, EMCY and repetitions need the rest.
 CEILING = 0.8

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mcserver.config import Axis
 from mcserver.drives.bus import BusEvent, DriveMode, DriveState, Feedback, Setpoints
+from mcserver.machine.machine_file import Axis
 
 _STATE_OF_MODE = np.array(
     [

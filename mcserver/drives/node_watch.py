@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from mcserver.can.cob import Function, NmtState
-from mcserver.config import Axis
 from mcserver.drives.bus import BusEvent, BusEventKind, DriveFault
-from mcserver.drives.cia402.emergency import NO_ERROR, emergency_text, unpack_emergency
+from mcserver.drives.cia402.emergency_codes import NO_ERROR, emergency_text, unpack_emergency
+from mcserver.machine.machine_file import Axis
 
 # A heartbeat that is late by this factor has stopped (CiA 301 leaves it to the consumer).
 HEARTBEAT_PATIENCE = 2.5

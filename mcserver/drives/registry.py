@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
-from mcserver.config import Axis, Machine
 from mcserver.drives.bus import DriveBus
 from mcserver.drives.can_bus import CanBus
 from mcserver.drives.ideal import IdealBus
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import Axis, Machine
 
 BusFactory = Callable[[Machine, Sequence[Axis], Sequence[int]], list[DriveBus]]
 

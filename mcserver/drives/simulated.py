@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.config import Axis
 from mcserver.drives.bus import Array, BusEvent, DriveFault, DriveMode, DriveState, Feedback, Setpoints
 from mcserver.drives.servo_model import ServoModel
+from mcserver.machine.machine_file import Axis
 
 # Exchanges from the first command to energize until a drive holds.
 START_CYCLES = 2

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.config import Machine
 from mcserver.drives.bus import BusEvent, DriveBus, DriveMode, DriveState, Feedback, Setpoints
-from mcserver.executor.feedback import AxisCondition, FeedbackRow
 from mcserver.executor.headroom import Array
+from mcserver.executor.shm.feedback import AxisCondition, FeedbackRow
+from mcserver.machine.machine_file import Machine
 
 _MASKS_KEPT = 4096
 

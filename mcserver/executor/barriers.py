@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.faults import FaultCode
+from mcserver.executor.fault_codes import FaultCode
 
 # A drive that does not do as told within this time is at fault [s].
 DRIVE_TIMEOUT_S = 5.0

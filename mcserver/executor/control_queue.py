@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.executor.playback import NEAR_U, Playback
-from mcserver.executor.rings import ProgramRing
+from mcserver.executor.playback.playback import NEAR_U, Playback
+from mcserver.executor.shm.rings import ProgramRing
 
 # Control entries taken out of the ring in a cycle, besides those that this cycle may pass.
 DECODED_A_CYCLE = 64

@@ -20,10 +20,10 @@ from mcserver.executor.barriers import (
     Paused,
 )
 from mcserver.executor.entries import Control, ControlKind, EventKind
-from mcserver.executor.faults import FaultCode
-from mcserver.executor.feedback import SlotState
+from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import hold_position
 from mcserver.executor.independent import TrajectoryError
+from mcserver.executor.shm.feedback import SlotState
 from mcserver.motion.canonical import AxisOperation
 
 if TYPE_CHECKING:

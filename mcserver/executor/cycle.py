@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcserver.config import Machine
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.entries import EventKind, ExecutorEvent
-from mcserver.executor.events import EventRing
-from mcserver.executor.faults import FaultCode
+from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
 from mcserver.executor.independent import IndependentMotions
+from mcserver.executor.shm.event_ring import EventRing
+from mcserver.machine.machine_file import Machine
 
 
 class Cycle:

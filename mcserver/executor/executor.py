@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mcserver.config import Machine
 from mcserver.drives.bus import DriveBus
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.events import EventRing
-from mcserver.executor.faults import FaultCode
-from mcserver.executor.feedback import (
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.holding import stop_independent
+from mcserver.executor.independent import IndependentMotions
+from mcserver.executor.playback.rate import RateRamp
+from mcserver.executor.shm.event_ring import EventRing
+from mcserver.executor.shm.feedback import (
     CYCLE,
     ESTOP,
     LATE,
@@ -25,13 +27,11 @@ from mcserver.executor.feedback import (
     FeedbackRow,
     SlotState,
 )
-from mcserver.executor.holding import stop_independent
-from mcserver.executor.independent import IndependentMotions
-from mcserver.executor.mailbox import CommandMailbox
-from mcserver.executor.rate import RateRamp
-from mcserver.executor.rings import ProgramRing
+from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.slot import ProgramSlot
 from mcserver.executor.supervision import Supervision
+from mcserver.machine.machine_file import Machine
 
 # Beside the columns to reset: a reset was asked for at all.
 _RESET_ASKED = 1 << 64

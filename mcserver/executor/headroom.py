@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 
 Array = NDArray[np.float64]
 

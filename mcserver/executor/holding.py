@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mcserver.drives.bus import DriveMode
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.rate import RateRamp
+from mcserver.executor.playback.rate import RateRamp
 
 # A speed command's setpoint is kept where its encoder is no further behind than the axis goes in this time
 # [s].

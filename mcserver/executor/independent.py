@@ -13,9 +13,9 @@ from collections.abc import Mapping
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
-from mcserver.config import Axis, Machine
-from mcserver.executor.feedback import FeedbackRow
-from mcserver.executor.rate import RateRamp, Slopes
+from mcserver.executor.playback.rate import RateRamp, Slopes
+from mcserver.executor.shm.feedback import FeedbackRow
+from mcserver.machine.machine_file import Axis, Machine
 
 State = tuple[float, float, float]
 

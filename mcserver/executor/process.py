@@ -1,238 +1,185 @@
-"""The executor in a process of its own, as the server sees it."""
+"""The executor's process: ``python -m mcserver.executor.process``, with its machine on standard input.
+
+One thread, nothing else. It wakes at absolute deadlines; a wake-up that is a whole cycle late or more is
+counted and the missed cycles are left out, so motion is delayed by them and never jumps or bursts.
+"""
 
 from __future__ import annotations
 
+import enum
+import gc
 import os
-import subprocess
+import signal
+import sys
 import time
+from collections.abc import Callable
+from typing import Protocol
 
-from mcserver.child_process import start_child
-from mcserver.config import Machine
+import msgspec
+
 from mcserver.drives.registry import create_buses
-from mcserver.errors import RuntimeFault
-from mcserver.executor.entries import ExecutorEvent
-from mcserver.executor.feedback import FeedbackRing, FeedbackState
-from mcserver.executor.mailbox import SLOTS, CommandMailbox
-from mcserver.executor.realtime import PRIORITY
-from mcserver.executor.realtime_loop import ExitCode, ProcessState, Start
-from mcserver.executor.rings import ProgramRing
-from mcserver.executor.shared import SharedParts, create_block, map_block
+from mcserver.errors import McError
+from mcserver.executor.executor import Executor
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.realtime import PRIORITY, MonotonicClock, lock_memory, take_realtime_priority
+from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.executor.shm.shared_memory import SharedParts, map_block
+from mcserver.machine.machine_file import Machine
 
-START_TIMEOUT_S = 30.0
-STOP_TIMEOUT_S = 12.0
-# An executor whose beat stands still for this time does not run [s].
-BEAT_TIMEOUT_S = 2.0
-_POLL_S = 0.002
+# Without a beat of the server for this time motion is stopped [s]. A server that has died is noticed sooner,
+# as the parent process that is gone; this is about one that hangs. A loaded computer of two cores was seen to
+# keep a living server from beating for more than 0.5 s.
+SERVER_TIMEOUT_S = 2.0
+# How long axes are held after that stop before they are de-energized [s].
+HOLD_AFTER_STOP_S = 1.0
+# Motion that has not come to rest in this time, while ending, is cut off [s].
+STOP_TIMEOUT_S = 10.0
+# How often it is looked whether the parent process is still there [cycles].
+PARENT_CYCLES = 64
 
 
-class ExecutorProcess:
-    """Starts, watches and ends the executor's process.
+class ProcessState(enum.IntEnum):
+    """State of the executor's process, in the mailbox."""
 
-    A fresh interpreter is started for it, so that it has nothing of the server's in it. The memory that they
-    share has no name; it is gone with the last of the two, however they end.
+    STARTING = 0
+    RUNNING = 1
+    SERVER_LOST = 2
+    ENDED = 3
+
+
+class ExitCode(enum.IntEnum):
+    """How the process ends by itself."""
+
+    ASKED = 0
+    BROKEN = 1
+    SERVER_LOST = 3
+    DRIVES = 4
+
+
+class Start(msgspec.Struct, frozen=True):
+    """What the process is told on standard input, as MessagePack."""
+
+    machine: Machine
+    descriptor: int
+    slots: int
+    parent: int
+    priority: int = PRIORITY
+
+
+class Clock(Protocol):
+    """A clock with absolute sleep [ns]."""
+
+    def now(self) -> int: ...
+    def sleep_until(self, deadline: int) -> None: ...
+
+
+class ServerWatch:
+    """Whether the server lives, by its beats. Counted in executed cycles, so that a stall of the whole
+    computer, server included, is no loss."""
+
+    def __init__(self, mailbox: CommandMailbox, cycle_s: float, parent: int) -> None:
+        self._mailbox = mailbox
+        self._patience = max(1, round(SERVER_TIMEOUT_S / cycle_s))
+        self._parent = parent
+        self._beat = mailbox.server_beat
+        self._without = 0
+        self._beating = False
+        self._cycles = 0
+
+    def lost(self) -> bool:
+        """Once a cycle."""
+        beat = self._mailbox.server_beat
+        self._cycles += 1
+        if beat != self._beat:
+            self._beat = beat
+            self._without = 0
+            self._beating = True
+            return False
+        self._without += 1
+        if self._beating and self._without >= self._patience:
+            return True
+        return self._cycles % PARENT_CYCLES == 0 and os.getppid() != self._parent
+
+
+def run_loop(
+    executor: Executor, mailbox: CommandMailbox, clock: Clock, parent: int, asked: Callable[[], bool]
+) -> ExitCode:
+    """Cycles until the server asks for the end or is lost; axes are at rest then where that was possible.
 
     Args:
-        machine: what it drives.
-        priority: of SCHED_FIFO, where the computer grants it.
+        asked: whether something else than the mailbox asks for the end.
     """
+    cycle_s = executor.machine.cycle_s
+    period = round(cycle_s * 1e9)
+    watch = ServerWatch(mailbox, cycle_s, parent)
+    result: ExitCode | None = None
+    ending_since = 0
+    number = 0
+    standing_since: int | None = None
+    deadline = clock.now() + period
+    mailbox.set_epoch(time.time() + period * 1e-9)
+    while True:
+        clock.sleep_until(deadline)
+        missed = (clock.now() - deadline) // period
+        if missed > 0:
+            executor.late_cycles += missed
+            number += missed
+            deadline += missed * period
+        executor.cycle(number * cycle_s)
+        number += 1
+        deadline += period
+        if result is None:
+            if watch.lost():
+                result = ExitCode.SERVER_LOST
+                mailbox.set_executor_state(ProcessState.SERVER_LOST)
+                executor.stop_all(FaultCode.SERVER_LOST)
+                ending_since = number
+            elif mailbox.quitting or asked():
+                result = ExitCode.ASKED
+                executor.stop_all()
+                ending_since = number
+            continue
+        if executor.standing and standing_since is None:
+            standing_since = number
+        hold = 0.0 if result is ExitCode.ASKED else HOLD_AFTER_STOP_S
+        if standing_since is not None and (number - standing_since) * cycle_s >= hold:
+            return result
+        if (number - ending_since) * cycle_s > STOP_TIMEOUT_S:
+            return result
 
-    def __init__(self, machine: Machine, *, slots: int = SLOTS, priority: int = PRIORITY) -> None:
-        # the same configuration errors as in the process, but here, where they can be reported
-        create_buses(machine)
-        self.machine = machine
-        self._slots = slots
-        self._priority = priority
-        self._process: subprocess.Popen[bytes] | None = None
-        self._parts: SharedParts | None = None
-        self._memory = -1
-        self._beat_seen = (-1, 0.0)
 
-    # ------------------------------------------------------------------ life
+def main() -> int:
+    """Runs the process; returns its exit code."""
+    start = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Start)
+    terminated: list[int] = []
+    # an interrupt from the keyboard goes to the server too, which ends this process in order
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda number, _frame: terminated.append(number))
+    parts: SharedParts = map_block(start.descriptor, start.machine, start.slots)
+    os.close(start.descriptor)
+    machine, mailbox = start.machine, parts.mailbox
+    try:
+        buses = create_buses(machine)
+        executor = Executor(machine, buses, parts.rings, mailbox, parts.feedback, parts.events)
+    except McError as error:
+        print(error, file=sys.stderr, flush=True)  # noqa: T201
+        mailbox.set_executor_state(ProcessState.ENDED)
+        return int(ExitCode.DRIVES)
+    code = ExitCode.BROKEN
+    try:
+        locked = lock_memory()
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        if not (take_realtime_priority(start.priority) and locked):
+            executor.warn(FaultCode.NO_REALTIME)
+        mailbox.set_executor_state(ProcessState.RUNNING)
+        code = run_loop(executor, mailbox, MonotonicClock(), start.parent, lambda: bool(terminated))
+    finally:
+        executor.close()
+        mailbox.set_executor_state(ProcessState.ENDED)
+    return int(code)
 
-    def start(self, timeout_s: float = START_TIMEOUT_S) -> None:
-        """`launch` and `wait`. Raises as these."""
-        self.launch()
-        self.wait(timeout_s)
 
-    def launch(self) -> None:
-        """Makes the memory and starts the process, without waiting for it."""
-        if self._process is not None:
-            raise RuntimeError("the executor has been started already")
-        self._memory = create_block(self.machine, self._slots)
-        self._parts = map_block(self._memory, self.machine, self._slots)
-        self._parts.mailbox.initialise()
-        start = Start(self.machine, self._memory, self._slots, os.getpid(), self._priority)
-        self._process = start_child("mcserver.executor.realtime_loop", start, [self._memory])
-
-    def wait(self, timeout_s: float = START_TIMEOUT_S) -> None:
-        """Waits until cycles run.
-
-        Raises:
-            RuntimeFault: MC422 it ended, or did not come up in time.
-        """
-        process = self._process
-        if process is None:
-            raise RuntimeError("the executor has not been started")
-        deadline = time.monotonic() + timeout_s
-        while self.mailbox.executor_beat == 0:
-            code = process.poll()
-            if code is not None or time.monotonic() > deadline:
-                self.kill()
-                what = (
-                    f"ended with code {code}" if code is not None else f"did not come up in {timeout_s:g} s"
-                )
-                raise RuntimeFault(
-                    "MC422", f"the executor's process {what}", "see what it wrote to standard error"
-                )
-            time.sleep(_POLL_S)
-
-    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> int | None:
-        """Brings motion to rest, de-energizes the axes and ends the process.
-
-        Returns:
-            Its exit code; None if it was never started.
-        """
-        if self._process is None:
-            return None
-        self.mailbox.quit()
-        try:
-            return self._process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            return self.kill()
-        finally:
-            self._forget_memory()
-
-    def kill(self) -> int | None:
-        """Ends the process at once; its drives time out by themselves."""
-        if self._process is None:
-            return None
-        if self._process.poll() is None:
-            self._process.kill()
-        self._forget_memory()
-        return self._process.wait()
-
-    def _forget_memory(self) -> None:
-        """It stays mapped here, but nobody else can have it any more."""
-        memory, self._memory = self._memory, -1
-        if memory >= 0:
-            os.close(memory)
-
-    @property
-    def alive(self) -> bool:
-        """Whether the process is there and its cycles go on; cheap, and needs to be asked now and then."""
-        process = self._process
-        if process is None or process.poll() is not None:
-            return False
-        beat, now = self.mailbox.executor_beat, time.monotonic()
-        if beat != self._beat_seen[0]:
-            self._beat_seen = (beat, now)
-            return True
-        return now - self._beat_seen[1] <= BEAT_TIMEOUT_S
-
-    @property
-    def ending(self) -> str:
-        """How it came to its end, for a message; empty while it runs."""
-        code = self.exit_code
-        if code is None:
-            return "" if self.alive else f"it has run no cycle for {BEAT_TIMEOUT_S:g} s"
-        if code < 0:
-            return f"it was ended by signal {-code}"
-        if code == ExitCode.SERVER_LOST:
-            return "it stopped all axes because the server did not beat"
-        return f"it ended with code {code}"
-
-    @property
-    def exit_code(self) -> int | None:
-        """Exit code of the process (negative: a signal), None while it runs."""
-        return None if self._process is None else self._process.poll()
-
-    @property
-    def memory(self) -> int:
-        """Descriptor of the shared memory, for another process that is to have it too.
-
-        Raises:
-            RuntimeError: the executor does not run.
-        """
-        if self._memory < 0:
-            raise RuntimeError("the executor does not run")
-        return self._memory
-
-    @property
-    def slots(self) -> int:
-        """How many programs it has places for."""
-        return self._slots
-
-    @property
-    def pid(self) -> int | None:
-        """Of the process."""
-        return None if self._process is None else self._process.pid
-
-    @property
-    def state(self) -> ProcessState:
-        """As the process says."""
-        return ProcessState(self.mailbox.executor_state)
-
-    # ------------------------------------------------------------------ the same faces as `VirtualExecutor`
-
-    @property
-    def _shared(self) -> SharedParts:
-        if self._parts is None:
-            raise RuntimeError("the executor has not been started")
-        return self._parts
-
-    @property
-    def mailbox(self) -> CommandMailbox:
-        """Orders to the executor."""
-        return self._shared.mailbox
-
-    def beat(self) -> None:
-        """The server lives; at least every 50 ms from the first call on."""
-        self._shared.mailbox.beat()
-
-    def open_slot(
-        self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
-    ) -> ProgramRing:
-        """Begins a program in a free slot; without a mask on all axes.
-
-        Returns:
-            Where its rows and control entries are put.
-        """
-        ring = self._shared.rings[slot]
-        mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
-        self.mailbox.open_slot(slot, mask, ring.restart(), override=override, hold=hold)
-        return ring
-
-    def sink(self, slot: int) -> ProgramRing:
-        """Where the program in a slot puts its rows and control entries."""
-        return self._shared.rings[slot]
-
-    def events(self) -> list[ExecutorEvent]:
-        """Reports since the last call, in order."""
-        return self._shared.events.take()
-
-    @property
-    def lost_events(self) -> int:
-        """Reports that found no room since the start."""
-        return self._shared.events.lost
-
-    @property
-    def feedback(self) -> FeedbackState:
-        """The latest cycle.
-
-        Raises:
-            RuntimeError: no cycle has passed.
-        """
-        state = self._shared.feedback.latest()
-        if state is None:
-            raise RuntimeError("no cycle has passed yet")
-        return state
-
-    @property
-    def history(self) -> FeedbackRing:
-        """The latest cycles."""
-        return self._shared.feedback
-
-    @property
-    def epoch(self) -> float:
-        """Unix time of executor time 0 [s]."""
-        return self.mailbox.epoch
+if __name__ == "__main__":
+    sys.exit(main())

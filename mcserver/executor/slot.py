@@ -13,14 +13,14 @@ from mcserver.executor.control_queue import ControlQueue
 from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Control, ControlKind, EventKind
-from mcserver.executor.faults import FaultCode
-from mcserver.executor.feedback import SlotState
+from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
-from mcserver.executor.mailbox import MachineOrders, SlotOrders
-from mcserver.executor.pace import Pace
-from mcserver.executor.playback import NEAR_U, Playback
-from mcserver.executor.rate import RateRamp
-from mcserver.executor.rings import ProgramRing
+from mcserver.executor.playback.playback import NEAR_U, Playback
+from mcserver.executor.playback.rate import RateRamp
+from mcserver.executor.playback.rate_limits import Pace
+from mcserver.executor.shm.feedback import SlotState
+from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
+from mcserver.executor.shm.rings import ProgramRing
 
 # This close to an edge u is put onto it [cycles].
 LANDING = 2e-3

@@ -11,8 +11,8 @@ from mcserver.drives.bus import BusEventKind, DriveState
 from mcserver.executor.axes import mask_of
 from mcserver.executor.barriers import DRIVE_TIMEOUT_S
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.faults import FaultCode, code_of_drive_fault
-from mcserver.executor.feedback import FeedbackRing
+from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
+from mcserver.executor.shm.feedback import FeedbackRing
 from mcserver.executor.slot import ProgramSlot
 
 _OF_EVENT = MappingProxyType(

@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Sequence
 
 from mcserver.errors import Diagnostic
-from mcserver.gcode.faults import TITLES
+from mcserver.gcode.line_faults import TITLES
 
 TAB = 4  # columns that a tab is shown as
 WINDOW = 100  # columns of a line that are shown; longer lines are cut around the place

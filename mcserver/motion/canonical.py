@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.path import Array, Curve, LineCurve
+from mcserver.motion.geometry.curves import Array, Curve, LineCurve
 
 
 class AxisOperation(enum.Enum):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from mcserver.motion.bound import Bound
-from mcserver.motion.sampling import Rows
+from mcserver.motion.profile.setpoint_sampling import Rows
 
 # Rows in one piece of output.
 PIECE = 1000

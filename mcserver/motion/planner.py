@@ -15,17 +15,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup, PlainRun
-from mcserver.motion.corner import best_blend
-from mcserver.motion.lookahead import Lookahead
-from mcserver.motion.path import Array
+from mcserver.motion.geometry.blend_choice import best_blend
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, place, segment_of
+from mcserver.motion.lookahead.lookahead import Lookahead
+from mcserver.motion.lookahead.parallel_groups import side_by_side
+from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
-from mcserver.motion.planned_run import PlannedRun
-from mcserver.motion.sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
-from mcserver.motion.segment import AxisLimits, Segment, StraightRun, place, segment_of
-from mcserver.motion.side_by_side import side_by_side
+from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
 from mcserver.units import AxisType
 
 # Segments that come into the window between two plans of a stream, and the most that it holds: enough for any

@@ -6,17 +6,17 @@ import math
 
 import numpy as np
 
-from mcserver.motion.blend import straight_blend
 from mcserver.motion.canonical import FeedGroup, PlainRun
-from mcserver.motion.corner import HANDLE, TOLERANCE_SHARES, best_blend
+from mcserver.motion.geometry.blend import straight_blend
+from mcserver.motion.geometry.blend_choice import HANDLE, TOLERANCE_SHARES, best_blend
+from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
+from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, place, segment_of
 from mcserver.motion.kernels.compiled import compiles
-from mcserver.motion.limits import Level
-from mcserver.motion.lookahead import Lookahead
-from mcserver.motion.path import ArcCurve, Array, Curve, LineCurve
-from mcserver.motion.profile import join
-from mcserver.motion.ramps import fastest
-from mcserver.motion.sampling import sample
-from mcserver.motion.segment import AxisLimits, Segment, StraightRun, place, segment_of
+from mcserver.motion.lookahead.lookahead import Lookahead
+from mcserver.motion.lookahead.path_limits import Level
+from mcserver.motion.profile.setpoint_sampling import sample
+from mcserver.motion.profile.speed_ramps import fastest
+from mcserver.motion.profile.velocity_profile import join
 
 _SLOTS = {0: 0, 1: 1}
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from mcserver.canopen_service.views import DriveInfo
+from mcserver.canopen.views import DriveInfo
 from mcserver.net.messages import AxisIndex, Request
 
 NodeNumber = Annotated[int, Meta(ge=1, le=127)]

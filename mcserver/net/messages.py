@@ -1,7 +1,7 @@
 """Every payload of the key space, typed: MessagePack maps unless a docstring says array.
 
 What the service reports by itself (acknowledgements, states, events) is defined in
-`mcserver.programs.reports` and named here too.
+`mcserver.service.reports` and named here too.
 
 This is the one place where the wire is defined. `mcserver.net.schemas` publishes it as JSON Schema, and
 docs/keyspace.md explains it. Positions are in mm (linear axes) or deg (rotary axes), velocities in mm/s or
@@ -16,37 +16,37 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     Ack as Ack,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     AxesStatus as AxesStatus,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     Event as Event,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     Fault as Fault,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     LineReport as LineReport,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     MachineStatus as MachineStatus,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     OnDisconnect as OnDisconnect,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     ProgramState as ProgramState,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     ProgramStatus as ProgramStatus,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     ToolPose as ToolPose,
 )
-from mcserver.programs.reports import (
+from mcserver.service.reports import (
     WireDiagnostic as WireDiagnostic,
 )
 

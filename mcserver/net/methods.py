@@ -7,17 +7,17 @@ from typing import Any, Protocol
 
 import msgspec
 
-from mcserver.canopen_service.views import DriveAccess, SdoTarget, SdoValue
+from mcserver.canopen.views import DriveAccess, SdoTarget, SdoValue
 from mcserver.errors import Diagnostic, ServiceError
 from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
-from mcserver.programs.deferred import Deferred
-from mcserver.programs.jog import Jogging
-from mcserver.programs.program import Program
-from mcserver.programs.reports import wire_diagnostic
-from mcserver.programs.service import MachineService
+from mcserver.service.deferred import Deferred
+from mcserver.service.jog import Jogging
+from mcserver.service.program import Program
+from mcserver.service.reports import wire_diagnostic
+from mcserver.service.service import MachineService
 
 
 class Bench(Protocol):

@@ -17,9 +17,9 @@ from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Keys, is_wild
 from mcserver.net.messages import ENCODING, ErrorReply, Request
-from mcserver.programs.deferred import Deferred
-from mcserver.programs.refusals import Refused
-from mcserver.programs.reports import wire_diagnostic
+from mcserver.service.deferred import Deferred
+from mcserver.service.refusals import Refused
+from mcserver.service.reports import wire_diagnostic
 
 log = logging.getLogger(__name__)
 

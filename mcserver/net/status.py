@@ -8,8 +8,8 @@ from importlib import metadata
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.config import Axis, Machine
-from mcserver.machine_model import build_kinematics
+from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
 from mcserver.net.messages import (
     MAX_LINES_A_MESSAGE,
@@ -23,13 +23,13 @@ from mcserver.net.messages import (
     ToolInfo,
     ToolPose,
 )
-from mcserver.programs.intake import OPEN_PROGRAMS
-from mcserver.programs.lease import EXECUTOR_SLOTS
-from mcserver.programs.planner_messages import MAX_LINE_LENGTH
-from mcserver.programs.port import Cycles
-from mcserver.programs.queue import QUEUE_LINES
-from mcserver.programs.service import MachineService
-from mcserver.tool_poses import ToolPoses
+from mcserver.planning.planner_messages import MAX_LINE_LENGTH
+from mcserver.service.intake import OPEN_PROGRAMS
+from mcserver.service.leases import EXECUTOR_SLOTS
+from mcserver.service.line_queue import QUEUE_LINES
+from mcserver.service.motion_port import Cycles
+from mcserver.service.service import MachineService
+from mcserver.simulation.tool_poses import ToolPoses
 
 TELEMETRY_FIELDS = ("setpoint", "position", "velocity", "torque")
 CYCLES_A_MESSAGE = 10

@@ -14,7 +14,7 @@ from mcserver.net.messages import TelemetryBlock
 from mcserver.net.qos import axis_qos, batch_qos, state_qos
 from mcserver.net.session import ZenohSession
 from mcserver.net.status import CYCLES_A_MESSAGE, STATE_HZ, EdgeUnits, machine_status
-from mcserver.programs.service import MachineService
+from mcserver.service.service import MachineService
 
 log = logging.getLogger(__name__)
 

@@ -7,13 +7,13 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from mckinematics.solver import MachineKinematics
 from numpy.typing import NDArray
 
-from kinematics.solver import MachineKinematics
-from mcserver.config import Axis, Machine
-from mcserver.machine_check import axis_name
-from mcserver.simulation_record import Recorded
-from mcserver.tool_poses import tool_poses
+from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.plausibility import axis_name
+from mcserver.simulation.recorder import Recorded
+from mcserver.simulation.tool_poses import tool_poses
 from mcserver.units import AxisType
 
 Array = NDArray[np.float64]

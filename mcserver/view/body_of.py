@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from mckinematics.model import read_urdf
+from mckinematics.solver import MachineKinematics
 
-from kinematics.model import read_urdf
-from kinematics.solver import MachineKinematics
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.view.body import Body, NoBody
 from mcserver.view.gantry import Gantry
 from mcserver.view.meshes import load_mesh

@@ -7,9 +7,9 @@ from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
+from mckinematics.solver import MachineKinematics
 
-from kinematics.solver import MachineKinematics
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.net.messages import MachineStatus
 from mcserver.view.live import LiveStates
 from mcserver.view.panel import axes_html, axis_names, line_html

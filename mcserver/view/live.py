@@ -11,7 +11,7 @@ from typing import Self
 
 import zenoh
 
-from mcserver.commands.faults import NobodyAnswers, UsageFault
+from mcserver.cli.exit_codes import NobodyAnswers, UsageFault
 from mcserver.errors import ServiceError
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.keys import Keys

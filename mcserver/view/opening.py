@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from mckinematics.solver import MachineKinematics
 
-from kinematics.solver import MachineKinematics
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.view.body_of import body_of
 from mcserver.view.stage import stage, up_of
 from mcserver.view.tracks import Track, portal_axes, tip_frames

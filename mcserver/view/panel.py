@@ -6,9 +6,10 @@ import html
 import math
 from collections.abc import Mapping, Sequence
 
-from kinematics.solver import MachineKinematics
-from mcserver.config import Axis, Machine
-from mcserver.machine_check import axis_name
+from mckinematics.solver import MachineKinematics
+
+from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.plausibility import axis_name
 from mcserver.plot.theme import colours_of
 from mcserver.units import AxisType
 

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from mckinematics.solver import MachineKinematics
 
-from kinematics.solver import MachineKinematics
-from mcserver.config import Machine
-from mcserver.simulation_record import Recorded
+from mcserver.machine.machine_file import Machine
+from mcserver.simulation.recorder import Recorded
 from mcserver.view.panel import axes_html, axis_names, css, line_colours, line_html
 from mcserver.view.playback import SPEEDS, Playback
 from mcserver.view.tracks import Track, positions_at, tip_frames

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from mckinematics.solver import MachineKinematics
 from numpy.typing import NDArray
 
-from kinematics.solver import MachineKinematics
-from mcserver.config import Machine
-from mcserver.simulation_record import Recorded
+from mcserver.machine.machine_file import Machine
+from mcserver.simulation.recorder import Recorded
 from mcserver.units import AxisType
 from mcserver.view.solids import Array
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mckinematics.rotation import rotation_matrices
 
-from kinematics.rotation import rotation_matrices
 from mcserver.view.solids import Array, Colour
 
 GREY: Colour = (176, 182, 190)
@@ -81,7 +81,7 @@ class Tree:
 
 
 def read_tree(text: str) -> Tree:
-    """The tree of a URDF that `kinematics.model.load_model` has accepted."""
+    """The tree of a URDF that `mckinematics.model.load_model` has accepted."""
     robot = ElementTree.fromstring(text)
     named = {
         material.get("name", ""): colour

@@ -10,14 +10,14 @@ from types import TracebackType
 from mcserver.can.cob import SYNC, Function
 from mcserver.can.frame import FRAME_SIZE, HEADER, PAYLOAD_OFFSET, filled_frame, prepare_frame
 from mcserver.can.port import MAX_DRAINED, Frame, PortCounters
-from mcserver.config import parse_machine
 from mcserver.drives.bus import DriveMode, DriveState, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.drives.cia402.layout import RPDO1, TPDO1, TPDO2, Mode
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.executor.feedback import AxisCondition
-from mcserver.executor.virtual import VirtualExecutor
+from mcserver.executor.shm.feedback import AxisCondition
+from mcserver.machine.machine_file import parse_machine
 from mcserver.motion.canonical import AxisOperation
+from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.bench.figures import Figure, percentile
 
 CYCLES = 2000

@@ -11,8 +11,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from mcserver.config import Machine, load_machine
 from mcserver.drives.bus_load import frame_bits
+from mcserver.machine.machine_file import Machine, load_machine
 from tests.bench.figures import Figure, NotAvailable
 from tests.bench.server import free_port
 
@@ -39,11 +39,11 @@ counts_per_motor_rev = 65536
 def measure() -> list[Figure]:
     """Median boot-up, and the slowest of all."""
     try:
-        from mcserver.canopen_service.bus import MASTER
-        from mcserver.canopen_service.configuration import configuration_writes
-        from mcserver.canopen_service.dictionary import generic_dictionary
-        from mcserver.canopen_service.service import CanopenService
-        from mcserver.canopen_service.settings import settings_of
+        from mcserver.canopen.configuration import configuration_writes
+        from mcserver.canopen.dictionary import generic_dictionary
+        from mcserver.canopen.service import CanopenService
+        from mcserver.canopen.service_bus import MASTER
+        from mcserver.canopen.settings import settings_of
     except ModuleNotFoundError as error:
         raise NotAvailable(f"{error.name} is not installed: pip install 'mcserver[can]'") from error
     with _simulated() as machine:

@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.executor.virtual import VirtualExecutor
 from mcserver.motion.canonical import AxisOperation
+from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.bench.figures import Figure, percentile
 from tests.bench.machines import ideal
 

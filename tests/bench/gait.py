@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 
-from mcserver.config import load_machine
-from mcserver.gcode.interpreter import Interpreter
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.machine.machine_file import load_machine
 from tests.bench.figures import Figure, NotAvailable, processor_seconds
 
 SETUP = ("G1010", "G93 F60")
@@ -21,7 +21,7 @@ def measure() -> list[Figure]:
     """One line: four tool paths solved from end to end, beside forward kinematics of as many poses."""
     if importlib.util.find_spec("pinocchio") is None:
         raise NotAvailable("no Pinocchio: pip install 'mcserver[kinematics]'")
-    from kinematics.solver import MachineKinematics
+    from mckinematics.solver import MachineKinematics
 
     machine = load_machine("robot-dog")
     kinematics = MachineKinematics(machine)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcserver.executor.virtual import VirtualExecutor
-from mcserver.programs.pipeline import Pipeline
+from mcserver.planning.pipeline import Pipeline
+from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.bench.figures import Figure
 from tests.bench.machines import ideal
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcserver.config import Machine, parse_machine
+from mcserver.machine.machine_file import Machine, parse_machine
 
 AXIS = """
 [[axis]]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-from mcserver.config import Machine, load_machine
-from mcserver.gcode.check import check_program
-from mcserver.gcode.interpreter import Interpreter
+from mcserver.gcode.program_check import check_program
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.machine.machine_file import Machine, load_machine
 from tests.bench.figures import Figure, rate
 
 LINES = 20_000

@@ -1,4 +1,4 @@
-"""From text to setpoints: the planner alone, and the whole of `mcserver.simulation` beside it."""
+"""From text to setpoints: the planner alone, and the whole of `mcserver.simulation.simulation` beside it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mcserver.config import Machine, load_machine
-from mcserver.gcode.interpreter import Interpreter
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.motion.canonical import FeedGroup, MotionLine, PlainRun
 from mcserver.motion.planner import MotionPlanner
-from mcserver.programs.pipeline import RUN
+from mcserver.planning.pipeline import RUN
 from tests.bench.figures import Figure, rate, seconds
 from tests.bench.machines import ideal
 
@@ -21,7 +21,7 @@ ARCS = Path(__file__).resolve().parents[2] / "examples" / "arcs.gcode"
 
 def measure() -> list[Figure]:
     """A smooth polyline of six axes' machine, with and without jerk limit, and the reference's arcs."""
-    from mcserver.simulation import simulate
+    from mcserver.simulation.simulation import simulate
 
     polyline = [
         f"G01 X{20 * math.cos(i / 40):.4f} Y{20 * math.sin(i / 40):.4f} Z{i / 1000:.4f}"

@@ -12,7 +12,7 @@ RADIUS, SPEED, ACCELERATION, LENGTH, TOLERANCE = 20.0, 100.0, 1000.0, 500.0, 0.1
 
 def measure() -> list[Figure]:
     """Motion of chords of 0.5 and 2 mm at 100 mm/s, 1000 mm/s², with and without a jerk limit."""
-    from mcserver.simulation import simulate
+    from mcserver.simulation.simulation import simulate
 
     arc = LENGTH / SPEED + SPEED / ACCELERATION
     figures = []

@@ -50,7 +50,7 @@ def server(machine_file: str = "", name: str = "bench") -> Iterator[Server]:
             machine = str(Path(folder, "machine.toml"))
             Path(machine).write_text(machine_file, "utf-8")
         endpoint = f"tcp/127.0.0.1:{free_port()}"
-        command = "from mcserver.cli import main; main()"
+        command = "from mcserver.cli.app import main; main()"
         options = [
             "--machine",
             machine,

@@ -11,7 +11,7 @@ COUNT, LENGTH, SPEED, ACCELERATION = 10_000, 0.05, 200.0, 1000.0
 
 def measure() -> list[Figure]:
     """Motion time of one straight row of segments, and how long its simulation takes."""
-    from mcserver.simulation import simulate
+    from mcserver.simulation.simulation import simulate
 
     row = [f"G01 X{LENGTH * i:.2f}" for i in range(1, COUNT + 1)]
     text = "\n".join(["G1010", f"G94 F{SPEED * 60:.0f}", *row])

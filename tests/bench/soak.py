@@ -37,8 +37,8 @@ def _moves() -> Iterator[str]:
 
 
 NAMES = {
-    "mcserver.executor.realtime_loop": "executor",
-    "mcserver.programs.planner_main": "planner",
+    "mcserver.executor.process": "executor",
+    "mcserver.planning.process": "planner",
 }
 
 

@@ -14,7 +14,7 @@ SQUARE = "G1010\nG94 F6000\n{mode}\nG01 X100\nG01 Y100\nG01 X0\nG01 Y0\n"
 
 def measure() -> list[Figure]:
     """With exact stop, and with a path tolerance."""
-    from mcserver.simulation import simulate
+    from mcserver.simulation.simulation import simulate
 
     ideal_time = 4.0 * (SIDE / SPEED + SPEED / ACCELERATION)
     stopping = simulate(SQUARE.format(mode="G61"), ideal(jerk=None), record=True)

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mckinematics.model import load_model
+from mckinematics.pose import Array, ToolPath, Triple
+from mckinematics.solver import MachineKinematics
+from mckinematics.target_path import TargetPath
+from mckinematics.tool import Targets, ToolModel
 
-from kinematics.model import load_model
-from kinematics.pose import Array, ToolPath, Triple
-from kinematics.solver import MachineKinematics
-from kinematics.target_path import TargetPath
-from kinematics.tool import Targets, ToolModel
-from mcserver.config import load_machine
+from mcserver.machine.machine_file import load_machine
 from tests.bench.figures import NotAvailable
 
 # of one second at 1 kHz

@@ -14,7 +14,7 @@ from canopen.objectdictionary import ODVariable
 from mcserver.can.cob import NMT, Function, NmtCommand, NmtState
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
-from mcserver.canopen_service.dictionary import generic_dictionary
+from mcserver.canopen.dictionary import generic_dictionary
 
 ROUND_S = 0.005
 NO_OBJECT = 0x0602_0000

@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from mcserver.can.hub import Hub
-from mcserver.canopen_service.boot import BootTimes
-from mcserver.canopen_service.bus import ServiceTimes
-from mcserver.canopen_service.events import CanopenEvent
-from mcserver.canopen_service.sdo import SdoTimes
-from mcserver.canopen_service.service import CanopenService
-from mcserver.config import Machine, parse_machine
+from mcserver.canopen.boot import BootTimes
+from mcserver.canopen.drive_events import CanopenEvent
+from mcserver.canopen.sdo import SdoTimes
+from mcserver.canopen.service import CanopenService
+from mcserver.canopen.service_bus import ServiceTimes
+from mcserver.machine.machine_file import Machine, parse_machine
 
 LIMIT_S = 20.0
 # Answers on the loopback take a millisecond; a test that waits for none should not wait long.

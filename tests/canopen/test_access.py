@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from mcserver.can.cob import Function
-from mcserver.canopen_service.access import MAX_WAITING, OperatorAccess
-from mcserver.canopen_service.bus import ServiceTimes
-from mcserver.canopen_service.errors import DriveError
-from mcserver.canopen_service.sdo import SdoTimes
-from mcserver.canopen_service.views import NoDrives, SdoTarget
+from mcserver.canopen.access import MAX_WAITING, OperatorAccess
+from mcserver.canopen.canopen_errors import DriveError
+from mcserver.canopen.sdo import SdoTimes
+from mcserver.canopen.service_bus import ServiceTimes
+from mcserver.canopen.views import NoDrives, SdoTarget
 from mcserver.errors import ServiceError
 from tests.canopen.fake_drives import PRODUCT, VENDOR, FakeDrives
 from tests.canopen.rig import TIMES, RunningHub, Watched, machine_on, wait_until

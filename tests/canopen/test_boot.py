@@ -9,10 +9,10 @@ import pytest
 from msgspec.structs import replace
 
 from mcserver.can.cob import Function, NmtState
-from mcserver.canopen_service.errors import DriveError, Stopped
-from mcserver.canopen_service.node import Phase
-from mcserver.config import Machine
+from mcserver.canopen.canopen_errors import DriveError, Stopped
+from mcserver.canopen.node import Phase
 from mcserver.errors import RuntimeFault
+from mcserver.machine.machine_file import Machine
 from tests.canopen.fake_drives import PRODUCT, VENDOR, FakeDrives
 from tests.canopen.rig import TIMES, RunningHub, Watched, machine_on, wait_until
 

@@ -8,17 +8,17 @@ import struct
 import pytest
 from canopen.objectdictionary import ObjectDictionary
 
-from mcserver.canopen_service.configuration import (
+from mcserver.canopen.configuration import (
     SdoWrite,
     configuration_writes,
     interpolation_period,
 )
-from mcserver.canopen_service.dictionary import generic_dictionary
-from mcserver.canopen_service.eds import parse_description
-from mcserver.canopen_service.settings import DriveSettings, settings_of
-from mcserver.config import parse_machine
+from mcserver.canopen.dictionary import generic_dictionary
+from mcserver.canopen.eds import parse_description
+from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.drives.cia402.layout import RPDO1, RPDOS, TPDO2, TPDOS, Mode, Pdo
 from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import parse_machine
 
 NODE = 3
 MASTER = 127

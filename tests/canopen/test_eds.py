@@ -10,7 +10,7 @@ from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVari
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcserver.canopen_service.eds import load_description, parse_description
+from mcserver.canopen.eds import load_description, parse_description
 from mcserver.errors import ConfigurationError
 
 NODE = 5

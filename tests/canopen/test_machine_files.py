@@ -10,12 +10,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from mcserver.cli import run_command_line
-from mcserver.config import Machine, load_machine
+from mcserver.cli.app import run_command_line
 from mcserver.doctor import State
 from mcserver.doctor.can import CanFacts, CanInterface
 from mcserver.doctor.machine import BusFacts, judge_buses
-from mcserver.machine_check import find_drive_faults
+from mcserver.machine.machine_file import Machine, load_machine
+from mcserver.machine.plausibility import find_drive_faults
 from tests.canopen.rig import RunningHub, machine_on
 from tests.cli.command import ROOT
 
@@ -146,9 +146,7 @@ def test_doctor_refuses_a_machine_that_is_none(capfd: Capture) -> None:
 
 
 def test_a_machine_without_can_needs_none_of_its_packages() -> None:
-    looked = (
-        "import sys, mcserver.server, mcserver.commands.run; print({'can', 'canopen'} & set(sys.modules))"
-    )
+    looked = "import sys, mcserver.server, mcserver.cli.run; print({'can', 'canopen'} & set(sys.modules))"
     done = subprocess.run(
         [sys.executable, "-c", looked], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
     )
@@ -162,7 +160,7 @@ def test_missing_packages_are_told_with_the_command_that_brings_them(hub: Runnin
         f'max_acceleration = 1\n[axis.drive]\nkind = "cia402"\nbus = "{hub.address()}"\nnode = 1\n'
         "counts_per_motor_rev = 1000\n"
     )
-    without = "import sys; sys.modules['canopen'] = None; from mcserver.cli import main; main()"
+    without = "import sys; sys.modules['canopen'] = None; from mcserver.cli.app import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", without, "run", "--machine", str(file), "--listen", "tcp/127.0.0.1:0"],
         cwd=ROOT,

@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 from mcclient.sync import Machine as Client
 
-from mcserver.canopen_service.boot import BootTimes
-from mcserver.canopen_service.bus import ServiceTimes
-from mcserver.canopen_service.errors import DriveError
-from mcserver.canopen_service.sdo import SdoTimes
-from mcserver.canopen_service.service import CanopenService
-from mcserver.config import load_machine
+from mcserver.canopen.boot import BootTimes
+from mcserver.canopen.canopen_errors import DriveError
+from mcserver.canopen.sdo import SdoTimes
+from mcserver.canopen.service import CanopenService
+from mcserver.canopen.service_bus import ServiceTimes
 from mcserver.drive_sim.control import Control
+from mcserver.machine.machine_file import load_machine
 from tests.canopen.rig import TIMES, RunningHub, Watched, wait_until
 from tests.e2e.servers import ServerProcess, environment
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 
 from mcserver.can.cob import NMT, Function, NmtState
-from mcserver.canopen_service.network import PortNetwork
-from mcserver.canopen_service.node import MAX_EMERGENCIES, Phase
+from mcserver.canopen.network import PortNetwork
+from mcserver.canopen.node import MAX_EMERGENCIES, Phase
 from tests.canopen.fake_drives import FakeDrives
 from tests.canopen.rig import RunningHub, Watched, machine_on, wait_until
 

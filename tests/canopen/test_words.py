@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.canopen_service.abort import abort_remedy, abort_text
-from mcserver.canopen_service.emergency import decode_emergency
-from mcserver.canopen_service.values import TYPES, decode_value, encode_value, type_name
+from mcserver.canopen.abort_codes import abort_remedy, abort_text
+from mcserver.canopen.emergency_text import decode_emergency
+from mcserver.canopen.values import TYPES, decode_value, encode_value, type_name
 
 
 def test_an_abort_code_is_told_as_the_standard_writes_it() -> None:

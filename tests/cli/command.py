@@ -10,7 +10,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
-ENTRY = "from mcserver.cli import main; main()"
+ENTRY = "from mcserver.cli.app import main; main()"
 
 
 def command(*arguments: str, **options: Any) -> subprocess.CompletedProcess[bytes]:

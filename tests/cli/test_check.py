@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from mcserver.cli import run_command_line
+from mcserver.cli.app import run_command_line
 from tests.cli.command import EXAMPLES
 
 Capture = pytest.CaptureFixture[str]

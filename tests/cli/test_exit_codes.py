@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.cli import run_command_line
+from mcserver.cli.app import run_command_line
 from tests.cli.command import EXAMPLES, ROOT
 
 Capture = pytest.CaptureFixture[str]
@@ -97,7 +97,7 @@ def test_a_fault_of_mcserver_itself_is_one_line_that_asks_for_a_report(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("0")
 
-    monkeypatch.setattr("mcserver.commands.check.load_machine", fail)
+    monkeypatch.setattr("mcserver.cli.check.load_machine", fail)
     assert run_command_line(["check", ARCS]) == 1
     shown = capfd.readouterr().err
     assert "error[MC019]" in shown

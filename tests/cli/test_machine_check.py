@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.cli import run_command_line
-from mcserver.config import BUILT_IN, load_machine, parse_machine
-from mcserver.machine_check import axis_name, find_doubts, find_tool_faults
+from mcserver.cli.app import run_command_line
+from mcserver.machine.machine_file import BUILT_IN, load_machine, parse_machine
+from mcserver.machine.plausibility import axis_name, find_doubts, find_tool_faults
 
 
 def _codes(axis: str, drive: str = "") -> list[str]:

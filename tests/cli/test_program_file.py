@@ -8,10 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from mcserver.commands import program_file
-from mcserver.commands.faults import UsageFault
-from mcserver.commands.program_file import read_program
-from mcserver.commands.program_text import load_program
+from mcserver.cli import program_file
+from mcserver.cli.exit_codes import UsageFault
+from mcserver.cli.program_file import read_program
+from mcserver.cli.program_text import load_program
 
 
 def test_a_file_is_read_as_bytes(tmp_path: Path) -> None:

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mcserver.commands.faults import OutputFault, UsageFault
-from mcserver.commands.output_file import check_output, write_atomically
-from mcserver.recording import write_csv, write_npz
-from mcserver.simulation_record import Recorded
+from mcserver.cli.exit_codes import OutputFault, UsageFault
+from mcserver.cli.output_file import check_output, write_atomically
+from mcserver.simulation.recorder import Recorded
+from mcserver.simulation.recording_file import write_csv, write_npz
 
 
 @pytest.fixture

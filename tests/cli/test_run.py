@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.cli import run_command_line
-from mcserver.commands.run import named
-from mcserver.config import load_machine
+from mcserver.cli.app import run_command_line
+from mcserver.cli.run import named
 from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import load_machine
 from tests.cli.command import ENTRY, ROOT
 
 Capture = pytest.CaptureFixture[str]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mcserver.cli import run_command_line
+from mcserver.cli.app import run_command_line
 from tests.cli.command import EXAMPLES
 
 Capture = pytest.CaptureFixture[str]

@@ -37,7 +37,7 @@ def test_a_reader_that_has_gone_ends_the_command_quietly() -> None:
 @pytest.mark.parametrize("redirection", [">&-", "<&-"])
 def test_a_closed_stream_gives_no_traceback(redirection: str) -> None:
     program = "-" if redirection == "<&-" else ARCS
-    script = f'exec "$0" -c "from mcserver.cli import main; main()" check {program} --json {redirection}'
+    script = f'exec "$0" -c "from mcserver.cli.app import main; main()" check {program} --json {redirection}'
     done = subprocess.run(
         ["bash", "-c", script, sys.executable],
         cwd=ROOT,

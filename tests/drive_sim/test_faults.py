@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from mcserver.can.cob import SYNC, Function
-from mcserver.drive_sim.faults import FAULTS, BadRequest
+from mcserver.drive_sim.fault_injection import FAULTS, BadRequest
 from tests.drive_sim.bench import (
     DISABLE_VOLTAGE,
     ENABLE,

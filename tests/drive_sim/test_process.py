@@ -16,12 +16,12 @@ import can
 import canopen
 import pytest
 
-from mcserver.cli import run_command_line
+from mcserver.cli.app import run_command_line
 from mcserver.drive_sim.control import Control
 from tests.can.hubs import LIMIT_S, wait_until
 from tests.can.python_can import python_can_bus
 
-ENTRY = "from mcserver.cli import main; main()"
+ENTRY = "from mcserver.cli.app import main; main()"
 MACHINE = """
 [machine]
 name = "bench"

@@ -8,7 +8,7 @@ import pytest
 
 from mcserver.can.cob import Function
 from mcserver.can.port import Frame
-from mcserver.drive_sim.faults import BadRequest
+from mcserver.drive_sim.fault_injection import BadRequest
 from mcserver.drive_sim.motor import Hardware
 from mcserver.drive_sim.servosila_node import ServosilaNode
 

@@ -14,12 +14,12 @@ import pytest
 from mcserver.can.cob import SYNC, Function
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
-from mcserver.config import Machine, parse_machine
 from mcserver.drive_sim.control import MAX_LINE, Control, ControlServer
-from mcserver.drive_sim.faults import BadRequest
+from mcserver.drive_sim.fault_injection import BadRequest
 from mcserver.drive_sim.from_machine import Choice, build_buses, hardware_of, start_turns
 from mcserver.drive_sim.simulation import DriveSimulation
 from mcserver.errors import RuntimeFault
+from mcserver.machine.machine_file import Machine, parse_machine
 from tests.can.hubs import LIMIT_S, address_of, receive, running_hub, wait_until
 
 AXES = """

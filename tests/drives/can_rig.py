@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mcserver.config import Machine, parse_machine
 from mcserver.drives.bus import DriveMode, DriveState, Feedback, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.executor.executor import Executor
-from mcserver.executor.virtual import VirtualExecutor
+from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import AxisOperation
+from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.drives.fake_can import FakeBus, FakeDrive
 from tests.executor.rig import Rig
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from mcserver.config import Machine, parse_machine
 from mcserver.drives.bus_load import CEILING, bus_loads, frame_bits
 from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import Machine, parse_machine
 
 
 def machine(axes: int, cycle_hz: float, buses: int = 1, drive: str = "", bus: str = "") -> Machine:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.config import Machine, parse_machine
 from mcserver.drives.can_bus import CanBus
 from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import Machine, parse_machine
 
 GOOD = 'kind = "cia402"\nbus = "can0"\nnode = 1\ncounts_per_motor_rev = 4096'
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from mcserver.errors import RuntimeFault
-from mcserver.executor.process import ExecutorProcess
-from mcserver.executor.realtime_loop import ExitCode
+from mcserver.executor.client import ExecutorProcess
+from mcserver.executor.process import ExitCode
 from tests.drives.can_rig import machine
 
 

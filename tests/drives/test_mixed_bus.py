@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from mcserver.can.cob import SYNC
-from mcserver.config import parse_machine
 from mcserver.drives.can_bus import CanBus
 from mcserver.executor.entries import EventKind
-from mcserver.executor.faults import FaultCode
-from mcserver.executor.feedback import AxisCondition
-from mcserver.executor.virtual import VirtualExecutor
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.shm.feedback import AxisCondition
+from mcserver.machine.machine_file import parse_machine
 from mcserver.motion.canonical import AxisOperation
+from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.drives.fake_can import FakeBus, FakeDrive, FakeServosila
 from tests.executor.rig import Program
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcserver.config import Machine, parse_machine
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Feedback, Setpoints
 from mcserver.drives.ideal import IdealBus
 from mcserver.drives.registry import create_buses
 from mcserver.drives.servo_model import loop_coefficients
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import Machine, parse_machine
 
 CYCLE_S = 1e-3
 

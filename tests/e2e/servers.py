@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 START_LIMIT_S = 300.0
 STOP_LIMIT_S = 20.0
 READY = re.compile(r"ready, .* listening on ([^\s,]+)")
-EXECUTOR = "mcserver.executor.realtime_loop"
-PLANNER = "mcserver.programs.planner_main"
+EXECUTOR = "mcserver.executor.process"
+PLANNER = "mcserver.planning.process"
 
 
 def environment() -> dict[str, str]:

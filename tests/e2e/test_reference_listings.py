@@ -141,8 +141,9 @@ async def dog(dog_server: ServerProcess) -> AsyncIterator[Machine]:
 
 
 async def test_robot_dog_lines_take_a_second_and_lift_the_feet_of_the_arcs(dog: Machine) -> None:
-    from kinematics.solver import MachineKinematics
-    from mcserver.config import load_machine
+    from mckinematics.solver import MachineKinematics
+
+    from mcserver.machine.machine_file import load_machine
 
     gait = [
         "G01 T3 X-159 Y-400 Z800 G01 T12 X159 Y-400 Z-100 G02 T6 Y-400 Z0 R500 G02 T9 Y-400 Z-800 R500",

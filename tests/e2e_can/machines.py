@@ -25,8 +25,10 @@ Raw = dict[str, Any]
 
 def dog(addresses: Sequence[str], cycle_hz: float) -> Raw:
     """The built-in robot dog, each leg's drives on a bus of their own where there are four."""
-    raw = tomllib.loads(resources.files("mcserver.machines").joinpath("robot-dog.toml").read_text("utf-8"))
-    raw["kinematics"]["urdf"] = str(ROOT / "kinematics" / "models" / "robot-dog.urdf")
+    raw = tomllib.loads(
+        resources.files("mcserver.machine.builtin").joinpath("robot-dog.toml").read_text("utf-8")
+    )
+    raw["kinematics"]["urdf"] = str(ROOT / "kinematics" / "mckinematics" / "models" / "robot-dog.urdf")
     for axis in raw["axis"]:
         axis["drive"] = {
             **can_drive(addresses, axis["index"]),

@@ -9,9 +9,9 @@ import numpy as np
 from mcclient import Machine
 from numpy.typing import NDArray
 
-from mcserver.config import parse_machine
-from mcserver.machine_model import build_kinematics
-from mcserver.simulation import simulate
+from mcserver.machine.machine_file import parse_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.simulation import simulate
 from tests.e2e.observing import ended_lines, listening, recorded
 from tests.e2e.servers import ROOT
 from tests.e2e_can.machines import Raw, ideal, toml

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.config import Machine, parse_machine
 from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
-from mcserver.executor.rings import ProgramRing
-from mcserver.executor.virtual import VirtualExecutor
+from mcserver.executor.shm.rings import ProgramRing
+from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import AxisOperation
+from mcserver.simulation.virtual_executor import VirtualExecutor
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import pytest
 
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.executor.entries import ControlKind, EventKind
-from mcserver.executor.feedback import AxisCondition
+from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.motion.canonical import AxisOperation
 from tests.executor.rig import CYCLE_S, Rig, machine
 

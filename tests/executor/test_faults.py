@@ -8,8 +8,8 @@ import pytest
 from mcserver.drives.bus import DriveFault
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.executor.entries import EventKind
-from mcserver.executor.faults import FaultCode, remedy_of
-from mcserver.executor.feedback import AxisCondition, SlotState
+from mcserver.executor.fault_codes import FaultCode, remedy_of
+from mcserver.executor.shm.feedback import AxisCondition, SlotState
 from mcserver.motion.canonical import AxisOperation
 from tests.executor.rig import CYCLE_S, Program, Rig, machine
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.executor.entries import ControlKind, EventKind
-from mcserver.executor.faults import WARNINGS
+from mcserver.executor.fault_codes import WARNINGS
 from tests.executor.rig import CYCLE_S, Rig, machine
 
 ACCELERATION = 10.0

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from mcserver.executor.client import ExecutorProcess
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.executor import Executor
-from mcserver.executor.process import ExecutorProcess
-from mcserver.executor.realtime_loop import ExitCode, ProcessState, run_loop
-from mcserver.executor.virtual import VirtualExecutor
+from mcserver.executor.process import ExitCode, ProcessState, run_loop
+from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.executor.rig import Program, machine
 
 PATIENCE_S = 20.0

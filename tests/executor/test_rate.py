@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.executor.entries import ControlKind, EventKind
-from mcserver.executor.feedback import SlotState
 from mcserver.executor.headroom import stopping_rows
+from mcserver.executor.shm.feedback import SlotState
 from tests.executor.rig import CYCLE_S, Array, Program, Rig, machine
 
 ACCELERATION = 10.0

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
-from mcserver.executor.events import EventRing
-from mcserver.executor.feedback import FeedbackRing, FeedbackRow, SlotState
-from mcserver.executor.mailbox import CommandMailbox
-from mcserver.executor.rings import ProgramRing, program_ring_size
+from mcserver.executor.shm.event_ring import EventRing
+from mcserver.executor.shm.feedback import FeedbackRing, FeedbackRow, SlotState
+from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.executor.shm.rings import ProgramRing, program_ring_size
 
 
 def put(ring: ProgramRing, first: int, count: int) -> None:

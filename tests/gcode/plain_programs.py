@@ -6,7 +6,7 @@ from random import Random
 
 from hypothesis import strategies as st
 
-from mcserver.gcode.plain_runs import LEAST
+from mcserver.gcode.fast_path.runs import LEAST
 
 # what the dialect does not read as a number
 NO_NUMBERS = (

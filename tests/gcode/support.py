@@ -6,16 +6,16 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from mckinematics.errors import JointLimit, Unreachable
+from mckinematics.pose import JointPath, Pose, ToolPath, Triple
 
-from kinematics.errors import JointLimit, Unreachable
-from kinematics.pose import JointPath, Pose, ToolPath, Triple
-from mcserver.config import Machine, load_machine, parse_machine
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.gcode.check import check_program
-from mcserver.gcode.interpreter import Interpreter
-from mcserver.gcode.parser import parse_line
+from mcserver.gcode.program_check import check_program
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.text.parser import parse_line
+from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine
-from mcserver.motion.path import ArcCurve, LineCurve
+from mcserver.motion.geometry.curves import ArcCurve, LineCurve
 from mcserver.units import DEGREE, MM
 
 CARTESIAN = load_machine("cartesian")

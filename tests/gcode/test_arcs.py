@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcserver.gcode.arc_geometry import arc_by_centre, arc_by_radius, plane_extrema
+from mcserver.gcode.semantics.arc_geometry import arc_by_centre, arc_by_radius, plane_extrema
 from tests.gcode.support import Program, feeding, machine_of
 
 QUARTER = math.pi / 2.0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mcserver.gcode.parser import parse_line
+from mcserver.gcode.text.parser import parse_line
 from mcserver.motion.canonical import AxisLine, AxisOperation, MotionLine
 from tests.gcode.support import Gantries, Program, feeding, machine_of
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mcserver.gcode.check import check_program
+from mcserver.gcode.program_check import check_program
 from tests.gcode.support import CARTESIAN, check
 
 

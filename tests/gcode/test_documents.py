@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.gcode import commands
-from mcserver.gcode.commands import COMMANDS, edit_distance, find_command
-from mcserver.gcode.faults import TITLES
+from mcserver.gcode.line_faults import TITLES
+from mcserver.gcode.text import command_table as commands
+from mcserver.gcode.text.command_table import COMMANDS, edit_distance, find_command
 
 ROOT = Path(commands.__file__).parents[2]
 SOURCES = sorted((ROOT / "mcserver" / "gcode").glob("*.py"))

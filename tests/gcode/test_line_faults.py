@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.errors import ProgramRejected
-from mcserver.gcode.faults import TITLES
-from mcserver.gcode.interpreter import Interpreter
-from mcserver.gcode.parser import parse_line, scan_line
+from mcserver.gcode.line_faults import TITLES
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.text.parser import parse_line, scan_line
 from tests.gcode.support import CARTESIAN, Program
 
 

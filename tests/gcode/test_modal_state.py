@@ -2,8 +2,8 @@
 
 import pytest
 
-from mcserver.gcode.interpreter import Interpreter, modal_before
-from mcserver.gcode.modal import INITIAL
+from mcserver.gcode.semantics.interpreter import Interpreter, modal_before
+from mcserver.gcode.semantics.modal import INITIAL
 from mcserver.motion.canonical import EndLine, FeedGroup, MotionLine, PauseLine
 from tests.gcode.support import CARTESIAN, Program, feeding, machine_of
 

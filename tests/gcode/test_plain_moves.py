@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.errors import ProgramRejected
-from mcserver.gcode.interpreter import Interpreter
-from mcserver.gcode.parser import ParsedLine, scan_line
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.text.parser import ParsedLine, scan_line
 from tests.gcode.support import machine_of
 
 MACHINE = machine_of(

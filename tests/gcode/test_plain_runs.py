@@ -8,11 +8,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.gcode.alike_lines import read_alike
-from mcserver.gcode.check import check_program
-from mcserver.gcode.interpreter import Interpreter
-from mcserver.gcode.parser import scan_line
-from mcserver.gcode.plain_runs import LEAST
+from mcserver.gcode.fast_path.columns import read_alike
+from mcserver.gcode.fast_path.runs import LEAST
+from mcserver.gcode.program_check import check_program
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.text.parser import scan_line
 from mcserver.motion.canonical import Canonical
 from tests.gcode.plain_programs import programs, stretches
 from tests.gcode.support import machine_of

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from mcserver.gcode.interpreter import Interpreter
-from mcserver.gcode.parser import parse_line
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.text.parser import parse_line
 from mcserver.motion.canonical import AxisLine, AxisOperation, DwellGroup, FeedGroup, MotionLine, RapidGroup
-from mcserver.motion.path import ArcCurve, LineCurve, SampledCurve
+from mcserver.motion.geometry.curves import ArcCurve, LineCurve, SampledCurve
 from tests.gcode.support import CARTESIAN, Gantries, Program, machine_of
 
 DOG = machine_of(" ".join(f"{n}:linear" for n in range(12)), "3:0,1,2 6:3,4,5 9:6,7,8 12:9,10,11")

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic
-from mcserver.gcode.check import check_program
+from mcserver.gcode.program_check import check_program
 from mcserver.gcode.render import excerpt, render
 from tests.gcode.support import CARTESIAN
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from mcserver.gcode.interpreter import Interpreter
-from mcserver.gcode.plain_runs import LEAST
+from mcserver.gcode.fast_path.runs import LEAST
+from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.motion.canonical import PlainRun
 from tests.gcode.plain_programs import NO_NUMBERS
 from tests.gcode.support import CARTESIAN

@@ -3,7 +3,7 @@
 import pytest
 
 from mcserver.errors import ProgramRejected
-from mcserver.gcode.source import decode, split_lines
+from mcserver.gcode.text.source import decode, split_lines
 
 
 def test_lf_and_crlf_end_lines() -> None:

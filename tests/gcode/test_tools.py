@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from mcserver.gcode.interpreter import Interpreter
-from mcserver.gcode.tool_pose import keep_c
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.semantics.tool_pose import keep_c
 from mcserver.motion.canonical import FeedGroup, RapidGroup
-from mcserver.motion.path import SampledCurve
+from mcserver.motion.geometry.curves import SampledCurve
 from mcserver.units import DEGREE
 from tests.gcode.support import CARTESIAN, Gantries, Program, check, machine_of
 

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mcserver.config import load_machine
-from mcserver.machine_model import build_kinematics
-from mcserver.simulation import Simulation, simulate
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.simulation import Simulation, simulate
 from tests.golden.urdf_tips import tips
 
 Array = NDArray[np.float64]

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcserver.config import BUILT_IN, Machine, load_machine
-from mcserver.machine_model import build_kinematics
-from mcserver.simulation import Simulation, simulate
-from mcserver.simulation_record import Recorded
+from mcserver.machine.machine_file import BUILT_IN, Machine, load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.recorder import Recorded
+from mcserver.simulation.simulation import Simulation, simulate
 
 HERE = Path(__file__).parent
 NAMES = sorted(path.stem for path in HERE.glob("*.gcode"))

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mcserver.config import load_machine
-from mcserver.machine_model import build_kinematics
-from mcserver.simulation import Simulation, simulate
-from mcserver.simulation_record import Recorded
-from mcserver.tool_poses import ToolPoses
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.recorder import Recorded
+from mcserver.simulation.simulation import Simulation, simulate
+from mcserver.simulation.tool_poses import ToolPoses
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcserver.config import Machine, load_machine
-from mcserver.machine_model import build_kinematics
-from mcserver.simulation import simulate
+from mcserver.machine.machine_file import Machine, load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.simulation import simulate
 from tests.kinematics.tool_machines import Joint, X, Y, Z, chain_machine
 
 

@@ -19,7 +19,9 @@ def tips(model: str, frame: str, joints: Array) -> tuple[Array, Rotation]:
         model: file name of a built-in URDF. frame: a link of it.
         joints: shape (N, K), the chain's moving joints, base to tip [rad].
     """
-    return tips_of(resources.files("kinematics").joinpath("models", model).read_text("utf-8"), frame, joints)
+    return tips_of(
+        resources.files("mckinematics").joinpath("models", model).read_text("utf-8"), frame, joints
+    )
 
 
 def tips_of(text: str, frame: str, joints: Array) -> tuple[Array, Rotation]:

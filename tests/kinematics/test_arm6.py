@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from mckinematics.errors import KinematicsError
+from mckinematics.pose import JointPath, Pose, ToolPath, Triple
 from scipy.spatial.transform import Rotation
 
-from kinematics.errors import KinematicsError
-from kinematics.pose import JointPath, Pose, ToolPath, Triple
 from tests.kinematics.tool_machines import built_in
 from tests.kinematics.tool_paths import circle, ends_at, joints_at, largest_error, line, tool_angles
 

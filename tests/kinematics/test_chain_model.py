@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 import pytest
+from mckinematics.errors import ModelError
+from mckinematics.model import built_in_models, load_model, read_urdf
+from mckinematics.solver import MachineKinematics
 
-from kinematics.errors import ModelError
-from kinematics.model import built_in_models, load_model, read_urdf
-from kinematics.solver import MachineKinematics
-from mcserver.config import parse_machine
+from mcserver.machine.machine_file import parse_machine
 from tests.kinematics.tool_machines import Joint, X, Y, Z, chain_machine, chain_urdf, machine_text
 
 MIXED = (

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mckinematics.pose import Triple
+from mckinematics.rotation import euler_to_matrix, matrix_to_euler, rotation_matrices, rotation_vectors
 from scipy.spatial.transform import Rotation
-
-from kinematics.pose import Triple
-from kinematics.rotation import euler_to_matrix, matrix_to_euler, rotation_matrices, rotation_vectors
 
 ORDERS = ("ZYX", "XYZ", "XZY", "YXZ", "YZX", "ZXY")
 ANGLE = st.floats(-400.0, 400.0).map(math.radians)

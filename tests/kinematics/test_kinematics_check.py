@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from mckinematics.solution_check import check_machine
 
-from kinematics.check import check_machine
-from mcserver.config import BUILT_IN, load_machine, parse_machine
+from mcserver.machine.machine_file import BUILT_IN, load_machine, parse_machine
 from tests.kinematics.tool_machines import Joint, Y, Z, chain_machine, chain_urdf, machine_text
 
 ARM = (Joint("revolute", "0 0 0.2", Z, -2.0, 2.0), Joint("revolute", "0 0 0.1", Y, -1.0, 1.0))

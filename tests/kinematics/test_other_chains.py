@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mckinematics.errors import Unreachable
+from mckinematics.pose import Pose
+from mckinematics.solver import MachineKinematics
 
-from kinematics.errors import Unreachable
-from kinematics.pose import Pose
-from kinematics.solver import MachineKinematics
 from tests.kinematics.tool_machines import Joint, X, Y, Z, chain_machine
 from tests.kinematics.tool_paths import circle, ends_at, joints_at, largest_error, line
 

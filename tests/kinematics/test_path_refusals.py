@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mckinematics.errors import BranchJump, JointLimit, ModelError, Singular, Unreachable
+from mckinematics.pose import Pose
+from mckinematics.solver import MachineKinematics
 
-from kinematics.errors import BranchJump, JointLimit, ModelError, Singular, Unreachable
-from kinematics.pose import Pose
-from kinematics.solver import MachineKinematics
 from tests.kinematics.tool_machines import Joint, X, Y, Z, built_in, chain_machine
 from tests.kinematics.tool_paths import circle, joints_at, largest_error, line
 

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from mckinematics.pose import Pose, ToolPath
 
-from kinematics.pose import Pose, ToolPath
 from tests.kinematics.tool_machines import built_in, leg
 from tests.kinematics.tool_paths import circle, ends_at, joints_at, largest_error, line, tool_points
 

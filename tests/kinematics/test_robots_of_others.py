@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mckinematics.pose import ToolPath, Triple
+from mckinematics.solver import MachineKinematics
 from scipy.spatial.transform import Rotation
 
-from kinematics.pose import ToolPath, Triple
-from kinematics.solver import MachineKinematics
-from mcserver.config import load_machine
+from mcserver.machine.machine_file import load_machine
 from tests.golden.urdf_tips import tips_of
 from tests.kinematics.tool_machines import machine_text
 from tests.kinematics.tool_paths import circle, ends_at, joints_at, line

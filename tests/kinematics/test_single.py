@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from mckinematics.single import small_turn, solve_two
+from mckinematics.solver import MachineKinematics
 from scipy.spatial.transform import Rotation
 
-from kinematics.single import small_turn, solve_two
-from kinematics.solver import MachineKinematics
 from tests.kinematics.tool_machines import Joint, X, Y, Z, built_in, chain_machine
 
 MIXED = (

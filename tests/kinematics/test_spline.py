@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from kinematics.spline import clamped_spline, evaluate_cells, spline_extremes, spline_hull
+from mckinematics.spline import clamped_spline, evaluate_cells, spline_extremes, spline_hull
 
 
 def _spline(seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mckinematics.pose import Array
+from mckinematics.solver import MachineKinematics
 
-from kinematics.pose import Array
-from kinematics.solver import MachineKinematics
-from mcserver.config import Machine, load_machine, parse_machine
+from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 
 X, Y, Z = "1 0 0", "0 1 0", "0 0 1"
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-
-from kinematics.pose import Array, JointPath, ToolPath, Triple
-from kinematics.solver import MachineKinematics
+from mckinematics.pose import Array, JointPath, ToolPath, Triple
+from mckinematics.solver import MachineKinematics
 
 Point = Sequence[float] | Array
 

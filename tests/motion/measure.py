@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.path import ArcCurve, Array, LineCurve
+from mcserver.motion.geometry.curves import ArcCurve, Array, LineCurve
 from mcserver.units import MM, AxisType
 from tests.motion.support import Motion, Move
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from hypothesis import strategies as st
 
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.path import Array, Curve
+from mcserver.motion.geometry.curves import Array, Curve
 from tests.motion.measure import tangent
 from tests.motion.support import AxisSpec, Commit, Move, arc_curve, at_speed, in_time, line_curve, machine_of
 

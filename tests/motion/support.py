@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from mcserver.config import Machine, parse_machine
+from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.path import ArcCurve, Array, Curve, LineCurve
+from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.planner import LineBound, LineMark, MotionPlanner, Piece
-from mcserver.motion.sampling import Rows
+from mcserver.motion.profile.setpoint_sampling import Rows
 from mcserver.units import AxisType
 
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.motion.blend import Blend, blend
-from mcserver.motion.path import Array, Curve
-from mcserver.motion.segment import Segment, place, segment_of
+from mcserver.motion.geometry.blend import Blend, blend
+from mcserver.motion.geometry.curves import Array, Curve
+from mcserver.motion.geometry.segment import Segment, place, segment_of
 from tests.motion.measure import (
     acceleration_ratio,
     farthest_from_path,

@@ -17,7 +17,7 @@ from mcserver.motion.kernels.compiled import compiled
 PLAN = """
 import numpy as np
 from mcserver.motion.planner import MotionPlanner
-from mcserver.motion.sampling import Rows
+from mcserver.motion.profile.setpoint_sampling import Rows
 from tests.motion.support import alike, polyline
 machine = alike(2, jerk=20_000.0)
 planner = MotionPlanner(machine, np.zeros(2))
@@ -33,7 +33,7 @@ EVERYTHING = """
 import importlib, json, math, pkgutil
 from mcserver.motion import kernels
 from mcserver.motion.warm_up import warm_up
-from mcserver.simulation import simulate
+from mcserver.simulation.simulation import simulate
 from tests.motion.support import alike
 
 def called():

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.lookahead import Lookahead
+from mcserver.motion.lookahead.lookahead import Lookahead
+from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import Deactivation
-from mcserver.motion.planned_run import PlannedRun
 from tests.motion.measure import ACCELERATION_SLACK, VELOCITY_SLACK, acceleration_ratio, velocity_ratio
 from tests.motion.support import AxisSpec, Commit, Move, alike, machine_of, plan, polyline
 from tests.motion.test_laws import law

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from mcserver.motion import keys
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.kernels.keys import NOT_JOINED
+from mcserver.motion.kernels.knots import NOT_JOINED
+from mcserver.motion.profile import profile_solver as keys
 from tests.motion.measure import acceleration_ratio
 from tests.motion.support import Move, alike, plan, polyline
 

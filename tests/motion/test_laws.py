@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from mcserver.motion.planner import Activation, Deactivation, LineMark, Piece
-from mcserver.motion.sampling import Rows
+from mcserver.motion.profile.setpoint_sampling import Rows
 from mcserver.units import MM
 from tests.motion.measure import (
     ACCELERATION_SLACK,

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from mcserver.motion.path import Array, Curve, LineCurve, PolynomialCurve, SampledCurve
+from mcserver.motion.geometry.curves import Array, Curve, LineCurve, PolynomialCurve, SampledCurve
 from tests.motion.support import arc_curve
 from tests.motion.test_laws import law
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup, PlainRun
-from mcserver.motion.path import Array
+from mcserver.motion.geometry.curves import Array
 from mcserver.motion.pieces import Piece
 from mcserver.motion.planner import MotionPlanner
 from tests.motion.support import alike, collect, line_curve

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mcserver.motion.kernels.ramps import change_distance, change_time, reachable_speed
-from mcserver.motion.limits import Level
-from mcserver.motion.profile import (
+from mcserver.motion.kernels.ramp_kernels import change_distance, change_time, reachable_speed
+from mcserver.motion.lookahead.path_limits import Level
+from mcserver.motion.profile.speed_ramps import exactly, fastest, ramp
+from mcserver.motion.profile.velocity_profile import (
     Phases,
     Profile,
     ProfileSolver,
     join,
 )
-from mcserver.motion.ramps import exactly, fastest, ramp
 from tests.motion.measure import rest_to_rest
 from tests.motion.test_laws import law
 

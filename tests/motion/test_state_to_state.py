@@ -10,9 +10,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mcserver.motion.kernels.corner_ways import ways_at
-from mcserver.motion.kernels.state_to_state import HALVINGS, PHASES, quickest_ways
-from mcserver.motion.profile import ProfileSolver
+from mcserver.motion.kernels.corner_trajectory import ways_at
+from mcserver.motion.kernels.min_time_trajectories import HALVINGS, PHASES, quickest_ways
+from mcserver.motion.profile.velocity_profile import ProfileSolver
 from tests.motion.test_laws import law
 
 Array = NDArray[np.float64]

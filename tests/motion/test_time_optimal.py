@@ -13,9 +13,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.path import ArcCurve, Curve
+from mcserver.motion.geometry.curves import ArcCurve, Curve
 from tests.motion.support import Move, alike, arc_curve, at_speed, line_curve, plan, polyline
 
 ta = pytest.importorskip("toppra")

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from mcserver.config import Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.lookahead import Lookahead
+from mcserver.motion.geometry.segment import AxisLimits, place, segment_of
+from mcserver.motion.geometry.time_domain_corner import is_timed
+from mcserver.motion.lookahead.lookahead import Lookahead
+from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import LineMark
-from mcserver.motion.planned_run import PlannedRun
-from mcserver.motion.segment import AxisLimits, place, segment_of
-from mcserver.motion.timed_corner import is_timed
 from tests.motion.measure import (
     ACCELERATION_SLACK,
     JERK_SLACK,

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from mcserver.net.session import NetworkOptions
-from mcserver.programs.service import MachineService
 from mcserver.server import ServerOptions, running
+from mcserver.service.service import MachineService
 from tests.net.client import WireClient
-from tests.programs.fakes import FakePipelines, FakePort, three_axes
+from tests.service.fakes import FakePipelines, FakePort, three_axes
 
 
 class Rig:

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.can_drives import CanDrives
-from mcserver.canopen_service.errors import DriveError
-from mcserver.canopen_service.events import CanopenEvent
-from mcserver.canopen_service.views import DriveInfo, SdoTarget, SdoValue, Value
+from mcserver.canopen.booted_drives import CanDrives
+from mcserver.canopen.canopen_errors import DriveError
+from mcserver.canopen.drive_events import CanopenEvent
+from mcserver.canopen.views import DriveInfo, SdoTarget, SdoValue, Value
 from mcserver.net.session import NetworkOptions
-from mcserver.programs.service import MachineService
 from mcserver.server import ServerOptions, running
+from mcserver.service.service import MachineService
 from tests.net.client import ErrorAnswer, WireClient
-from tests.programs.fakes import FakePipelines, FakePort, three_axes
+from tests.service.fakes import FakePipelines, FakePort, three_axes
 
 
 class ToldDrives:

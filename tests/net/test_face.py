@@ -9,7 +9,7 @@ import pytest
 
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
-from tests.programs.fakes import executed_lines
+from tests.service.fakes import executed_lines
 
 
 async def test_info_describes_the_machine_in_its_edge_units(client: WireClient) -> None:

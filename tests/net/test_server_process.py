@@ -36,7 +36,7 @@ drive = { kind = "ideal" }
 SERVER = """
 import asyncio, sys
 from pathlib import Path
-from mcserver.config import load_machine
+from mcserver.machine.machine_file import load_machine
 from mcserver.net.session import NetworkOptions
 from mcserver.server import ServerOptions, serve
 

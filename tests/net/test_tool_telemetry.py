@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mcserver.config import load_machine
-from mcserver.machine_model import build_kinematics
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.session import NetworkOptions
 from mcserver.net.status import EdgeUnits
 from mcserver.server import ServerOptions, running
 from tests.net.client import WireClient
-from tests.programs.fakes import FakePipelines, FakePort, three_axes
+from tests.service.fakes import FakePipelines, FakePort, three_axes
 
 
 def test_the_feet_of_the_dog_stand_where_its_drives_start() -> None:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.config import Machine, parse_machine
+from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.plot.scene import Scene, build_scene
-from mcserver.simulation_record import Recorded
+from mcserver.simulation.recorder import Recorded
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import sys
 import time
 from pathlib import Path
 
-from mcserver.config import load_machine
-from mcserver.machine_model import build_kinematics
-from mcserver.simulation import simulate
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.simulation import simulate
 from mcserver.view.opening import open_window
 from mcserver.view.player import Player
 from mcserver.view.tracks import tracks_of

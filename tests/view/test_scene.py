@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mcserver.config import load_machine, parse_machine
-from mcserver.simulation import simulate
+from mcserver.machine.machine_file import load_machine, parse_machine
+from mcserver.simulation.simulation import simulate
 from mcserver.view.body_of import body_of
 from mcserver.view.panel import axes_html, axis_names, line_html
 from mcserver.view.playback import Playback

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mckinematics.model import read_urdf
 
-from kinematics.model import read_urdf
 from mcserver.view.robot import Robot
 from mcserver.view.solids import Solid, ball
 from mcserver.view.urdf import find_mesh, read_tree

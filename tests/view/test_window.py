@@ -19,12 +19,12 @@ import viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from mcserver.commands.faults import NobodyAnswers, UsageFault
-from mcserver.config import load_machine
-from mcserver.machine_model import build_kinematics
+from mcserver.cli.exit_codes import NobodyAnswers, UsageFault
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.session import NetworkOptions
 from mcserver.server import ServerOptions, running
-from mcserver.simulation import simulate
+from mcserver.simulation.simulation import simulate
 from mcserver.view.follower import Follower, positions_of
 from mcserver.view.live import LiveStates
 from mcserver.view.opening import open_window
@@ -32,7 +32,7 @@ from mcserver.view.player import Player
 from mcserver.view.tracks import tracks_of
 from mcserver.view.window import Window
 from tests.cli.command import ENTRY, ROOT, command
-from tests.programs.fakes import FakePipelines, FakePort
+from tests.service.fakes import FakePipelines, FakePort
 
 DOG = load_machine("robot-dog")
 KINEMATICS = build_kinematics(DOG)

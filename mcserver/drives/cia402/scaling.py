@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.config import Axis
-from mcserver.config_drive import DriveFile
+from mcserver.machine.drive_section import DriveFile
+from mcserver.machine.machine_file import Axis
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable
 
 from mcserver.can.port import CanPort
-from mcserver.config import Axis
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.drives.cia402.scaling import Scaling
 from mcserver.drives.servosila.codec import (
@@ -23,6 +22,7 @@ from mcserver.drives.servosila.codec import (
     unpack_reading,
     unpack_status,
 )
+from mcserver.machine.machine_file import Axis
 from mcserver.units import MINUTE
 
 # A telemetry frame that comes so many cycles after a command may be an answer to it.

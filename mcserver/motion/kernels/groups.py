@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.limits import bind_joints, ease_short
 from mcserver.motion.kernels.parts import is_long, near_vertex, straight_limits
-from mcserver.motion.path import Array
+from mcserver.motion.kernels.sample_limits import bind_joints, ease_short
 
 # What is known of a segment, in numbers: its length along σ; the greatest speed at its start, from the joint
 # with the one before; the greatest speed on it, with the feed and by the axes alone; the feed along σ; the

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
+from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.path import Array
 
 # Cycles from a vertex up to which it takes its part.
 NEAR = 3.0

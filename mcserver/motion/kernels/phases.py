@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
+from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.path import Array
 
 PHASE = 5
 # A ramp has three phases.

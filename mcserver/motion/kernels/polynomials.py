@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.limits import CURVATURE_SHARE, JERK_SHARE, TINY
-from mcserver.motion.path import Array
+from mcserver.motion.kernels.sample_limits import CURVATURE_SHARE, JERK_SHARE, TINY
 
 # Places at which a polynomial is sampled.
 PLACES = 33

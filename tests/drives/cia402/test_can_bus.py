@@ -18,8 +18,8 @@ from mcserver.drives.cia402.layout import RPDO1, Mode
 from mcserver.drives.cia402.state import STATE_BITS, PowerState, power_state
 from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import EventKind
-from mcserver.executor.faults import FaultCode
-from mcserver.executor.feedback import AxisCondition
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.motion.canonical import AxisOperation
 from tests.drives.can_rig import Bench, CanRig, energized, machine
 from tests.drives.fake_can import DISABLED, ENABLED, QUICK_STOP, FakeBus

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
-from mcserver.executor.faults import FaultCode, remedy_of
-from mcserver.executor.feedback import AxisCondition
+from mcserver.executor.fault_codes import FaultCode, remedy_of
+from mcserver.executor.shm.feedback import AxisCondition
 from tests.drives.can_rig import CanRig, machine
 from tests.drives.fake_can import READY
 

@@ -10,7 +10,7 @@ from mcserver.can.cob import SYNC
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.drives.cia402.layout import Mode
 from mcserver.executor.entries import ControlKind, EventKind
-from mcserver.executor.faults import FaultCode
+from mcserver.executor.fault_codes import FaultCode
 from tests.drives.can_rig import CanRig, energized, machine
 from tests.drives.fake_can import ENABLED
 from tests.executor.rig import quintic

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.config import Axis, parse_machine
 from mcserver.drives.cia402.scaling import PositionTracker, Scaling, scaling_objects, wrapped
+from mcserver.machine.machine_file import Axis, parse_machine
 
 INT32 = st.integers(-(2**31), 2**31 - 1)
 

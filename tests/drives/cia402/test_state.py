@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.drives.bus import DriveMode
-from mcserver.drives.cia402.emergency import emergency_text, unpack_emergency
+from mcserver.drives.cia402.emergency_codes import emergency_text, unpack_emergency
 from mcserver.drives.cia402.state import (
     STATE_BITS,
     STATE_OF_BITS,

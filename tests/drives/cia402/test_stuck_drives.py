@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from mcserver.drives.bus import DriveState
 from mcserver.executor.entries import EventKind
-from mcserver.executor.faults import FaultCode
-from mcserver.executor.feedback import AxisCondition
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.motion.canonical import AxisOperation
 from tests.drives.can_rig import CanRig, machine
 

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.config import Machine, parse_machine
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.drives.servosila.codec import COMMAND_PACKING, LENGTH, unpack_reading, unpack_status
 from mcserver.executor.entries import EventKind
-from mcserver.executor.faults import FaultCode, remedy_of
-from mcserver.executor.feedback import AxisCondition
-from mcserver.executor.virtual import VirtualExecutor
+from mcserver.executor.fault_codes import FaultCode, remedy_of
+from mcserver.executor.shm.feedback import AxisCondition
+from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import AxisOperation
+from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.drives.fake_can import FakeBus, FakeServosila
 from tests.executor.rig import Rig
 

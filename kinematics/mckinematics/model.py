@@ -1,0 +1,217 @@
+"""The robot's model: a URDF read by Pinocchio, and the chains that its tools need of it.
+
+Pinocchio reads the file and places the joints; `Chain` evaluates them. The G-code frame is the URDF's base
+frame (its root link).
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mckinematics.chain import Chain
+from mckinematics.errors import ModelError
+from mckinematics.pose import Array, BoolArray
+
+if TYPE_CHECKING:
+    from mcserver.machine.machine_file import Axis, Tool
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A loaded URDF.
+
+    Attributes:
+        name: where it came from, for messages.
+        links: names of the links, base first.
+        pinocchio_model: ``pinocchio.Model``; read-only.
+    """
+
+    name: str
+    links: tuple[str, ...]
+    pinocchio_model: Any
+
+
+def import_pinocchio() -> Any:
+    """The module Pinocchio, imported when a machine with tools asks for it, and SciPy, that the solver needs.
+
+    Raises:
+        ModelError: one of them is not installed.
+    """
+    try:
+        importlib.import_module("scipy.linalg.lapack")
+        return importlib.import_module("pinocchio")
+    except ImportError as error:
+        raise ModelError(
+            f"tools need the packages pin (Pinocchio) and scipy, which cannot be imported: {error}",
+            "install it with: pip install 'mcserver[kinematics]'",
+        ) from error
+
+
+def built_in_models() -> tuple[str, ...]:
+    """File names of the URDFs that come with this package."""
+    folder = resources.files("mckinematics").joinpath("models")
+    return tuple(sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".urdf")))
+
+
+def read_urdf(urdf: str) -> str:
+    """Text of a URDF given by path or by a built-in name such as ``robot-dog.urdf``.
+
+    A file of that path goes before a built-in of that name, unless the name is bare.
+
+    Raises:
+        ModelError: neither is there, or the file cannot be read.
+    """
+    path = Path(urdf)
+    name = path.name if path.suffix else f"{path.name}.urdf"
+    bare = path.name == urdf
+    if name in built_in_models() and (bare or not path.exists()):
+        return resources.files("mckinematics").joinpath("models", name).read_text("utf-8")
+    try:
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(
+            f"the URDF {urdf!r} cannot be read: {getattr(error, 'strerror', None) or error}",
+            "give kinematics.urdf as a path relative to the machine file, or a built-in name: "
+            + ", ".join(built_in_models()),
+        ) from error
+
+
+def load_model(urdf: str) -> RobotModel:
+    """The robot of a URDF, by path or built-in name; its base is fixed to the world.
+
+    Raises:
+        ModelError: no such file, not a URDF, or Pinocchio is missing.
+    """
+    pinocchio = import_pinocchio()
+    text = read_urdf(urdf)
+    try:
+        model = pinocchio.buildModelFromXML(text)
+    except (ValueError, RuntimeError) as error:
+        raise ModelError(
+            f"{urdf!r} is not a URDF that can be read: {error}",
+            "check it with check_urdf: joints need a parent, a child and, unless continuous, a limit",
+        ) from error
+    links = tuple(frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY)
+    return RobotModel(urdf, links, model)
+
+
+def build_chain(robot: RobotModel, tool: Tool, axes: dict[int, Axis]) -> Chain:
+    """The chain from the base to a tool's frame.
+
+    Args:
+        robot: the loaded URDF.
+        tool: the tool of the machine file; ``tool.axes`` are the moving joints' axis numbers, base to frame.
+        axes: the machine's axes by number.
+
+    Raises:
+        ModelError: unknown frame, another number of moving joints than axes, a joint of several degrees,
+            an axis of the wrong type, or limits that leave no travel.
+    """
+    pinocchio = import_pinocchio()
+    model = robot.pinocchio_model
+    frame = model.frames[_frame_id(pinocchio, robot, tool)]
+    joints = [int(joint) for joint in model.supports[frame.parentJoint] if joint != 0]
+    names = tuple(model.names[joint] for joint in joints)
+    if len(joints) != len(tool.axes):
+        raise ModelError(
+            f"tool {tool.number}: from the base to {tool.frame!r} there are {len(joints)} moving joints"
+            f" ({', '.join(names) or 'none'}), but axes lists {len(tool.axes)}",
+            "list one axis number for each of these joints, in this order",
+            tool=tool.number,
+        )
+    data = model.createData()
+    pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
+    pinocchio.computeJointJacobians(model, data, pinocchio.neutral(model))
+    count = len(joints)
+    revolute = np.zeros(count, dtype=bool)
+    directions, points = np.zeros((count, 3)), np.zeros((count, 3))
+    lower, upper = np.empty(count), np.empty(count)
+    for column, joint in enumerate(joints):
+        axis = axes[tool.axes[column]]
+        if model.nvs[joint] != 1:
+            raise ModelError(
+                f"tool {tool.number}: joint {names[column]!r} has {model.nvs[joint]} degrees of freedom",
+                "replace it by revolute and prismatic joints, one for each axis",
+                tool=tool.number,
+            )
+        jacobian = pinocchio.getJointJacobian(model, data, joint, pinocchio.ReferenceFrame.WORLD)
+        screw = jacobian.reshape(6, -1)[:, model.idx_vs[joint]].copy()
+        spin = float(np.linalg.norm(screw[3:]))
+        revolute[column] = spin > 0.5
+        if revolute[column] != (axis.type.value == "rotary"):
+            kind, wanted = ("revolute", "rotary") if revolute[column] else ("prismatic", "linear")
+            raise ModelError(
+                f"tool {tool.number}: joint {names[column]!r} is {kind}, but axis {axis.index} is"
+                f" {axis.type.value}",
+                f'set type = "{wanted}" for axis {axis.index}, or give the joint another axis',
+                tool=tool.number,
+                axis=axis.index,
+            )
+        directions[column] = screw[3:] if revolute[column] else screw[:3]
+        if revolute[column]:
+            points[column] = np.cross(screw[3:], screw[:3])
+        lower[column], upper[column] = _limits(model, joint, names[column], axis, tool.number)
+    tip = data.oMf[model.getFrameId(frame.name, frame.type)]
+    rotation, offset = tip.rotation.copy(), np.asarray(tool.offset)
+    for shared in (revolute, directions, points, lower, upper):
+        shared.setflags(write=False)
+    return Chain(
+        axes=tuple(tool.axes),
+        joint_names=names,
+        revolute=revolute,
+        directions=directions,
+        points=points,
+        tip_rotation=rotation,
+        tip_position=tip.translation + rotation @ offset,
+        lower=lower,
+        upper=upper,
+        reach=_reach(model, joints, frame, offset, revolute, upper - lower),
+    )
+
+
+def _frame_id(pinocchio: Any, robot: RobotModel, tool: Tool) -> int:
+    # a link and a joint may share a name: the link is meant
+    model = robot.pinocchio_model
+    for kind in (pinocchio.FrameType.BODY, pinocchio.FrameType.FIXED_JOINT, pinocchio.FrameType.JOINT):
+        if model.existFrame(tool.frame, kind):
+            return int(model.getFrameId(tool.frame, kind))
+    near = difflib.get_close_matches(tool.frame, robot.links, n=1, cutoff=0.5)
+    raise ModelError(
+        f"tool {tool.number}: {robot.name!r} has no frame {tool.frame!r}",
+        (f"did you mean {near[0]!r}? " if near else "") + f"its links are: {', '.join(robot.links)}",
+        tool=tool.number,
+    )
+
+
+def _limits(model: Any, joint: int, name: str, axis: Axis, tool: int) -> tuple[float, float]:
+    lower, upper = axis.min_position, axis.max_position
+    if model.nqs[joint] == 1:
+        place = model.idx_qs[joint]
+        lower = max(lower, float(model.lowerPositionLimit[place]))
+        upper = min(upper, float(model.upperPositionLimit[place]))
+    if not lower < upper:
+        raise ModelError(
+            f"tool {tool}: no position of joint {name!r} is within both the URDF's limits and those of"
+            f" axis {axis.index}",
+            "give the joint's limit lower and upper, and compare them with min_position and max_position",
+            tool=tool,
+            axis=axis.index,
+        )
+    return lower, upper
+
+
+def _reach(
+    model: Any, joints: list[int], frame: Any, offset: Array, revolute: BoolArray, travel: Array
+) -> float:
+    lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in joints[1:]]
+    placement = frame.placement
+    lengths.append(float(np.linalg.norm(placement.translation + placement.rotation @ offset)))
+    lengths += [float(span) for span in travel[~revolute] if np.isfinite(span)]
+    return sum(lengths) if sum(lengths) > 1e-6 else 1.0

@@ -1,0 +1,155 @@
+"""The tools of one machine: forward and inverse kinematics for the dialect and the planner."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mckinematics.errors import ModelError
+from mckinematics.model import RobotModel, build_chain, load_model
+from mckinematics.path_solver import solve_tool_path
+from mckinematics.pose import Array, JointPath, Pose, ToolPath, Triple
+from mckinematics.pose_solver import solve_target
+from mckinematics.rotation import euler_to_matrix, matrix_to_euler, rotation_vectors
+from mckinematics.tool import ToolModel, build_tool
+
+if TYPE_CHECKING:
+    from mcserver.machine.machine_file import Machine, Tool
+
+
+class MachineKinematics:
+    """`mckinematics.pose.Kinematics` of a machine file.
+
+    Read-only after it is built: any thread may use it. A machine without tools needs no Pinocchio.
+
+    Raises:
+        ModelError: the URDF or a tool's definition does not fit;
+            `mckinematics.solution_check.check_machine` lists all that does not.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._tools: dict[int, ToolModel] = {}
+        if machine.tools:
+            robot = load_machine_model(machine)
+            self._tools = {tool.number: build_machine_tool(robot, tool, machine) for tool in machine.tools}
+            refuse_shared_joints(self._tools.values())
+
+    @property
+    def tools(self) -> tuple[int, ...]:
+        """Numbers of the configured tools, sorted."""
+        return tuple(sorted(self._tools))
+
+    def tool(self, number: int) -> ToolModel:
+        """The tool's model.
+
+        Raises:
+            ModelError: no tool has that number; lists those that there are.
+        """
+        try:
+            return self._tools[number]
+        except KeyError:
+            known = ", ".join(f"T{number}" for number in self.tools)
+            raise ModelError(
+                f"the machine has no tool {number}",
+                f"its tools are {known}" if known else "add a [[tool]] section to the machine file",
+                tool=number,
+            ) from None
+
+    def axes(self, tool: int) -> tuple[int, ...]:
+        """Axis numbers of the tool's chain, base to tool."""
+        return self.tool(tool).chain.axes
+
+    def has_orientation(self, tool: int) -> bool:
+        """Whether A B C are allowed."""
+        return self.tool(tool).orientation
+
+    def pose(self, tool: int, joints: Mapping[int, float], near: Triple | None = None) -> Pose:
+        """Forward kinematics.
+
+        Args:
+            joints: axis number → position [rad or m], at least those of the chain.
+            near: A, B, C [rad] to stay close to: of all triples with this orientation the nearest one, and
+                at gimbal lock C as it is there. Without it principal values, and C = 0 at gimbal lock.
+        """
+        model = self.tool(tool)
+        positions, rotations = model.chain.forward(_column(model, joints)[None])
+        x, y, z = (float(value) for value in positions[0])
+        return Pose((x, y, z), matrix_to_euler(rotations[0], model.euler, near))
+
+    def rotation_angle(self, tool: int, start: Triple, end: Triple) -> float:
+        """Angle of the single turn that takes orientation ``start`` to ``end`` [rad], 0 … π (D-30, D-51)."""
+        order = self.tool(tool).euler
+        turn = euler_to_matrix(end, order) @ euler_to_matrix(start, order).T
+        return float(np.linalg.norm(rotation_vectors(turn[None])[0]))
+
+    def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:
+        """Joint positions of the chain for a pose, nearest to ``joints``.
+
+        Raises:
+            KinematicsError: `JointLimit` or `Unreachable`.
+        """
+        model = self.tool(tool)
+        solution = solve_target(model, model.target(pose), _column(model, joints))
+        return tuple(float(value) for value in solution)
+
+    def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
+        """Joint path that starts at ``joints`` and keeps the tool on ``path`` within the tolerances.
+
+        Raises:
+            KinematicsError: see `mckinematics.path_solver.solve_tool_path`.
+        """
+        model = self.tool(tool)
+        return solve_tool_path(model, path, _column(model, joints))
+
+
+def load_machine_model(machine: Machine) -> RobotModel:
+    """The machine's URDF.
+
+    Raises:
+        ModelError: there is none, or it cannot be read.
+    """
+    if machine.urdf is None:
+        raise ModelError("the machine has tools but no URDF", "name it in [kinematics] urdf")
+    return load_model(machine.urdf)
+
+
+def build_machine_tool(robot: RobotModel, tool: Tool, machine: Machine) -> ToolModel:
+    """One tool of the machine file over the loaded robot.
+
+    Raises:
+        ModelError: see `mckinematics.model.build_chain`.
+    """
+    chain = build_chain(robot, tool, {axis.index: axis for axis in machine.axes})
+    return build_tool(
+        tool.number,
+        tool.frame,
+        chain,
+        orientation=tool.orientation,
+        euler=tool.euler,
+        tolerance=machine.tool_tolerance,
+        tolerance_angle=machine.tool_tolerance_angle,
+    )
+
+
+def refuse_shared_joints(tools: Iterable[ToolModel]) -> None:
+    """Raises:
+    ModelError: two tools give one joint two axes, or one axis two joints.
+    """
+    joint_of: dict[int, str] = {}
+    axis_of: dict[str, int] = {}
+    for tool in tools:
+        for axis, joint in zip(tool.chain.axes, tool.chain.joint_names, strict=True):
+            if joint_of.setdefault(axis, joint) != joint or axis_of.setdefault(joint, axis) != axis:
+                raise ModelError(
+                    f"tool {tool.number} has joint {joint!r} as axis {axis}, but another tool has"
+                    f" axis {axis_of[joint]} for it, or joint {joint_of[axis]!r} for that axis",
+                    "give each joint one axis in all tools",
+                    tool=tool.number,
+                    axis=axis,
+                )
+
+
+def _column(model: ToolModel, joints: Mapping[int, float]) -> Array:
+    return np.array([joints[axis] for axis in model.chain.axes], dtype=float)

@@ -1,0 +1,209 @@
+"""Operators' way to the drives of a running machine: how they are, and their objects by SDO."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from canopen.objectdictionary import ODVariable
+
+from mcserver.can.cob import NmtState
+from mcserver.canopen.canopen_errors import DriveError, object_text
+from mcserver.canopen.configuration import PDO_OBJECTS
+from mcserver.canopen.node import Node, Phase
+from mcserver.canopen.sdo import NodeSdo
+from mcserver.canopen.service import CanopenService
+from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
+from mcserver.canopen.views import DriveInfo, SdoTarget, SdoValue
+from mcserver.drives.cia402.state import power_state
+
+T = TypeVar("T")
+
+WORKERS = 4
+# bit 7 of the statusword
+_WARNING = 0x80
+MAX_WAITING = 16
+
+# What the cycle, the supervision and the scaling of positions rest on (CiA 301, CiA 402).
+_CYCLIC = frozenset({0x6040, 0x6060, 0x6071, 0x607A, 0x60FF})
+_WATCHING = frozenset({0x1016, 0x1017})
+_SCALING = frozenset({0x607C, 0x607E, 0x608F, 0x6091, 0x6092, 0x60C2})
+
+
+_BY_PROGRAM = "move the axis by a program, or by jog"
+_BY_FILE = "what it holds follows from the machine file; change it there and start the server again"
+
+
+def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:
+    """Why an object must not be written now, and what to do instead; None: it may be."""
+    if node.phase is not Phase.OPERATIONAL and node.nmt is not NmtState.OPERATIONAL:
+        return None
+    if index in _CYCLIC:
+        return "the executor sends it in every cycle", _BY_PROGRAM
+    if index in PDO_OBJECTS:
+        return "it is the mapping of the process data in which the executor and the drive agree", _BY_FILE
+    if index in _WATCHING:
+        return "the watching of the drive rests on it", _BY_FILE
+    if index in _SCALING:
+        return "the scaling of positions rests on it, and the axis may be energized", _BY_FILE
+    return None
+
+
+class OperatorAccess:
+    """Implements `mcserver.canopen.views.DriveAccess`; transfers wait in threads of its own."""
+
+    def __init__(self, service: CanopenService) -> None:
+        self._service = service
+        self._waiting = 0
+        self._pool = ThreadPoolExecutor(WORKERS, thread_name_prefix="canopen operator")
+
+    def close(self) -> None:
+        """Ends the threads; a transfer under way ends first."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def drives(self) -> list[DriveInfo]:
+        now = time.monotonic()
+        return [_view(node, now) for node in self._service.nodes]
+
+    async def sdo_read(self, target: SdoTarget, kind: str | None) -> SdoValue:
+        """Reads an object.
+
+        Raises:
+            DriveError: MC553 refused, MC554 no answer, MC559 no such drive, or not to be read as that type.
+        """
+        node, sdo = self._find(target)
+        name = kind or self._type(node, target)
+        raw = await self._in_thread(lambda: sdo.upload(target.index, target.subindex))
+        if name is None:
+            name = {1: "u8", 2: "u16", 4: "u32"}.get(len(raw), "bytes")
+        try:
+            value = decode_value(name, raw)
+        except ValueError as error:
+            if kind is not None:
+                raise self._unfit(node, target, str(error)) from error
+            # the dictionary is wrong about its length: the bytes are right
+            name, value = "bytes", decode_value("bytes", raw)
+        return _value(node, target, name, value, raw)
+
+    async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value) -> SdoValue:
+        """Writes an object.
+
+        Raises:
+            DriveError: MC553, MC554, MC559 also: it would fight the cycle, or its type is not known.
+        """
+        node, sdo = self._find(target)
+        refusal = refusal_of_write(target.index, node)
+        if refusal is not None:
+            raise DriveError(
+                "MC559",
+                f"{node.settings.name}: {object_text(target.index, target.subindex)} is not written: "
+                f"{refusal[0]}",
+                refusal[1],
+                axis=node.settings.axis,
+            )
+        name = kind or self._type(node, target)
+        if name is None:
+            raise self._unfit(node, target, "its type is not known: the drive's dictionary does not have it")
+        try:
+            raw = encode_value(name, value)
+        except (ValueError, OverflowError) as error:
+            raise self._unfit(node, target, f"{value!r} is no {name}: {error}") from error
+        if not raw:
+            raise self._unfit(node, target, "an empty value cannot be written")
+        await self._in_thread(lambda: sdo.download(target.index, target.subindex, raw))
+        return _value(node, target, name, value, raw)
+
+    # ------------------------------------------------------------ inside
+
+    def _find(self, target: SdoTarget) -> tuple[Node, NodeSdo]:
+        nodes = self._service.nodes
+        if target.axis is not None:
+            found = [node for node in nodes if node.settings.axis == target.axis]
+            named = f"axis {target.axis} has no drive on a CAN bus"
+        else:
+            found = [
+                node
+                for node in nodes
+                if node.settings.node == target.node and target.bus in ("", node.settings.bus)
+            ]
+            named = f"there is no drive with node {target.node}" + (f" on {target.bus}" if target.bus else "")
+        if len(found) > 1:
+            buses = ", ".join(node.settings.bus for node in found)
+            raise DriveError("MC559", f"node {target.node} is on several buses: {buses}", "name the bus too")
+        if not found:
+            raise DriveError("MC559", named, "`mcctl drives` lists them")
+        sdo = found[0].sdo
+        if sdo is None:
+            raise DriveError(
+                "MC559",
+                f"{found[0].settings.name}: a {found[0].settings.kind} drive has no objects",
+                "use its maker's own tool",
+                axis=found[0].settings.axis,
+            )
+        return found[0], sdo
+
+    def _type(self, node: Node, target: SdoTarget) -> str | None:
+        """By the dictionary; None where it does not have the object."""
+        dictionary = self._service.dictionary(node.settings.axis)
+        variable = None if dictionary is None else dictionary.get_variable(target.index, target.subindex)
+        return type_name(variable.data_type) if isinstance(variable, ODVariable) else None
+
+    async def _in_thread(self, work: Callable[[], T]) -> T:
+        if self._waiting >= MAX_WAITING:
+            raise DriveError("MC559", f"{MAX_WAITING} SDO transfers are waiting", "try again in a moment")
+        self._waiting += 1
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._pool, work)
+        finally:
+            self._waiting -= 1
+
+    def _unfit(self, node: Node, target: SdoTarget, what: str) -> DriveError:
+        return DriveError(
+            "MC559",
+            f"{node.settings.name}: {object_text(target.index, target.subindex)}: {what}",
+            f"give its type: one of {', '.join(TYPES)}",
+            axis=node.settings.axis,
+        )
+
+
+def _value(node: Node, target: SdoTarget, kind: str, value: Value, raw: bytes) -> SdoValue:
+    settings = node.settings
+    return SdoValue(
+        settings.axis, settings.bus, settings.node, target.index, target.subindex, kind, value, raw
+    )
+
+
+def _view(node: Node, now: float) -> DriveInfo:
+    settings = node.settings
+    emergency = node.emergency
+    return DriveInfo(
+        axis=settings.axis,
+        kind=settings.kind,
+        bus=settings.bus,
+        node=settings.node,
+        state=node.phase.value,
+        nmt="" if node.nmt is None else node.nmt.name.lower().replace("_", "-"),
+        heartbeat_age_s=None if node.seen_at is None else max(0.0, now - node.seen_at),
+        statusword=node.statusword,
+        status=_status(settings.kind, node.statusword),
+        device_type=node.identity.device_type,
+        vendor_id=node.identity.vendor_id,
+        product_code=node.identity.product_code,
+        emergency="" if emergency is None else emergency.text,
+        emergency_code=None if emergency is None else emergency.code,
+        emergency_age_s=None if emergency is None else max(0.0, now - node.emergency_at),
+        boot_ups=node.boot_ups,
+        message=node.failure,
+    )
+
+
+def _status(kind: str, word: int | None) -> str:
+    if word is None:
+        return ""
+    if kind != "cia402":
+        return f"fault bits {word:016b}" if word else "no fault"
+    state = power_state(word).name.lower().replace("_", " ")
+    return state + (", warning" if word & _WARNING else "")

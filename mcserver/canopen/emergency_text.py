@@ -1,0 +1,52 @@
+"""Emergency messages in words: CiA 301, 7.2.7; the bits of 1001h."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from mcserver.drives.cia402.emergency_codes import emergency_text
+
+_LAYOUT = struct.Struct("<HB5s")
+_REGISTER = (
+    "generic",
+    "current",
+    "voltage",
+    "temperature",
+    "communication",
+    "profile",
+    "reserved",
+    "maker's",
+)
+
+
+@dataclass(frozen=True)
+class Emergency:
+    """One emergency message.
+
+    Attributes:
+        code: 0: all errors are gone. register: 1001h. vendor: the maker's five bytes.
+    """
+
+    code: int
+    register: int
+    vendor: bytes
+
+    @property
+    def cleared(self) -> bool:
+        """Whether it says that there is no error any more."""
+        return self.code & 0xFF00 == 0
+
+    @property
+    def text(self) -> str:
+        """``8611h following error (register: profile; 00 00 00 00 00)``."""
+        bits = ", ".join(name for bit, name in enumerate(_REGISTER) if self.register >> bit & 1)
+        meaning = "no error any more" if self.cleared else emergency_text(self.code)
+        return f"{self.code:04X}h {meaning} (register: {bits or 'clear'}; {self.vendor.hex(' ')})"
+
+
+def decode_emergency(payload: bytes) -> Emergency | None:
+    """The message of a frame; None where it is none."""
+    if len(payload) != _LAYOUT.size:
+        return None
+    return Emergency(*_LAYOUT.unpack(payload))

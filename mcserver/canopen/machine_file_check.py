@@ -1,0 +1,81 @@
+"""A machine file's drives on CAN buses, looked at before anything is switched on: EDS files, places for the
+configuration, watching.
+"""
+
+from __future__ import annotations
+
+from canopen.objectdictionary import ODVariable
+
+from mcserver.canopen.configuration import configuration_writes
+from mcserver.canopen.dictionary import generic_dictionary
+from mcserver.canopen.eds import Description, load_description
+from mcserver.canopen.service_bus import MASTER
+from mcserver.canopen.settings import DriveSettings, settings_of
+from mcserver.errors import ConfigurationError, Diagnostic
+from mcserver.machine.machine_file import Machine
+
+
+def check_drives(machine: Machine) -> list[Diagnostic]:
+    """What does not fit (errors MC008, MC552) or is doubtful (warnings MC022) about CiA 402 drives."""
+    found: list[Diagnostic] = []
+    for drive in settings_of(machine):
+        if drive.kind != "cia402":
+            continue
+        try:
+            described = (
+                load_description(drive.eds, drive.node)
+                if drive.eds
+                else Description(generic_dictionary(drive.node))
+            )
+            configuration_writes(drive, machine.cycle_s, described.dictionary, MASTER)
+        except ConfigurationError as error:
+            found.append(Diagnostic(code=error.code, message=error.message, hint=error.hint, axis=drive.axis))
+            continue
+        found += _doubts(drive, described)
+    return found
+
+
+def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
+    doubts = []
+    if described.commissioned_node not in (None, drive.node) and _has_values(described):
+        doubts.append(
+            _warning(
+                drive,
+                f"{drive.eds} was made for node {described.commissioned_node}",
+                "take the DCF of this node, if its values are not those of every drive",
+            )
+        )
+    if described.dictionary.get_variable(0x1400, 5) is None:
+        watched = described.dictionary.get_variable(0x1016, 1) is not None
+        doubts.append(
+            _warning(
+                drive,
+                "the EDS has no time-out of RPDO1 (1400h:05): the drive does not notice missing setpoints"
+                + ("" if watched else ", nor (1016h) that the server is gone"),
+                "see the drive's manual for another watch, and set it by sdo_writes",
+            )
+        )
+    if drive.heartbeat_ms == 0:
+        doubts.append(
+            _warning(
+                drive,
+                "heartbeat_ms = 0: a drive that is lost is noticed by its missing process data only",
+                "leave heartbeat_ms out",
+            )
+        )
+    return doubts
+
+
+def _has_values(described: Description) -> bool:
+    for index in described.dictionary:
+        entry = described.dictionary[index]
+        members = (entry,) if isinstance(entry, ODVariable) else tuple(entry.values())
+        if any(member.value is not None for member in members):
+            return True
+    return False
+
+
+def _warning(drive: DriveSettings, message: str, hint: str) -> Diagnostic:
+    return Diagnostic(
+        code="MC022", severity="warning", message=f"{drive.name}: {message}", hint=hint, axis=drive.axis
+    )

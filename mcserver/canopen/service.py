@@ -1,0 +1,171 @@
+"""The service path of a machine: all its CAN buses, booted before the executor and closed after it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import suppress
+
+from canopen.objectdictionary import ObjectDictionary
+
+from mcserver.can.open import open_port
+from mcserver.canopen.canopen_errors import DriveError, Stopped
+from mcserver.canopen.configuration import SdoWrite, configuration_writes
+from mcserver.canopen.dictionary import generic_dictionary
+from mcserver.canopen.eds import load_description
+from mcserver.canopen.node import Node
+from mcserver.canopen.service_bus import MASTER, CanopenBus, OnEvent, ServiceTimes
+from mcserver.canopen.settings import DriveSettings, settings_of
+from mcserver.errors import ConfigurationError, McError
+from mcserver.machine.machine_file import Machine
+
+OnProgress = Callable[[str], None]
+
+SUPERVISION_S = 0.2
+BOOT_ROUND_S = 0.1
+PROGRESS_S = 2.0
+
+
+def dictionary_of(drive: DriveSettings) -> ObjectDictionary:
+    """The drive's EDS, or the standard's objects.
+
+    Raises:
+        ConfigurationError: MC008.
+    """
+    return load_description(drive.eds, drive.node).dictionary if drive.eds else generic_dictionary(drive.node)
+
+
+class CanopenService:
+    """All CAN buses of one machine; made by `start`."""
+
+    def __init__(self, dictionaries: dict[int, ObjectDictionary]) -> None:
+        self.buses: list[CanopenBus] = []
+        self._dictionaries = dictionaries
+        self._stopping = threading.Event()
+        self._closing = threading.Lock()
+        self._supervisor = threading.Thread(target=self._supervise, name="canopen supervisor", daemon=True)
+
+    @classmethod
+    def start(
+        cls,
+        machine: Machine,
+        on_event: OnEvent,
+        on_progress: OnProgress = lambda _: None,
+        times: ServiceTimes | None = None,
+        stopping: Callable[[], bool] = lambda: False,
+    ) -> CanopenService:
+        """Opens the buses and boots every drive; waits for them.
+
+        Args:
+            on_event: called in threads; must not wait. on_progress: a sentence for people.
+            stopping: whether to give up.
+
+        Raises:
+            ConfigurationError: MC008 an EDS, MC552 a drive that has no place for its configuration.
+            RuntimeFault: MC424 a bus; MC550, MC551, MC553, MC554, MC555 a drive (the first by axis; the
+                others are named).
+            Stopped: ``stopping`` said so.
+        """
+        times = times or ServiceTimes()
+        drives = settings_of(machine)
+        dictionaries = {drive.axis: dictionary_of(drive) for drive in drives if drive.kind == "cia402"}
+        plans: dict[str, list[tuple[DriveSettings, list[SdoWrite]]]] = {}
+        for drive in drives:
+            writes = []
+            if drive.kind == "cia402":
+                writes = configuration_writes(drive, machine.cycle_s, dictionaries[drive.axis], MASTER)
+            plans.setdefault(drive.bus, []).append((drive, writes))
+        service = cls(dictionaries)
+        try:
+            for name, own in plans.items():
+                port = open_port(own[0][0].address)
+                service.buses.append(CanopenBus(name, port, own, on_event, times))
+            service._boot(on_progress, stopping)
+        except BaseException:
+            service.close()
+            raise
+        service._supervisor.start()
+        return service
+
+    def close(self) -> None:
+        """Drives leave operation; no thread and no connection is left. A second call does nothing."""
+        if not self._closing.acquire(blocking=False):
+            return
+        self._stopping.set()
+        if self._supervisor.is_alive():
+            self._supervisor.join()
+        for bus in self.buses:
+            bus.close()
+
+    @property
+    def nodes(self) -> list[Node]:
+        """By axis."""
+        every = [node for bus in self.buses for node in bus.nodes]
+        return sorted(every, key=lambda node: node.settings.axis)
+
+    def dictionary(self, axis: int) -> ObjectDictionary | None:
+        """Of an axis's drive; None where it has none."""
+        return self._dictionaries.get(axis)
+
+    # ------------------------------------------------------------ inside
+
+    def _boot(self, on_progress: OnProgress, stopping: Callable[[], bool]) -> None:
+        began = time.monotonic()
+        told: set[Future[None]] = set()
+        under_way = {future: node for bus in self.buses for node, future in bus.boot()}
+        count = len(under_way)
+        failures: list[McError] = []
+        left = set(under_way)
+        while left:
+            done, left = wait(left, timeout=BOOT_ROUND_S, return_when=FIRST_COMPLETED)
+            failures += [error for future in done if (error := _failure(future, under_way[future]))]
+            if stopping():
+                raise Stopped
+            if left != told and time.monotonic() - began > PROGRESS_S:
+                told = left
+                names = sorted(under_way[each].settings.name for each in left)
+                if names:
+                    on_progress("waiting for " + "; ".join(names))
+        if failures:
+            raise _joined(failures)
+        for bus in self.buses:
+            bus.supervise()
+        shown = ", ".join(f"{bus.name} ({len(bus.nodes)})" for bus in self.buses)
+        are = "drive is" if count == 1 else "drives are"
+        on_progress(f"{count} {are} up after {time.monotonic() - began:.2f} s: {shown}")
+        for node in self.nodes:
+            if node.remarks:
+                on_progress(f"{node.settings.name}: " + "; ".join(node.remarks))
+
+    def _supervise(self) -> None:
+        while not self._stopping.wait(SUPERVISION_S):
+            for bus in self.buses:
+                # a computer without room for a thread now may have it a moment later
+                with suppress(RuntimeError):
+                    bus.ensure_running()
+
+
+def _failure(future: Future[None], node: Node) -> McError | None:
+    error = future.exception()
+    if error is None:
+        return None
+    if isinstance(error, McError):
+        return error
+    return DriveError(
+        "MC555",
+        f"{node.settings.name}: its boot-up failed: {type(error).__name__}: {error}",
+        "this is a defect of the server; please report it",
+        axis=node.settings.axis,
+    )
+
+
+def _joined(failures: list[McError]) -> McError:
+    """The first by axis; what else failed stands in its message."""
+    ordered = sorted(failures, key=lambda error: getattr(error, "axis", None) or 0)
+    first = ordered[0]
+    if len(ordered) == 1 or isinstance(first, ConfigurationError):
+        return first
+    others = "".join(f"\n  also {error.code}: {error.message}" for error in ordered[1:])
+    return DriveError(first.code, first.message + others, first.hint, axis=getattr(first, "axis", None))

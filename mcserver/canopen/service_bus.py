@@ -1,0 +1,350 @@
+"""One CAN bus of the service path: its thread, its master's heartbeat, its nodes' supervision.
+
+Threads: one that receives, beats and watches, and never waits for a node; workers that boot nodes, each of
+which waits for its own node only.
+"""
+
+from __future__ import annotations
+
+import logging
+import select
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+from mcserver.can.cob import NMT, Function, NmtCommand, NmtState
+from mcserver.can.port import CanPort
+from mcserver.canopen.boot import BootTimes, NodeBoot
+from mcserver.canopen.canopen_errors import DriveError, Stopped
+from mcserver.canopen.configuration import SdoWrite
+from mcserver.canopen.drive_events import CanopenEvent, CanopenEventKind
+from mcserver.canopen.network import PortNetwork
+from mcserver.canopen.node import Node, Phase
+from mcserver.canopen.sdo import NodeSdo, SdoTimes
+from mcserver.canopen.settings import DriveSettings
+from mcserver.errors import McError
+
+log = logging.getLogger(__name__)
+
+MASTER = 127
+HEARTBEAT_S = 0.05
+ROUND_S = 0.02
+# Process data of the cycle come by the thousand; where nobody waits for an answer they are taken in lumps.
+LUMP_S = 0.01
+# Without a connection to wait for, the port is asked so often whether it is back.
+AWAY_ROUND_S = 0.05
+WORKERS = 32
+FIRST_RETRY_S = 1.0
+LONGEST_RETRY_S = 30.0
+# Nodes that are silent are asked so often whether they are there.
+SEEK_S = 1.0
+# Emergency messages of a node are told at most so often.
+EMERGENCY_S = 0.1
+JOIN_S = 2.0
+# A node that reboots while it is configured is configured again, so often at most.
+CONFIGURATIONS = 3
+GOODBYE_WATCH = (0x1016, 1)
+
+OnEvent = Callable[[CanopenEvent], None]
+
+
+@dataclass(frozen=True)
+class ServiceTimes:
+    """Every time limit of the service path."""
+
+    sdo: SdoTimes = field(default_factory=SdoTimes)
+    boot: BootTimes = field(default_factory=BootTimes)
+
+
+class CanopenBus:
+    """The nodes of one bus.
+
+    Args:
+        name: as the machine file has it. port: open; it is closed by `close`.
+        plans: each drive with what is written into it.
+        on_event: called in a thread of the bus; must not wait.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        port: CanPort,
+        plans: Sequence[tuple[DriveSettings, Sequence[SdoWrite]]],
+        on_event: OnEvent,
+        times: ServiceTimes,
+    ) -> None:
+        self.name = name
+        self.restarts = 0
+        self._network = PortNetwork(port)
+        self._on_event = on_event
+        self._stopping = threading.Event()
+        self._boot = NodeBoot(self._network, times.boot, self._stopping)
+        self._writes: dict[int, Sequence[SdoWrite]] = {}
+        self.nodes: list[Node] = []
+        for settings, writes in plans:
+            sdo = None
+            if settings.kind == "cia402":
+                sdo = NodeSdo(self._network, settings.node, settings.name, settings.axis, times.sdo)
+            self._writes[settings.node] = writes
+            self.nodes.append(Node(settings, self._network, sdo))
+        self._workers = ThreadPoolExecutor(
+            min(WORKERS, max(1, len(self.nodes))), thread_name_prefix=f"canopen {name} node"
+        )
+        self._under_way: dict[int, Future[None]] = {}
+        self._known_boot_ups: dict[int, int] = {}
+        self._down = False
+        self._next_beat = 0.0
+        self._next_watch = 0.0
+        self._booted = False
+        self._thread = self._new_thread()
+        self._network.try_send(Function.HEARTBEAT + MASTER, bytes((NmtState.BOOT_UP,)))
+        self._thread.start()
+
+    # ------------------------------------------------------------ life
+
+    def boot(self) -> list[tuple[Node, Future[None]]]:
+        """Begins to boot all nodes at once; a future ends when its node is operational, or has failed."""
+        return [(node, self._workers.submit(self._bring_up, node, True)) for node in self.nodes]
+
+    def supervise(self) -> None:
+        """From now on nodes that reboot are configured again."""
+        for node in self.nodes:
+            self._known_boot_ups[node.settings.node] = node.boot_ups
+        self._booted = True
+
+    def ensure_running(self) -> None:
+        """Starts the bus's thread again where it has died."""
+        if self._stopping.is_set() or self._thread.is_alive():
+            return
+        self.restarts += 1
+        log.error("the thread of bus %s has died and is started again", self.name)
+        self._thread = self._new_thread()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Takes the nodes out of operation, ends the threads and gives the port back."""
+        self._say_goodbye()
+        self._stopping.set()
+        for node in self.nodes:
+            node.wake()
+            node.phase = Phase.CLOSED
+        self._workers.shutdown(wait=True, cancel_futures=True)
+        if self._thread.is_alive():
+            self._thread.join(JOIN_S)
+        self._network.disconnect()
+
+    def node(self, number: int) -> Node | None:
+        """The node of that number."""
+        return next((node for node in self.nodes if node.settings.node == number), None)
+
+    # ------------------------------------------------------------ the bus's thread
+
+    def _new_thread(self) -> threading.Thread:
+        return threading.Thread(target=self._run, name=f"canopen {self.name}", daemon=True)
+
+    def _run(self) -> None:
+        reported = False
+        while not self._stopping.is_set():
+            try:
+                self._wait_for_frames()
+                self._network.receive()
+                now = time.monotonic()
+                self._beat(now)
+                self._watch_bus()
+                if self._booted and now >= self._next_watch:
+                    self._next_watch = now + ROUND_S
+                    for node in self.nodes:
+                        self._watch(node, now)
+            except Exception:
+                # nothing that a bus brings may end its supervision
+                if not reported:
+                    reported = True
+                    log.exception("bus %s: a round failed", self.name)
+                self._stopping.wait(ROUND_S)
+
+    def _wait_for_frames(self) -> None:
+        descriptor = self._network.fileno()
+        if descriptor < 0:
+            self._stopping.wait(AWAY_ROUND_S)
+            return
+        if self._booted and not self._under_way and not self._network.is_awaited:
+            self._stopping.wait(LUMP_S)
+            return
+        waiting = select.poll()
+        waiting.register(descriptor, select.POLLIN)
+        waiting.poll(ROUND_S * 1000.0)
+
+    def _beat(self, now: float) -> None:
+        if now >= self._next_beat:
+            self._next_beat = now + HEARTBEAT_S
+            self._network.try_send(Function.HEARTBEAT + MASTER, bytes((NmtState.OPERATIONAL,)))
+
+    def _watch_bus(self) -> None:
+        down = self._network.counters.down
+        if down != self._down:
+            self._down = down
+            if down:
+                message = f"the CAN bus {self.name} is away; its drives stop by their own time-outs"
+                self._tell("bus.lost", None, message, "MC424")
+            else:
+                self._tell("bus.back", None, f"the CAN bus {self.name} is back")
+
+    def _watch(self, node: Node, now: float) -> None:
+        self._tell_emergencies(node, now)
+        number = node.settings.node
+        under_way = self._under_way.get(number)
+        if under_way is not None:
+            if not under_way.done():
+                return
+            del self._under_way[number]
+        if node.boot_ups != self._known_boot_ups[number]:
+            self._known_boot_ups[number] = node.boot_ups
+            message = f"{node.settings.name}: has rebooted; it is configured again, without energy"
+            self._tell("drive.rebooted", node, message, "MC558")
+            self._restart(node)
+        elif node.is_silent(now):
+            self._watch_silent(node, now)
+        elif node.phase is Phase.FAILED:
+            if now >= node.retry_at:
+                self._restart(node)
+        elif node.phase is Phase.LOST or (node.sdo is not None and node.nmt in _UNWANTED):
+            self._welcome(node)
+
+    def _watch_silent(self, node: Node, now: float) -> None:
+        if node.phase is Phase.OPERATIONAL:
+            node.phase = Phase.LOST
+            node.retry_at = now + SEEK_S
+            what = "telemetry" if node.sdo is None else "heartbeat"
+            message = f"{node.settings.name}: no {what} for {node.silence_limit_s:g} s"
+            self._tell("drive.lost", node, message + "; check its power and the bus", "MC557")
+        elif node.sdo is not None and not self._down and now >= node.retry_at:
+            # one that was switched off and on has no heartbeat before it is configured
+            self._under_way[node.settings.node] = self._workers.submit(self._seek, node, node.sdo)
+
+    def _welcome(self, node: Node) -> None:
+        """A node is heard again, or is heard to have left operation."""
+        if node.sdo is None or node.nmt is NmtState.OPERATIONAL:
+            node.phase = Phase.OPERATIONAL
+            self._tell("drive.back", node, f"{node.settings.name}: is heard again")
+            return
+        state = "not operational" if node.nmt is None else node.nmt.name.lower().replace("_", "-")
+        message = f"{node.settings.name}: is {state}; it is configured and started again, without energy"
+        self._tell("drive.rebooted", node, message, "MC558")
+        self._restart(node)
+
+    def _tell_emergencies(self, node: Node, now: float) -> None:
+        if not node.emergencies or now < node.tell_at:
+            return
+        node.tell_at = now + EMERGENCY_S
+        dropped, node.emergencies_dropped = node.emergencies_dropped, 0
+        emergency = node.emergencies.popleft()
+        more = f", and {dropped} more that are not told" if dropped else ""
+        message = f"{node.settings.name}: emergency {emergency.text}{more}"
+        self._tell("drive.emergency", node, message, "" if emergency.cleared else "MC556")
+
+    def _tell(self, kind: CanopenEventKind, node: Node | None, message: str, code: str = "") -> None:
+        self._on_event(CanopenEvent(kind, message, None if node is None else node.settings.axis, code))
+
+    # ------------------------------------------------------------ workers
+
+    def _restart(self, node: Node) -> None:
+        node.phase = Phase.RESTARTING
+        self._under_way[node.settings.node] = self._workers.submit(self._bring_back, node)
+
+    def _bring_up(self, node: Node, find: bool) -> None:
+        if find:
+            self._boot.find(node)
+        if node.sdo is not None:
+            self._configure(node, node.sdo)
+        node.phase = Phase.OPERATIONAL
+        node.failure = ""
+        node.failures = 0
+
+    def _configure(self, node: Node, sdo: NodeSdo) -> None:
+        """From pre-operational to operational, again where the node reboots in the middle of it."""
+        for left in range(CONFIGURATIONS - 1, -1, -1):
+            boot_ups = node.boot_ups
+            try:
+                self._boot.configure(node, sdo, self._writes[node.settings.node])
+                self._boot.start(node)
+            except DriveError:
+                if node.boot_ups == boot_ups or not left:
+                    raise
+            if node.boot_ups == boot_ups:
+                return
+        raise DriveError(
+            "MC555",
+            f"{node.settings.name}: reboots again and again while it is configured",
+            "check its supply",
+            axis=node.settings.axis,
+        )
+
+    def _seek(self, node: Node, sdo: NodeSdo) -> None:
+        """Asks a silent node whether it is there, and whether it still has its configuration.
+
+        One that has it may be moving, and only its heartbeat is missing: it is left alone.
+        """
+        try:
+            period = int.from_bytes(sdo.upload(0x1017, 0, attempts=1), "little")
+        except DriveError:
+            node.retry_at = time.monotonic() + SEEK_S
+            return
+        configured = period == node.settings.heartbeat_ms and node.phase is not Phase.FAILED
+        if configured or not node.is_silent(time.monotonic()):
+            node.retry_at = time.monotonic() + SEEK_S
+            return
+        if node.phase is Phase.LOST:
+            node.phase = Phase.RESTARTING
+            message = f"{node.settings.name}: is there again without its configuration, which it gets again"
+            self._tell("drive.rebooted", node, message, "MC558")
+        self._bring_back(node)
+
+    def _bring_back(self, node: Node) -> None:
+        try:
+            self._bring_up(node, False)
+        except Stopped:
+            return
+        except Exception as error:
+            node.failures += 1
+            pause = min(LONGEST_RETRY_S, FIRST_RETRY_S * 2.0 ** (node.failures - 1))
+            node.retry_at = time.monotonic() + pause
+            node.phase = Phase.FAILED
+            node.failure = str(error)
+            code = error.code if isinstance(error, McError) else "MC555"
+            message = error.message if isinstance(error, McError) else f"{node.settings.name}: {error}"
+            self._tell("drive.failed", node, f"{message}; tried again in {pause:g} s", code)
+            return
+        self._tell(
+            "drive.started",
+            node,
+            f"{node.settings.name}: configured and operational, without energy (G1000, G1010)",
+        )
+
+    # ------------------------------------------------------------ the end
+
+    def _say_goodbye(self) -> None:
+        """Nodes no longer watch the master, whose heartbeat ends now, and leave operation."""
+        operational = [
+            node for node in self.nodes if node.phase is Phase.OPERATIONAL and node.sdo is not None
+        ]
+        self._booted = False
+        if self._down:
+            return
+        for future in [self._workers.submit(self._dismiss, node) for node in operational]:
+            future.result()
+
+    def _dismiss(self, node: Node) -> None:
+        watched = any(
+            (write.index, write.subindex) == GOODBYE_WATCH for write in self._writes[node.settings.node]
+        )
+        if watched and node.sdo is not None:
+            try:
+                node.sdo.download(*GOODBYE_WATCH, b"\x00\x00\x00\x00", attempts=1)
+            except DriveError as error:
+                log.info("%s", error)
+        self._network.try_send(NMT, bytes((NmtCommand.ENTER_PRE_OPERATIONAL, node.settings.node)))
+
+
+_UNWANTED = frozenset({NmtState.PRE_OPERATIONAL, NmtState.STOPPED, NmtState.BOOT_UP})

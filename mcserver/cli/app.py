@@ -1,0 +1,138 @@
+"""The server-side command line: ``mcserver run | check | simulate | plot | view | doctor | …``.
+
+Exit codes: 0 ok, 1 failed while running, 2 usage, 3 configuration, 4 program rejected, 5 nobody answers. Bad
+input never gives a traceback: each fault has a code and a remedy.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import traceback
+from importlib.metadata import PackageNotFoundError, version
+from typing import Annotated
+
+import typer
+from mckinematics.errors import KinematicsError
+
+from mcserver.cli import check, doctor, drive_sim, machine, plot, run, simulate, view
+from mcserver.cli.console import show_error
+from mcserver.cli.exit_codes import ExitCode, OutputFault, exit_code_of
+from mcserver.errors import McError
+from mcserver.machine.machine_kinematics import as_configuration_error
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        try:
+            shown = version("mcserver")
+        except PackageNotFoundError:
+            shown = "(not installed: run from its sources)"
+        typer.echo(f"mcserver {shown}")
+        raise typer.Exit
+
+
+def build_app() -> typer.Typer:
+    """The command tree."""
+    app = typer.Typer(
+        name="mcserver",
+        help="An open motion server: G-code over Zenoh to moving axes.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+
+    @app.callback()
+    def root(
+        version: Annotated[
+            bool, typer.Option("--version", help="Say the version.", callback=_show_version, is_eager=True)
+        ] = False,
+    ) -> None:
+        """An open motion server: G-code over Zenoh to moving axes."""
+
+    app.command("run")(run.run)
+    app.command("check")(check.check)
+    app.command("simulate")(simulate.simulate_program)
+    app.command("plot")(plot.plot)
+    app.command("view")(view.view)
+    app.command("doctor")(doctor.doctor)
+    app.command("drive-sim")(drive_sim.drive_sim)
+    app.add_typer(machine.build_app(), name="machine")
+    return app
+
+
+def main() -> None:
+    """Entry point; leaves the process with the documented exit code."""
+    sys.exit(int(run_command_line()))
+
+
+def run_command_line(arguments: list[str] | None = None) -> int:
+    """Run one command line and give its exit code; every error is shown once."""
+    try:
+        return _run(arguments)
+    except McError as error:
+        show_error(error)
+        return int(exit_code_of(error))
+    except KinematicsError as error:
+        show_error(as_configuration_error(error))
+        return int(ExitCode.CONFIGURATION)
+    except BrokenPipeError:
+        _abandon_standard_output()
+        return int(ExitCode.FAILED)
+    except OSError as error:
+        _abandon_standard_output()
+        show_error(_from_os_error(error))
+        return int(ExitCode.FAILED)
+    except Exception as error:
+        show_error(_internal(error))
+        return int(ExitCode.FAILED)
+
+
+def _run(arguments: list[str] | None) -> int:
+    code: object = 0
+    try:
+        build_app()(args=arguments, prog_name="mcserver")
+    except SystemExit as done:
+        code = done.code
+    if sys.stdout is not None:
+        # what does not fit on the disk must be noticed here, not at the interpreter's end
+        sys.stdout.flush()
+    return code if isinstance(code, int) else int(code is not None)
+
+
+def _abandon_standard_output() -> None:
+    """Let the interpreter's last flush of a broken standard output go nowhere."""
+    if sys.stdout is None:
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, sys.stdout.fileno())
+    except (OSError, ValueError):
+        return
+    finally:
+        os.close(nowhere)
+
+
+def _from_os_error(error: OSError) -> McError:
+    reason = error.strerror or str(error)
+    where = f" ({error.filename})" if error.filename else ""
+    if error.errno == errno.ENOSPC:
+        return OutputFault(
+            "MC015", f"the output could not be written: {reason}{where}", "make room on the disk"
+        )
+    return OutputFault(
+        "MC015", f"the operating system refused: {reason}{where}", "check the file or device named"
+    )
+
+
+def _internal(error: Exception) -> McError:
+    if os.environ.get("MCSERVER_TRACEBACK"):
+        traceback.print_exc()
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" at {os.path.basename(frames[-1].filename)}:{frames[-1].lineno}" if frames else ""
+    return McError(
+        "MC019",
+        f"a fault of mcserver itself{place}: {type(error).__name__}: {error}",
+        "please report it with the program; MCSERVER_TRACEBACK=1 shows where it comes from",
+    )

@@ -1,0 +1,92 @@
+"""``mcserver machine check``: a machine file read and explained, and all that does not fit listed."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from mcserver.cli.console import json_answer_on_error, narration, results, show_diagnostics, write_json
+from mcserver.cli.exit_codes import ExitCode
+from mcserver.cli.options import JsonOption
+from mcserver.drives.bus_load import bus_loads
+from mcserver.machine.machine_file import Axis, Machine, load_machine
+from mcserver.machine.plausibility import axis_name, find_doubts, find_drive_faults, find_tool_faults
+
+
+def build_app() -> typer.Typer:
+    """The sub-commands about machine files."""
+    app = typer.Typer(help="Machine files.", no_args_is_help=True)
+
+    @app.callback()
+    def root() -> None:
+        """Machine files."""
+
+    app.command("check")(check_machine)
+    return app
+
+
+def check_machine(
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="A TOML file, or the name of a built-in machine.")
+    ],
+    json: JsonOption = False,
+) -> None:
+    """Read a machine file, list all that does not fit or is doubtful. Exit code 3 where it cannot be used."""
+    with json_answer_on_error(json):
+        machine = load_machine(file)
+    findings = [*find_tool_faults(machine), *find_drive_faults(machine), *find_doubts(machine)]
+    errors = sum(each.severity == "error" for each in findings)
+    if json:
+        found = [each.as_json() for each in findings]
+        write_json({"ok": not errors, "name": machine.name, "diagnostics": found})
+    else:
+        _describe(machine)
+    if errors or not json:
+        show_diagnostics(findings, [], file)
+    if errors:
+        narration().print(
+            f"{errors} error{'s' * (errors != 1)}: the machine cannot be used as it is", style="bold red"
+        )
+        raise typer.Exit(int(ExitCode.CONFIGURATION))
+    if findings and not json:
+        narration().print(f"{len(findings)} doubtful; the machine can be run", style="yellow")
+
+
+def _describe(machine: Machine) -> None:
+    results().print(_table_of_axes(machine))
+    for tool in machine.tools:
+        chain = " ".join(axis_name(index) for index in tool.axes)
+        results().print(f"T{tool.number}: {tool.frame}, moved by {chain}")
+    for load in bus_loads(machine):
+        results().print(f"bus {load.bus}: {load.arithmetic()}")
+    results().print(
+        f"{machine.name}: {len(machine.axes)} axes, {len(machine.tools)} tools, "
+        f"{machine.cycle_hz:g} cycles a second"
+    )
+
+
+def _table_of_axes(machine: Machine) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("axis")
+    for title in ("unit", "velocity /s", "acceleration /s²", "jerk /s³", "from", "to"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("drive")
+    for axis in machine.axes:
+        limits = (
+            axis.max_velocity,
+            axis.max_acceleration,
+            axis.max_jerk,
+            axis.min_position,
+            axis.max_position,
+        )
+        table.add_row(
+            axis_name(axis.index), axis.type.unit, *(_edge(axis, limit) for limit in limits), axis.drive.kind
+        )
+    return table
+
+
+def _edge(axis: Axis, value: float) -> str:
+    return f"{value / axis.type.si_per_unit:g}" if math.isfinite(value) else "–"

@@ -1,0 +1,47 @@
+"""Options and arguments that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mcserver.machine.machine_file import BUILT_IN
+
+
+def _complete_machine(incomplete: str) -> list[str]:
+    names = [*BUILT_IN, *sorted(str(path) for path in Path().glob("*.toml"))]
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def _complete_program(incomplete: str) -> list[str]:
+    base = Path(incomplete)
+    folder = base if incomplete.endswith("/") else base.parent
+    prefix = "" if str(folder) == "." else f"{folder}/"
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError:
+        return []
+    names = [f"{prefix}{entry.name}" + ("/" if entry.is_dir() else "") for entry in entries]
+    return [name for name in names if name.startswith(incomplete)]
+
+
+MachineOption = Annotated[
+    str,
+    typer.Option(
+        "--machine",
+        "-m",
+        metavar="M",
+        help="A built-in machine (cartesian, robot-dog, arm6) or a TOML file.",
+        autocompletion=_complete_machine,
+    ),
+]
+ProgramArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="FILE", help="The G-code program; - reads standard input.", autocompletion=_complete_program
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Answer with one JSON object on standard output.")]
+DEFAULT_MACHINE = "cartesian"

@@ -1,0 +1,79 @@
+"""``mcserver plot``: simulate a program and draw what it does."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Annotated, BinaryIO
+
+import typer
+
+from mcserver.cli.console import narration, show_diagnostics
+from mcserver.cli.exit_codes import ExitCode
+from mcserver.cli.options import DEFAULT_MACHINE, MachineOption, ProgramArgument
+from mcserver.cli.output_file import check_output, write_atomically
+from mcserver.cli.planner_warm_up import prepare_planner
+from mcserver.cli.program_text import load_program
+from mcserver.cli.rejection import reject
+from mcserver.cli.simulate import live_progress
+from mcserver.cli.simulation_report import diagnostics_of
+from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+
+
+def plot(
+    file: ProgramArgument,
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="P.png|.html", help="A picture, or a page to explore.")
+    ],
+    machine: MachineOption = DEFAULT_MACHINE,
+    limits: Annotated[
+        bool, typer.Option("--limits/--no-limits", help="In a picture, draw each axis against its limits.")
+    ] = True,
+) -> None:
+    """Simulate a program and draw its path, its speed, and each axis against its limits."""
+    suffix = check_output(output, (".png", ".html"))
+    if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
+        raise ConfigurationError(
+            "MC016",
+            "pictures need matplotlib",
+            "pip install 'mcserver[plot]'; an .html page needs nothing more",
+        )
+    described = load_machine(machine)
+    program = load_program(file)
+    if program.faults:
+        reject(program.faults, program)
+    from mcserver.plot.scene import build_scene
+    from mcserver.simulation.simulation import simulate
+
+    kinematics = build_kinematics(described)
+    prepare_planner()
+    with live_progress() as progress:
+        simulation = simulate(program.text, described, kinematics=kinematics, progress=progress, record=True)
+    diagnostics = diagnostics_of(simulation.report)
+    if simulation.exit_code == ExitCode.REJECTED or simulation.recording is None:
+        reject(diagnostics, program)
+    scene = build_scene(
+        program.name,
+        described,
+        simulation.recording,
+        simulation.report,
+        program.lines,
+        kinematics,
+    )
+    if suffix == ".png":
+        from mcserver.plot.figure import draw_png
+
+        write_atomically(output, lambda stream: draw_png(scene, stream, limits=limits))
+    else:
+        from mcserver.plot.html import page_of
+
+        write_atomically(output, lambda stream: _write_text(stream, page_of(scene)))
+    narration().print(f"drawn: {output}")
+    show_diagnostics(diagnostics, program.lines, program.name)
+    if simulation.exit_code:
+        raise typer.Exit(simulation.exit_code)
+
+
+def _write_text(stream: BinaryIO, text: str) -> None:
+    stream.write(text.encode())

@@ -1,0 +1,108 @@
+"""``mcserver run``: the server."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.logging import RichHandler
+
+from mcserver.cli.console import narration
+from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
+from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import Machine, load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.net.keys import is_name
+
+
+def run(
+    machine: MachineOption = DEFAULT_MACHINE,
+    listen: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--listen", metavar="E", help="Zenoh endpoint to listen on; port 0 takes a free one. Repeatable."
+        ),
+    ] = None,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--connect", metavar="E", help="Router or peer to connect to, again and again. Repeatable."
+        ),
+    ] = None,
+    journal: Annotated[
+        Path | None,
+        typer.Option("--journal", metavar="PATH", help="The journal's file; default: your state folder."),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option("--name", metavar="N", help="Name in the key space, instead of the machine file's."),
+    ] = None,
+    zenoh: Annotated[
+        Path | None,
+        typer.Option(
+            "--zenoh-config", metavar="PATH", help="A Zenoh configuration (JSON5) for TLS and access rules."
+        ),
+    ] = None,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say more of what happens.")] = False,
+) -> None:
+    """Run the server, until Ctrl-C or SIGTERM, which stop every axis in a controlled way."""
+    described = named(load_machine(machine), name)
+    build_kinematics(described)
+    from mcserver.net.session import DEFAULT_LISTEN, NetworkOptions
+    from mcserver.server import ServerOptions, serve
+
+    if zenoh is not None and not zenoh.is_file():
+        raise ConfigurationError(
+            "MC018", f"there is no Zenoh configuration {zenoh}", "see deploy/zenoh for examples"
+        )
+    narrate_logs(verbose)
+    options = ServerOptions(
+        network=NetworkOptions(
+            listen=tuple(listen) if listen else DEFAULT_LISTEN,
+            connect=tuple(connect or ()),
+            config_file=zenoh,
+        ),
+        journal=journal,
+        on_ready=lambda endpoints: announce(described, endpoints),
+        on_progress=lambda sentence: narration().print(f"{described.name}: {sentence}", markup=False),
+    )
+    asyncio.run(serve(described, options))
+    narration().print(f"{described.name}: stopped")
+
+
+def named(machine: Machine, name: str | None) -> Machine:
+    """The machine under another name.
+
+    Raises:
+        ConfigurationError: MC017 the name cannot be part of a key.
+    """
+    if name is None:
+        return machine
+    if not is_name(name):
+        raise ConfigurationError(
+            "MC017", f"--name {name!r} cannot be part of a key", "use letters, digits, '-', '_', '.'"
+        )
+    return msgspec.structs.replace(machine, name=name)
+
+
+def announce(machine: Machine, endpoints: list[str]) -> None:
+    """One line that says who answers where, once clients are answered."""
+    drives = ", ".join(sorted({axis.drive.kind for axis in machine.axes}))
+    narration().print(
+        f"{machine.name}: ready, {len(machine.axes)} axes ({drives} drives), "
+        f"listening on {', '.join(endpoints)}"
+    )
+
+
+def narrate_logs(verbose: bool) -> None:
+    """Logs of the server go to standard error, as all narration does."""
+    handler = RichHandler(console=narration(), show_path=False, rich_tracebacks=False)
+    handler.setFormatter(logging.Formatter("%(message)s", datefmt="[%X]"))
+    logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[handler], force=True)
+    if not verbose:
+        # what it calls errors are single attempts, told by us where the last one fails
+        logging.getLogger("canopen").setLevel(logging.CRITICAL)

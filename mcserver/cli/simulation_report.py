@@ -1,0 +1,87 @@
+"""The report of a simulation for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from mcserver.cli.console import results
+from mcserver.errors import Diagnostic
+
+NOTHING_SIMULATED: Mapping[str, Any] = MappingProxyType(
+    {"ok": False, "duration_s": 0.0, "feed_length_mm": 0.0, "lines": [], "axes": {}, "diagnostics": []}
+)
+MAX_SHOWN_LINES = 60
+MAX_SHOWN_SOURCE = 60
+TIMES_WIDTH = 50
+
+
+def diagnostics_of(report: Mapping[str, Any]) -> list[Diagnostic]:
+    """The diagnostics of a report as values."""
+    return [each if isinstance(each, Diagnostic) else Diagnostic(**each) for each in report["diagnostics"]]
+
+
+def print_report(report: Mapping[str, Any], source_lines: Sequence[str], name: str) -> None:
+    """Times of the lines, travel of the axes, and the sums, on standard output."""
+    console = results()
+    lines = report["lines"]
+    shown = lines
+    if len(lines) > MAX_SHOWN_LINES:
+        most_stretched = sorted(lines, key=lambda each: -(each["stretched_by"] or 0.0))[:MAX_SHOWN_LINES]
+        shown = sorted(most_stretched, key=lambda each: float(each["start_s"]))
+    if shown:
+        console.print(_table_of_lines(shown, source_lines, console.width))
+    if len(shown) < len(lines):
+        console.print(f"the {len(shown)} most stretched of {len(lines)} lines; --json gives all")
+    moved = {index: axis for index, axis in report["axes"].items() if axis["max"] > axis["min"]}
+    if moved:
+        console.print(_table_of_axes(moved))
+    stretched = sum((each["stretched_by"] or 1.0) > 1.0 + 1e-9 and bool(each["bound_by"]) for each in lines)
+    console.print(
+        f"{name}: {report['duration_s']:.3f} s, feed path {report['feed_length_mm']:.1f} mm, "
+        f"{len(lines)} timed line{'s' * (len(lines) != 1)}, {stretched} stretched by the machine's limits"
+    )
+
+
+def _table_of_lines(lines: Sequence[Mapping[str, Any]], source_lines: Sequence[str], width: int) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("line", "start s", "end s", "asked s", "×"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("bound by", no_wrap=True)
+    # the numbers come whole; a narrow terminal costs the program's text
+    bound = max(8, *(len(each["bound_by"] or "") for each in lines))
+    room = max(8, width - TIMES_WIDTH - bound)
+    table.add_column("program", no_wrap=True, overflow="ellipsis", max_width=min(room, MAX_SHOWN_SOURCE))
+    for each in lines:
+        number = int(each["line"])
+        source = source_lines[number - 1].strip() if 0 < number <= len(source_lines) else ""
+        table.add_row(
+            str(number),
+            f"{each['start_s']:.3f}",
+            f"{each['end_s']:.3f}",
+            _number(each["requested_s"]),
+            _number(each["stretched_by"]),
+            each["bound_by"] or "",
+            Text(source),
+        )
+    return table
+
+
+def _table_of_axes(axes: Mapping[str, Mapping[str, Any]]) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("axis", "least", "greatest", "end"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("unit")
+    for index, axis in axes.items():
+        table.add_row(
+            index, f"{axis['min']:.3f}", f"{axis['max']:.3f}", f"{axis['position']:.3f}", str(axis["unit"])
+        )
+    return table
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"

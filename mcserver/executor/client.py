@@ -1,0 +1,238 @@
+"""The executor in a process of its own, as the server sees it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+
+from mcserver.drives.registry import create_buses
+from mcserver.errors import RuntimeFault
+from mcserver.executor.entries import ExecutorEvent
+from mcserver.executor.process import ExitCode, ProcessState, Start
+from mcserver.executor.realtime import PRIORITY
+from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
+from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
+from mcserver.executor.shm.rings import ProgramRing
+from mcserver.executor.shm.shared_memory import SharedParts, create_block, map_block
+from mcserver.machine.machine_file import Machine
+from mcserver.processes import start_child
+
+START_TIMEOUT_S = 30.0
+STOP_TIMEOUT_S = 12.0
+# An executor whose beat stands still for this time does not run [s].
+BEAT_TIMEOUT_S = 2.0
+_POLL_S = 0.002
+
+
+class ExecutorProcess:
+    """Starts, watches and ends the executor's process.
+
+    A fresh interpreter is started for it, so that it has nothing of the server's in it. The memory that they
+    share has no name; it is gone with the last of the two, however they end.
+
+    Args:
+        machine: what it drives.
+        priority: of SCHED_FIFO, where the computer grants it.
+    """
+
+    def __init__(self, machine: Machine, *, slots: int = SLOTS, priority: int = PRIORITY) -> None:
+        # the same configuration errors as in the process, but here, where they can be reported
+        create_buses(machine)
+        self.machine = machine
+        self._slots = slots
+        self._priority = priority
+        self._process: subprocess.Popen[bytes] | None = None
+        self._parts: SharedParts | None = None
+        self._memory = -1
+        self._beat_seen = (-1, 0.0)
+
+    # ------------------------------------------------------------------ life
+
+    def start(self, timeout_s: float = START_TIMEOUT_S) -> None:
+        """`launch` and `wait`. Raises as these."""
+        self.launch()
+        self.wait(timeout_s)
+
+    def launch(self) -> None:
+        """Makes the memory and starts the process, without waiting for it."""
+        if self._process is not None:
+            raise RuntimeError("the executor has been started already")
+        self._memory = create_block(self.machine, self._slots)
+        self._parts = map_block(self._memory, self.machine, self._slots)
+        self._parts.mailbox.initialise()
+        start = Start(self.machine, self._memory, self._slots, os.getpid(), self._priority)
+        self._process = start_child("mcserver.executor.process", start, [self._memory])
+
+    def wait(self, timeout_s: float = START_TIMEOUT_S) -> None:
+        """Waits until cycles run.
+
+        Raises:
+            RuntimeFault: MC422 it ended, or did not come up in time.
+        """
+        process = self._process
+        if process is None:
+            raise RuntimeError("the executor has not been started")
+        deadline = time.monotonic() + timeout_s
+        while self.mailbox.executor_beat == 0:
+            code = process.poll()
+            if code is not None or time.monotonic() > deadline:
+                self.kill()
+                what = (
+                    f"ended with code {code}" if code is not None else f"did not come up in {timeout_s:g} s"
+                )
+                raise RuntimeFault(
+                    "MC422", f"the executor's process {what}", "see what it wrote to standard error"
+                )
+            time.sleep(_POLL_S)
+
+    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> int | None:
+        """Brings motion to rest, de-energizes the axes and ends the process.
+
+        Returns:
+            Its exit code; None if it was never started.
+        """
+        if self._process is None:
+            return None
+        self.mailbox.quit()
+        try:
+            return self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            return self.kill()
+        finally:
+            self._forget_memory()
+
+    def kill(self) -> int | None:
+        """Ends the process at once; its drives time out by themselves."""
+        if self._process is None:
+            return None
+        if self._process.poll() is None:
+            self._process.kill()
+        self._forget_memory()
+        return self._process.wait()
+
+    def _forget_memory(self) -> None:
+        """It stays mapped here, but nobody else can have it any more."""
+        memory, self._memory = self._memory, -1
+        if memory >= 0:
+            os.close(memory)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process is there and its cycles go on; cheap, and needs to be asked now and then."""
+        process = self._process
+        if process is None or process.poll() is not None:
+            return False
+        beat, now = self.mailbox.executor_beat, time.monotonic()
+        if beat != self._beat_seen[0]:
+            self._beat_seen = (beat, now)
+            return True
+        return now - self._beat_seen[1] <= BEAT_TIMEOUT_S
+
+    @property
+    def ending(self) -> str:
+        """How it came to its end, for a message; empty while it runs."""
+        code = self.exit_code
+        if code is None:
+            return "" if self.alive else f"it has run no cycle for {BEAT_TIMEOUT_S:g} s"
+        if code < 0:
+            return f"it was ended by signal {-code}"
+        if code == ExitCode.SERVER_LOST:
+            return "it stopped all axes because the server did not beat"
+        return f"it ended with code {code}"
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code of the process (negative: a signal), None while it runs."""
+        return None if self._process is None else self._process.poll()
+
+    @property
+    def memory(self) -> int:
+        """Descriptor of the shared memory, for another process that is to have it too.
+
+        Raises:
+            RuntimeError: the executor does not run.
+        """
+        if self._memory < 0:
+            raise RuntimeError("the executor does not run")
+        return self._memory
+
+    @property
+    def slots(self) -> int:
+        """How many programs it has places for."""
+        return self._slots
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process."""
+        return None if self._process is None else self._process.pid
+
+    @property
+    def state(self) -> ProcessState:
+        """As the process says."""
+        return ProcessState(self.mailbox.executor_state)
+
+    # ------------------------------------------------------------------ the same faces as `VirtualExecutor`
+
+    @property
+    def _shared(self) -> SharedParts:
+        if self._parts is None:
+            raise RuntimeError("the executor has not been started")
+        return self._parts
+
+    @property
+    def mailbox(self) -> CommandMailbox:
+        """Orders to the executor."""
+        return self._shared.mailbox
+
+    def beat(self) -> None:
+        """The server lives; at least every 50 ms from the first call on."""
+        self._shared.mailbox.beat()
+
+    def open_slot(
+        self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
+    ) -> ProgramRing:
+        """Begins a program in a free slot; without a mask on all axes.
+
+        Returns:
+            Where its rows and control entries are put.
+        """
+        ring = self._shared.rings[slot]
+        mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
+        self.mailbox.open_slot(slot, mask, ring.restart(), override=override, hold=hold)
+        return ring
+
+    def sink(self, slot: int) -> ProgramRing:
+        """Where the program in a slot puts its rows and control entries."""
+        return self._shared.rings[slot]
+
+    def events(self) -> list[ExecutorEvent]:
+        """Reports since the last call, in order."""
+        return self._shared.events.take()
+
+    @property
+    def lost_events(self) -> int:
+        """Reports that found no room since the start."""
+        return self._shared.events.lost
+
+    @property
+    def feedback(self) -> FeedbackState:
+        """The latest cycle.
+
+        Raises:
+            RuntimeError: no cycle has passed.
+        """
+        state = self._shared.feedback.latest()
+        if state is None:
+            raise RuntimeError("no cycle has passed yet")
+        return state
+
+    @property
+    def history(self) -> FeedbackRing:
+        """The latest cycles."""
+        return self._shared.feedback
+
+    @property
+    def epoch(self) -> float:
+        """Unix time of executor time 0 [s]."""
+        return self.mailbox.epoch

@@ -1,0 +1,226 @@
+"""Codes of what can go wrong while running; docs/executor.md has a remedy for each."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+
+from mcserver.drives.bus import DriveFault
+from mcserver.drives.cia402.emergency_codes import emergency_text
+
+
+class FaultCode(enum.IntEnum):
+    """Numbers behind ``MC`` in FAULT events."""
+
+    EMERGENCY_STOP = 400
+    NOT_ENERGIZED = 401
+    EXACT_STOP_TIMEOUT = 402
+    AXIS_BUSY = 403
+    SOFT_LIMIT = 404
+    NO_ENERGIZE = 405
+    NO_RESET = 406
+    FOLLOWING_ERROR = 407
+    SLOT_REFUSED = 408
+    SETPOINT_JUMP = 409
+    DRIVE_FAULT = 410
+    DRIVE_SILENT = 411
+    AXIS_LATCHED = 412
+    SERVER_LOST = 413
+    NO_REALTIME = 414
+    OVER_TEMPERATURE = 415
+    OVER_CURRENT = 416
+    VOLTAGE = 417
+    ENCODER = 418
+    AXIS_NOT_LEASED = 419
+    DRIVE_STATE_LOST = 420
+    NO_TRAJECTORY = 421
+    # 422 is the server's: the executor's process did not come up
+    SPEED_AT_LIMIT = 423
+    # 424 is a CAN bus's: it cannot be opened
+    EMERGENCY_MESSAGE = 425
+    DRIVE_REBOOTED = 426
+    NOT_OPERATIONAL = 427
+    HEARTBEAT_LOST = 428
+    BUS_DOWN = 429
+    MODE_REFUSED = 430
+    MODE_NOT_CONFIGURED = 431
+    DRIVE_MESSAGE = 432
+    BUS_BACK = 433
+    POSITION_LOST = 434
+    NOT_OFF = 435
+
+
+# Codes that are told and stop no program.
+WARNINGS = frozenset(
+    {FaultCode.NO_REALTIME, FaultCode.SPEED_AT_LIMIT, FaultCode.DRIVE_MESSAGE, FaultCode.BUS_BACK}
+)
+
+
+_OF_DRIVE = {
+    DriveFault.OVER_TEMPERATURE: FaultCode.OVER_TEMPERATURE,
+    DriveFault.OVER_CURRENT: FaultCode.OVER_CURRENT,
+    DriveFault.VOLTAGE: FaultCode.VOLTAGE,
+    DriveFault.ENCODER: FaultCode.ENCODER,
+    DriveFault.FOLLOWING: FaultCode.FOLLOWING_ERROR,
+    DriveFault.COMMUNICATION: FaultCode.DRIVE_SILENT,
+    DriveFault.EMERGENCY: FaultCode.EMERGENCY_MESSAGE,
+    DriveFault.REBOOTED: FaultCode.DRIVE_REBOOTED,
+    DriveFault.NOT_OPERATIONAL: FaultCode.NOT_OPERATIONAL,
+    DriveFault.HEARTBEAT: FaultCode.HEARTBEAT_LOST,
+    DriveFault.BUS_DOWN: FaultCode.BUS_DOWN,
+    DriveFault.MODE: FaultCode.MODE_REFUSED,
+    DriveFault.NOT_CONFIGURED: FaultCode.MODE_NOT_CONFIGURED,
+    DriveFault.POSITION_LOST: FaultCode.POSITION_LOST,
+}
+
+
+def code_of_drive_fault(fault: int) -> FaultCode:
+    """The code that reports a value of `DriveFault`."""
+    try:
+        return _OF_DRIVE.get(DriveFault(fault), FaultCode.DRIVE_FAULT)
+    except ValueError:
+        return FaultCode.DRIVE_FAULT
+
+
+def remedy_of(code: int, axis: int, values: Sequence[float] = ()) -> tuple[str, str]:
+    """A sentence and a hint for a FAULT event, from its code, axis number and values."""
+    message, hint = _TEXT.get(code, ("the executor reports a fault", "see docs/executor.md"))
+    detail = int(values[1]) if len(values) > 1 and code in _DETAILED else 0
+    return message.format(axis=axis, detail=_detail_text(code, detail)), hint.format(axis=axis)
+
+
+# Faults whose second value is a number of the drive's, or of a standard.
+_DETAILED = frozenset(
+    {
+        FaultCode.DRIVE_FAULT,
+        FaultCode.DRIVE_SILENT,
+        FaultCode.EMERGENCY_MESSAGE,
+        FaultCode.DRIVE_MESSAGE,
+        FaultCode.NOT_OPERATIONAL,
+    }
+)
+
+
+def _detail_text(code: int, detail: int) -> str:
+    if code in (FaultCode.EMERGENCY_MESSAGE, FaultCode.DRIVE_MESSAGE):
+        return f"{detail:04X}h, {emergency_text(detail)}"
+    if code == FaultCode.NOT_OPERATIONAL:
+        return {0x04: "stopped", 0x7F: "pre-operational"}.get(detail, f"{detail:02X}h")
+    if code == FaultCode.DRIVE_SILENT:
+        return f" for {detail} cycles" if detail else ""
+    return f" (fault bits {detail:04X}h)" if detail else ""
+
+
+_RESET_HINT = "find the cause, then clear the latch with G1000 P{axis} and energize with G1010 P{axis}"
+_TEXT: dict[int, tuple[str, str]] = {
+    FaultCode.EMERGENCY_STOP: (
+        "the emergency stop is latched",
+        "clear it with a reset, then energize with G1010",
+    ),
+    FaultCode.NOT_ENERGIZED: (
+        "axis {axis} is not energized",
+        "energize it with G1010 P{axis} before this line",
+    ),
+    FaultCode.EXACT_STOP_TIMEOUT: (
+        "axis {axis} did not reach its target within the exact-stop time-out",
+        "look for friction or a blocked axis, or widen in_position or exact_stop_timeout_s",
+    ),
+    FaultCode.AXIS_BUSY: (
+        "axis {axis} is still in motion of its own as a coordinated motion begins",
+        "this is a mistake of the planner: report it with the program",
+    ),
+    FaultCode.SOFT_LIMIT: (
+        "axis {axis} would leave min_position … max_position",
+        "keep the motion inside the axis's travel, or correct the limits in the machine file",
+    ),
+    FaultCode.NO_ENERGIZE: (
+        "the drive of axis {axis} does not energize",
+        "look at the drive's supply and enable input",
+    ),
+    FaultCode.NO_RESET: (
+        "the drive of axis {axis} does not come to rest or clear its fault",
+        "remove the cause of the fault at the drive, then reset again with G1000 P{axis}",
+    ),
+    FaultCode.NOT_OFF: (
+        "the drive of axis {axis} goes on holding it although it was told to let go",
+        "cut the drive's power, look at its enable input; then G1000 P{axis}",
+    ),
+    FaultCode.FOLLOWING_ERROR: ("the following error of axis {axis} is above its limit", _RESET_HINT),
+    FaultCode.SLOT_REFUSED: (
+        "a program was refused: its slot is busy, or another program has one of its axes",
+        "wait for the other program to end",
+    ),
+    FaultCode.SETPOINT_JUMP: (
+        "a jump of the setpoint of axis {axis} was refused",
+        "this is a mistake of the planner: report it with the program",
+    ),
+    FaultCode.DRIVE_FAULT: ("the drive of axis {axis} reports a fault{detail}", _RESET_HINT),
+    FaultCode.DRIVE_SILENT: (
+        "the drive of axis {axis} does not answer{detail}",
+        "check its cable and supply; " + _RESET_HINT,
+    ),
+    FaultCode.AXIS_LATCHED: ("axis {axis} is latched in a fault", "clear it with G1000 P{axis} first"),
+    FaultCode.SERVER_LOST: ("the server's heartbeat stopped; motion was stopped", "restart the server"),
+    FaultCode.NO_REALTIME: (
+        "the executor runs without realtime priority",
+        "give the service the right to SCHED_FIFO and locked memory; see mcserver doctor",
+    ),
+    FaultCode.OVER_TEMPERATURE: ("the drive of axis {axis} is too hot", "let it cool down; " + _RESET_HINT),
+    FaultCode.OVER_CURRENT: ("the drive of axis {axis} reports too much current", _RESET_HINT),
+    FaultCode.VOLTAGE: ("the drive of axis {axis} reports a wrong supply voltage", _RESET_HINT),
+    FaultCode.ENCODER: ("the drive of axis {axis} reports a fault of its encoder", _RESET_HINT),
+    FaultCode.AXIS_NOT_LEASED: (
+        "axis {axis} does not belong to this program",
+        "open the program with that axis",
+    ),
+    FaultCode.DRIVE_STATE_LOST: ("the drive of axis {axis} de-energized by itself", _RESET_HINT),
+    FaultCode.SPEED_AT_LIMIT: (
+        "axis {axis} was stopped on the end of its travel, and its speed command ended",
+        "leave min_position and max_position out of the machine file for an axis that turns on and on",
+    ),
+    FaultCode.EMERGENCY_MESSAGE: (
+        "the drive of axis {axis} sent the emergency message {detail}",
+        "look the code up in the drive's manual; " + _RESET_HINT,
+    ),
+    FaultCode.DRIVE_REBOOTED: (
+        "the drive of axis {axis} has started anew: it lost its power, its watchdog acted, or it was reset",
+        "check its supply; once it is operational again " + _RESET_HINT,
+    ),
+    FaultCode.NOT_OPERATIONAL: (
+        "the node of axis {axis} has left the state operational (NMT: {detail})",
+        "another master may have stopped it, or the drive by itself; boot it again, then " + _RESET_HINT,
+    ),
+    FaultCode.HEARTBEAT_LOST: (
+        "the heartbeat of the drive of axis {axis} has stopped",
+        "check heartbeat_ms in the machine file and the drive's load; " + _RESET_HINT,
+    ),
+    FaultCode.BUS_DOWN: (
+        "the CAN bus of axis {axis} is away: interface down, bus off, connection lost, or no room to send",
+        "check wiring, terminators and the interface (mcserver doctor); " + _RESET_HINT,
+    ),
+    FaultCode.MODE_REFUSED: (
+        "the drive of axis {axis} does not show the mode of operation that it was told",
+        "see which modes it has (6502h); " + _RESET_HINT,
+    ),
+    FaultCode.MODE_NOT_CONFIGURED: (
+        "the machine file lacks what axis {axis} needs for this command",
+        "G1040 needs rated_torque (cia402) or codes.torque (servosila); "
+        "G1030 needs pole_pairs or codes.rpm (servosila)",
+    ),
+    FaultCode.DRIVE_MESSAGE: (
+        "the drive of axis {axis} sent the emergency message {detail}",
+        "nothing was stopped by it; look the code up in the drive's manual",
+    ),
+    FaultCode.BUS_BACK: (
+        "the CAN bus of axis {axis} and those beside it is there again",
+        "its axes are latched: G1000, then G1010",
+    ),
+    FaultCode.POSITION_LOST: (
+        "the encoder of axis {axis} jumped further than the axis can go: its position is not known any more",
+        "bring the axis to a known place; " + _RESET_HINT,
+    ),
+    FaultCode.NO_TRAJECTORY: (
+        "no motion of axis {axis} to its target keeps its limits",
+        "this is a mistake of the executor: report it with the program",
+    ),
+}

@@ -1,0 +1,287 @@
+"""Setpoints from a program's rows: exact at whole u, cubic Hermite between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.executor.axes import ColumnMasks
+from mcserver.executor.playback.hermite import between_rows
+from mcserver.executor.shm.feedback import FeedbackRow
+from mcserver.executor.shm.rings import ProgramRing, scalar_view
+from mcserver.machine.machine_file import Machine
+
+# Two values of u that are closer are the same [cycles].
+NEAR_U = 1e-7
+# The first row of a motion may be this many cycles of the axis's greatest velocity away, plus in_position.
+JUMP_CYCLES = 1.5
+
+
+@dataclass(frozen=True)
+class Jump:
+    """The first row of a motion is not where its axis is: the column, the distance and what is allowed."""
+
+    column: int
+    distance: float
+    allowed: float
+
+
+class Playback:
+    """The rows of one program as they are played.
+
+    Attributes:
+        active: mask of the columns between BEGIN and END. driven: the same, shape (K,).
+        first: number of the program's first row. following: number of the row after u.
+        line: line of the row played last.
+    """
+
+    def __init__(self, ring: ProgramRing, row: FeedbackRow, masks: ColumnMasks, machine: Machine) -> None:
+        self._ring = ring
+        self._row = row
+        self._masks = masks
+        self._cycle = machine.cycle_s
+        self._jump = np.array(
+            [axis.max_velocity * machine.cycle_s * JUMP_CYCLES + axis.in_position for axis in machine.axes]
+        )
+        count = ring.axes
+        self._u_cells = scalar_view(ring.row_u)
+        self._mask_cells = scalar_view(ring.row_mask)
+        self._line_cells = scalar_view(ring.row_line)
+        self._scratch = np.zeros(count)
+        self._start_position = np.zeros(count)
+        self._start_u = np.zeros(count)
+        self.open(0)
+
+    def open(self, base: int) -> None:
+        """Begins with row number ``base``."""
+        self.first = base
+        self.following = base
+        self.active = 0
+        self._fresh = 0
+        self._unchecked = 0
+        self._begun = 0.0
+        self.line = 0
+
+    # ------------------------------------------------------------------ rows
+
+    @property
+    def driven(self) -> NDArray[np.bool_]:
+        return self._masks.bools(self.active)
+
+    @property
+    def empty(self) -> bool:
+        """Whether no row of this program has come yet."""
+        return self._ring.rows_written == self.first
+
+    @property
+    def last_u(self) -> float:
+        """u of the last row there is; below 0 where there is none."""
+        written = self._ring.rows_written
+        if written == self.first:
+            return -1.0
+        return float(self._u_cells[(written - 1) % self._ring.rows])
+
+    def seek(self, u: float) -> None:
+        """Lets the row at or before u be the current one, and frees those before it."""
+        ring, cells = self._ring, self._u_cells
+        number, written, rows = self.following, ring.rows_written, ring.rows
+        bound = u + NEAR_U
+        while number < written and cells[number % rows] <= bound:
+            number += 1
+        if number != self.following:
+            self.following = number
+            # the row before the current one is not needed any more
+            ring.free_rows(max(self.first, number - 1))
+
+    def drop(self) -> None:
+        """Frees all rows: nothing more of this program is played."""
+        self.first = self.following = self._ring.rows_written
+        self._ring.free_rows(self.following)
+        self.active = self._fresh = 0
+
+    # ------------------------------------------------------------------ beginning and ending
+
+    def begin(self, mask: int, u: float) -> None:
+        """Rows drive these columns from u on, from where their setpoints are."""
+        self.active |= mask
+        self._fresh |= mask
+        self._unchecked |= mask
+        bools = self._masks.bools(mask)
+        np.copyto(self._start_position, self._row.setpoint, where=bools)
+        self._start_u[bools] = u
+        self._begun = u
+
+    def end(self, mask: int, u: float, final: tuple[float, ...] | None) -> None:
+        """Rows have ended: the columns hold ``final``, else their last row, at or right after u."""
+        mask &= self.active
+        self.seek(u)
+        bools = self._masks.bools(mask)
+        ring, number = self._ring, self.following
+        if final is not None:
+            np.copyto(self._row.setpoint, np.array(final), where=bools)
+        else:
+            self._interpolate(u, 0.0)
+            current = number - 1
+            exact = current >= self.first and self._u_cells[current % ring.rows] > u - NEAR_U
+            if not exact and number < ring.rows_written and self._u_cells[number % ring.rows] < u + 1.0:
+                # the row after a fractional end holds the target where it stands still
+                at = number % ring.rows
+                resting = bools & self._masks.bools(self._mask_cells[at]) & (ring.velocity[at] == 0.0)
+                np.copyto(self._row.setpoint, ring.position[at], where=resting)
+        self._row.velocity[bools] = 0.0
+        self.active &= ~mask
+        self._fresh &= ~mask
+        self._unchecked &= ~mask
+        if not self.active:
+            # rows up to here are no start of a motion that begins later, even at this very u
+            self.first = self.following
+
+    def leave(self, mask: int) -> None:
+        """Columns are not driven any more; their setpoints stay."""
+        mask &= self.active
+        self._row.velocity[self._masks.bools(mask)] = 0.0
+        self.active &= ~mask
+        self._fresh &= ~mask
+        self._unchecked &= ~mask
+
+    def jump(self) -> Jump | None:
+        """A first row that is too far from where its axis is; looked at once it has come."""
+        ring = self._ring
+        number = self.following
+        if number - 1 >= self.first and self._u_cells[(number - 1) % ring.rows] >= self._latest_start():
+            number -= 1
+        if number >= ring.rows_written:
+            return None
+        at = number % ring.rows
+        mask = self._unchecked & self._mask_cells[at]
+        self._unchecked &= ~mask
+        for column in self._masks.columns(mask):
+            distance = abs(float(ring.position[at, column]) - float(self._start_position[column]))
+            cycles = max(1.0, float(self._u_cells[at]) - self._start_u[column])
+            allowed = self._jump[column] * min(cycles, 2.0)
+            if not distance <= allowed:
+                return Jump(column, distance, allowed)
+        return None
+
+    def start_of(self, column: int) -> float:
+        """Where the axis was as its rows began."""
+        return float(self._start_position[column])
+
+    @property
+    def at_start(self) -> bool:
+        """Whether the motion has not come to its first row."""
+        return self.active != 0 and self._fresh == self.active
+
+    def unmoved(self, u: float) -> bool:
+        """Whether the motion stands at its very beginning."""
+        return self.at_start and u <= self._begun + NEAR_U
+
+    @property
+    def rests_at_end(self) -> bool:
+        """Whether the last row there is has no velocity."""
+        ring = self._ring
+        return not ring.velocity[(ring.rows_written - 1) % ring.rows].any()
+
+    def _latest_start(self) -> float:
+        columns = list(self._masks.columns(self._unchecked))
+        return float(self._start_u[columns].max()) - NEAR_U
+
+    @property
+    def unchecked(self) -> bool:
+        """Whether a first row has not been looked at."""
+        return self._unchecked != 0
+
+    # ------------------------------------------------------------------ playing
+
+    def play(self, u: float, rate: float) -> None:
+        """Setpoints of the active columns at u; ``rate`` scales their velocities."""
+        self.seek(u)
+        number = self.following - 1
+        if number >= self.first:
+            at = number % self._ring.rows
+            if self._u_cells[at] > u - NEAR_U:
+                self._play_row(at, rate)
+                return
+        self._interpolate(u, rate)
+
+    def _play_row(self, at: int, rate: float) -> None:
+        ring, row = self._ring, self._row
+        mask = self._mask_cells[at] & self.active
+        self._fresh &= ~mask
+        self.line = self._line_cells[at]
+        bools = self._masks.bools(mask)
+        np.copyto(row.setpoint, ring.position[at], where=bools)
+        if rate == 1.0:
+            np.copyto(row.velocity, ring.velocity[at], where=bools)
+        else:
+            np.multiply(ring.velocity[at], rate, out=self._scratch)
+            np.copyto(row.velocity, self._scratch, where=bools)
+
+    def _interpolate(self, u: float, rate: float) -> None:
+        ring = self._ring
+        before, after = self.following - 1, self.following
+        if before >= self.first:
+            at = before % ring.rows
+            reached = self._fresh & self._mask_cells[at] & self._started_by(self._u_cells[at])
+            self._fresh &= ~reached
+        if after >= ring.rows_written:
+            if before >= self.first:
+                self._play_row(before % ring.rows, 0.0)
+            return
+        at = after % ring.rows
+        after_u: int = self._u_cells[at]
+        self.line = self._line_cells[at]
+        driven = self.active & self._mask_cells[at]
+        joined = 0
+        if before >= self.first and self._u_cells[before % ring.rows] == after_u - 1:
+            joined = driven & self._mask_cells[before % ring.rows] & ~self._fresh
+        if joined:
+            first = before % ring.rows
+            position, velocity = between_rows(
+                ring.position[first],
+                ring.position[at],
+                ring.velocity[first],
+                ring.velocity[at],
+                u - (after_u - 1),
+                self._cycle,
+            )
+            velocity *= rate
+            bools = self._masks.bools(joined)
+            np.copyto(self._row.setpoint, position, where=bools)
+            np.copyto(self._row.velocity, velocity, where=bools)
+        for column in self._masks.columns(driven & ~joined):
+            self._lead_in(column, at, after_u, u, rate)
+
+    def _started_by(self, u: int) -> int:
+        mask = 0
+        for column in self._masks.columns(self._fresh):
+            if self._start_u[column] <= u + NEAR_U:
+                mask |= 1 << column
+        return mask
+
+    def _lead_in(self, column: int, at: int, after_u: int, u: float, rate: float) -> None:
+        """From rest, where the axis was, to its first row."""
+        row, ring = self._row, self._ring
+        start = float(after_u - 1)
+        if self._fresh >> column & 1:
+            start = max(start, self._start_u[column])
+            origin = self._start_position[column]
+        else:
+            origin = ring.position[(self.following - 1) % ring.rows, column]
+        span = after_u - start
+        share = (u - start) / span if span > NEAR_U else 1.0
+        if share <= 0.0:
+            row.velocity[column] = 0.0
+            return
+        target, speed = float(ring.position[at, column]), float(ring.velocity[at, column])
+        seconds = span * self._cycle
+        rise = share * share * (3.0 - 2.0 * share)
+        row.setpoint[column] = (
+            origin + rise * (target - origin) + seconds * speed * share * share * (share - 1.0)
+        )
+        slope = (
+            6.0 * share * (1.0 - share) * (target - origin) / seconds + share * (3.0 * share - 2.0) * speed
+        )
+        row.velocity[column] = slope * rate

@@ -1,0 +1,257 @@
+"""What the server tells the executor besides motion: the newest value wins.
+
+Every field is one aligned word with one writer. Requests that must not be missed are counters: each request
+raises its counter, and the executor compares with what it has seen. Fields that belong together (a slot's
+axes and its generation) are written before the counter that announces them. A change counter tells the
+executor in one read that there is nothing new.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+
+SLOTS = 8
+
+_CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _EXECUTOR_BEAT = range(9)
+_EXECUTOR_STATE, _QUIT, _EPOCH = 9, 10, 11
+_HEAD = 16
+_S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_STEP, _S_SINGLE, _S_GENERATION = range(7)
+_S_AXES, _S_ROWS, _S_CONTROLS = 7, 8, 9
+_SLOT = 16
+
+OVERRIDE_MAX = 2.0
+_ALL = (1 << 64) - 1
+
+
+@dataclass(frozen=True)
+class SlotOrders:
+    """What one slot is told; counters are compared with those seen before."""
+
+    override: float
+    hold: bool
+    abort: int
+    resume: int
+    step: int
+    single_line: bool
+    generation: int
+    axes: int
+    rows_base: int
+    controls_base: int
+
+
+@dataclass(frozen=True)
+class MachineOrders:
+    """What the whole machine is told."""
+
+    override: float
+    hold: bool
+    stop: int
+    reset: int
+    reset_mask: int
+
+
+def mailbox_size(slots: int = SLOTS) -> int:
+    """Bytes that the mailbox takes."""
+    return 8 * (_HEAD + slots * _SLOT)
+
+
+def _signed(mask: int) -> int:
+    return mask - (1 << 64) if mask >= 1 << 63 else mask
+
+
+class CommandMailbox:
+    """Both ends of the mailbox; the server's side may be used by several threads.
+
+    Args:
+        buffer: at least `mailbox_size` bytes, zeroed; None: memory of this process.
+    """
+
+    def __init__(self, buffer: bytearray | memoryview | None, slots: int = SLOTS) -> None:
+        size = mailbox_size(slots)
+        self._buffer = memoryview(bytearray(size) if buffer is None else buffer)
+        if len(self._buffer) < size:
+            raise ValueError(f"the mailbox needs {size} bytes, the buffer has {len(self._buffer)}")
+        self._words = self._buffer[:size].cast("q")
+        self._numbers = self._buffer[:size].cast("d")
+        self._lock = threading.Lock()
+        self.slots = slots
+
+    def initialise(self) -> None:
+        """Overrides of 100 %; by the side that made the buffer, before the other one looks."""
+        self._numbers[_OVERRIDE] = 1.0
+        for slot in range(self.slots):
+            self._numbers[_HEAD + slot * _SLOT + _S_OVERRIDE] = 1.0
+
+    # ------------------------------------------------------------------ the server's side
+
+    def _count(self, word: int) -> None:
+        with self._lock:
+            self._words[word] += 1
+            self._words[_CHANGES] += 1
+
+    def _set(self, word: int, value: int) -> None:
+        with self._lock:
+            self._words[word] = value
+            self._words[_CHANGES] += 1
+
+    def _set_number(self, word: int, value: float) -> None:
+        with self._lock:
+            self._numbers[word] = value
+            self._words[_CHANGES] += 1
+
+    def _of(self, slot: int) -> int:
+        if not 0 <= slot < self.slots:
+            raise ValueError(f"slot {slot} is outside 0 … {self.slots - 1}")
+        return _HEAD + slot * _SLOT
+
+    def open_slot(
+        self, slot: int, axes_mask: int, base: tuple[int, int], *, override: float = 1.0, hold: bool = False
+    ) -> int:
+        """A new program in a free slot.
+
+        Args:
+            axes_mask: columns that it may move. base: what `ProgramRing.restart` gave.
+
+        Returns:
+            The generation; feedback shows it once the executor has opened the slot.
+        """
+        at = self._of(slot)
+        with self._lock:
+            words = self._words
+            words[at + _S_AXES] = _signed(axes_mask)
+            words[at + _S_ROWS], words[at + _S_CONTROLS] = base
+            words[at + _S_HOLD] = int(hold)
+            words[at + _S_SINGLE] = 0
+            # requests count from the program's beginning, so that none made for another one is taken for its
+            # own
+            words[at + _S_ABORT] = words[at + _S_RESUME] = words[at + _S_STEP] = 0
+            self._numbers[at + _S_OVERRIDE] = _bounded(override)
+            words[at + _S_GENERATION] += 1
+            words[_CHANGES] += 1
+            return words[at + _S_GENERATION]
+
+    def set_override(self, ratio: float, slot: int | None = None) -> None:
+        """Feed override, 0 … 2; of all programs without ``slot``."""
+        word = _OVERRIDE if slot is None else self._of(slot) + _S_OVERRIDE
+        self._set_number(word, _bounded(ratio))
+
+    def set_hold(self, hold: bool, slot: int | None = None) -> None:
+        """Feed hold, or its end; of all programs without ``slot``."""
+        self._set(_HOLD if slot is None else self._of(slot) + _S_HOLD, int(hold))
+
+    def set_single_line(self, single: bool, slot: int) -> None:
+        """Whether the program stops after each line until `step`."""
+        self._set(self._of(slot) + _S_SINGLE, int(single))
+
+    def abort(self, slot: int) -> None:
+        """Stops a program along its path and drops what is left of it."""
+        self._count(self._of(slot) + _S_ABORT)
+
+    def resume(self, slot: int) -> None:
+        """Ends feed hold of a slot, M00 and M01."""
+        self.set_hold(False, slot)
+        self._count(self._of(slot) + _S_RESUME)
+
+    def step(self, slot: int) -> None:
+        """Lets the next line run in single-line mode."""
+        self._count(self._of(slot) + _S_STEP)
+
+    def stop(self) -> None:
+        """Aborts every program and stops every axis within its limits; axes stay energized."""
+        self._count(_STOP)
+
+    def emergency_stop(self) -> None:
+        """Stops and de-energizes every axis; latched until `reset`. From any thread."""
+        self._count(_ESTOP)
+
+    def reset(self, mask: int = _ALL) -> None:
+        """Clears the emergency stop and the latched faults of the columns in ``mask``."""
+        with self._lock:
+            self._words[_RESET_MASK] = _signed(mask)
+            self._words[_RESET] += 1
+            self._words[_CHANGES] += 1
+
+    def beat(self) -> None:
+        """The server is alive."""
+        self._words[_SERVER_BEAT] += 1
+
+    def quit(self) -> None:
+        """Asks the executor's process to stop motion and end."""
+        self._words[_QUIT] = 1
+
+    @property
+    def executor_beat(self) -> int:
+        """Grows with every cycle of the executor."""
+        return self._words[_EXECUTOR_BEAT]
+
+    @property
+    def executor_state(self) -> int:
+        """A word that the executor's process sets (see `mcserver.executor.client`)."""
+        return self._words[_EXECUTOR_STATE]
+
+    @property
+    def epoch(self) -> float:
+        """Unix time of executor time 0 [s]; 0 before the executor runs."""
+        return self._numbers[_EPOCH]
+
+    # ------------------------------------------------------------------ the executor's side
+
+    @property
+    def changes(self) -> int:
+        """Differs from before if any order has changed."""
+        return self._words[_CHANGES]
+
+    @property
+    def estop(self) -> int:
+        """Counter of emergency stops, read every cycle."""
+        return self._words[_ESTOP]
+
+    @property
+    def server_beat(self) -> int:
+        return self._words[_SERVER_BEAT]
+
+    @property
+    def quitting(self) -> bool:
+        return self._words[_QUIT] != 0
+
+    def beat_executor(self) -> None:
+        self._words[_EXECUTOR_BEAT] += 1
+
+    def set_executor_state(self, state: int) -> None:
+        self._words[_EXECUTOR_STATE] = state
+
+    def set_epoch(self, unix_time: float) -> None:
+        self._numbers[_EPOCH] = unix_time
+
+    def machine_orders(self) -> MachineOrders:
+        words = self._words
+        # the counter first: a newer mask with an older counter is read again, the other way round it would be
+        # missed
+        reset = words[_RESET]
+        return MachineOrders(
+            self._numbers[_OVERRIDE], words[_HOLD] != 0, words[_STOP], reset, words[_RESET_MASK] & _ALL
+        )
+
+    def slot_orders(self, slot: int) -> SlotOrders:
+        at = _HEAD + slot * _SLOT
+        words = self._words
+        generation = words[at + _S_GENERATION]
+        return SlotOrders(
+            override=self._numbers[at + _S_OVERRIDE],
+            hold=words[at + _S_HOLD] != 0,
+            abort=words[at + _S_ABORT],
+            resume=words[at + _S_RESUME],
+            step=words[at + _S_STEP],
+            single_line=words[at + _S_SINGLE] != 0,
+            generation=generation,
+            axes=words[at + _S_AXES] & _ALL,
+            rows_base=words[at + _S_ROWS],
+            controls_base=words[at + _S_CONTROLS],
+        )
+
+
+def _bounded(ratio: float) -> float:
+    if not 0.0 <= ratio <= OVERRIDE_MAX:
+        raise ValueError(f"an override of {ratio} is outside 0 … {OVERRIDE_MAX}")
+    return float(ratio)

@@ -1,0 +1,71 @@
+"""One block of memory that server and executor share: mailbox, feedback, events and the programs' rings.
+
+It is anonymous (memfd): it has no name in the file system, and the kernel frees it with the last process that
+has it, however that process ends. So nothing can be left behind.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+from dataclasses import dataclass
+
+from mcserver.executor.headroom import AxisLimits
+from mcserver.executor.shm.event_ring import EventRing, event_ring_size
+from mcserver.executor.shm.feedback import FeedbackRing, feedback_ring_size
+from mcserver.executor.shm.mailbox import CommandMailbox, mailbox_size
+from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing, program_ring_size
+from mcserver.machine.machine_file import Machine
+
+_ALIGNMENT = 4096
+
+
+@dataclass(frozen=True)
+class SharedParts:
+    """One side's faces on the block."""
+
+    mailbox: CommandMailbox
+    feedback: FeedbackRing
+    events: EventRing
+    rings: tuple[ProgramRing, ...]
+
+
+def _sizes(machine: Machine, slots: int) -> list[int]:
+    axes = len(machine.axes)
+    sizes = [mailbox_size(slots), feedback_ring_size(axes, slots), event_ring_size(axes)]
+    sizes += [program_ring_size(ROWS, CONTROLS, axes)] * slots
+    return [-(-size // _ALIGNMENT) * _ALIGNMENT for size in sizes]
+
+
+def create_block(machine: Machine, slots: int) -> int:
+    """A zeroed block of the size that `map_block` expects; returns its file descriptor, which the caller
+    closes.
+    """
+    descriptor = os.memfd_create("mcserver-executor", os.MFD_CLOEXEC)
+    try:
+        os.ftruncate(descriptor, sum(_sizes(machine, slots)))
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
+    """The parts of a block; it stays mapped as long as one of them lives, also after the descriptor is
+    closed.
+    """
+    sizes = _sizes(machine, slots)
+    whole = memoryview(mmap.mmap(descriptor, sum(sizes)))
+    axes = len(machine.axes)
+    offset = 0
+    parts: list[memoryview] = []
+    for size in sizes:
+        parts.append(whole[offset : offset + size])
+        offset += size
+    limits = AxisLimits.of(machine)
+    return SharedParts(
+        CommandMailbox(parts[0], slots),
+        FeedbackRing(parts[1], axes, slots),
+        EventRing(parts[2], axes),
+        tuple(ProgramRing(part, ROWS, CONTROLS, axes, limits) for part in parts[3:]),
+    )

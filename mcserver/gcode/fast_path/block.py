@@ -1,0 +1,240 @@
+"""The short way for plain moves: ``G01 X.. Y.. F..``, ``G02 X.. Y.. R..``, and the same without their code.
+
+It gives the very same values as the general way, or None wherever anything else has to be looked at: a tool,
+an axis whose start is not known, a limit, a missing feed, an arc that is not defined.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from mcserver.gcode.fast_path.short_form import Plain
+from mcserver.gcode.semantics.arc_geometry import Arc, ArcFault, arc_by_centre, arc_by_radius, plane_extrema
+from mcserver.gcode.semantics.arc_plane import PLANES, NoPlane, choose_plane
+from mcserver.gcode.semantics.axis_words import SMALLEST_FEED
+from mcserver.gcode.semantics.block_state import Setup
+from mcserver.gcode.semantics.commanded_state import Commanded
+from mcserver.gcode.semantics.feed_time import Measure, measure_axes
+from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed
+from mcserver.gcode.semantics.program_units import axis_scale, length_scale, move_duration, turning_speed
+from mcserver.gcode.semantics.travel_limits import ROUNDING
+from mcserver.motion.canonical import FeedGroup, MotionLine
+from mcserver.motion.geometry.curves import ArcCurve, Curve, LineCurve
+from mcserver.units import AxisType
+
+
+class AxisRow(NamedTuple):
+    """What plain moves ask of an axis: units to SI, and its travel with `ROUNDING` [m or rad]."""
+
+    metric: float
+    inch: float
+    least: float
+    greatest: float
+    linear: bool
+
+
+def axis_rows(setup: Setup) -> dict[int, AxisRow]:
+    """A row for each axis that the program may use."""
+    return {
+        index: AxisRow(
+            metric=axis_scale(axis.type, inch=False),
+            inch=axis_scale(axis.type, inch=True),
+            least=axis.min_position - ROUNDING,
+            greatest=axis.max_position + ROUNDING,
+            linear=axis.type is AxisType.LINEAR,
+        )
+        for index, axis in setup.axes.items()
+        if index in setup.leased
+    }
+
+
+class _ArcFrame(NamedTuple):
+    """Axes of an arc, the plane's two first; which of them each axis word and each of I J K is for."""
+
+    axes: tuple[int, ...]
+    columns: tuple[int, ...]
+    offsets: tuple[int, ...]
+    rows: tuple[AxisRow, ...]
+
+
+def _surely_inside(curve: ArcCurve, shape: Arc, rows: tuple[AxisRow, ...]) -> bool:
+    """Whether the whole circle keeps to the axes' travels, so that the arc's extrema need not be found."""
+    reach = shape.radius + abs(shape.growth)
+    for column, row in enumerate(rows):
+        start, end = curve.start[column], curve.end[column]
+        if not row.least <= start <= row.greatest or not row.least <= end <= row.greatest:
+            return False
+        if column < 2:
+            centre = shape.centre[column]
+            if centre - reach < row.least or centre + reach > row.greatest:
+                return False
+    return True
+
+
+def _inside(curve: ArcCurve, rows: tuple[AxisRow, ...]) -> bool:
+    """Whether the arc keeps to the axes' travels."""
+    low, high = plane_extrema(curve)
+    for column, row in enumerate(rows):
+        ends = curve.start[column], curve.end[column]
+        ordered = (low[column], high[column]) if column < 2 else (min(ends), max(ends))
+        if ordered[0] < row.least or ordered[1] > row.greatest:
+            return False
+    return True
+
+
+class PlainMoves:
+    """Tables of the usable axes, looked up once a word, and of arcs' planes, found once for their words."""
+
+    __slots__ = ("_frames", "_rows", "_tolerance")
+
+    def __init__(self, setup: Setup) -> None:
+        self._tolerance = setup.machine.path_tolerance
+        self._rows = axis_rows(setup)
+        # as many as there are ways to choose and order X Y Z, I J K and a plane: some hundreds
+        self._frames: dict[tuple[int | None, tuple[int, ...], tuple[int, ...]], _ArcFrame | None] = {}
+
+    def interpret(
+        self, number: int, move: Plain, modal: ModalState, commanded: Commanded
+    ) -> tuple[ModalState, MotionLine] | None:
+        """The modal state after the line, and the line; positions in ``commanded`` go on."""
+        motion = modal.motion if move.code is None else move.code
+        if not motion or modal.tool is not None:
+            return None
+        feed = modal.feed
+        if move.feed is not None:
+            if move.feed < SMALLEST_FEED:
+                return None
+            feed = read_feed(move.feed, modal)
+        if feed is None or move.curved != (motion != 1):
+            return None
+        if motion == 1:
+            return self._line(number, move, modal, commanded, feed)
+        return self._arc(number, move, modal, commanded, feed, motion)
+
+    def _line(
+        self, number: int, move: Plain, modal: ModalState, commanded: Commanded, feed: Feed
+    ) -> tuple[ModalState, MotionLine] | None:
+        if not commanded.settled(move.axes):
+            return None
+        rows = self._rows
+        positions = commanded.positions
+        incremental = modal.incremental
+        inch = modal.inch
+        starts: list[float] = []
+        ends: list[float] = []
+        travels: list[float] = []
+        for index, value in zip(move.axes, move.values, strict=True):
+            row = rows.get(index)
+            if row is None:
+                return None
+            start = positions[index]
+            end = value * (row.inch if inch else row.metric)
+            if incremental:
+                end += start
+            if not row.least <= end <= row.greatest or not row.least <= start <= row.greatest:
+                return None
+            starts.append(start)
+            ends.append(end)
+            if row.linear:
+                travels.append(end - start)
+        travel = length = math.hypot(*travels)
+        measure = measure_axes(len(travels), len(ends) - len(travels))
+        if measure is Measure.TURN:
+            length = abs(ends[0] - starts[0])
+        elif measure is Measure.NONE and not modal.inverse_time:
+            return None
+        curve = LineCurve(move.axes, tuple(starts), tuple(ends), length)
+        for index, end in zip(move.axes, ends, strict=True):
+            positions[index] = end
+        speed = turning_speed(feed.number) if measure is Measure.TURN else feed.speed
+        return self._finish(number, modal, curve, feed, speed, travel, 1)
+
+    def _arc(
+        self, number: int, move: Plain, modal: ModalState, commanded: Commanded, feed: Feed, motion: int
+    ) -> tuple[ModalState, MotionLine] | None:
+        named = (modal.plane, move.axes, tuple([coordinate for coordinate, _ in move.offsets]))
+        try:
+            frame = self._frames[named]
+        except KeyError:
+            frame = self._frames[named] = self._arc_frame(*named)
+        if frame is None or not commanded.settled(frame.axes):
+            return None
+        positions = commanded.positions
+        scale = length_scale(modal.inch)
+        starts = tuple([positions[index] for index in frame.axes])
+        ends = list(starts)
+        for column, value in zip(frame.columns, move.values, strict=True):
+            ends[column] = value * scale + starts[column] if modal.incremental else value * scale
+        finish = tuple(ends)
+        begin, end_point = (starts[0], starts[1]), (finish[0], finish[1])
+        try:
+            if move.radius is not None:
+                shape = arc_by_radius(begin, end_point, move.radius * scale, motion == 2, 1)
+            else:
+                centre = [starts[0], starts[1]]
+                for column, (_, value) in zip(frame.offsets, move.offsets, strict=True):
+                    centre[column] += value * scale
+                shape = arc_by_centre(begin, end_point, (centre[0], centre[1]), motion == 2, 1)
+        except ArcFault:
+            return None
+        curve = shape.curve(frame.axes, starts, finish)
+        if not _surely_inside(curve, shape, frame.rows) and not _inside(curve, frame.rows):
+            return None
+        for index, column in zip(move.axes, frame.columns, strict=True):
+            positions[index] = finish[column]
+        return self._finish(number, modal, curve, feed, feed.speed, curve.length, motion)
+
+    def _arc_frame(
+        self, chosen: int | None, axes: tuple[int, ...], offsets: tuple[int, ...]
+    ) -> _ArcFrame | None:
+        """The axes of an arc by the letters of its words; None where they do not fit plainly."""
+        if axes and max(axes) > 2:
+            return None
+        try:
+            plane = PLANES[choose_plane(chosen, frozenset(offsets), frozenset(axes))]
+        except NoPlane:
+            return None
+        ordered = plane + tuple([index for index in axes if index not in plane])
+        rows = [row for row in map(self._rows.get, ordered) if row is not None and row.linear]
+        if len(rows) < len(ordered) or not set(offsets) <= set(plane):
+            return None
+        columns = tuple([ordered.index(index) for index in axes])
+        return _ArcFrame(ordered, columns, tuple([plane.index(offset) for offset in offsets]), tuple(rows))
+
+    def _finish(
+        self,
+        number: int,
+        modal: ModalState,
+        curve: Curve,
+        feed: Feed,
+        speed: float,
+        travel: float,
+        motion: int,
+    ) -> tuple[ModalState, MotionLine]:
+        if modal.inverse_time:
+            duration = move_duration(feed.number)
+            group = FeedGroup((curve,), duration, duration)
+        else:
+            group = FeedGroup((curve,), curve.length / speed, None, speed)
+        line = MotionLine(
+            number,
+            (group,),
+            modal.exact_stop or modal.exact_next,
+            self._tolerance if modal.tolerance is None else modal.tolerance,
+            travel,
+        )
+        if modal.motion != motion or modal.exact_next or feed is not modal.feed:
+            modal = ModalState(
+                inch=modal.inch,
+                incremental=modal.incremental,
+                inverse_time=modal.inverse_time,
+                exact_stop=modal.exact_stop,
+                exact_next=False,
+                tolerance=modal.tolerance,
+                tool=None,
+                feed=feed,
+                plane=modal.plane,
+                motion=motion,
+            )
+        return modal, line

@@ -1,0 +1,168 @@
+"""Plane geometry of G02 and G03 (D-22): centre, sweep, length, extrema.
+
+Points are (first, second) of the plane, in right-handed order seen from its positive normal [m].
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from mcserver.motion.geometry.curves import ArcCurve
+from mcserver.units import MM, TURN
+
+Point = tuple[float, float]
+
+SAME_POINT = 0.001 * MM
+RADIUS_TOLERANCE = 0.005 * MM
+RADIUS_TOLERANCE_SHARE = 0.001
+
+
+class ArcFault(Exception):
+    """Base of what keeps an arc from being defined."""
+
+
+class ChordTooLong(ArcFault):
+    """The chord is longer than 2|R| by more than the radius tolerance."""
+
+    def __init__(self, chord: float) -> None:
+        super().__init__(f"chord of {chord} m")
+        self.chord = chord
+
+
+class SamePoint(ArcFault):
+    """Start and end are within 0.001 mm, so that R fixes no centre."""
+
+
+class RadiusMismatch(ArcFault):
+    """The radii at start and end differ by more than the radius tolerance."""
+
+    def __init__(self, start_radius: float, end_radius: float) -> None:
+        super().__init__(f"radii of {start_radius} and {end_radius} m")
+        self.start_radius = start_radius
+        self.end_radius = end_radius
+
+
+class ZeroRadius(ArcFault):
+    """The centre lies on the start or the end point."""
+
+
+class Arc(msgspec.Struct, frozen=True):
+    """An arc in its plane: centre [m], signed sweep [rad], mean radius and radius growth [m]."""
+
+    centre: Point
+    sweep: float
+    radius: float
+    growth: float
+
+    def curve(self, axes: tuple[int, ...], start: tuple[float, ...], end: tuple[float, ...]) -> ArcCurve:
+        """The arc as a path of axes; the travels of those behind the plane's two count for its length (D-30).
+
+        Args:
+            start, end: shape (len(axes),) [m], the plane's axes first, as the arc was found between them.
+        """
+        further: list[float] = []
+        if len(axes) > 2:
+            further = [last - first for first, last in zip(start[2:], end[2:], strict=True)]
+        length = math.hypot(self.radius * self.sweep, self.growth, *further)
+        return ArcCurve(axes, start, end, self.centre, self.sweep, length)
+
+
+def radius_tolerance(radius: float) -> float:
+    """How far start and end radius may differ [m] (D-22)."""
+    return max(RADIUS_TOLERANCE, RADIUS_TOLERANCE_SHARE * abs(radius))
+
+
+def arc_by_radius(start: Point, end: Point, radius: float, clockwise: bool, turns: int) -> Arc:
+    """The arc of the R form: minor for R > 0, major for R < 0 (D-22).
+
+    Args:
+        start, end: in the plane [m].
+        radius: signed [m].
+        turns: the word P; each above 1 adds a full turn.
+
+    Raises:
+        ZeroRadius, SamePoint, ChordTooLong.
+    """
+    if abs(radius) < SAME_POINT:
+        raise ZeroRadius
+    across = (end[0] - start[0], end[1] - start[1])
+    chord = math.hypot(*across)
+    if chord <= SAME_POINT:
+        raise SamePoint
+    half = chord / 2.0
+    if chord > 2.0 * abs(radius) + radius_tolerance(radius):
+        raise ChordTooLong(chord)
+    height = math.sqrt(max(0.0, radius * radius - half * half))
+    # a clockwise minor arc has its centre to the right of the chord, a major one to the left
+    side = -1.0 if clockwise == (radius > 0.0) else 1.0
+    left = (-across[1] / chord, across[0] / chord)
+    centre = (
+        (start[0] + end[0]) / 2.0 + side * height * left[0],
+        (start[1] + end[1]) / 2.0 + side * height * left[1],
+    )
+    return _arc(start, end, centre, clockwise, turns, full_circle=False)
+
+
+def arc_by_centre(start: Point, end: Point, centre: Point, clockwise: bool, turns: int) -> Arc:
+    """The arc of the I J K form; same start and end is a full circle (D-22).
+
+    Raises:
+        ZeroRadius, RadiusMismatch.
+    """
+    start_radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
+    end_radius = math.hypot(end[0] - centre[0], end[1] - centre[1])
+    if start_radius < SAME_POINT:
+        raise ZeroRadius
+    # a hair above the rule's value, so that a difference of exactly the tolerance passes in floating point
+    if abs(start_radius - end_radius) > radius_tolerance(start_radius) * (1.0 + 1e-9) + 1e-12:
+        raise RadiusMismatch(start_radius, end_radius)
+    if end_radius < SAME_POINT:
+        raise ZeroRadius
+    same = math.hypot(end[0] - start[0], end[1] - start[1]) <= SAME_POINT
+    return _arc(start, end, centre, clockwise, turns, full_circle=same)
+
+
+def _arc(start: Point, end: Point, centre: Point, clockwise: bool, turns: int, *, full_circle: bool) -> Arc:
+    start_radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
+    end_radius = math.hypot(end[0] - centre[0], end[1] - centre[1])
+    start_angle = math.atan2(start[1] - centre[1], start[0] - centre[0])
+    end_angle = math.atan2(end[1] - centre[1], end[0] - centre[0])
+    turned = end_angle - start_angle
+    sign = -1.0 if clockwise else 1.0
+    if full_circle:
+        # the two points may differ by a micrometre: the sweep ends at the programmed one
+        turned -= TURN * round(turned / TURN)
+        sweep = sign * TURN * turns + turned
+    else:
+        forward = (sign * turned) % TURN
+        if forward * start_radius <= SAME_POINT:
+            # the points differ along the radius alone, by less than its tolerance: a full turn is meant
+            forward += TURN
+        sweep = sign * (forward + TURN * (turns - 1))
+    return Arc(centre, sweep, (start_radius + end_radius) / 2.0, end_radius - start_radius)
+
+
+def plane_extrema(arc: ArcCurve) -> tuple[Point, Point]:
+    """Least and greatest value of the plane's two axes on the whole arc [m]; scalar and quick."""
+    start, end = arc.start, arc.end
+    radius = max(arc.start_radius, arc.end_radius)
+    low = [min(start[0], end[0]), min(start[1], end[1])]
+    high = [max(start[0], end[0]), max(start[1], end[1])]
+    first = arc.start_angle
+    last = first + arc.sweep
+    if last < first:
+        first, last = last, first
+    quarter = TURN / 4.0
+    step = math.ceil(first / quarter - 1e-12)
+    for _ in range(4):
+        if step * quarter > last + 1e-12:
+            break
+        column = step % 2
+        if step % 4 < 2:
+            high[column] = max(high[column], arc.centre[column] + radius)
+        else:
+            low[column] = min(low[column], arc.centre[column] - radius)
+        step += 1
+    return (low[0], low[1]), (high[0], high[1])

@@ -1,0 +1,176 @@
+"""G02 and G03 from words to an arc in its plane, with the faults of D-22; for axes and tools alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import msgspec
+
+from mcserver.gcode.semantics.arc_geometry import (
+    Arc,
+    ChordTooLong,
+    RadiusMismatch,
+    SamePoint,
+    ZeroRadius,
+    arc_by_centre,
+    arc_by_radius,
+    radius_tolerance,
+)
+from mcserver.gcode.semantics.arc_plane import OFFSET_LETTERS, PLANES, NoPlane, choose_plane
+from mcserver.gcode.semantics.axis_words import Words
+from mcserver.gcode.semantics.block_state import Draft
+from mcserver.gcode.semantics.program_units import length_scale, shown_length, shown_number
+from mcserver.gcode.text.syntax import Command
+
+Triple = tuple[float, float, float]
+
+
+class PlacedArc(msgspec.Struct, frozen=True):
+    """An arc and the two coordinates (0 1 2) of its plane, in right-handed order."""
+
+    plane: tuple[int, int]
+    arc: Arc
+
+
+def find_plane(draft: Draft, command: Command, words: Words) -> tuple[int, int] | None:
+    """The plane's coordinates, or None and the faults that keep it from being found."""
+    if words.radius is not None and words.offsets:
+        draft.faults.add(
+            "MC130",
+            "R and I J K stand together: the centre would be given twice",
+            draft.span(words.radius.word),
+            "keep R, or the offsets",
+        )
+        return None
+    if words.radius is None and not words.offsets:
+        draft.faults.add(
+            "MC130",
+            "the arc has neither R nor I J K",
+            draft.span(command),
+            "give the radius by R or the centre by I J K",
+        )
+        return None
+    endpoint = frozenset(placed.word.axis for placed in words.axes if 0 <= placed.word.axis <= 2)
+    try:
+        plane = choose_plane(draft.modal.plane, frozenset(words.offsets), endpoint)
+    except NoPlane as fault:
+        draft.faults.add("MC132", fault.message, draft.span(command), fault.hint)
+        return None
+    outside = [offset for coordinate, offset in words.offsets.items() if coordinate not in PLANES[plane]]
+    for offset in outside:
+        names = " and ".join(OFFSET_LETTERS[coordinate] for coordinate in sorted(PLANES[plane]))
+        draft.faults.add(
+            "MC131",
+            f"{offset.word.shown} lies outside the plane G{plane} of the arc",
+            draft.span(offset.word),
+            f"the offsets of G{plane} are {names}",
+        )
+    return None if outside else PLANES[plane]
+
+
+def read_turns(draft: Draft, words: Words) -> int | None:
+    """P as a count, 1 where it is left out; None and a fault if it is fractional or below 1."""
+    word = words.turns
+    if word is None:
+        return 1
+    if word.value != word.value:
+        return None
+    if word.value < 1.0 or word.value != int(word.value):
+        draft.faults.add(
+            "MC136",
+            f"{word.shown} is not a number of turns: it is whole and at least 1",
+            draft.span(word),
+            "P1 is the plain arc; each further P is one more full turn",
+        )
+        return None
+    return int(word.value)
+
+
+def find_arc(
+    draft: Draft,
+    command: Command,
+    words: Words,
+    plane: tuple[int, int],
+    start: Sequence[float] | Mapping[int, float],
+    end: Sequence[float] | Mapping[int, float],
+) -> Arc | None:
+    """The arc in ``plane``, or None and its faults.
+
+    Args:
+        start, end: positions by coordinate 0 1 2 [m].
+    """
+    clockwise = command_number(draft, command) == 2
+    turns = read_turns(draft, words)
+    if turns is None:
+        return None
+    first, second = plane
+    begin = (start[first], start[second])
+    finish = (end[first], end[second])
+    inch = draft.modal.inch
+    if words.radius is not None:
+        word = words.radius.word
+        if word.value != word.value:
+            return None
+        radius = word.value * length_scale(words.radius.inch)
+        try:
+            return arc_by_radius(begin, finish, radius, clockwise, turns)
+        except ZeroRadius:
+            draft.faults.add("MC135", f"{word.shown} is a radius of zero", draft.span(word))
+        except SamePoint:
+            draft.faults.add(
+                "MC134",
+                "the arc ends where it starts, so R does not say where its centre lies",
+                draft.span(word),
+                "for a full circle give the centre by I J K",
+            )
+        except ChordTooLong as fault:
+            scale = length_scale(words.radius.inch)
+            # rounded up, so that the radius that the hint offers is long enough
+            least = math.ceil(fault.chord / 2.0 / scale * 1000.0 - 1e-6) / 1000.0
+            shown = shown_number(least)
+            sign = "-" if radius < 0.0 else ""
+            draft.faults.add(
+                "MC104",
+                f"the chord is {shown_length(fault.chord, inch)}, so R must be at least "
+                f"{shown_length(least * scale, inch)}",
+                draft.span(word),
+                f"use R{sign}{shown}, or give the centre with {_letters(plane)}",
+            )
+        return None
+    centre = [begin[0], begin[1]]
+    for coordinate, offset in words.offsets.items():
+        if offset.word.value != offset.word.value:
+            return None
+        centre[plane.index(coordinate)] += offset.word.value * length_scale(offset.inch)
+    try:
+        return arc_by_centre(begin, finish, (centre[0], centre[1]), clockwise, turns)
+    except ZeroRadius:
+        offsets = list(words.offsets.values())
+        draft.faults.add(
+            "MC135",
+            "the centre lies on the start or the end of the arc",
+            draft.parsed.span(offsets[0].word.index, max(offset.word.index for offset in offsets)),
+            "I J K go from the start point to the centre",
+        )
+    except RadiusMismatch as fault:
+        allowed = radius_tolerance(fault.start_radius)
+        draft.faults.add(
+            "MC133",
+            f"the start lies {shown_length(fault.start_radius, inch)} from the centre and the end "
+            f"{shown_length(fault.end_radius, inch)}; they may differ by {shown_length(allowed, inch)}",
+            draft.span(command),
+            "I J K are increments from the start point, absolute mode or not; check them and the endpoint",
+        )
+    return None
+
+
+def command_number(draft: Draft, command: Command) -> int:
+    """0-3: the command's own code, or the one that it repeats (D-03)."""
+    if command.spec is not None:
+        return command.spec.number
+    return 0 if draft.modal.motion is None else draft.modal.motion
+
+
+def _letters(plane: tuple[int, int]) -> str:
+    return " and ".join(OFFSET_LETTERS[coordinate] for coordinate in sorted(plane))

@@ -1,0 +1,147 @@
+"""One line while it is interpreted: a copy of the state, what the line gives, and its faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+import msgspec
+from mckinematics.pose import Kinematics
+
+from mcserver.gcode.line_faults import FaultList, Span
+from mcserver.gcode.semantics.commanded_state import Commanded
+from mcserver.gcode.semantics.modal import Feed, ModalState
+from mcserver.gcode.text.parser import ParsedLine
+from mcserver.gcode.text.syntax import Command
+from mcserver.gcode.text.words import Word
+from mcserver.machine.machine_file import Axis, Machine
+
+# stands for a feed that could not be read, so that later lines raise no fault over it; never leaves a check
+ASSUMED_FEED = Feed(1.0, 1.0)
+ASSUMED_TOOL = -1
+
+
+class Setup(msgspec.Struct, frozen=True):
+    """What does not change while a program runs.
+
+    Attributes:
+        axes: of the machine, by number.
+        leased: axes that the program may use.
+        chains: chain of each tool. tools_of: tools that use an axis.
+    """
+
+    machine: Machine
+    kinematics: Kinematics | None
+    axes: Mapping[int, Axis]
+    leased: frozenset[int]
+    chains: Mapping[int, tuple[int, ...]]
+    tools_of: Mapping[int, tuple[int, ...]]
+
+
+def set_up(machine: Machine, kinematics: Kinematics | None, lease: frozenset[int] | None) -> Setup:
+    """Tables over a machine; without a lease all its axes are the program's."""
+    axes = {axis.index: axis for axis in machine.axes}
+    chains = {} if kinematics is None else {tool: tuple(kinematics.axes(tool)) for tool in kinematics.tools}
+    return Setup(
+        machine=machine,
+        kinematics=kinematics,
+        axes=MappingProxyType(axes),
+        leased=frozenset(axes) if lease is None else frozenset(axes) & lease,
+        chains=MappingProxyType(chains),
+        tools_of=MappingProxyType(
+            {axis: tuple(tool for tool, chain in chains.items() if axis in chain) for axis in axes}
+        ),
+    )
+
+
+class Draft:
+    """A line's effect on the state, committed only if it has no fault (D-04)."""
+
+    __slots__ = (
+        "commanded",
+        "exact_stop",
+        "faults",
+        "feed_length",
+        "modal",
+        "moved",
+        "parsed",
+        "setup",
+        "tolerance",
+    )
+
+    def __init__(self, setup: Setup, parsed: ParsedLine, modal: ModalState, commanded: Commanded) -> None:
+        self.setup = setup
+        self.parsed = parsed
+        self.modal = modal
+        self.commanded = commanded.copy()
+        self.faults = FaultList(parsed.number)
+        self.moved: dict[int, Command] = {}
+        self.exact_stop = False
+        self.tolerance = 0.0
+        self.feed_length = 0.0
+
+    def change(self, **fields: object) -> None:
+        """Modal state with some fields changed."""
+        self.modal = msgspec.structs.replace(self.modal, **fields)
+
+    def span(self, place: Word | Command) -> Span:
+        """Columns of a word or of a whole command; found only where a fault needs them."""
+        if isinstance(place, Word):
+            return self.parsed.span(place.index)
+        return self.parsed.command_span(place)
+
+    def usable_axis(self, index: int, place: Word | Command) -> Axis | None:
+        """The axis, or None and a fault: MC108 the machine lacks it, MC109 the lease does."""
+        axis = self.setup.axes.get(index)
+        if axis is None:
+            known = ", ".join(str(number) for number in sorted(self.setup.axes))
+            self.faults.add(
+                "MC108",
+                f"the machine {self.setup.machine.name} has no axis {index}",
+                self.span(place),
+                f"its axes are {known}",
+                axis=index,
+            )
+            return None
+        if index not in self.setup.leased:
+            known = ", ".join(str(number) for number in sorted(self.setup.leased)) or "none"
+            self.faults.add(
+                "MC109",
+                f"axis {index} is not among the axes that this program has leased",
+                self.span(place),
+                f"it has {known}; open the program with axis {index} too",
+                axis=index,
+            )
+            return None
+        return axis
+
+    def claim(self, axes: Iterable[int], command: Command, words: Mapping[int, Word]) -> None:
+        """Marks axes as moved by a command; a fault where an earlier one of the line moves them (D-02)."""
+        unnamed: list[int] = []
+        for axis in axes:
+            earlier = self.moved.get(axis)
+            self.moved[axis] = command
+            if earlier is None or earlier is command:
+                continue
+            word = words.get(axis)
+            if word is None:
+                unnamed.append(axis)
+            else:
+                self._moved_twice([axis], self.span(word))
+        if unnamed:
+            self._moved_twice(unnamed, self.span(command))
+
+    def _moved_twice(self, axes: list[int], span: Span) -> None:
+        names = ", ".join(str(axis) for axis in axes)
+        self.faults.add(
+            "MC114",
+            f"{'axis' if len(axes) == 1 else 'axes'} {names} would be moved by two commands of one line",
+            span,
+            "put the second command on a line of its own",
+            axis=axes[0],
+        )
+
+    def end_at(self, axis: int, end: float) -> None:
+        """A direct move's end: tools that use the axis have to look where they are (D-50)."""
+        self.commanded.end_at(axis, end)
+        self.commanded.stale.update(self.setup.tools_of[axis])

@@ -1,0 +1,121 @@
+"""How long a group lasts (D-30, D-31)."""
+
+from __future__ import annotations
+
+import enum
+
+import msgspec
+
+from mcserver.gcode.semantics.block_state import ASSUMED_FEED, Draft
+from mcserver.gcode.semantics.modal import Feed
+from mcserver.gcode.semantics.program_units import move_duration, turning_speed
+from mcserver.gcode.text.syntax import Command
+from mcserver.motion.canonical import FeedGroup
+from mcserver.motion.geometry.curves import Curve
+
+NO_TRAVEL = 1e-12  # m or rad
+
+
+class Measure(enum.Enum):
+    """What F means for a command under G94."""
+
+    PATH = "path"  # a length: 1 to 3 linear axes, an arc, a tool's path
+    TURN = "turn"  # an angle: one rotary axis, a tool that only turns
+    NONE = "none"  # nothing: G93 is needed
+
+
+class FeedMove(msgspec.Struct, frozen=True):
+    """One of G01-G03 with the feed in force for it."""
+
+    command: Command
+    curve: Curve
+    measure: Measure
+    inverse_time: bool
+    feed: Feed | None
+
+
+def measure_axes(linear: int, rotary: int) -> Measure:
+    """Measure of a move of so many linear and rotary axes; they count by their words (D-30)."""
+    if rotary == 0:
+        return Measure.PATH if 1 <= linear <= 3 else Measure.NONE
+    return Measure.TURN if rotary == 1 and linear == 0 else Measure.NONE
+
+
+def feed_group(draft: Draft, moves: list[FeedMove]) -> FeedGroup | None:
+    """The group that one duration holds together; the first command sets it.
+
+    Faults: MC121 no feed in force, MC122 the first command has no speed under G94.
+    """
+    first = moves[0]
+    if first.feed is None:
+        inch = "in/min" if draft.modal.inch else "mm/min"
+        unit = "moves per minute" if first.inverse_time else f"{inch}, or deg/min for a rotary axis"
+        draft.faults.add(
+            "MC121",
+            "the move has no feed rate: no F has been given since the program's start or the last change "
+            "between G93 and G94",
+            draft.span(first.command),
+            f"give F in {unit}",
+        )
+        draft.change(feed=ASSUMED_FEED)
+        return None
+    curves = tuple(move.curve for move in moves)
+    if first.inverse_time:
+        duration = move_duration(first.feed.number)
+        return FeedGroup(curves=curves, requested=duration, duration=duration)
+    if first.measure is Measure.NONE:
+        _no_speed(draft, first)
+        return None
+    reference = 0
+    if len(moves) > 1 and first.curve.length <= NO_TRAVEL:
+        found = _longest_other(draft, moves)
+        if found is None:
+            return None
+        reference = found
+    speed = _speed(moves[reference])
+    requested = moves[reference].curve.length / speed
+    return FeedGroup(curves=curves, requested=requested, speed=speed, reference=reference)
+
+
+def _longest_other(draft: Draft, moves: list[FeedMove]) -> int | None:
+    """Index of the command whose own T is the longest, where the first does not travel (D-31)."""
+    best, longest = 0, 0.0
+    for index, move in enumerate(moves[1:], start=1):
+        if move.measure is Measure.NONE or move.feed is None or move.inverse_time:
+            continue
+        own = move.curve.length / _speed(move)
+        if own > longest:
+            best, longest = index, own
+    if best == 0:
+        for move in moves[1:]:
+            if move.measure is Measure.NONE and _travels(move.curve):
+                _no_speed(draft, move)
+                return None
+    return best
+
+
+def _travels(curve: Curve) -> bool:
+    low, high = curve.bounds()
+    return bool((high - low).max() > NO_TRAVEL)
+
+
+def _speed(move: FeedMove) -> float:
+    assert move.feed is not None
+    return turning_speed(move.feed.number) if move.measure is Measure.TURN else move.feed.speed
+
+
+def _no_speed(draft: Draft, move: FeedMove) -> None:
+    axes = move.curve.axes
+    rotary = sum(1 for axis in axes if draft.setup.axes[axis].type.value == "rotary")
+    if rotary == 0:
+        what = f"{len(axes)} linear axes together"
+    elif rotary == len(axes):
+        what = f"{rotary} rotary axes together"
+    else:
+        what = "linear and rotary axes together"
+    draft.faults.add(
+        "MC122",
+        f"under G94 a speed of {what} is not defined",
+        draft.span(move.command),
+        "use G93 (F in moves per minute), or move a tool by T",
+    )

@@ -1,0 +1,86 @@
+"""Modal state of one program (D-10 to D-15), as an immutable value."""
+
+from __future__ import annotations
+
+import msgspec
+
+from mcserver.gcode.semantics.program_units import length_scale, path_speed
+
+
+class Feed(msgspec.Struct, frozen=True, gc=False):
+    """An F in force.
+
+    Attributes:
+        number: as written: degrees per minute for a rotary move, moves per minute under G93.
+        speed: under G94 along a path [m/s], fixed by the units in force where F stood (D-11); 0 under G93.
+    """
+
+    number: float
+    speed: float
+
+
+class ModalState(msgspec.Struct, frozen=True):
+    """What stays in force from line to line; the defaults are a program's start (D-10).
+
+    Attributes:
+        inch: G20. incremental: G91. inverse_time: G93. exact_stop: G61.
+        exact_next: G09 stood and the motion command that it is for has not come yet.
+        tolerance: P of G64 [m]; None: the machine file's.
+        tool: number of the tool in force, None after G1050.
+        feed: None where no F is in force.
+        plane: 17, 18 or 19 once chosen.
+        motion: 0-3, the code that axis words without a code repeat.
+    """
+
+    inch: bool = False
+    incremental: bool = False
+    inverse_time: bool = False
+    exact_stop: bool = False
+    exact_next: bool = False
+    tolerance: float | None = None
+    tool: int | None = None
+    feed: Feed | None = None
+    plane: int | None = None
+    motion: int | None = None
+
+
+INITIAL = ModalState()
+
+
+def read_feed(number: float, modal: ModalState) -> Feed:
+    """F as written, in the units in force where it stands (D-11)."""
+    return Feed(number, 0.0 if modal.inverse_time else path_speed(number, modal.inch))
+
+
+def apply_setting(code: int, modal: ModalState, tolerance: float | None = None) -> ModalState:
+    """The state after a modal code.
+
+    Args:
+        code: number of a code of kind SETTING.
+        tolerance: P of G64 in program units, or None.
+    """
+    match code:
+        case 9:
+            return msgspec.structs.replace(modal, exact_next=True)
+        case 17 | 18 | 19:
+            return msgspec.structs.replace(modal, plane=code)
+        case 20 | 21:
+            return msgspec.structs.replace(modal, inch=code == 20)
+        case 61:
+            return msgspec.structs.replace(modal, exact_stop=True)
+        case 64:
+            kept = None if tolerance is None else tolerance * length_scale(modal.inch)
+            return msgspec.structs.replace(modal, exact_stop=False, tolerance=kept)
+        case 90 | 91:
+            return msgspec.structs.replace(modal, incremental=code == 91)
+        case 93 | 94:
+            inverse = code == 93
+            if inverse == modal.inverse_time:
+                return modal
+            return msgspec.structs.replace(modal, inverse_time=inverse, feed=None)  # D-12
+        case 1050:
+            return msgspec.structs.replace(modal, tool=None)
+    raise ValueError(f"G{code} is not a modal code")
+
+
+__all__ = ["INITIAL", "Feed", "ModalState", "apply_setting", "read_feed"]

@@ -1,0 +1,66 @@
+"""The commanded pose of a tool (D-50, D-51)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from mckinematics.pose import Kinematics, Pose, Triple
+
+from mcserver.gcode.semantics.commanded_state import Commanded
+
+GIMBAL = 1e-6  # cosine of the middle angle below which the outer two turn about one axis
+
+
+def commanded_pose(kinematics: Kinematics, tool: int, euler: str, commanded: Commanded) -> Pose:
+    """The tool's last commanded pose; after a move of its joints without it, read from FK and kept.
+
+    Raises:
+        KinematicsError: the model cannot give it.
+    """
+    kept = commanded.poses.get(tool)
+    if kept is not None and tool not in commanded.stale:
+        return kept
+    pose = kinematics.pose(tool, commanded.positions)
+    if kept is not None and kinematics.has_orientation(tool):
+        pose = Pose(pose.position, keep_c(pose.angles, kept.angles[2], euler))
+    commanded.poses[tool] = pose
+    commanded.stale.discard(tool)
+    return pose
+
+
+def keep_c(angles: Triple, c: float, euler: str) -> Triple:
+    """The same orientation with C as it was, where the angles leave that open (B = ±90°, D-51).
+
+    With the middle factor at ±90° the outer factors turn about one axis: R = R1(a)·R2(±90°)·R3(b) depends
+    on a ± b alone. The sign is that of the order's permutation times that of the middle angle.
+
+    Args:
+        angles: A, B, C about X, Y, Z [rad].
+        c: the value to keep [rad].
+        euler: order of the factors from left to right, such as ``ZYX``.
+    """
+    first, middle, last = ("XYZ".index(letter) for letter in euler)
+    if abs(math.cos(angles[middle])) > GIMBAL or middle == 2:
+        return angles
+    even = euler in ("XYZ", "YZX", "ZXY")
+    sign = math.copysign(1.0, math.sin(angles[middle])) * (1.0 if even else -1.0)
+    other = last if first == 2 else first
+    kept = [angles[0], angles[1], angles[2]]
+    kept[other] = angles[other] + sign * (angles[2] - c)
+    kept[2] = c
+    return (kept[0], kept[1], kept[2])
+
+
+def start_pose(kinematics: Kinematics, tool: int, commanded: Commanded, pose: Pose) -> Pose:
+    """Where the tool's path starts: the commanded pose, or FK where a joint was stopped on its way (D-25)."""
+    if commanded.starts.keys().isdisjoint(kinematics.axes(tool)):
+        return pose
+    return kinematics.pose(tool, commanded.path_starts())
+
+
+def with_words(pose: Pose, values: Mapping[int, float]) -> Pose:
+    """The pose with some of its six coordinates replaced [m and rad]."""
+    x, y, z = (values.get(index, pose.position[index]) for index in range(3))
+    a, b, c = (values.get(index + 3, pose.angles[index]) for index in range(3))
+    return Pose((x, y, z), (a, b, c))

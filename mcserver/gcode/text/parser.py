@@ -1,0 +1,176 @@
+"""Groups, commands and words of one line (D-01, D-01a), and all faults that need no modal state."""
+
+from __future__ import annotations
+
+from mcserver.errors import Diagnostic
+from mcserver.gcode.fast_path.short_form import Plain, read_plain
+from mcserver.gcode.line_faults import FaultList, Span
+from mcserver.gcode.text.command_table import CommandSpec
+from mcserver.gcode.text.grammar import group_commands
+from mcserver.gcode.text.scanner import Scan, Token, quick_scan, scan, token_spans
+from mcserver.gcode.text.source import BOM
+from mcserver.gcode.text.syntax import Command, Group
+from mcserver.gcode.text.words import AXIS_LETTERS, LARGEST, MAX_AXIS, Word
+
+
+class ParsedLine:
+    """One line: groups of commands of words, with columns on demand.
+
+    Attributes:
+        number: of the line, from 1.
+        text: as written.
+        plain: what the line says in short if it is as simple as `Plain`, else None.
+        faults: what is wrong with it as far as text and grammar go; empty from `parse_line`.
+    """
+
+    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "plain", "text")
+
+    def __init__(self, number: int, text: str, scanned: Scan, plain: Plain | None) -> None:
+        self.number = number
+        self.text = text
+        self.plain = plain
+        self.faults: tuple[Diagnostic, ...] = ()
+        self._scan = scanned
+        self._spans: list[Span] | None = scanned.spans
+        self._groups: tuple[Group, ...] | None = None
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """Comma groups in reading order; none for a blank line."""
+        if self._groups is None:
+            self._groups = self._structure(FaultList(self.number))
+        return self._groups
+
+    @property
+    def blank(self) -> bool:
+        """Whether the line holds no code."""
+        return self.plain is None and not self.groups
+
+    def span(self, first: int, last: int | None = None) -> Span:
+        """Columns of token ``first``, or from there to token ``last``: from 1, end exclusive."""
+        if self._spans is None:
+            self._spans = token_spans(self._scan.code)
+        if not 0 <= first < len(self._spans):
+            return (1, len(self.text) + 1)
+        return (self._spans[first][0], self._spans[first if last is None else last][1])
+
+    def command_span(self, command: Command) -> Span:
+        """Columns from a command's code to its last word."""
+        return self.span(command.first, command.last)
+
+    def analyse(self, faults: FaultList) -> None:
+        """Builds the groups and keeps all faults, those in ``faults`` too."""
+        self._groups = self._structure(faults)
+        self.faults = faults.in_reading_order()
+
+    def _structure(self, faults: FaultList) -> tuple[Group, ...]:
+        return group_commands(self._split(faults), faults, self.span)
+
+    def _split(self, faults: FaultList) -> list[list[Word]]:
+        """Words of each comma group; the line number is taken off."""
+        groups: list[list[Word]] = [[]]
+        commas: list[int] = []
+        for index, token in enumerate(self._scan.tokens):
+            if token[2]:
+                commas.append(index)
+                groups.append([])
+                continue
+            word = self._word(index, token, faults)
+            if word.letter == "N":
+                self._line_number(word, faults)
+            else:
+                groups[-1].append(word)
+        if commas:
+            self._empty_groups(commas, faults)
+        return groups
+
+    def _empty_groups(self, commas: list[int], faults: FaultList) -> None:
+        """A fault at the comma beside each group that holds nothing but blanks or comments."""
+        code = self._scan.code
+        start = 0
+        for comma in commas:
+            column, end_column = self.span(comma)
+            if not code[start : column - 1].strip(" \t"):
+                self._empty_group("before", comma, faults)
+            start = end_column - 1
+        if not code[start:].strip(" \t"):
+            self._empty_group("behind", commas[-1], faults)
+
+    def _empty_group(self, side: str, comma: int, faults: FaultList) -> None:
+        faults.add("MC107", f"nothing stands {side} this comma", self.span(comma), "take the comma out")
+
+    def _word(self, index: int, token: Token, faults: FaultList) -> Word:
+        name, text, _ = token
+        value = float(text)
+        if name[0] == "[":
+            inside = name[1:-1].strip(" \t")
+            axis = int(inside) if inside != "?" else -1
+            if axis > MAX_AXIS:
+                column = self.span(index)[0]
+                faults.add(
+                    "MC108",
+                    f"[{inside}] is not an axis: axes are [0] to [{MAX_AXIS}]",
+                    (column, column + len(name)),
+                )
+                axis = -1
+            word = Word("[", value, index, axis, text)
+        else:
+            word = Word(name, value, index, AXIS_LETTERS.get(name, -1), text)
+        if not -LARGEST <= value <= LARGEST and value == value and name not in ("G", "M", "N"):
+            faults.add(
+                "MC116",
+                f"{word.shown} is beyond {LARGEST:.0f}, the largest number that is read",
+                self.span(index),
+            )
+            word = Word(word.letter, float("nan"), index, word.axis, text)
+        return word
+
+    def _line_number(self, word: Word, faults: FaultList) -> None:
+        if word.index != 0:
+            faults.add(
+                "MC117", "N stands only at the beginning of a line", self.span(word.index), "put it first"
+            )
+        elif not word.text.isdigit() and word.value == word.value:
+            faults.add("MC117", f"{word.shown} is not a whole number from 0", self.span(0))
+
+
+def scan_line(text: str, number: int) -> ParsedLine:
+    """One line with its faults kept in `ParsedLine.faults`, for whoever reads on after a fault."""
+    if number == 1:
+        text = text.removeprefix(BOM)
+    # most lines of most programs are plain: they cost nothing that only others need
+    quick = quick_scan(text)
+    if quick is not None:
+        plain = read_plain(quick.tokens)
+        if plain is not None:
+            return ParsedLine(number, text, quick, plain)
+    faults = FaultList(number)
+    scanned = scan(text, faults)
+    if quick is None and not faults.found and scanned.spans is None:
+        plain = read_plain(scanned.tokens)
+        if plain is not None:
+            return ParsedLine(number, text, scanned, plain)
+    parsed = ParsedLine(number, text, scanned, None)
+    parsed.analyse(faults)
+    return parsed
+
+
+def parse_line(text: str, number: int) -> ParsedLine:
+    """One line of a program.
+
+    Args:
+        text: the line without its end.
+        number: from 1, for diagnostics.
+
+    Raises:
+        ProgramRejected: with all faults of the line that its text alone shows (MC10x, MC11x, MC12x, MC13x).
+    """
+    parsed = scan_line(text, number)
+    if parsed.faults:
+        faults = FaultList(number)
+        faults.found.extend(parsed.faults)
+        faults.raise_if_any()
+    return parsed
+
+
+__all__ = ["Command", "CommandSpec", "Group", "ParsedLine", "Word", "parse_line", "scan_line"]

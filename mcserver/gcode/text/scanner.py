@@ -1,0 +1,111 @@
+"""From a line's text to tokens: one regular expression for lines without fault, `mistakes` for the others."""
+
+from __future__ import annotations
+
+import re
+
+import msgspec
+
+from mcserver.gcode.line_faults import FaultList, Span
+from mcserver.gcode.text.lexical_errors import scan_faulty
+
+# name, number, anything else; what is none of the three is blank
+TOKEN = re.compile(
+    r"([A-CFGI-KMNPRT-Z]|\[[ \t]*[0-9]{1,3}[ \t]*\])[ \t]*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|([^ \t])"
+)
+_OPENED = re.compile(r"[(;]")
+Token = tuple[str, str, str]
+
+
+class Scan(msgspec.Struct, frozen=True):
+    """Tokens of one line.
+
+    Attributes:
+        code: the text with its comments blanked, so that columns stay.
+        tokens: (name, number, "") for words, ("", "", ",") for commas.
+        spans: columns of each token where the faulty path found them; None: `TOKEN` finds them again.
+    """
+
+    code: str
+    tokens: list[Token]
+    spans: list[Span] | None = None
+
+
+def quick_scan(text: str) -> Scan | None:
+    """Tokens of a line of ASCII without comments; None for others. Not looked at for faults."""
+    if "(" in text or ";" in text or not text.isascii():
+        return None
+    code = text.upper()
+    return Scan(code, TOKEN.findall(code))
+
+
+def scan(text: str, faults: FaultList) -> Scan:
+    """Tokens of a line; every lexical fault goes to ``faults`` and leaves a best guess behind (D-01)."""
+    code = text
+    if "(" in code or ";" in code:
+        code = blank_comments(text, faults)
+    if code.isascii():
+        code = code.upper()
+        tokens: list[Token] = TOKEN.findall(code)
+        for token in tokens:
+            if token[2] and token[2] != ",":
+                break
+        else:
+            return Scan(code, tokens)
+    tokens, spans = scan_faulty(code, faults)
+    return Scan(code, tokens, spans)
+
+
+def token_spans(code: str) -> list[Span]:
+    """Columns of the tokens that `scan` found in ``code``, counted in code points from 1."""
+    return [(match.start() + 1, match.end() + 1) for match in TOKEN.finditer(code)]
+
+
+def blank_comments(text: str, faults: FaultList) -> str:
+    """The text with comments replaced by as many blanks.
+
+    Comments do not nest; ``;`` inside ``( )`` is text; an unclosed ``(`` is a fault (D-01).
+    """
+    pieces: list[str] = []
+    position = 0
+    while (match := _OPENED.search(text, position)) is not None:
+        start = match.start()
+        pieces.append(text[position:start])
+        if match[0] == ";":
+            end = len(text)
+        else:
+            close = text.find(")", start)
+            if close < 0:
+                faults.add("MC106", "the comment is not closed", (start + 1, start + 2), "add a closing ')'")
+                end = len(text)
+            else:
+                end = close + 1
+                stray = _nested_end(text, start, end)
+                if stray:
+                    faults.add(
+                        "MC106",
+                        "a comment ends at its first ')': this one closes nothing",
+                        (stray, stray + 1),
+                        "comments do not nest; take the inner parentheses out",
+                    )
+                    end = stray
+        pieces.append(" " * (end - start))
+        position = end
+    pieces.append(text[position:])
+    return "".join(pieces)
+
+
+def _nested_end(text: str, start: int, end: int) -> int:
+    """Index past the ``)`` that a nested comment's writer meant as its end, or 0 where none was meant."""
+    depth = text.count("(", start, end) - 1
+    if depth == 0:
+        return 0
+    position = end
+    last = 0
+    while depth > 0:
+        position = text.find(")", position) + 1
+        if position == 0 or text.find("(", end, position) >= 0:
+            break
+        last = position
+        depth -= 1
+    return last

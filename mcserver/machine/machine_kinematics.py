@@ -1,0 +1,30 @@
+"""A machine with the kinematics of its tools."""
+
+from __future__ import annotations
+
+import importlib.util
+
+from mckinematics.errors import KinematicsError
+from mckinematics.solver import MachineKinematics
+
+from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import Machine
+
+
+def build_kinematics(machine: Machine) -> MachineKinematics | None:
+    """The tools' kinematics; None without tools, and without Pinocchio (the dialect says so at a T word).
+
+    Raises:
+        ConfigurationError: MC301 the URDF or a tool's definition does not fit.
+    """
+    if not machine.tools or importlib.util.find_spec("pinocchio") is None:
+        return None
+    try:
+        return MachineKinematics(machine)
+    except KinematicsError as error:
+        raise as_configuration_error(error) from error
+
+
+def as_configuration_error(error: KinematicsError) -> ConfigurationError:
+    """A model that does not fit, as a fault of the machine file."""
+    return ConfigurationError(error.code, error.message, error.hint)

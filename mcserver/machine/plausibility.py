@@ -1,0 +1,170 @@
+"""What does not fit or is doubtful in a machine file that can be read: found before the machine is run."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from pathlib import Path
+
+from mckinematics.solution_check import check_machine
+
+from mcserver.can.address import Transport, parse_address
+from mcserver.errors import Diagnostic
+from mcserver.machine.drive_section import CAN_KINDS
+from mcserver.machine.machine_file import Axis, Machine
+
+AXIS_NAMES = "XYZABC"
+
+
+def axis_name(index: int) -> str:
+    """The word that names an axis: X Y Z A B C, then [6], [7], …"""
+    return AXIS_NAMES[index] if index < len(AXIS_NAMES) else f"[{index}]"
+
+
+def find_doubts(machine: Machine) -> list[Diagnostic]:
+    """Warnings about a machine; what cannot be meant at all is refused when the file is read.
+
+    Codes::
+
+        MC020  a limit that one cycle passes
+        MC021  a tolerance finer than the encoder
+        MC022  a drive on a bus that lacks a part
+        MC023  a tolerance wider than the allowed following error
+    """
+    doubts: list[Diagnostic] = []
+    for axis in machine.axes:
+        doubts += _doubts_of_limits(axis, machine.cycle_s)
+        doubts += _doubts_of_tolerance(axis)
+        doubts += _doubts_of_bus(machine, axis)
+    return doubts
+
+
+def find_drive_faults(machine: Machine) -> list[Diagnostic]:
+    """What does not fit between CiA 402 drives, their EDS files and the cycle.
+
+    Errors MC008 and MC552: the machine cannot be run. Warnings MC022. Nothing where the packages for drives
+    on a CAN bus are missing, which `find_doubts` tells.
+    """
+    if importlib.util.find_spec("canopen") is None or importlib.util.find_spec("can") is None:
+        return []
+    if not any(axis.drive.kind in CAN_KINDS for axis in machine.axes):
+        return []
+    # only such machines need these packages
+    from mcserver.canopen.machine_file_check import check_drives
+
+    return check_drives(machine)
+
+
+def find_tool_faults(machine: Machine) -> list[Diagnostic]:
+    """Everything that does not fit between the machine's tools, its axes and its URDF (MC301).
+
+    Errors: the machine cannot be used, or Pinocchio is not installed. Warnings: some motions of its tools
+    will be refused.
+    """
+    return [
+        Diagnostic(
+            code=finding.code,
+            severity=finding.severity,
+            message=finding.message,
+            hint=finding.hint,
+            tool=finding.tool,
+            axis=finding.axis,
+        )
+        for finding in check_machine(machine)
+    ]
+
+
+def _warning(code: str, axis: Axis, message: str, hint: str) -> Diagnostic:
+    return Diagnostic(
+        code=code,
+        severity="warning",
+        message=f"axis {axis_name(axis.index)}: {message}",
+        hint=hint,
+        axis=axis.index,
+    )
+
+
+def _doubts_of_limits(axis: Axis, cycle_s: float) -> list[Diagnostic]:
+    doubts = []
+    if axis.max_acceleration * cycle_s > axis.max_velocity:
+        doubts.append(
+            _warning(
+                "MC020",
+                axis,
+                "max_acceleration reaches max_velocity within one cycle",
+                "check the unit: mm/s² or deg/s²",
+            )
+        )
+    if math.isfinite(axis.max_jerk) and axis.max_jerk * cycle_s > axis.max_acceleration:
+        doubts.append(
+            _warning(
+                "MC020",
+                axis,
+                "max_jerk reaches max_acceleration within one cycle, so it limits nothing",
+                "leave max_jerk out, or check the unit: mm/s³ or deg/s³",
+            )
+        )
+    return doubts
+
+
+def _resolution(axis: Axis) -> float:
+    """One count of the axis's encoder [m, rad]; 0: continuous."""
+    encoder = axis.drive.encoder
+    if axis.drive.kind in CAN_KINDS and encoder is not None:
+        return axis.travel_per_motor_turn * encoder[1] / encoder[0]
+    return axis.drive.encoder_resolution * axis.type.si_per_unit
+
+
+def _doubts_of_tolerance(axis: Axis) -> list[Diagnostic]:
+    resolution = _resolution(axis)
+    unit = axis.type.unit
+    doubts = []
+    if resolution > 2.0 * axis.in_position:
+        doubts.append(
+            _warning(
+                "MC021",
+                axis,
+                f"in_position ({axis.in_position / axis.type.si_per_unit:g} {unit}) is below half a count "
+                f"of the encoder ({resolution / axis.type.si_per_unit:g} {unit}): exact stops may time out",
+                "widen in_position to one count of the encoder",
+            )
+        )
+    if axis.in_position > axis.max_following_error:
+        doubts.append(
+            _warning(
+                "MC023",
+                axis,
+                "in_position is wider than max_following_error",
+                "an exact stop should be finer than the error at which the axis faults",
+            )
+        )
+    return doubts
+
+
+def _doubts_of_bus(machine: Machine, axis: Axis) -> list[Diagnostic]:
+    drive = axis.drive
+    if drive.kind not in CAN_KINDS:
+        return []
+    doubts = []
+    for module in ("canopen", "can"):
+        if importlib.util.find_spec(module) is None:
+            doubts.append(
+                _warning(
+                    "MC022",
+                    axis,
+                    f"a {drive.kind} drive needs the package {module}",
+                    "pip install 'mcserver[can]'",
+                )
+            )
+    address = parse_address(machine.bus_of(axis).address)
+    interface = address.channel
+    if address.transport is Transport.SOCKETCAN and not Path("/sys/class/net", interface).exists():
+        doubts.append(
+            _warning(
+                "MC022",
+                axis,
+                f"this computer has no interface {interface}",
+                "mcserver doctor tells which it has",
+            )
+        )
+    return doubts

@@ -1,0 +1,300 @@
+"""Corners rounded within a tolerance: a quintic between two segments, with continuous tangent and curvature.
+
+The blend leaves the first segment at a distance d before the vertex and joins the second one at d
+behind it. Its Bezier points continue the tangents and bends of both, so that velocity and acceleration
+are continuous in every axis. Its largest distance from the programmed path, in either direction, is
+measured and d reduced until it fits (D-35, D-36).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array, PolynomialCurve, SampledCurve
+from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
+from mcserver.motion.kernels.junctions import length_of
+from mcserver.motion.kernels.polynomials import PLACES, half_of, polynomial_samples, power_basis
+from mcserver.motion.kernels.straight_corner import (
+    Corner,
+    best_reach,
+    distance_from_corner,
+    farthest,
+    quintic,
+)
+
+# Share of a segment that a blend at one of its ends may use: two blends never meet.
+SHARE = 0.49
+# Tangents that nearly oppose each other cannot be rounded: the curve would turn on the spot.
+REVERSAL = -0.95
+_S = np.linspace(0.0, 1.0, PLACES)
+
+
+@dataclass(frozen=True)
+class Blend:
+    """Two segments with the rounded corner between them, which belongs half to each line."""
+
+    before: Segment
+    first: Segment
+    second: Segment
+    after: Segment
+
+
+def blend(
+    before: Segment, after: Segment, tolerance: float, per_axis: Array, handle_share: float
+) -> Blend | None:
+    """Rounds the corner between two segments, or None where that is not possible.
+
+    Args:
+        tolerance: largest distance from the programmed path [m].
+        per_axis: weight of each column in that distance, shape (K,): 1 for metres; for radians what makes a
+            degree count as a millimetre.
+        handle_share: share of d that a Bezier handle takes at a right angle.
+    """
+    if not (can_be_rounded(before) and can_be_rounded(after)):
+        return None
+    t1 = before.last / math.sqrt(float(before.last @ before.last))
+    t2 = after.first / math.sqrt(float(after.first @ after.first))
+    if float(t1 @ t2) < REVERSAL:
+        return None
+    longest = SHARE * min(before.extent, after.extent)
+    # the corner of two lines is missed by 0.22 to 0.3 d |t2 - t1|
+    miss = 0.22 * float(np.linalg.norm((t2 - t1) * per_axis))
+    distance = min(longest, tolerance / miss) if miss > 0.0 else longest
+    cosine = float(t1 @ t2)
+    handle = _handle(handle_share, cosine)
+    for _ in range(40):
+        made = _make(before, after, distance, handle, per_axis)
+        if made is None:
+            return None
+        found, error = made
+        if error <= tolerance:
+            break
+        distance *= max(0.5, 0.97 * min(1.0, tolerance / error))
+    else:
+        return None
+    return found
+
+
+def can_be_rounded(segment: Segment) -> bool:
+    """Lines and arcs under G94; tool paths keep their pose, G93 lines their time."""
+    return segment.duration is None and not any(
+        isinstance(curve, SampledCurve | PolynomialCurve) for curve in segment.curves
+    )
+
+
+def _make(
+    before: Segment, after: Segment, distance: float, handle: float, per_axis: Array
+) -> tuple[Blend, float] | None:
+    leave = before.finish - distance / before.scale
+    join = after.begin + distance / after.scale
+    width = len(before.base)
+    p0, v0, a0 = _at(before, leave, width)
+    p5, v5, a5 = _at(after, join, width)
+    # columns that only one of the two moves rest where that one begins or ends
+    p0 = np.where(_moved(before, width), p0, after.base)
+    end = _at(before, before.finish, width)[0]
+    p5 = np.where(_moved(after, width), p5, np.where(_moved(before, width), end, after.base))
+    h = 5.0 * handle * distance
+    p1 = p0 + v0 * (h / 5.0)
+    p4 = p5 - v5 * (h / 5.0)
+    p2 = 2.0 * p1 - p0 + a0 * (h * h / 20.0)
+    p3 = 2.0 * p4 - p5 + a5 * (h * h / 20.0)
+    mask = before.mask | after.mask
+    columns = columns_of(mask)
+    points = np.stack([p0, p1, p2, p3, p4, p5])
+    power = np.empty_like(points)
+    power_basis(points, power)
+    # columns that rest keep their place to the last bit
+    power[1:] *= np.isin(np.arange(width), columns)
+    weight = per_axis[columns]
+    error = deviation(
+        PolynomialCurve((), power[:, columns], 0.0).position(_S) * weight,
+        programmed_points(before, after, leave, join)[:, columns] * weight,
+        straight=before.straight and after.straight,
+    )
+    made = _between(before, after, leave, join, power)
+    return None if made is None else (made, error)
+
+
+@dataclass(frozen=True)
+class _Side:
+    """The line that half of a blend belongs to.
+
+    Attributes:
+        mask, base: of the blend. length: |dp/ds| of the line where it meets the blend.
+    """
+
+    segment: Segment
+    mask: int
+    base: Array
+    length: float
+
+
+def _between(before: Segment, after: Segment, leave: float, join: float, power: Array) -> Blend | None:
+    """Two segments trimmed at s = ``leave`` and ``join``, and between them the curve of ``power``."""
+    mask = before.mask | after.mask
+    columns = columns_of(mask)
+    width = len(before.base)
+    before_slope, before_bend, _ = before.derivatives(np.array([leave]), width)
+    after_slope, after_bend, _ = after.derivatives(np.array([join]), width)
+    first = _half(power, 0.0, columns, _Side(before, mask, after.base, length_of(before_slope[0])))
+    second = _half(power, 0.5, columns, _Side(after, mask, after.base, length_of(after_slope[0])))
+    if first is None or second is None:
+        return None
+    first.opens = False
+    second.closes = False
+    return Blend(
+        dataclasses.replace(
+            before, finish=leave, last=before_slope[0], bend_last=before_bend[0], closes=False
+        ),
+        first,
+        second,
+        dataclasses.replace(
+            after,
+            begin=join,
+            first=after_slope[0],
+            bend_first=after_bend[0],
+            opens=False,
+            tolerance=0.0,
+        ),
+    )
+
+
+def straight_blend(
+    before: Segment,
+    after: Segment,
+    handle_share: float,
+    shares: tuple[float, ...],
+    limits: AxisLimits,
+    gain: float,
+) -> Blend | None:
+    """Rounds the corner of two straight segments with the share of the tolerance that is quickest.
+
+    Args:
+        gain: what the corner, if it is a stop, takes less than the lines to it and from it [s].
+
+    Returns:
+        None where the corner itself is passed as soon, or cannot be rounded.
+    """
+    if not (can_be_rounded(before) and can_be_rounded(after)):
+        return None
+    end, begin = length_of(before.first), length_of(after.first)
+    t1, t2 = before.first / end, after.first / begin
+    cosine = float(t1 @ t2)
+    if cosine < REVERSAL:
+        return None
+    power = np.empty((6, len(t1)))
+    quintic(t1, t2, _handle(handle_share, cosine), power)
+    miss = distance_from_corner(t1, t2, power, limits.weights)
+    left, right = end * (before.finish - before.begin), begin * (after.finish - after.begin)
+    longest = SHARE * min(left, right)
+    reaches = np.array(
+        [longest if miss <= 0.0 else min(longest, share * after.tolerance / miss) for share in shares]
+    )
+    feeds = np.array([before.feed * end, after.feed * begin])
+    corner = Corner(before.first, after.first, feeds, limits.rows, limits.cycle)
+    reach = best_reach(corner, left, right, power, reaches, gain)
+    if reach <= 0.0:
+        return None
+    power *= reach
+    power[0] += after.base
+    return _between(before, after, before.finish - reach / end, after.begin + reach / begin, power)
+
+
+def _handle(share: float, cosine: float) -> float:
+    """Share of d for a Bezier handle; 0.4 spaces the points of a straight one evenly: dp/ds is steady."""
+    return share + 0.13 * min(cosine, 0.0)
+
+
+def _moved(segment: Segment, width: int) -> Array:
+    return np.array([bool(segment.mask >> column & 1) for column in range(width)])
+
+
+def _at(segment: Segment, s: float, width: int) -> tuple[Array, Array, Array]:
+    """Position, unit tangent and curvature (both with respect to length) at one s."""
+    at = np.array([s])
+    position = segment.sample(at)[0][0]
+    slope, bend, _ = segment.derivatives(at, width)
+    speed = math.sqrt(float(slope[0] @ slope[0]))
+    return position, slope[0] / speed, bend[0] / speed**2
+
+
+def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> Segment | None:
+    """Half of a blend, from ``low`` on, as a segment; None where it nearly stands still somewhere.
+
+    Args:
+        power: coefficients in all columns, shape (n, K), constant first. columns: those that move.
+    """
+    part = np.empty_like(power)
+    half_of(power, low, 0.5, part)
+    rows = np.zeros((PLACES, 5 * power.shape[1] + 2))
+    speeds = np.empty(PLACES)
+    polynomial_samples(part, 1.0, rows, speeds)
+    if speeds.min() <= 1e-3 * speeds.max():
+        return None
+    # the path speed of the line it belongs to is kept where the parameter runs fastest
+    feed = side.segment.feed * side.length / float(speeds.max())
+    if not side.segment.paced_alone:
+        counted = PolynomialCurve((), part[:, side.segment.paced], 0.0).derivatives(_S)[0]
+        feed = min(feed, side.segment.pace / max(float(np.linalg.norm(counted, axis=1).max()), 1e-300))
+    orders = np.arange(len(part), dtype=np.float64)
+    curve = PolynomialCurve(
+        axes=tuple(columns.tolist()),
+        coefficients=part[:, columns],
+        length=float(np.trapezoid(speeds, dx=1.0 / (PLACES - 1))),
+    )
+    return dataclasses.replace(
+        side.segment,
+        curves=(curve,),
+        columns=(columns,),
+        mask=side.mask,
+        feed=feed,
+        requested=0.0,
+        first=part[1].copy(),
+        last=orders @ part,
+        bend_first=2.0 * part[2],
+        bend_last=(orders * (orders - 1.0)) @ part,
+        scale=float(speeds[0]),
+        begin=0.0,
+        finish=1.0,
+        base=side.base,
+        opens=True,
+        closes=True,
+        straight=False,
+        tolerance=0.0,
+    )
+
+
+def programmed_points(before: Segment, after: Segment, leave: float, join: float) -> Array:
+    """The path between two places about a vertex, which stands in the middle, shape (33, width)."""
+    width = len(before.base)
+    first = before.sample(np.linspace(leave, before.finish, 17))[0]
+    second = after.sample(np.linspace(after.begin, join, 17))[0]
+    moved_before, moved_after = _moved(before, width), _moved(after, width)
+    first = np.where(moved_before, first, after.base)
+    second = np.where(moved_after, second, np.where(moved_before, first[-1], after.base))
+    return np.concatenate([first, second[1:]])
+
+
+def deviation(rounded: Array, programmed: Array, *, straight: bool) -> float:
+    """Largest distance between two paths about a corner, in either direction [m].
+
+    Args:
+        rounded, programmed: weighted points, shape (n, K). straight: what was programmed is two lines.
+    """
+    # sampling an arc by 16 chords misses its bow by this much
+    bow = 0.0 if straight else bow_of(programmed)
+    return max(farthest(rounded, programmed), farthest(programmed, rounded)) * 1.001 + bow
+
+
+def bow_of(points: Array) -> float:
+    """What a polyline through evenly spaced points of arcs misses of them; the vertex is in the middle."""
+    second = points[2:] - 2.0 * points[1:-1] + points[:-2]
+    corner = len(points) // 2 - 1
+    second[corner] = 0.0
+    return float(np.linalg.norm(second, axis=1).max()) / 8.0

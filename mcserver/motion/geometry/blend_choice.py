@@ -1,0 +1,90 @@
+"""Which rounding of a corner is quickest, judged by the same time laws that will drive it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from mcserver.motion.bound import PlanningError
+from mcserver.motion.geometry.blend import Blend, blend, straight_blend
+from mcserver.motion.geometry.segment import AxisLimits, Segment
+from mcserver.motion.kernels.groups import TOP
+from mcserver.motion.kernels.straight_corner import BETTER, FASTER, may_win
+from mcserver.motion.lookahead.lookahead import Lookahead
+
+# Shape, and shares of the tolerance that are tried for a rounded corner: what is left of it is for rows that
+# fall beside the nearest place.
+HANDLE = 0.4
+TOLERANCE_SHARES = (0.85, 0.3)
+
+
+def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend | None:
+    """The blend that passes the corner after the window's last segment soonest, if any beats the
+    corner itself. ``after.tolerance`` says how far it may be rounded.
+    """
+    before = window.nodes.segments[-1]
+    speed = window.joint_speed(after)
+    if speed >= min(float(window.nodes.numbers[-1, TOP]), after.feed * after.scale):
+        return None
+    if before.straight and after.straight and before.paced_alone and after.paced_alone:
+        found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
+        if found is not None and speed <= 0.0:
+            gain = _gain_in_time(limits, before, after)
+            if gain > 0.0:
+                found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, gain)
+        return found
+    best: Blend | None = None
+    from_rest, _ = _time(limits, [before, dataclasses.replace(after, tolerance=0.0)], fast=False)
+    least = math.inf
+    if speed <= 0.0:
+        least, _ = _time(limits, [before, after], fast=True)
+    fastest = FASTER * speed
+    for share in TOLERANCE_SHARES:
+        found = blend(before, after, share * after.tolerance, limits.weights, HANDLE)
+        if found is None:
+            continue
+        parts = [found.before, found.first, found.second, found.after]
+        slow, top = _time(limits, parts, fast=False)
+        if not may_win(speed, from_rest, slow, top, fastest):
+            continue
+        if speed > 0.0:
+            best, fastest = found, top
+            continue
+        time, _ = _time(limits, parts, fast=True)
+        if time < least * BETTER:
+            best, least = found, time
+    return best
+
+
+def _gain_in_time(limits: AxisLimits, before: Segment, after: Segment) -> float:
+    """What two segments take less, from rest to rest, if the stop between them is passed in a time of its
+    own [s].
+    """
+    window = Lookahead(limits)
+    window.append(dataclasses.replace(before))
+    behind = dataclasses.replace(after)
+    window.append(behind)
+    try:
+        run = window.plan()
+    except PlanningError:
+        return 0.0
+    corner = run.phases.rows[run.timed, 0]
+    return 2.0 * behind.corner.reach - float(corner[0]) if len(corner) and behind.corner else 0.0
+
+
+def _time(limits: AxisLimits, parts: list[Segment], *, fast: bool) -> tuple[float, float]:
+    """How long the parts take to rest, and the greatest speed on those in the middle.
+
+    Args:
+        fast: from the speed that the first one could have, not from rest.
+    """
+    window = Lookahead(limits)
+    for part in parts:
+        window.append(dataclasses.replace(part))
+    top = float(window.nodes.numbers[1:-1, TOP].min(initial=math.inf))
+    if fast:
+        window.enter_fast()
+    try:
+        return window.plan().phases.duration, top
+    except PlanningError:
+        return math.inf, top

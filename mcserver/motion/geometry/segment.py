@@ -1,0 +1,312 @@
+"""One piece of path for the planner: the curves of a group that share one fraction s, in machine columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.canonical import FeedGroup, PlainRun
+from mcserver.motion.geometry.curves import Array, Curve, LineCurve
+from mcserver.units import MM
+
+_NOWHERE = np.zeros(0)
+_NO_COLUMNS = np.zeros(0, np.intp)
+# A path whose tangent is shorter than this does not travel [m or rad].
+NO_TRAVEL = 1e-10
+
+
+@dataclass(frozen=True)
+class AxisLimits:
+    """Limits of the machine's columns in SI, shape (K,) each; infinite where not limited.
+
+    Attributes:
+        cycle: [s]. weights: of the columns in the distance from the programmed path: 1 for metres; a degree
+            counts as a millimetre.
+    """
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    cycle: float
+    weights: Array
+
+    @cached_property
+    def rows(self) -> Array:
+        """The three of them, shape (3, K)."""
+        return np.array([self.velocity, self.acceleration, self.jerk])
+
+    @classmethod
+    def of(cls, machine: Machine) -> AxisLimits:
+        return cls(
+            velocity=np.array([axis.max_velocity for axis in machine.axes]),
+            acceleration=np.array([axis.max_acceleration for axis in machine.axes]),
+            jerk=np.array([axis.max_jerk for axis in machine.axes]),
+            cycle=machine.cycle_s,
+            weights=np.array([MM / axis.type.si_per_unit for axis in machine.axes]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class KnownCorner:
+    """How far a corner about a stop reaches to either side, 0 where none is worth it, and the room that there
+    was: as far as half of the lines, and until the ramps end [s].
+    """
+
+    reach: float
+    longest: float
+    ramps: float
+
+
+@dataclass(slots=True)
+class Segment:
+    """A piece of path with a request of time.
+
+    Attributes:
+        line: G-code line.
+        curves, columns: the curves, and for each the machine's columns of its axes. Of a straight segment
+            they are not asked for, and may be left out.
+        mask: bit mask over all columns.
+        duration: T under G93 [s], else None.
+        feed: greatest ds/dt under G94 [1/s], infinite under G93: speed / length of the reference curve.
+        pace, paced: that speed [m/s or rad/s], and the columns that it counts (D-30).
+        requested: [s].
+        first, last: dp/ds at s = 0 and 1, shape (K,); zero where an axis has no part.
+        bend_first, bend_last: d²p/ds² there.
+        scale: length of the tangent that the coordinate σ is measured in; set along a run [m or rad].
+        begin, finish: fractions between which the segment is passed: 0 and 1 but for one that is under way or
+            has a rounded corner.
+        base: commanded positions of all columns when the segment starts, shape (K,).
+        end: where a straight one ends, shape (K,).
+        active: mask of all columns that the run has moved up to this segment.
+        opens, closes: whether the line's time begins or ends with this segment.
+        straight: whether all its curves are lines.
+        tolerance: how far the corner at its start may be rounded [m]. corner: what the last plan found for a
+            stop there.
+    """
+
+    line: int
+    curves: tuple[Curve, ...]
+    columns: tuple[NDArray[np.intp], ...]
+    mask: int
+    duration: float | None
+    feed: float
+    requested: float
+    first: Array
+    last: Array
+    bend_first: Array
+    bend_last: Array
+    scale: float
+    begin: float = 0.0
+    finish: float = 1.0
+    base: Array = field(default_factory=lambda: _NOWHERE)
+    end: Array = field(default_factory=lambda: _NOWHERE)
+    active: int = 0
+    opens: bool = True
+    closes: bool = True
+    straight: bool = False
+    pace: float = math.inf
+    paced: NDArray[np.intp] = field(default_factory=lambda: _NO_COLUMNS)
+    tolerance: float = 0.0
+    corner: KnownCorner | None = None
+
+    @property
+    def paced_alone(self) -> bool:
+        """Whether nothing moves but what its path speed counts."""
+        counted: int = sum(1 << column for column in self.paced.tolist())
+        return self.mask == counted
+
+    @property
+    def in_parts(self) -> bool:
+        """Whether it is planned in parts if it is long: lines without a time of their own."""
+        return self.straight and self.duration is None
+
+    @property
+    def extent(self) -> float:
+        """Length of what is left of it along σ."""
+        return self.scale * (self.finish - self.begin)
+
+    @property
+    def travels(self) -> bool:
+        return self.scale > NO_TRAVEL
+
+    def sample(self, s: Array) -> tuple[Array, Array]:
+        """Position and dp/ds in all columns, shape (len(s), K); other columns rest at ``base``."""
+        if self.straight:
+            return self._sample_line(s)
+        position = np.tile(self.base, (len(s), 1))
+        slope = np.zeros_like(position)
+        for curve, columns in zip(self.curves, self.columns, strict=True):
+            position[:, columns] = curve.position(s)
+            slope[:, columns] = curve.derivatives(s)[0]
+        return position, slope
+
+    def _sample_line(self, s: Array) -> tuple[Array, Array]:
+        slope = np.tile(self.first, (len(s), 1))
+        position = self.base + s[:, None] * slope
+        # start + (end - start) need not be end in floating point; the target is exact
+        position[s >= 1.0] = self.end
+        return position, slope
+
+    def derivatives(self, s: Array, width: int) -> tuple[Array, Array, Array]:
+        """dp/ds, d²p/ds², d³p/ds³ in all columns, shape (len(s), width)."""
+        result = (np.zeros((len(s), width)), np.zeros((len(s), width)), np.zeros((len(s), width)))
+        if self.straight:
+            result[0][:] = self.first
+            return result
+        for curve, columns in zip(self.curves, self.columns, strict=True):
+            for whole, part in zip(result, curve.derivatives(s), strict=True):
+                whole[:, columns] = part
+        return result
+
+
+_ENDS = np.array([0.0, 1.0])
+_END = _ENDS[1:]
+
+
+def segment_of(group: FeedGroup, line: int, slots: dict[int, int], linear: NDArray[np.bool_]) -> Segment:
+    """The segment of a feed group.
+
+    Args:
+        slots: columns of axis numbers. linear: which of the machine's columns are, shape (K,).
+    """
+    width = len(linear)
+    columns = tuple(np.array([slots[axis] for axis in curve.axes], dtype=np.intp) for curve in group.curves)
+    first, last, bend_first, bend_last = np.zeros((4, width))
+    mask = 0
+    straight = True
+    for curve, where in zip(group.curves, columns, strict=True):
+        for axis in curve.axes:
+            mask |= 1 << slots[axis]
+        if isinstance(curve, LineCurve):
+            travel = np.subtract(curve.end, curve.start)
+            first[where] = travel
+            last[where] = travel
+        else:
+            straight = False
+            slope, bend, _ = curve.derivatives(_ENDS)
+            first[where], last[where] = slope
+            bend_first[where], bend_last[where] = bend
+    scale = math.sqrt(float(first @ first))
+    feed = pace = math.inf
+    paced = columns[group.reference]
+    if linear[paced].any():
+        paced = paced[linear[paced]]
+    if group.speed is not None:
+        pace = group.speed
+        length = group.curves[group.reference].length
+        feed = (
+            group.speed / length
+            if length > NO_TRAVEL
+            else (1.0 / group.requested if group.requested > 0.0 else math.inf)
+        )
+    return Segment(
+        line=line,
+        curves=group.curves,
+        columns=columns,
+        mask=mask,
+        duration=group.duration,
+        feed=feed,
+        requested=group.requested,
+        first=first,
+        last=last,
+        bend_first=bend_first,
+        bend_last=bend_last,
+        scale=scale,
+        straight=straight,
+        pace=pace,
+        paced=paced,
+    )
+
+
+@dataclass(frozen=True)
+class StraightRun:
+    """A run of plain lines in all columns of the machine: n straight segments on end.
+
+    Attributes:
+        points: shape (n+1, K), where each segment starts and the last one ends. travels: shape (n, K).
+        scales: lengths of the travels, shape (n,). feeds: as `Segment.feed`, shape (n,).
+    """
+
+    run: PlainRun
+    mask: int
+    points: Array
+    travels: Array
+    scales: Array
+    feeds: Array
+
+    @classmethod
+    def of(cls, run: PlainRun, slots: dict[int, int], position: Array) -> StraightRun | None:
+        """The segments from a ``position`` of all columns, shape (K,); None where a line does not travel."""
+        columns = [slots[axis] for axis in run.axes]
+        points = np.tile(position, (len(run) + 1, 1))
+        points[:, columns] = run.points
+        travels = np.zeros((len(run), len(position)))
+        travels[:, columns] = np.diff(run.points, axis=0)
+        scales = np.sqrt(np.einsum("ij,ij->i", travels, travels))
+        if not scales.min() > NO_TRAVEL:
+            return None
+        feeds = np.full(len(run), math.inf)
+        if run.speeds is not None:
+            long = run.lengths > NO_TRAVEL
+            np.divide(run.speeds, run.lengths, out=feeds, where=long)
+            np.divide(1.0, run.requested, out=feeds, where=~long & (run.requested > 0.0))
+        return cls(run, sum(1 << column for column in columns), points, travels, scales, feeds)
+
+    @property
+    def asked(self) -> Array:
+        """Feed [1/s], time and T (NaN: none) of each [s], shape (n, 3)."""
+        requested = self.run.requested
+        duration = requested if self.run.speeds is None else np.full(len(requested), math.nan)
+        return np.column_stack((self.feeds, requested, duration))
+
+    def segments(self, scales: list[float], active: int) -> Iterator[Segment]:
+        """The segments, with coordinates scaled so."""
+        still = np.zeros(len(self.points[0]))
+        requested = self.run.requested.tolist()
+        timed = self.run.speeds is None
+        for index, (line, feed, scale) in enumerate(
+            zip(self.run.lines.tolist(), self.feeds.tolist(), scales, strict=True)
+        ):
+            travel = self.travels[index]
+            yield Segment(
+                line=line,
+                curves=(),
+                columns=(),
+                mask=self.mask,
+                duration=requested[index] if timed else None,
+                feed=feed,
+                requested=requested[index],
+                first=travel,
+                last=travel,
+                bend_first=still,
+                bend_last=still,
+                scale=scale,
+                base=self.points[index],
+                end=self.points[index + 1],
+                active=active,
+                straight=True,
+            )
+
+
+def place(segment: Segment, position: Array) -> None:
+    """Puts a segment where the machine stands, and moves ``position`` (K,) on to its end."""
+    segment.base = position.copy()
+    for curve, columns in zip(segment.curves, segment.columns, strict=True):
+        if isinstance(curve, LineCurve):
+            segment.base[columns] = curve.start
+            position[columns] = curve.end
+        else:
+            position[columns] = curve.position(_END)[0]
+    if segment.straight:
+        segment.end = position.copy()
+
+
+def columns_of(mask: int) -> NDArray[np.intp]:
+    """Columns whose bit is set."""
+    return np.array([bit for bit in range(mask.bit_length()) if mask >> bit & 1], dtype=np.intp)

@@ -1,0 +1,361 @@
+"""Changes of speed with zero acceleration at both ends, and the quickest way over a distance made of them.
+
+A *move* is one row of `MOVE` numbers: speed at its start and end, acceleration and jerk that it may use, and
+its length. A move of equal speeds is a cruise. A *ladder* is an array (n, 3) of rungs: up to a speed these
+accelerations and jerks are free; speeds rise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.kernels.compiled import compiled
+
+MOVE = 5
+# Two ramps a rung at the most, three moves about the peak.
+MOST_RUNGS = 12
+MOST_MOVES = 2 * MOST_RUNGS + 4
+# Distances below this are not motion [m or rad along the path]: far under any encoder's resolution.
+NO_DISTANCE = 1e-12
+# A speed found by iteration is exact to this share.
+_EXACT = 1e-15
+# Taken off a speed that must not need more than the distance, for rounding.
+_ROUNDED = 1e-14
+
+
+@compiled
+def change_time(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """Least time in which speed goes from ``low`` to ``high`` with zero acceleration at both ends [s]."""
+    change = high - low
+    if change <= 0.0:
+        return 0.0
+    if math.isinf(jerk):
+        return change / acceleration
+    if change * jerk >= acceleration * acceleration:
+        return change / acceleration + acceleration / jerk
+    return 2.0 * math.sqrt(change / jerk)
+
+
+@compiled
+def change_distance(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """The distance that such a change takes [m]: half way between the speeds, as it is symmetric."""
+    return (low + high) / 2.0 * change_time(low, high, acceleration, jerk)
+
+
+@compiled
+def _larger_root(b: float, c: float) -> float:
+    """The positive v with v² + b v = c, for b ≥ 0 and c ≥ 0, without cancellation."""
+    return 2.0 * c / (b + math.sqrt(b * b + 4.0 * c)) if c > 0.0 else 0.0
+
+
+@compiled
+def reachable_speed(low: float, distance: float, acceleration: float, jerk: float, cap: float) -> float:
+    """Greatest speed ≤ ``cap`` reached from ``low`` within ``distance``, with zero acceleration at
+    both ends."""
+    if cap <= low:
+        return low
+    if change_distance(low, cap, acceleration, jerk) <= distance:
+        return cap
+    # with b = a²/j and a phase of constant acceleration: v² + b v = v0² + 2 a d - b v0, where b = 0 without
+    # a jerk limit
+    part = 0.0 if math.isinf(jerk) else acceleration * acceleration / jerk
+    speed = _larger_root(part, low * low + 2.0 * acceleration * distance - part * low)
+    if speed - low < part:
+        # without one, w = √(v - v0) solves w³ + 2 v0 w = d √j; the left side is convex, so Newton falls to
+        # the root from any place above it
+        right = distance * math.sqrt(jerk)
+        w = right ** (1.0 / 3.0)
+        if low > 0.0:
+            w = min(w, right / (2.0 * low))
+        for _ in range(60):
+            change = (w * (w * w + 2.0 * low) - right) / (3.0 * w * w + 2.0 * low)
+            w -= change
+            if change <= _EXACT * w:
+                break
+        speed = low + w * w
+    return min(max(speed * (1.0 - _ROUNDED), low), cap)
+
+
+@compiled
+def _choices(count: int) -> int:
+    """How many ways there are to use a ladder of ``count`` rungs."""
+    return 3 if count > 2 else 1
+
+
+@compiled
+def _rungs_of(choice: int, count: int) -> tuple[int, int]:
+    """The first rung and the step: all of them, every other one, the top one alone."""
+    return (0, 1) if choice == 0 else (1, 2) if choice == 1 else (count - 1, 1)
+
+
+@compiled
+def _reach(
+    low: float, distance: float, ladder: Array, first: int, step: int, count: int, cap: float
+) -> float:
+    speed, left = low, distance
+    for index in range(first, count, step):
+        if ladder[index, 0] <= speed:
+            continue
+        target = min(ladder[index, 0], cap)
+        need = change_distance(speed, target, ladder[index, 1], ladder[index, 2])
+        if need > left:
+            return reachable_speed(speed, left, ladder[index, 1], ladder[index, 2], target)
+        speed, left = target, left - need
+        if speed >= cap:
+            break
+    return speed
+
+
+@compiled
+def reachable(low: float, distance: float, ladder: Array, count: int, cap: float) -> float:
+    """Greatest speed ≤ ``cap`` that `fastest` reaches from ``low`` within ``distance``."""
+    best = low
+    for choice in range(_choices(count)):
+        first, step = _rungs_of(choice, count)
+        best = max(best, _reach(low, distance, ladder, first, step, count, cap))
+    return best
+
+
+@compiled
+def _put(moves: Array, at: int, start: float, end: float, acceleration: float, jerk: float) -> int:
+    moves[at, 0] = start
+    moves[at, 1] = end
+    moves[at, 2] = acceleration
+    moves[at, 3] = jerk
+    moves[at, 4] = change_distance(min(start, end), max(start, end), acceleration, jerk)
+    return at + 1
+
+
+@compiled
+def _cruise(moves: Array, at: int, speed: float, length: float) -> int:
+    moves[at, 0] = speed
+    moves[at, 1] = speed
+    moves[at, 2] = 0.0
+    moves[at, 3] = 0.0
+    moves[at, 4] = length
+    return at + 1
+
+
+@compiled
+def duration_of(moves: Array, count: int) -> float:
+    """How long moves take [s]."""
+    total = 0.0
+    for index in range(count):
+        start, end = moves[index, 0], moves[index, 1]
+        if start == end:
+            total += moves[index, 4] / start
+        else:
+            total += change_time(min(start, end), max(start, end), moves[index, 2], moves[index, 3])
+    return total
+
+
+@compiled
+def _peak_need(peak: float, entry: float, exit_: float, acceleration: float, jerk: float) -> float:
+    return change_distance(entry, peak, acceleration, jerk) + change_distance(exit_, peak, acceleration, jerk)
+
+
+@compiled
+def _slope(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """How fast `change_distance` grows with ``high``."""
+    change = high - low
+    if change <= 0.0:
+        return math.inf
+    if math.isinf(jerk):
+        return high / acceleration
+    if change * jerk >= acceleration * acceleration:
+        return high / acceleration + acceleration / (2.0 * jerk)
+    time = math.sqrt(change / jerk)
+    return time + (low + high) / (2.0 * time * jerk)
+
+
+@compiled
+def _peak(
+    low: float, high: float, distance: float, entry: float, exit_: float, acceleration: float, jerk: float
+) -> float:
+    """The greatest speed between ``low``, which can be reached, and ``high``, which cannot."""
+    x = (low + high) / 2.0
+    # Newton kept inside a bisection: the distance has an infinite slope where a ramp begins
+    for _ in range(100):
+        over = _peak_need(x, entry, exit_, acceleration, jerk) - distance
+        if over <= 0.0:
+            low = x
+        else:
+            high = x
+        if high - low <= _EXACT * high:
+            break
+        slope = _slope(entry, x, acceleration, jerk) + _slope(exit_, x, acceleration, jerk)
+        new = x - over / slope
+        if abs(new - x) <= _EXACT * x:
+            # it comes from above, where the slope is less
+            return max(new * (1.0 - _ROUNDED), low)
+        x = new if low < new < high else (low + high) / 2.0
+    return low
+
+
+@compiled
+def over_a_peak(
+    moves: Array,
+    at: int,
+    distance: float,
+    entry: float,
+    exit_: float,
+    top: float,
+    acceleration: float,
+    jerk: float,
+) -> int:
+    """Up to the greatest speed ≤ ``top`` that the distance allows, along it, and down.
+
+    With zero acceleration at both ends this is the quickest way.
+
+    Returns:
+        How many moves there are now; −1 where the speeds cannot be joined over the distance.
+    """
+    low = max(entry, exit_)
+    if change_distance(min(entry, exit_), low, acceleration, jerk) > distance * (1.0 + 1e-12):
+        return -1
+    need = _peak_need(top, entry, exit_, acceleration, jerk)
+    if need > distance:
+        top = _peak(low, top, distance, entry, exit_, acceleration, jerk)
+        need = _peak_need(top, entry, exit_, acceleration, jerk)
+    first = at
+    if top > entry:
+        at = _put(moves, at, entry, top, acceleration, jerk)
+    left = distance - need
+    if left > NO_DISTANCE * max(1.0, distance):
+        if top <= 0.0:
+            return -1
+        at = _cruise(moves, at, top, left)
+    if top > exit_:
+        at = _put(moves, at, top, exit_, acceleration, jerk)
+    return at if at > first else -1
+
+
+@compiled
+def _climb(
+    moves: Array,
+    distance: float,
+    entry: float,
+    exit_: float,
+    ladder: Array,
+    first: int,
+    step: int,
+    count: int,
+) -> int:
+    """Ramps from rung to rung on both sides as far as the distance allows, and a peak between them."""
+    high = max(entry, exit_)
+    start = -1
+    for index in range(first, count, step):
+        if ladder[index, 0] >= high * (1.0 - 1e-12):
+            start = index
+            break
+    if start < 0:
+        return 0
+    last = first + (count - 1 - first) // step * step
+    tail = np.empty((MOST_RUNGS, MOVE))
+    at, tails = 0, 0
+    up, down, left = entry, exit_, distance
+    rung = last
+    for index in range(first, count, step):
+        speed, acceleration, jerk = ladder[index, 0], ladder[index, 1], ladder[index, 2]
+        if speed <= min(up, down) or index == last:
+            continue
+        need = change_distance(up, speed, acceleration, jerk) + change_distance(
+            down, speed, acceleration, jerk
+        )
+        if need > left * (1.0 - 1e-9):
+            rung = index
+            break
+        if up < speed:
+            at = _put(moves, at, up, speed, acceleration, jerk)
+            up = speed
+        if down < speed:
+            tails = _put(tail, tails, speed, down, acceleration, jerk)
+            down = speed
+        left -= need
+    if left <= NO_DISTANCE:
+        if up != down:
+            return 0
+    else:
+        # the middle may have to pass the rung that the faster end stands on
+        rung = max(rung, start)
+        top = max(ladder[rung, 0], up, down)
+        at = over_a_peak(moves, at, left, up, down, top, ladder[rung, 1], ladder[rung, 2])
+        if at < 0:
+            return 0
+    for index in range(tails - 1, -1, -1):
+        moves[at] = tail[index]
+        at += 1
+    return at
+
+
+@compiled
+def _ramps_only(
+    moves: Array,
+    distance: float,
+    entry: float,
+    exit_: float,
+    ladder: Array,
+    first: int,
+    step: int,
+    count: int,
+) -> int:
+    """The change of speed by ramps alone, and the greater speed kept over what is left of the distance."""
+    low, high = min(entry, exit_), max(entry, exit_)
+    speed, left, at = low, distance, 0
+    for index in range(first, count, step):
+        if ladder[index, 0] <= speed or speed >= high:
+            continue
+        target = min(ladder[index, 0], high)
+        at = _put(moves, at, speed, target, ladder[index, 1], ladder[index, 2])
+        left -= moves[at - 1, 4]
+        speed = target
+    if speed < high or left < 0.0 or high <= 0.0:
+        return 0
+    if left > NO_DISTANCE:
+        at = _cruise(moves, at, high, left)
+    if entry > exit_:
+        for index in range(at // 2):
+            other = at - 1 - index
+            for column in range(MOVE):
+                moves[index, column], moves[other, column] = moves[other, column], moves[index, column]
+        for index in range(at):
+            moves[index, 0], moves[index, 1] = moves[index, 1], moves[index, 0]
+    return at
+
+
+@compiled
+def fastest_moves(
+    moves: Array, spare: Array, distance: float, entry: float, exit_: float, ladder: Array, count: int
+) -> int:
+    """The quickest moves over ``distance`` from speed ``entry`` to ``exit_`` under a ladder's limits.
+
+    Each rung that is used costs a moment without acceleration, so fewer rungs may be quicker: the whole
+    ladder, every other rung and the top rung alone are tried.
+
+    Args:
+        moves, spare: shape (`MOST_MOVES`, `MOVE`), written.
+
+    Returns:
+        How many moves; 0 where the speeds cannot be joined over this distance.
+    """
+    best, least = 0, math.inf
+    for choice in range(_choices(count)):
+        first, step = _rungs_of(choice, count)
+        found = _climb(spare, distance, entry, exit_, ladder, first, step, count)
+        if found > 0:
+            total = duration_of(spare, found)
+            if total < least:
+                best, least = found, total
+                moves[:found] = spare[:found]
+    if best > 0:
+        return best
+    # where a change of speed fills the whole distance the peak may be missed by rounding
+    for choice in range(_choices(count)):
+        first, step = _rungs_of(choice, count)
+        found = _ramps_only(moves, distance, entry, exit_, ladder, first, step, count)
+        if found > 0:
+            return found
+    return 0

@@ -1,0 +1,307 @@
+"""What the axes leave free along the path, over the samples of a run.
+
+A sample is one row of 5 K + 2 numbers for K columns: |q'|, |q''|, |q'''|, a vertex's |Δq'|, |Δq''| where the
+bend steps, then the spacing of vertices ℓ and a speed that is not passed there (see
+`mcserver.motion.lookahead.path_limits`). Limits are an array (3, K): velocity, acceleration and jerk.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.kernels.compiled import compiled
+
+# Share of the acceleration that curvature may take at top speed; the rest is left for the way there.
+CURVATURE_SHARE = 0.97
+# Share of the jerk that curvature alone may take.
+JERK_SHARE = 0.9
+# Speeds of the rungs, as shares of the lowest top speed of a stretch; the last one where others are higher.
+RUNGS = (0.45, 0.65, 0.8, 0.9, 0.96, 1.0)
+# Rungs below the lowest speed of a vertex, where that is lower, and the places of the grid between them.
+VERTEX_RUNGS, VERTEX_STEP = 4, 4
+# Ends of a stretch at this share of that speed need none of them.
+VERTEX_SPEED = 0.9
+# Rungs stand on a grid of speeds from the highest one down, each this share of the one above; below the last
+# of them a ladder has no rungs.
+GRID = 0.95
+GRID_SIZE = 128
+# Top speeds leave at least this share of the acceleration and jerk that are free at rest.
+LEAST_FREE = 0.01
+
+# What of a sample's demand depends on speed: nothing, a vertex's step, all.
+CONSTANT, VERTEX, BENT = range(3)
+
+# Cycles below which a segment's own top speed is that of its joints.
+SHORT = 5.0
+
+# What a speed may pass its cap by, for rounding.
+SLACK = 1.0 + 1e-9
+
+TINY = 1e-300
+_HUGE = 1e100
+
+
+class Run(NamedTuple):
+    """Segments on end, in n groups that are planned as one each, and what the axes leave free on them.
+
+    Attributes:
+        rows: samples of all groups, shape (m, 5 K + 2). offset: the groups' first samples, and one past the
+            last, shape (n+1,).
+        tops: greatest speeds of the groups, shape (n,). limits, cycle: of the axes, shape (3, K), and [s].
+        rest, weak: acceleration and jerk free at rest, and at every speed, shape (n, 2).
+        ceiling: the greatest speed at each sample, shape (m,).
+        slowest: the least of them on each group, shape (n,). bent: whether bends count on it, shape (n,).
+        kinds, at_rest: what of a sample depends on speed, and what it leaves free at rest, (m,) and (m, 2).
+        grid: falling speeds, each `GRID` times the one before, shape (g,). known: what is free of a group at
+            each of them, shape (n, g, 2); NaN where nobody has asked yet.
+    """
+
+    rows: Array
+    offset: NDArray[np.intp]
+    tops: Array
+    limits: Array
+    cycle: float
+    rest: Array
+    weak: Array
+    ceiling: Array
+    slowest: Array
+    bent: NDArray[np.bool_]
+    kinds: NDArray[np.int8]
+    at_rest: Array
+    grid: Array
+    known: Array
+
+
+@compiled
+def ripple(apart: float) -> float:
+    """How much more than on average vertices ``apart`` ≤ 1 cycles from each other weigh at the worst cycle.
+
+    A second difference weighs them with a hat of two cycles. With f the fraction of 1/r, its sum over
+    points r apart is at most (1 + r² f (1 - f)) / r; below 2/3 the bound f (1 - f) ≤ 1/4 serves, which
+    has no jumps.
+    """
+    return apart * apart / 4.0 if apart < 2.0 / 3.0 else (1.0 - apart) * (2.0 * apart - 1.0)
+
+
+@compiled
+def _crowd(rows: Array, i: int, width: int, cycle: float, v: float) -> float:
+    """What a unit of a vertex's step asks for at speed ``v``, with the vertices near it [1/s times speed]."""
+    apart = min(rows[i, 5 * width] / max(v * cycle, TINY), 1.0)
+    crowd: float = v * (1.0 + ripple(apart)) / apart / cycle
+    return crowd
+
+
+@compiled
+def free_at(rows: Array, i: int, limits: Array, cycle: float, v: float) -> tuple[float, float]:
+    """Acceleration and jerk along σ that the axes leave free at speed ``v`` on sample ``i``."""
+    width = limits.shape[1]
+    crowded = _crowd(rows, i, width, cycle, v)
+    square, cube = v * v, v * v * v
+    # a step of the acceleration within a cycle looks like this jerk at the cycle rate (peak of the
+    # quadratic B-spline that a third difference is)
+    kicked = 0.75 / cycle * square
+    acceleration = math.inf
+    allowed = math.inf
+    for k in range(width):
+        bend = rows[i, width + k]
+        taken = bend * square + rows[i, 3 * width + k] * crowded
+        acceleration = min(acceleration, (limits[1, k] - taken) / max(rows[i, k], TINY))
+        coupling = 3.0 * bend * v
+        if coupling > 0.0:
+            left = limits[2, k] - rows[i, 2 * width + k] * cube - rows[i, 4 * width + k] * kicked
+            # half of what is left of the jerk is the most that acceleration across the bend may use
+            allowed = min(allowed, 0.5 * left / coupling)
+    acceleration = min(acceleration, allowed)
+    used = max(acceleration, 0.0)
+    jerk = math.inf
+    for k in range(width):
+        left = limits[2, k] - rows[i, 2 * width + k] * cube - rows[i, 4 * width + k] * kicked
+        left -= 3.0 * rows[i, width + k] * v * used
+        jerk = min(jerk, left / max(rows[i, k], TINY))
+    # an axis that does not move limits nothing: its quotient is huge, not infinite
+    return acceleration, math.inf if jerk > _HUGE else jerk
+
+
+@compiled
+def _kind_of(rows: Array, i: int, width: int) -> int:
+    """Which of what a sample asks for depends on speed."""
+    kind = CONSTANT
+    for k in range(width):
+        if rows[i, width + k] > 0.0 or rows[i, 2 * width + k] > 0.0 or rows[i, 4 * width + k] > 0.0:
+            return BENT
+        if rows[i, 3 * width + k] > 0.0:
+            kind = VERTEX
+    return kind
+
+
+@compiled
+def _free(run: Run, i: int, v: float) -> tuple[float, float]:
+    """As `free_at`, with what is known of the sample."""
+    kind = run.kinds[i]
+    if kind == BENT:
+        return free_at(run.rows, i, run.limits, run.cycle, v)
+    acceleration: float = run.at_rest[i, 0]
+    jerk: float = run.at_rest[i, 1]
+    if kind == VERTEX:
+        width = run.limits.shape[1]
+        crowded = _crowd(run.rows, i, width, run.cycle, v)
+        acceleration = math.inf
+        for k in range(width):
+            left = run.limits[1, k] - run.rows[i, 3 * width + k] * crowded
+            acceleration = min(acceleration, left / max(run.rows[i, k], TINY))
+    return acceleration, jerk
+
+
+@compiled
+def _free_of_group(run: Run, group: int, speed: float) -> tuple[float, float]:
+    """Acceleration and jerk that are free on a group at ``speed``, or its samples' own where that is less."""
+    acceleration = jerk = math.inf
+    for i in range(run.offset[group], run.offset[group + 1]):
+        a, j = _free(run, i, min(run.ceiling[i], speed))
+        acceleration, jerk = min(acceleration, a), min(jerk, j)
+    return acceleration, jerk
+
+
+@compiled
+def run_of(rows: Array, offset: NDArray[np.intp], tops: Array, limits: Array, cycle: float) -> Run:
+    """What is free at rest and at the top speed of each group of samples.
+
+    Args:
+        tops: lowered where a speed would leave hardly any acceleration or jerk to get to it.
+    """
+    n, m = len(tops), len(rows)
+    run = Run(
+        rows,
+        offset,
+        tops,
+        limits,
+        cycle,
+        np.empty((n, 2)),
+        np.empty((n, 2)),
+        np.empty(m),
+        np.empty(n),
+        np.empty(n, np.bool_),
+        np.empty(m, np.int8),
+        np.empty((m, 2)),
+        tops.max() * GRID ** np.arange(GRID_SIZE),
+        np.full((n, GRID_SIZE, 2), math.nan),
+    )
+    for group in range(n):
+        low, high = offset[group], offset[group + 1]
+        full = full_jerk = math.inf
+        for i in range(low, high):
+            acceleration, jerk = free_at(rows, i, limits, cycle, 0.0)
+            run.kinds[i] = _kind_of(rows, i, limits.shape[1])
+            run.at_rest[i, 0], run.at_rest[i, 1] = acceleration, jerk
+            full, full_jerk = min(full, acceleration), min(full_jerk, jerk)
+        run.rest[group, 0], run.rest[group, 1] = full, full_jerk
+        at_top = at_top_jerk = math.inf
+        for _ in range(200):
+            for i in range(low, high):
+                run.ceiling[i] = min(tops[group], rows[i, rows.shape[1] - 1])
+            at_top, at_top_jerk = _free_of_group(run, group, tops[group])
+            short = at_top < LEAST_FREE * full
+            if not math.isinf(full_jerk):
+                short = short or at_top_jerk < LEAST_FREE * full_jerk
+            if not short:
+                break
+            tops[group] *= 0.98
+        run.weak[group, 0], run.weak[group, 1] = at_top, at_top_jerk
+        run.slowest[group] = run.ceiling[low:high].min()
+        run.bent[group] = run.kinds[low:high].max() == BENT
+    return run
+
+
+@compiled
+def ease_short(edges: Array, caps: Array, tops: Array, cycle: float) -> None:
+    """Lowers top speeds ``tops`` (n,): a segment of few cycles is hardly faster than its joints are."""
+    for i in range(len(tops)):
+        joint = max(caps[i], caps[i + 1])
+        if edges[i + 1] - edges[i] < SHORT * cycle * joint:
+            tops[i] = min(tops[i], joint)
+
+
+@compiled
+def bind_joints(caps: Array, tops: Array) -> None:
+    """Lowers the caps of joints (n+1,) to the top speeds of both sides; those at the ends stay."""
+    for i in range(1, len(tops)):
+        caps[i] = min(caps[i], tops[i - 1], tops[i])
+
+
+@compiled
+def weakest(values: Array, left: int, right: int) -> tuple[float, float]:
+    """Least acceleration and jerk of groups ``left`` … ``right`` - 1, of an array (n, 2)."""
+    acceleration = jerk = math.inf
+    for group in range(left, right):
+        acceleration, jerk = min(acceleration, values[group, 0]), min(jerk, values[group, 1])
+    return acceleration, jerk
+
+
+@compiled
+def _place_of(run: Run, speed: float) -> int:
+    """The first place of the grid that is not above ``speed``."""
+    return math.ceil(math.log(speed / run.grid[0]) / math.log(GRID) - 1e-9)
+
+
+@compiled
+def _put_rung(run: Run, left: int, right: int, place: int, ladder: Array, at: int) -> int:
+    """Writes the rung at one speed of the grid."""
+    known = run.known
+    for group in range(left, right):
+        if math.isnan(known[group, place, 0]):
+            known[group, place, 0], known[group, place, 1] = _free_of_group(run, group, run.grid[place])
+    acceleration, jerk = weakest(known[:, place], left, right)
+    ladder[at, 0], ladder[at, 1], ladder[at, 2] = run.grid[place], acceleration, jerk
+    return at + 1
+
+
+@compiled
+def make_ladder(run: Run, left: int, right: int, speed: float, ladder: Array) -> int:
+    """A ladder of speeds up to the top of groups ``left`` … ``right`` - 1 with what is free up to each; one
+    rung where bends hardly count.
+
+    Low speeds leave nearly all of the acceleration to the way along the path, the top speed little: the
+    ladder lets a start from rest use what is there. Its rungs stand on the grid, so that what is free at them
+    is found once for each group.
+
+    Args:
+        speed: the lower one at the ends: where that is nearly a vertex's own there is nothing to climb below.
+
+    Returns:
+        How many rungs there are in ``ladder``, shape (`MOST_RUNGS`, 3).
+    """
+    low = top = run.tops[left]
+    slowest = run.slowest[left]
+    for group in range(left + 1, right):
+        low, top = min(low, run.tops[group]), max(top, run.tops[group])
+        slowest = min(slowest, run.slowest[group])
+    at_top, jerk_at_top = weakest(run.weak, left, right)
+    full, full_jerk = weakest(run.rest, left, right)
+    at = 0
+    if low > 0.0 and not (at_top >= 0.9 * full and (math.isinf(full_jerk) or jerk_at_top >= 0.9 * full_jerk)):
+        last = len(run.grid)
+        by_vertex = slowest < RUNGS[0] * low
+        if by_vertex and speed < VERTEX_SPEED * slowest:
+            place = _place_of(run, slowest)
+            place += -place % VERTEX_STEP + (VERTEX_RUNGS - 1) * VERTEX_STEP
+            for _ in range(VERTEX_RUNGS):
+                if place < last:
+                    last = place
+                    at = _put_rung(run, left, right, place, ladder, at)
+                place -= VERTEX_STEP
+        # above the speeds of vertices only bends ask for more
+        if not by_vertex or run.bent[left:right].any():
+            for share in RUNGS:
+                if share == 1.0 and top <= low * 1.001:
+                    continue
+                place = _place_of(run, share * low)
+                if place < last:
+                    last = place
+                    at = _put_rung(run, left, right, place, ladder, at)
+    ladder[at, 0], ladder[at, 1], ladder[at, 2] = top, at_top, jerk_at_top
+    return at + 1

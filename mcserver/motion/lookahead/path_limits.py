@@ -1,0 +1,160 @@
+"""What the axes' limits allow along a path coordinate σ, as a function of speed.
+
+With q(σ) the path, q̇ = q'σ̇, q̈ = q'σ̈ + q''σ̇² and q⃛ = q'σ⃛ + 3q''σ̇σ̈ + q'''σ̇³. At a speed v each axis leaves
+|q'|·A ≤ a - |q''|v² for acceleration along the path, and likewise for jerk. A vertex of a polyline is
+a step of the tangent by D: at the cycle rate it asks for the acceleration D·v·max(1/dt, v/ℓ), ℓ being
+the length of the segments about it (several vertices may fall into one cycle). Limits are judged so by D-36.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array, LineCurve, PolynomialCurve, SampledCurve
+from mcserver.motion.geometry.segment import AxisLimits, Segment
+from mcserver.motion.kernels.junctions import line_sample, meet
+from mcserver.motion.kernels.polynomials import KINDS, PLACES, limit_of, polynomial_samples
+from mcserver.motion.kernels.ramp_kernels import MOST_RUNGS
+from mcserver.motion.kernels.sample_limits import Run, make_ladder, run_of, weakest
+
+
+@dataclass(frozen=True)
+class Level:
+    """Up to speed ``velocity`` these accelerations and jerks are free along the path (SI along σ)."""
+
+    velocity: float
+    acceleration: float
+    jerk: float
+
+
+class SpeedLimit(NamedTuple):
+    """Greatest speed along σ and what bounds it: (column, "velocity" | "acceleration" | "jerk")."""
+
+    velocity: float
+    column: int
+    kind: str
+
+
+def sample_rows(slope: Array, bend: Array, twist: Array) -> Array:
+    """Samples of a path's derivatives, (m, K) each, as rows of `mcserver.motion.kernels.sample_limits`."""
+    count, width = slope.shape
+    rows: Array = np.zeros((count, 5 * width + 2))
+    np.abs(slope, out=rows[:, :width])
+    np.abs(bend, out=rows[:, width : 2 * width])
+    np.abs(twist, out=rows[:, 2 * width : 3 * width])
+    rows[:, 5 * width :] = math.inf
+    return rows
+
+
+def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]:
+    """Samples of one segment in its coordinate σ = s·scale, and the greatest constant speed on them."""
+    width = len(limits.velocity)
+    if segment.straight:
+        rows = np.zeros((1, 5 * width + 2))
+        velocity, column = line_sample(segment.first, segment.scale, limits.rows, rows)
+        return rows, SpeedLimit(velocity, column, "velocity")
+    if isinstance(segment.curves[0], PolynomialCurve):
+        power = np.zeros((len(segment.curves[0].coefficients), width))
+        power[:, segment.columns[0]] = segment.curves[0].coefficients
+        rows = np.zeros((PLACES, 5 * width + 2))
+        polynomial_samples(power, segment.scale, rows, np.empty(PLACES))
+        return rows, speed_limit(rows, limits)
+    count = 2
+    for curve in segment.curves:
+        if isinstance(curve, SampledCurve):
+            count = max(count, 4 * (len(curve.knots) - 1) + 1)
+        elif isinstance(curve, PolynomialCurve):
+            count = max(count, PLACES)
+        elif not isinstance(curve, LineCurve):
+            # derivatives of a circle repeat after one turn: 128 points a turn miss an extreme by 0.03 %
+            sweep = abs(getattr(curve, "sweep", 2.0 * math.pi))
+            count = max(count, min(129, 3 + int(128 * min(sweep, 2.0 * math.pi) / (2.0 * math.pi))))
+    s = np.linspace(0.0, 1.0, count)
+    sweeps = [abs(getattr(curve, "sweep", 0.0)) for curve in segment.curves]
+    if max(sweeps) > 2.0 * math.pi and not any(
+        isinstance(curve, SampledCurve | PolynomialCurve) for curve in segment.curves
+    ):
+        s = s * (2.0 * math.pi / max(sweeps))
+    slope, bend, twist = segment.derivatives(s, width)
+    scale = segment.scale
+    rows = sample_rows(slope / scale, bend / scale**2, twist / scale**3)
+    return rows, speed_limit(rows, limits)
+
+
+def speed_limit(rows: Array, limits: AxisLimits) -> SpeedLimit:
+    """Greatest constant speed that the axes allow on the samples (vertices not counted)."""
+    velocity, column, kind = limit_of(rows, limits.rows)
+    return SpeedLimit(velocity, column, KINDS[kind])
+
+
+class RunLimits:
+    """Limits of all segments of a run, prepared once for many questions about stretches of it.
+
+    Args:
+        rows: samples of all groups. offset: the groups' first samples, and one past the last, (n+1,).
+        tops: greatest speeds of the groups (n,).
+
+    Attributes:
+        run: the same for kernels; its tops are lowered where a speed would leave hardly any acceleration or
+            jerk to get to it.
+    """
+
+    def __init__(self, rows: Array, offset: NDArray[np.intp], tops: Array, limits: AxisLimits) -> None:
+        self.run: Run = run_of(rows, offset, tops.copy(), limits.rows, limits.cycle)
+
+    @property
+    def tops(self) -> Array:
+        return self.run.tops
+
+    def weakest(self, left: int, right: int) -> tuple[float, float]:
+        """Acceleration and jerk that are free at every speed on groups ``left`` … ``right`` - 1."""
+        return weakest(self.run.weak, left, right)
+
+    def ladder(self, left: int, right: int) -> list[Level]:
+        """Speeds up to the stretch's top with what is free up to each."""
+        rungs = np.empty((MOST_RUNGS, 3))
+        count = make_ladder(self.run, left, right, 0.0, rungs)
+        return [Level(*rung) for rung in rungs[:count].tolist()]
+
+
+@dataclass(frozen=True)
+class Junction:
+    """How two segments meet.
+
+    Attributes:
+        speed: greatest speed over the joint. scale: of the segment behind it, so that speed is continuous.
+        samples: what the vertex asks of the segment before and after, shape (2, 5 K + 2); None where it asks
+            nothing, or where the motion stops.
+    """
+
+    speed: float
+    scale: float
+    samples: Array | None
+
+
+def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
+    """Speed over the joint of two segments (D-35, D-36).
+
+    The velocity of an axis may step by max_acceleration·dt, its acceleration by max_jerk·dt. Where that
+    leaves less than a crawl, the motion stops there: a stop costs hardly more and keeps the jerk limit too.
+    """
+    samples = np.zeros((2, 5 * len(before.last) + 2))
+    speed, scale = meet(
+        before.last,
+        before.bend_last,
+        before.scale,
+        after.first,
+        after.bend_first,
+        limits.rows,
+        limits.cycle,
+        before.in_parts and after.in_parts,
+        samples,
+    )
+    if scale == 0.0:
+        return Junction(0.0, after.scale, None)
+    return Junction(speed, scale, None if math.isinf(speed) or speed <= 0.0 else samples)

@@ -1,0 +1,132 @@
+"""The time law of a run of segments, and corners in it that are passed in a time of their own."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.bound import Bound
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.segment import Segment
+from mcserver.motion.geometry.time_domain_corner import TimedCorner, is_timed
+from mcserver.motion.profile.velocity_profile import Phases, time_law
+
+# What rounding makes of a moment at most: it is one with the end of a segment that is so near [s].
+NO_TIME = 1e-12
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """A time law over n segments.
+
+    Attributes:
+        segments: in order. nodes: the segment of the window that each belongs to, shape (n,): a corner that
+            is passed in a time of its own is two more, one for each line.
+        bounds: σ at their starts and at the end, shape (n+1,).
+        phases: σ over time. timed: which of them are such corners: no moment inside has a speed and no
+            acceleration.
+        times: at ``bounds``, shape (n+1,) [s].
+        bound_by: for each segment what limit stretched it, or None.
+    """
+
+    segments: list[Segment]
+    nodes: NDArray[np.intp]
+    bounds: Array
+    phases: Phases
+    timed: NDArray[np.bool_]
+    times: Array
+    bound_by: list[Bound | None]
+
+    @property
+    def window(self) -> int:
+        """Segments of the window that it covers."""
+        return int(self.nodes[-1]) + 1
+
+    def at_end(self, moment: float) -> float:
+        """The end of a segment that a moment is one with but for rounding, else the moment itself [s]."""
+        near = float(self.times[int(np.argmin(np.abs(self.times - moment)))])
+        return near if abs(near - moment) <= NO_TIME else moment
+
+    def segment_at(self, moment: float) -> int:
+        """The segment under way at a moment [s] that is not inside a timed corner."""
+        index = int(np.searchsorted(self.times, moment, side="right")) - 1
+        index = min(max(index, 0), len(self.segments) - 1)
+        # at the very start of a corner the line before it ends
+        while is_timed(self.segments[index]):
+            index -= 1
+        return index
+
+    def after(self, moment: float) -> PlannedRun:
+        """What is left of it after a moment [s] that is not inside a timed corner, counted from there."""
+        index = self.segment_at(moment)
+        sigma = float(self.phases.at(np.array([moment]))[0][0])
+        segments = self.segments[index:]
+        if moment - float(self.times[index]) > NO_TIME:
+            # what is left of a segment under way
+            first = segments[0]
+            begin = first.begin + (sigma - float(self.bounds[index])) / first.scale
+            segments[0] = dataclasses.replace(first, begin=begin, opens=False)
+        phases = self.phases.after(moment)
+        return PlannedRun(
+            segments=segments,
+            nodes=self.nodes[index:] - self.nodes[index],
+            bounds=np.maximum(self.bounds[index:] - sigma, 0.0),
+            phases=phases,
+            timed=self.timed[len(self.timed) - len(phases.start) :],
+            times=np.maximum(self.times[index:] - moment, 0.0),
+            bound_by=self.bound_by[index:],
+        )
+
+    def with_corners(self, stops: list[int], corners: list[TimedCorner]) -> PlannedRun:
+        """The same with corners in place of stops.
+
+        Args:
+            stops: the segments that start at them, in order, none of them the first.
+        """
+        if not stops:
+            return self
+        at = np.array(stops)
+        leave, join, lasts, turn = np.array(
+            [(each.leave, each.join, each.duration, each.turn) for each in corners]
+        ).T
+        saved = np.cumsum(join - leave - lasts)
+        leave_at = leave - np.concatenate(([0.0], saved[:-1]))
+        times = self.times.copy()
+        times[1:] -= np.concatenate(([0.0], saved))[np.searchsorted(at, np.arange(1, len(times)))]
+        times[at] = leave_at + turn * lasts
+        # σ passes a corner at one speed, over as much as it takes the place of
+        from_, to = np.array([(each.sigma_leave, each.sigma_join) for each in corners]).T
+        bounds = self.bounds.copy()
+        bounds[at] = from_ + turn * (to - from_)
+        places = np.column_stack((at, at + 1)).ravel()
+        segments: list[Segment] = []
+        bound_by: list[Bound | None] = []
+        parts: list[Array] = []
+        low, since = 0, 0.0
+        for stop, corner in zip(stops, corners, strict=True):
+            segments += [*self.segments[low:stop], *corner.parts]
+            bound_by += [*self.bound_by[low:stop], None, None]
+            parts += [self.phases.between(since, corner.leave), corner.phase]
+            low, since = stop, corner.join
+        segments += self.segments[low:]
+        for stop, corner in zip((at + 2 * np.arange(len(at))).tolist(), corners, strict=True):
+            segments[stop - 1] = dataclasses.replace(segments[stop - 1], finish=corner.leave_s, closes=False)
+            segments[stop + 2] = dataclasses.replace(segments[stop + 2], begin=corner.join_s, opens=False)
+        parts.append(self.phases.between(since, self.phases.duration))
+        phases = time_law(np.concatenate(parts), self.phases.end)
+        timed = np.concatenate([np.full(len(part), bool(i % 2)) for i, part in enumerate(parts)])
+        # the same sums as in the time law: a cut at the end of a corner is at the start of what follows
+        leave_at = phases.start[timed]
+        join_at = np.append(phases.start, phases.duration)[np.nonzero(timed)[0] + 1]
+        return PlannedRun(
+            segments=segments,
+            nodes=np.insert(self.nodes, np.repeat(at, 2), np.column_stack((at - 1, at)).ravel()),
+            bounds=np.insert(bounds, places, np.column_stack((from_, to)).ravel()),
+            phases=phases,
+            timed=timed,
+            times=np.insert(times, places, np.column_stack((leave_at, join_at)).ravel()),
+            bound_by=bound_by + self.bound_by[low:],
+        )

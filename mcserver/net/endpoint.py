@@ -1,0 +1,166 @@
+"""A machine on the network: its session, its keys, and what flows over them."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from functools import partial
+
+import msgspec
+import zenoh
+
+from mcserver.canopen.views import DriveAccess, NoDrives
+from mcserver.errors import ServiceError
+from mcserver.net.decoding import MessageDecoder
+from mcserver.net.defects import DefectLog
+from mcserver.net.inbox import Inbox
+from mcserver.net.keys import Keys
+from mcserver.net.messages import EstopRequest, StreamLines
+from mcserver.net.methods import Bench, Methods
+from mcserver.net.qos import ack_qos, event_qos
+from mcserver.net.rpc import RpcServer
+from mcserver.net.session import NetworkOptions, Publication, ZenohSession, configuration
+from mcserver.net.telemetry import Telemetry
+from mcserver.service.jog import Jogging
+from mcserver.service.reports import ENDED, Ack, Event
+from mcserver.service.service import MachineService
+
+log = logging.getLogger(__name__)
+
+QUERIES = 2048
+STREAMED_MESSAGES = 8192
+TOKENS = 4096
+
+
+class MachineFace:
+    """Connects one `MachineService` with Zenoh. All of it runs in the loop, but what Zenoh's threads call.
+
+    Args:
+        keys: of this machine.
+        session: for everything but emergency stops from routers.
+        emergency: a session for those alone, or None where nothing is connected to.
+    """
+
+    def __init__(self, keys: Keys, session: ZenohSession, emergency: ZenohSession | None) -> None:
+        self.keys = keys
+        self._session = session
+        self._emergency = emergency
+        self._loop = asyncio.get_running_loop()
+        self._encode = msgspec.msgpack.Encoder().encode
+        self._decode_lines = MessageDecoder(StreamLines)
+        self._decode_stop = MessageDecoder(EstopRequest)
+        self._unreadable = DefectLog(log)
+        self._events: Publication = session.recoverable_publisher(keys.event, event_qos())
+        self._acks: dict[str, Publication] = {}
+        self._rpc: RpcServer | None = None
+        self._telemetry: asyncio.Task[None] | None = None
+
+    @classmethod
+    async def open(cls, machine: str, options: NetworkOptions) -> MachineFace:
+        """Opens the sessions; nothing is answered before `serve`.
+
+        Raises:
+            ServiceError: MC521, MC522.
+        """
+        session = await ZenohSession.open(
+            configuration(options, listen=options.listen, connect=options.connect)
+        )
+        emergency = None
+        if options.connect or options.emergency_listen:
+            # a link of its own, so that no full queue of other messages is before it
+            emergency = await ZenohSession.open(
+                configuration(options, listen=options.emergency_listen, connect=options.connect)
+            )
+        return cls(Keys(machine), session, emergency)
+
+    async def endpoints(self) -> list[str]:
+        """What it listens on, where a port 0 was asked for."""
+        return await self._session.endpoints()
+
+    # ------------------------------------------------------------ out
+
+    def publish_ack(self, ack: Ack) -> None:
+        """On the program's own key; its publisher lives as long as the program."""
+        publisher = self._acks.get(ack.program)
+        if publisher is None:
+            publisher = self._acks[ack.program] = self._session.publisher(
+                self.keys.ack(ack.program), ack_qos()
+            )
+        self._put(publisher, self._encode(ack))
+        if ack.state in ENDED:
+            del self._acks[ack.program]
+            publisher.undeclare()
+
+    def publish_event(self, event: Event) -> None:
+        self._put(self._events, self._encode(event))
+
+    def _put(self, publisher: Publication, payload: bytes) -> None:
+        try:
+            publisher.put(payload)
+        except zenoh.ZError as error:
+            log.warning("nothing could be published: %s", error)
+
+    # ------------------------------------------------------------ in
+
+    def serve(
+        self, service: MachineService, jogging: Jogging, bench: Bench, drives: DriveAccess | None = None
+    ) -> None:
+        """Declares what clients may use, the liveliness token last."""
+        keys, session, loop = self.keys, self._session, self._loop
+        self._rpc = RpcServer(keys, Methods(service, jogging, bench, drives or NoDrives()).table())
+        queries: Inbox[zenoh.Query] = Inbox(loop, self._rpc.on_query, limit=QUERIES, refuse=zenoh.Query.drop)
+        lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
+        tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)
+        stops: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stop, service), limit=64)
+
+        def stop(sample: zenoh.Sample) -> None:
+            # in Zenoh's thread: the executor is told before the loop comes round
+            service.port.emergency_stop()
+            stops.push(sample)
+
+        session.subscribe(keys.emergency_stop, stop)
+        if self._emergency is not None:
+            self._emergency.subscribe(keys.emergency_stop, stop)
+        session.watch_tokens(keys.client("*"), tokens.push)
+        session.subscribe(keys.lines_in("*"), lines.push)
+        session.queryable(keys.rpc("*"), queries.push)
+        session.queryable(keys.info, queries.push)
+        self._telemetry = asyncio.ensure_future(Telemetry(session, keys, service).run())
+        session.token(keys.live(service.options.instance))
+
+    async def close(self) -> None:
+        """Ends everything, within a limit."""
+        if self._telemetry is not None:
+            self._telemetry.cancel()
+            await asyncio.gather(self._telemetry, return_exceptions=True)
+        if self._rpc is not None:
+            await self._rpc.close()
+        if self._emergency is not None:
+            await self._emergency.close()
+        await self._session.close()
+
+    def _on_lines(self, service: MachineService, sample: zenoh.Sample) -> None:
+        program = str(sample.key_expr).rpartition("/")[2]
+        try:
+            message = self._decode_lines(sample.payload.to_bytes())
+        except ServiceError as error:
+            # an event for each would let a flood of them push every other event out of the memory
+            if self._unreadable.add(f"in/{program}: {error.message}"):
+                service.events.publish("warning", reason=error.code, program=program, message=error.message)
+            return
+        service.stream(program, message.first, message.lines)
+
+    def _on_token(self, service: MachineService, sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.DELETE:
+            service.client_gone(str(sample.key_expr).rpartition("/")[2])
+
+    def _on_stop(self, service: MachineService, sample: zenoh.Sample) -> None:
+        reason = ""
+        payload = sample.payload.to_bytes()
+        if payload:
+            try:
+                reason = self._decode_stop(payload).reason
+            except ServiceError as error:
+                # whatever is put there stops the machine
+                self._unreadable.add(f"estop: {error.message}")
+        service.emergency_stop("", reason)

@@ -1,0 +1,63 @@
+"""How long inverse kinematics takes for each line of a program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from mckinematics.pose import JointPath, Kinematics, Pose, ToolPath, Triple
+
+
+class TimedKinematics:
+    """`mckinematics.pose.Kinematics` that measures the time of its solutions, refused ones included.
+
+    Args:
+        kinematics: what solves.
+        clock: [s], only differences count.
+    """
+
+    def __init__(self, kinematics: Kinematics, clock: Callable[[], float]) -> None:
+        self._kinematics = kinematics
+        self._clock = clock
+        self._spent = 0.0
+
+    def take(self) -> float:
+        """Time spent on solutions since the last call [s]."""
+        spent, self._spent = self._spent, 0.0
+        return spent
+
+    @property
+    def tools(self) -> tuple[int, ...]:
+        """Numbers of the configured tools, sorted."""
+        return self._kinematics.tools
+
+    def axes(self, tool: int) -> tuple[int, ...]:
+        """Axis numbers of the tool's chain, in order."""
+        return self._kinematics.axes(tool)
+
+    def has_orientation(self, tool: int) -> bool:
+        """Whether A B C are allowed."""
+        return self._kinematics.has_orientation(tool)
+
+    def pose(self, tool: int, joints: Mapping[int, float]) -> Pose:
+        """Forward kinematics."""
+        return self._kinematics.pose(tool, joints)
+
+    def rotation_angle(self, tool: int, start: Triple, end: Triple) -> float:
+        """Angle of the single turn between two orientations [rad]."""
+        return self._kinematics.rotation_angle(tool, start, end)
+
+    def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:
+        """Joint positions for a pose; raises `KinematicsError`."""
+        began = self._clock()
+        try:
+            return self._kinematics.solve_pose(tool, pose, joints)
+        finally:
+            self._spent += self._clock() - began
+
+    def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
+        """Joint path along a tool's path; raises `KinematicsError`."""
+        began = self._clock()
+        try:
+            return self._kinematics.solve_path(tool, path, joints)
+        finally:
+            self._spent += self._clock() - began

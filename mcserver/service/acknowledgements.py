@@ -1,0 +1,34 @@
+"""Acknowledgements out: one a program for all that happened in a turn of the loop."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from mcserver.service.program import Program
+from mcserver.service.reports import Ack
+
+
+class AckSender:
+    """Gathers what is to be acknowledged until the loop comes round.
+
+    Args:
+        send: takes each acknowledgement.
+    """
+
+    def __init__(self, send: Callable[[Ack], None]) -> None:
+        self._send = send
+        self._loop = asyncio.get_running_loop()
+        self._due: dict[str, tuple[Program, int]] = {}
+
+    def acknowledge(self, program: Program, expected: int = 0) -> None:
+        """Tells how the program stands; ``expected`` answers a gap."""
+        if not self._due:
+            self._loop.call_soon(self._flush)
+        before = self._due.get(program.program, (program, 0))[1]
+        self._due[program.program] = (program, max(expected, before))
+
+    def _flush(self) -> None:
+        due, self._due = self._due, {}
+        for program, expected in due.values():
+            self._send(program.ack(expected))

@@ -1,0 +1,138 @@
+"""The port over an executor's rings and mailbox, in a process of its own or on a virtual clock."""
+
+from __future__ import annotations
+
+import threading
+from typing import Protocol
+
+from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
+from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.machine.machine_file import Machine
+from mcserver.service.executor_view import ExecutorView
+from mcserver.service.motion_port import Cycles, SlotView, Snapshot
+from mcserver.service.reports import AxisState
+
+_STATES: tuple[AxisState, ...] = (
+    "off",
+    "starting",
+    "standstill",
+    "moving",
+    "speed",
+    "torque",
+    "stopping",
+    "released",
+    "fault",
+)
+
+
+class ExecutorFaces(Protocol):
+    """What an executor offers its server: `mcserver.executor.client.ExecutorProcess`."""
+
+    @property
+    def mailbox(self) -> CommandMailbox: ...
+    @property
+    def feedback(self) -> FeedbackState: ...
+    @property
+    def history(self) -> FeedbackRing: ...
+    @property
+    def epoch(self) -> float: ...
+    @property
+    def alive(self) -> bool: ...
+    @property
+    def ending(self) -> str: ...
+    def open_slot(
+        self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
+    ) -> object: ...
+    def beat(self) -> None: ...
+    def stop(self) -> object: ...
+
+
+class ExecutorPort(ExecutorView):
+    """One machine's executor.
+
+    Args:
+        machine: its axes, in the order of the executor's columns.
+        executor: running, with at least one cycle of feedback.
+    """
+
+    def __init__(self, machine: Machine, executor: ExecutorFaces) -> None:
+        super().__init__(machine, lambda: executor.feedback)
+        self._executor = executor
+        self._closing = threading.Lock()
+
+    @property
+    def epoch(self) -> float:
+        return self._executor.epoch
+
+    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
+        self._executor.open_slot(slot, self._mask(axes), override=ratio, hold=held)
+
+    def beat(self) -> None:
+        self._executor.beat()
+
+    def hold(self, slot: int) -> None:
+        self._executor.mailbox.set_hold(True, slot)
+
+    def resume(self, slot: int) -> None:
+        self._executor.mailbox.resume(slot)
+
+    def override(self, slot: int, ratio: float) -> None:
+        self._executor.mailbox.set_override(ratio, slot)
+
+    def abort(self, slot: int) -> None:
+        self._executor.mailbox.abort(slot)
+
+    def stop_all(self) -> None:
+        self._executor.mailbox.stop()
+
+    def emergency_stop(self) -> None:
+        self._executor.mailbox.emergency_stop()
+
+    def reset(self, axes: frozenset[int]) -> None:
+        self._executor.mailbox.reset(self._mask(axes))
+
+    def snapshot(self) -> Snapshot:
+        latest = self._executor.feedback
+        return Snapshot(
+            time=latest.time,
+            setpoint=latest.setpoint,
+            position=latest.actual,
+            velocity=latest.actual_velocity,
+            torque=latest.torque,
+            states=[_STATES[condition] for condition in latest.condition.tolist()],
+            slots=[SlotView(slot.u, slot.rate) for slot in latest.slots],
+            late_cycles=latest.late_cycles,
+        )
+
+    def cycles_since(self, cycle: int, limit: int) -> Cycles | None:
+        history = self._executor.history
+        if cycle < 0:
+            cycle = max(0, history.written - limit)
+        if history.written - cycle < limit:
+            # a whole message or none
+            return None
+        first, rows = history.since(cycle, limit)
+        if len(rows) == 0:
+            return None
+        return Cycles(
+            first=first,
+            start=float(history.time_of(rows)[0]),
+            setpoint=history.block(rows, "setpoint"),
+            position=history.block(rows, "actual"),
+            velocity=history.block(rows, "actual_velocity"),
+            torque=history.block(rows, "torque"),
+        )
+
+    def ending(self) -> str:
+        """How the executor came to its end; empty while it runs."""
+        return self._executor.ending
+
+    def alive(self) -> bool:
+        return self._executor.alive
+
+    def close(self) -> None:
+        if self._closing.acquire(blocking=False):
+            self._executor.stop()
+
+    def _mask(self, axes: frozenset[int]) -> int:
+        return sum(1 << self._columns[axis] for axis in axes)

@@ -1,0 +1,54 @@
+"""Faults that stay until the reset, or until no axis has them latched any more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from mcserver.service.reports import AxisState, Fault
+
+LATCHED_FAULTS = 64
+# feedback may show the latch a moment after the event
+FAULT_SHOWN_S = 0.5
+
+
+class FaultLatch:
+    """The latched faults of one machine, oldest first; at most `LATCHED_FAULTS`.
+
+    Args:
+        now: executor time [s].
+        on_latched: called with each fault that is kept.
+    """
+
+    def __init__(self, now: Callable[[], float], on_latched: Callable[[Fault], None]) -> None:
+        self._now = now
+        self._on_latched = on_latched
+        self._faults: list[Fault] = []
+
+    def __len__(self) -> int:
+        return len(self._faults)
+
+    def __iter__(self) -> Iterator[Fault]:
+        return iter(self._faults)
+
+    def latch(self, fault: Fault) -> None:
+        """Keeps a fault, unless its axis has one of the same code already."""
+        known = any((other.code, other.axis) == (fault.code, fault.axis) for other in self._faults)
+        if not known and len(self._faults) < LATCHED_FAULTS:
+            self._faults.append(fault)
+            self._on_latched(fault)
+
+    def clear(self) -> None:
+        """Drops all: the reset."""
+        self._faults.clear()
+
+    def forget_cleared(self, states: Mapping[int, AxisState]) -> bool:
+        """Drops faults that no axis has latched any more; True if none is left of some."""
+        since = self._now() - FAULT_SHOWN_S
+        kept = [
+            fault
+            for fault in self._faults
+            if fault.t > since or (fault.axis is not None and states.get(fault.axis) == "fault")
+        ]
+        cleared = bool(self._faults) and not kept
+        self._faults = kept
+        return cleared

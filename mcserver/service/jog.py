@@ -1,0 +1,125 @@
+"""Moves of one axis by hand, each a program of its own with a lease on that axis.
+
+A jog without a distance runs on while its client asks for it again; when that stops, the axis stops. So a
+button that nobody releases, because the network broke, cannot keep an axis moving.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+from mcserver.machine.machine_file import Axis
+from mcserver.service.program import Program
+from mcserver.service.refusals import Refused
+from mcserver.service.service import MachineService
+
+DEFAULT_HOLD_S = 0.5
+# the longest jog without an end, at its velocity, where the axis has no limit
+ENDLESS_S = 600.0
+DEFAULT_SHARE = 0.1
+
+
+class Jogging:
+    """Jogs of one machine. All of it runs in the loop."""
+
+    def __init__(self, service: MachineService) -> None:
+        self._service = service
+        self._watches: dict[str, asyncio.TimerHandle] = {}
+
+    async def jog(
+        self,
+        client: str,
+        axis_index: int,
+        *,
+        distance: float | None,
+        velocity: float | None,
+        hold_s: float | None,
+        program_id: str | None,
+    ) -> str:
+        """Starts a jog, or keeps ``program_id`` alive; returns the program's id.
+
+        Args:
+            distance: [mm, deg], signed; None: on until stopped. velocity: [mm/s, deg/s].
+
+        Raises:
+            ServiceError: MC507 no such axis, MC511 a velocity of 0 or none, MC512 the axis is leased.
+        """
+        if program_id is not None:
+            return self._keep(client, program_id, hold_s)
+        axis = self._service.machine.axis(axis_index)
+        if axis is None:
+            raise Refused(
+                "MC507",
+                f"the machine {self._service.machine.name} has no axis {axis_index}",
+                "see `info`",
+                axis=axis_index,
+            )
+        holder = self._service.holder(axis_index)
+        if holder is not None:
+            raise Refused(
+                "MC512", f"axis {axis_index} is leased to {holder}", "abort it first", program=holder
+            )
+        move = self._move(axis, distance, velocity)
+        if distance is None and hold_s is None:
+            hold_s = DEFAULT_HOLD_S
+        program = await self._service.open(client, name=f"jog axis {axis_index}", axes=[axis_index])
+        try:
+            await self._service.submit(client, program.program, 1, [f"G1010 P{axis_index}", move])
+        except Exception:
+            self._service.abort(program.program, "the jog was refused")
+            raise
+        self._service.close(client, program.program)
+        if hold_s is not None:
+            self._watch(program.program, hold_s)
+        return program.program
+
+    def _keep(self, client: str, program_id: str, hold_s: float | None) -> str:
+        program = self._service.program(program_id)
+        if program.client != client:
+            raise Refused("MC504", f"{program_id} belongs to {program.client}", "", program=program_id)
+        watch = self._watches.pop(program_id, None)
+        if watch is None or program.ended or program.state == "ending":
+            raise Refused("MC517", f"{program_id} is no jog under way", "start another", state=program.state)
+        watch.cancel()
+        self._watch(program_id, hold_s if hold_s is not None else DEFAULT_HOLD_S)
+        return program_id
+
+    def _watch(self, program_id: str, hold_s: float) -> None:
+        loop = asyncio.get_running_loop()
+        self._watches[program_id] = loop.call_later(hold_s, self._let_go, program_id)
+
+    def _let_go(self, program_id: str) -> None:
+        self._watches.pop(program_id, None)
+        program = self._found(program_id)
+        if program is not None and not program.ended:
+            self._service.abort(program_id, "the jog was let go")
+
+    def _found(self, program_id: str) -> Program | None:
+        try:
+            return self._service.program(program_id)
+        except Refused:
+            return None
+
+    def _move(self, axis: Axis, distance: float | None, velocity: float | None) -> str:
+        scale = axis.type.si_per_unit
+        limit = axis.max_velocity / scale
+        if velocity is None and distance is not None:
+            velocity = limit * DEFAULT_SHARE
+        if velocity is None or velocity == 0.0 or not math.isfinite(velocity):
+            raise Refused(
+                "MC511", f"a jog needs a velocity, not {velocity}", "give its sign for the direction"
+            )
+        speed = min(abs(velocity), limit)
+        if distance is None:
+            return self._endless(axis, math.copysign(speed, velocity))
+        if not math.isfinite(distance):
+            raise Refused("MC511", f"{distance} is no distance", "leave it out for a jog without an end")
+        return f"G94 F{60.0 * speed:.6f} G91 G01 [{axis.index}]{distance:.6f}"
+
+    def _endless(self, axis: Axis, velocity: float) -> str:
+        feed = f"G94 F{60.0 * abs(velocity):.6f}"
+        limit = (axis.max_position if velocity > 0.0 else axis.min_position) / axis.type.si_per_unit
+        if math.isfinite(limit):
+            return f"{feed} G90 G01 [{axis.index}]{limit:.6f}"
+        return f"{feed} G91 G01 [{axis.index}]{velocity * ENDLESS_S:.6f}"

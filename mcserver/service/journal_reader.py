@@ -1,0 +1,104 @@
+"""Reading the service journal: what ran before, and its lines for a resumption."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from mcserver.service.refusals import Refused
+from mcserver.service.reports import Fault, LineReport, ProgramStatus
+
+_COLUMNS = (
+    "program, client, name, axes, start_line, resume_of, state, started, done, fault, opened_at, ended_at,"
+    " (SELECT max(last) FROM chunks WHERE chunks.program = programs.program)"
+)
+
+
+@contextlib.contextmanager
+def _reading(path: Path) -> Iterator[sqlite3.Connection]:
+    # a connection of its own: in WAL mode readers do not hold up the writer
+    with contextlib.closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
+        yield connection
+
+
+def read_programs(path: Path, *, limit: int, program: str | None = None) -> list[ProgramStatus]:
+    """Programs in the journal, newest first; those of this instance included.
+
+    A program that was never ended counts as ``interrupted``; whoever runs now knows better about its own.
+    """
+    where, values = ("WHERE program=?", (program, limit)) if program else ("", (limit,))
+    with _reading(path) as connection:
+        rows = connection.execute(
+            f"SELECT {_COLUMNS} FROM programs {where} ORDER BY id DESC LIMIT ?", values
+        ).fetchall()
+    found = []
+    for name, client, title, axes, start, resume_of, state, started, done, fault, opened, ended, last in rows:
+        found.append(
+            ProgramStatus(
+                program=name,
+                state=state or "interrupted",
+                client=client,
+                name=title,
+                axes=[int(axis) for axis in axes.split(",") if axis],
+                start_line=start,
+                line=started,
+                accepted=max(start - 1, last or 0),
+                done=done,
+                credit=0,
+                closed=True,
+                override=100.0,
+                progress=_share(done - start + 1, max(start - 1, last or 0) - start + 1),
+                fault=None if fault is None else msgspec.msgpack.decode(fault, type=Fault),
+                resume_of=resume_of,
+                opened_at=opened,
+                ended_at=ended,
+            )
+        )
+    return found
+
+
+def _share(done: int, lines: int) -> float:
+    return min(1.0, max(0.0, done / lines)) if lines > 0 else 0.0
+
+
+def read_lines_before(path: Path, program: str, line: int) -> list[str]:
+    """Lines 1 … line - 1 of a program, for its modal state.
+
+    Raises:
+        ServiceError: MC503 no such program; MC514 the journal does not hold all of these lines.
+    """
+    with _reading(path) as connection:
+        known = connection.execute("SELECT 1 FROM programs WHERE program=?", (program,)).fetchone()
+        rows = connection.execute(
+            "SELECT first, last, lines FROM chunks WHERE program=? AND first<? ORDER BY first",
+            (program, line),
+        ).fetchall()
+    if known is None:
+        raise Refused("MC503", f"there is no program {program}", "list them with `programs`", program=program)
+    lines: list[str] = []
+    for first, last, blob in rows:
+        if first != len(lines) + 1:
+            break
+        lines.extend(msgspec.msgpack.decode(blob, type=list[str])[: last - first + 1])
+    if len(lines) < line - 1:
+        held = f"{rows[0][0]} … {rows[-1][1]}" if rows else "none"
+        raise Refused(
+            "MC514",
+            f"of lines 1 … {line - 1} of {program} the journal holds {held}",
+            "send the lines before with `before`, or start from line 1",
+            oldest_line=rows[0][0] if rows else 0,
+        )
+    return lines[: line - 1]
+
+
+def read_reports(path: Path, program: str) -> list[LineReport]:
+    """Times of the lines that have ended, in order."""
+    with _reading(path) as connection:
+        rows = connection.execute(
+            "SELECT blob FROM reports WHERE program=? ORDER BY id", (program,)
+        ).fetchall()
+    return [report for (blob,) in rows for report in msgspec.msgpack.decode(blob, type=list[LineReport])]

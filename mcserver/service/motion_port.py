@@ -1,0 +1,124 @@
+"""The executor as the service sees it: what it can be told and what it tells.
+
+One implementation drives a real executor process, one a virtual clock; tests bring their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.executor.entries import ExecutorEvent, MotionSink
+from mcserver.service.reports import AxisState
+
+Array = NDArray[np.float64]
+
+
+class Cycles(msgspec.Struct, frozen=True):
+    """A run of consecutive cycles, as the drives reported them, in SI.
+
+    Attributes:
+        first: number of the first cycle. start: its executor time [s].
+        setpoint, position, velocity, torque: shape (n, K) over the machine's axes [m, rad; per s; N·m].
+    """
+
+    first: int
+    start: float
+    setpoint: Array
+    position: Array
+    velocity: Array
+    torque: Array
+
+
+class SlotView(msgspec.Struct, frozen=True):
+    """One executor slot: where its program is on its time axis, and how fast that passes."""
+
+    u: float
+    rate: float
+
+
+class Snapshot(msgspec.Struct, frozen=True):
+    """The machine in its newest cycle, in SI; arrays of shape (K,)."""
+
+    time: float
+    setpoint: Array
+    position: Array
+    velocity: Array
+    torque: Array
+    states: Sequence[AxisState]
+    slots: Sequence[SlotView]
+    late_cycles: int
+
+
+class PlannerPort(Protocol):
+    """The executor as the planner sees it; all of it belongs to the planner's thread."""
+
+    def poll_events(self) -> list[ExecutorEvent]:
+        """Events since the last call, in order."""
+
+    def slots(self) -> Sequence[SlotView]:
+        """Where every slot's program is now."""
+
+    def sink(self, slot: int) -> MotionSink:
+        """Where a program that begins in the slot puts its rows and control entries."""
+
+
+class MotionPort(Protocol):
+    """Commands to the executor and reports from it.
+
+    `beat` belongs to the heartbeat's thread; `emergency_stop` and what only reads may be called from any
+    thread; all else belongs to the loop.
+    """
+
+    @property
+    def epoch(self) -> float:
+        """Unix time of executor time 0 [s]."""
+
+    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
+        """Empties the slot's rings and starts its time axis at 0; ``ratio`` is the override."""
+
+    def beat(self) -> None:
+        """Says that the server is alive; without it motion stops."""
+
+    def slots(self) -> Sequence[SlotView]:
+        """Where every slot's program is now."""
+
+    def hold(self, slot: int) -> None:
+        """Ramps the slot's rate to 0 along the path."""
+
+    def resume(self, slot: int) -> None:
+        """Ramps the rate back; ends M00 and M01."""
+
+    def override(self, slot: int, ratio: float) -> None:
+        """Feed override, 1 as programmed."""
+
+    def abort(self, slot: int) -> None:
+        """Stops along the path, empties the rings and reports STOPPED."""
+
+    def stop_all(self) -> None:
+        """Aborts every program and stops every axis within its limits; axes stay energized."""
+
+    def emergency_stop(self) -> None:
+        """Stops every axis as its drive's emergency stop does; latched until `reset`."""
+
+    def reset(self, axes: frozenset[int]) -> None:
+        """Clears latched faults of these axes, and the emergency stop."""
+
+    def snapshot(self) -> Snapshot:
+        """The newest cycle."""
+
+    def cycles_since(self, cycle: int, limit: int) -> Cycles | None:
+        """Up to ``limit`` cycles from number ``cycle`` on, or later where these are gone; None: none yet."""
+
+    def ending(self) -> str:
+        """How the executor came to its end, for a message; empty while it runs."""
+
+    def alive(self) -> bool:
+        """Whether the executor runs."""
+
+    def close(self) -> None:
+        """Stops motion, releases the axes and ends the executor."""

@@ -1,0 +1,189 @@
+"""One program as the service keeps it: its numbers, its state, and who waits for it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from enum import IntEnum
+
+import msgspec
+
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.service.deferred import Deferred
+from mcserver.service.line_queue import LineQueue
+from mcserver.service.progress import LineProgress
+from mcserver.service.reports import (
+    ENDED,
+    Ack,
+    Fault,
+    OnDisconnect,
+    ProgramState,
+    ProgramStatus,
+    WireDiagnostic,
+)
+
+
+class Verdict(IntEnum):
+    """What a waiting submit learns."""
+
+    TAKEN = 0
+    REJECTED = 1
+
+
+class Reached(msgspec.Struct, frozen=True):
+    """What the journal holds once it has written this far: lines through ``done`` have ended."""
+
+    program: str
+    done: int
+
+
+class Program:
+    """Bookkeeping of one open or lately ended program; belongs to the loop."""
+
+    def __init__(
+        self,
+        program: str,
+        *,
+        client: str,
+        name: str,
+        axes: Sequence[int],
+        on_disconnect: OnDisconnect,
+        start_line: int,
+        step: bool,
+        resume_of: str | None,
+        opened_at: float,
+        queue: LineQueue,
+    ) -> None:
+        self.program = program
+        self.client = client
+        self.name = name
+        self.axes = tuple(axes)
+        self.on_disconnect = on_disconnect
+        self.start_line = start_line
+        self.step = step
+        self.resume_of = resume_of
+        self.opened_at = opened_at
+        self.queue = queue
+        self.state: ProgramState = "queued"
+        # for the pipeline, until it begins
+        self.modal: ModalState | None = None
+        self.slot: int | None = None
+        # counts rejections: what the planner says about lines of an earlier epoch no longer matters
+        self.epoch = 0
+        self.journaled = start_line - 1
+        self.judged = start_line - 1
+        self.progress = LineProgress(start_line)
+        # where what has been planned ends on the executor's time axis of this program [cycles]
+        self.planned_end_u: float | None = None
+        # lines through this one have ended and are in the journal as such
+        self.recorded = start_line - 1
+        self.eta_s: float | None = None
+        self.closed = False
+        self.held = False
+        self.override = 1.0
+        self.rejected = 0
+        self.diagnostics: list[WireDiagnostic] = []
+        self.fault: Fault | None = None
+        self.ended_at: float | None = None
+        self.ended_as: ProgramState = "finished"
+        self.reason = ""
+        # what the client was last told
+        self.told_credit = queue.limit
+        self.told_started = 0
+        self.told_done = start_line - 1
+        self.told_accepted = start_line - 1
+        self._waiting: deque[tuple[int, Deferred[Verdict]]] = deque()
+        self._waiting_for_journal: deque[tuple[int, Deferred[Verdict]]] = deque()
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ENDED
+
+    @property
+    def done(self) -> int:
+        """Every line through this one has ended or needed no time."""
+        return min(self.progress.done, self.journaled)
+
+    @property
+    def takes_lines(self) -> bool:
+        return not self.closed and not self.ended and self.state != "ending"
+
+    def ack(self, expected: int = 0) -> Ack:
+        """The cumulative acknowledgement; ``expected`` answers a gap."""
+        self.told_credit = self.credit
+        return Ack(
+            program=self.program,
+            accepted=self.journaled,
+            # an end is told once it is in the journal, which the program's own end is a part of
+            done=self.done if self.ended else min(self.done, self.recorded),
+            credit=self.told_credit,
+            state=self.state,
+            rejected=self.rejected,
+            diagnostics=self.diagnostics,
+            fault=self.fault,
+            expected=expected,
+        )
+
+    @property
+    def credit(self) -> int:
+        """Lines that fit after the last one journaled."""
+        if not self.takes_lines:
+            return 0
+        return self.queue.credit + self.queue.accepted - self.journaled
+
+    def status(self) -> ProgramStatus:
+        total = self.journaled - self.start_line + 1
+        return ProgramStatus(
+            program=self.program,
+            state=self.state,
+            client=self.client,
+            name=self.name,
+            axes=list(self.axes),
+            start_line=self.start_line,
+            line=self.progress.started,
+            accepted=self.journaled,
+            done=self.done,
+            credit=self.credit,
+            closed=self.closed,
+            override=round(100.0 * self.override, 6),
+            progress=min(1.0, max(0.0, (self.done - self.start_line + 1) / total)) if total else 0.0,
+            eta_s=None if self.ended else self.eta_s,
+            fault=self.fault,
+            rejected=self.rejected,
+            diagnostics=self.diagnostics,
+            resume_of=self.resume_of,
+            opened_at=self.opened_at,
+            ended_at=self.ended_at,
+        )
+
+    def wait_for(self, through: int, verdict: Deferred[Verdict], *, judged: bool) -> None:
+        """``verdict`` comes once lines through this number are journaled and, if asked for, ``judged``."""
+        (self._waiting if judged else self._waiting_for_journal).append((through, verdict))
+        self.settle()
+
+    def settle(self) -> None:
+        """Tells those whose lines are journaled and, where the program runs, judged."""
+        judged = self.journaled
+        while self._waiting_for_journal and self._waiting_for_journal[0][0] <= judged:
+            self._waiting_for_journal.popleft()[1].resolve(Verdict.TAKEN)
+        if self.state not in ("queued", "ending") and not self.step and not self.ended:
+            judged = min(judged, self.judged)
+        while self._waiting and self._waiting[0][0] <= judged:
+            self._waiting.popleft()[1].resolve(Verdict.TAKEN)
+
+    def reject(self, line: int, diagnostics: list[WireDiagnostic]) -> None:
+        """Line ``line`` is faulty; it is the next one expected again."""
+        self.epoch += 1
+        self.rejected = line
+        self.diagnostics = diagnostics
+        self.queue.reject(line)
+        self.journaled = min(self.journaled, line - 1)
+        self.judged = max(self.judged, line - 1)
+        self.settle()
+        self.dismiss(Verdict.REJECTED)
+
+    def dismiss(self, verdict: Verdict) -> None:
+        """Answers all that still wait."""
+        for waiting in (self._waiting, self._waiting_for_journal):
+            while waiting:
+                waiting.popleft()[1].resolve(verdict)

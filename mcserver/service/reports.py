@@ -1,0 +1,219 @@
+"""What the service tells: acknowledgements, states, line reports and events.
+
+These are wire types too (`mcserver.net.messages` publishes them): MessagePack maps. Positions are in mm
+(linear axes) or deg (rotary axes), velocities in mm/s or deg/s, torques in N·m, times in seconds since the
+executor's start. Fields that are added later have a default.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from mcserver.canopen.drive_events import CanopenEventKind
+from mcserver.errors import Diagnostic
+
+ProgramState = Literal[
+    "queued",  # waits for its axes
+    "running",
+    "held",  # feed hold, along the path
+    "paused",  # M00, M01
+    "ending",  # closed or aborted: what is there still runs or stops
+    "finished",  # everything accepted has been done
+    "aborted",  # stopped by an operator, its client or its client's disappearance
+    "rejected",  # ended at a line with a fault found while planning
+    "faulted",  # ended by a fault of the machine
+    "interrupted",  # the server that ran it went away
+]
+MachineState = Literal["ready", "fault", "estop"]
+AxisState = Literal[
+    "off", "starting", "standstill", "moving", "speed", "torque", "stopping", "released", "fault"
+]
+OnDisconnect = Literal["finish", "stop"]
+ENDED: frozenset[ProgramState] = frozenset({"finished", "aborted", "rejected", "faulted", "interrupted"})
+EventKind = Literal[
+    "server.started",
+    "server.stopping",
+    "program.opened",
+    "program.started",
+    "program.held",
+    "program.resumed",
+    "program.paused",
+    "program.closed",
+    "program.ended",
+    "lines.started",
+    "lines.ended",
+    "line.rejected",
+    "fault",
+    "warning",
+    "estop",
+    "reset",
+    "override",
+    "client.gone",
+    CanopenEventKind,
+]
+
+
+class WireDiagnostic(Diagnostic, frozen=True, omit_defaults=True):
+    """One fault of a program, placed in its text; ``line`` is the client's line number."""
+
+
+def wire_diagnostic(diagnostic: Diagnostic) -> WireDiagnostic:
+    """The wire's form of a diagnostic."""
+    return WireDiagnostic(**msgspec.structs.asdict(diagnostic))
+
+
+class Fault(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What stopped motion: a stable code, the axis and the line where they apply."""
+
+    code: str
+    message: str
+    hint: str = ""
+    axis: int | None = None
+    line: int = 0
+    program: str | None = None
+    t: float = 0.0
+
+
+class Ack(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Payload of ``ack/{program}``: cumulative, so that a lost one does not matter.
+
+    Attributes:
+        accepted: lines through this number are taken and journaled.
+        done: lines through this number have ended.
+        credit: how many lines after ``accepted`` fit now.
+        state: the program's.
+        rejected: number of the line that was found faulty; it is the next one expected. 0: none.
+        diagnostics: what is wrong with it.
+        fault: what stopped the program.
+        expected: set where the message acknowledged held a gap: the number that is expected.
+    """
+
+    program: str
+    accepted: int
+    done: int
+    credit: int
+    state: ProgramState
+    rejected: int = 0
+    diagnostics: list[WireDiagnostic] = []
+    fault: Fault | None = None
+    expected: int = 0
+
+
+class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One program.
+
+    Attributes:
+        line: the line under way; 0: none yet.
+        progress: share of the accepted lines that are done, 0 … 1.
+        eta_s: until the end of what is planned [s].
+        opened_at, ended_at: Unix time [s].
+    """
+
+    program: str
+    state: ProgramState
+    client: str
+    name: str
+    axes: list[int]
+    start_line: int
+    line: int
+    accepted: int
+    done: int
+    credit: int
+    closed: bool
+    override: float
+    progress: float
+    opened_at: float
+    eta_s: float | None = None
+    fault: Fault | None = None
+    rejected: int = 0
+    diagnostics: list[WireDiagnostic] = []
+    resume_of: str | None = None
+    ended_at: float | None = None
+
+
+class AxesStatus(msgspec.Struct, frozen=True):
+    """All axes, column-wise: every list has one entry for each of ``index``."""
+
+    index: list[int]
+    position: list[float]
+    setpoint: list[float]
+    velocity: list[float]
+    torque: list[float]
+    state: list[AxisState]
+
+
+class ToolPose(msgspec.Struct, frozen=True):
+    """Where a tool's frame is: ``[x, y, z]`` in mm, ``[a, b, c]`` in deg."""
+
+    number: int
+    position: list[float]
+    orientation: list[float]
+
+
+class MachineStatus(msgspec.Struct, frozen=True):
+    """Payload of ``tele/state`` and reply of ``status``.
+
+    Attributes:
+        seq: counts the messages of this instance. t: executor time [s]. wall: Unix time of ``t`` [s].
+        override: machine-wide feed override [%].
+        late_cycles: cycles that began too late, since the start.
+    """
+
+    seq: int
+    t: float
+    wall: float
+    instance: str
+    state: MachineState
+    axes: AxesStatus
+    programs: list[ProgramStatus]
+    faults: list[Fault]
+    override: float = 100.0
+    late_cycles: int = 0
+    tools: list[ToolPose] = []
+
+
+class LineReport(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Time of one line that has ended.
+
+    Attributes:
+        start_s, end_s: executor time [s].
+        requested_s: None for what asks for no time.
+        stretched_by: actual / requested; None without a requested time.
+        bound_by: the limit that stretched it, such as ``axis 2 acceleration``.
+    """
+
+    line: int
+    start_s: float
+    end_s: float
+    requested_s: float | None = None
+    stretched_by: float | None = None
+    bound_by: str | None = None
+
+
+class Event(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Payload of ``event``; ``seq`` has no gap within one ``instance``.
+
+    Attributes:
+        kind: says which of the others are set (docs/keyspace.md).
+        lines: for ``lines.ended``. line: the last line started for ``lines.started``; the line of a fault.
+        reason: why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code.
+        axis: of a drive's event.
+    """
+
+    seq: int
+    t: float
+    instance: str
+    kind: EventKind
+    program: str | None = None
+    client: str | None = None
+    state: ProgramState | None = None
+    line: int = 0
+    lines: list[LineReport] = []
+    fault: Fault | None = None
+    diagnostics: list[WireDiagnostic] = []
+    reason: str = ""
+    message: str = ""
+    percent: float | None = None
+    axis: int | None = None

@@ -1,0 +1,94 @@
+"""What a simulation keeps of every cycle: extremes always, rows if asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.machine.machine_file import Machine
+from mcserver.simulation.tool_poses import ToolPoses
+
+Array = NDArray[np.float64]
+
+_BLOCK = 8192
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One row a cycle in mm and degrees (interfaces.md, ``--output``).
+
+    Attributes:
+        time_s, line: shape (N,). axes: shape (K,), axis numbers. setpoint, actual: shape (N, K).
+        tools: by tool number the poses that the setpoints give, shape (N, 6): X Y Z A B C [mm, deg].
+    """
+
+    time_s: Array
+    line: Array
+    axes: Array
+    setpoint: Array
+    actual: Array
+    tools: Mapping[int, Array] = field(default_factory=dict)
+
+    def with_tools(self, machine: Machine, poses: ToolPoses) -> Recorded:
+        """The same run with the poses of all the machine's tools."""
+        scale = np.array([axis.type.si_per_unit for axis in machine.axes])
+        positions = self.setpoint * scale
+        return replace(self, tools={tool: poses.of(tool, positions) for tool in poses.numbers})
+
+
+class Recorder:
+    """Called once a cycle by the virtual executor.
+
+    Attributes:
+        line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape
+        (K,) [SI].
+    """
+
+    def __init__(self, machine: Machine, keep: bool) -> None:
+        self._machine = machine
+        self._keep = keep
+        start = np.array([axis.initial_position for axis in machine.axes])
+        self.low: Array = start.copy()
+        self.high: Array = start.copy()
+        self.last: Array = start.copy()
+        self.line = 0
+        self._width = len(machine.axes)
+        self._blocks: list[Array] = []
+        self._fill = _BLOCK
+
+    def __call__(self, time: float, line: int, setpoint: Array, actual: Array) -> None:
+        np.minimum(self.low, setpoint, out=self.low)
+        np.maximum(self.high, setpoint, out=self.high)
+        self.last[:] = setpoint
+        self.line = line
+        if not self._keep:
+            return
+        if self._fill == _BLOCK:
+            self._blocks.append(np.empty((_BLOCK, 2 + 2 * self._width)))
+            self._fill = 0
+        row = self._blocks[-1][self._fill]
+        row[0] = time
+        row[1] = line
+        row[2 : 2 + self._width] = setpoint
+        row[2 + self._width :] = actual
+        self._fill += 1
+
+    def recording(self) -> Recorded | None:
+        """All cycles, if they were kept."""
+        if not self._keep:
+            return None
+        if not self._blocks:
+            rows = np.empty((0, 2 + 2 * self._width))
+        else:
+            rows = np.concatenate([*self._blocks[:-1], self._blocks[-1][: self._fill]])
+        scale = np.array([axis.type.si_per_unit for axis in self._machine.axes])
+        return Recorded(
+            time_s=rows[:, 0].copy(),
+            line=rows[:, 1].copy(),
+            axes=np.array([float(axis.index) for axis in self._machine.axes]),
+            setpoint=rows[:, 2 : 2 + self._width] / scale,
+            actual=rows[:, 2 + self._width :] / scale,
+        )

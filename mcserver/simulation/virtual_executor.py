@@ -1,0 +1,121 @@
+"""The executor in this process, on a virtual clock, with rings in memory: for `mcserver simulate` and
+tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from mcserver.drives.bus import DriveBus
+from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
+from mcserver.executor.entries import ExecutorEvent
+from mcserver.executor.executor import Executor
+from mcserver.executor.headroom import Array, AxisLimits
+from mcserver.executor.shm.event_ring import EventRing
+from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
+from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
+from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
+from mcserver.machine.machine_file import Machine
+
+Recorder = Callable[[float, int, Array, Array], None]
+
+
+class VirtualExecutor:
+    """An executor whose time passes as `step` is called.
+
+    Args:
+        buses: drives of another make; None: as the machine file says, those on CAN simulated.
+
+    Attributes:
+        mailbox: orders to it. recorder: called after each cycle with (t, line, setpoint (K,), actual (K,));
+            the arrays are the executor's own, to be copied. executor: the executor itself.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        *,
+        slots: int = SLOTS,
+        buses: Sequence[DriveBus] | None = None,
+        rows: int = ROWS,
+        controls: int = CONTROLS,
+        recorder: Recorder | None = None,
+    ) -> None:
+        axes = len(machine.axes)
+        limits = AxisLimits.of(machine)
+        self.machine = machine
+        self.mailbox = CommandMailbox(None, slots)
+        self.mailbox.initialise()
+        self.recorder = recorder
+        self._rings = tuple(ProgramRing(None, rows, controls, axes, limits) for _ in range(slots))
+        self._events = EventRing(None, axes)
+        self._feedback = FeedbackRing(None, axes, slots)
+        self.buses = list(create_buses(machine, VIRTUAL_FACTORIES) if buses is None else buses)
+        self.executor = Executor(machine, self.buses, self._rings, self.mailbox, self._feedback, self._events)
+        self._cycles = 0
+
+    def open_slot(
+        self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
+    ) -> ProgramRing:
+        """Begins a program in a free slot; without a mask on all axes.
+
+        Returns:
+            Where its rows and control entries are put.
+        """
+        ring = self._rings[slot]
+        mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
+        self.mailbox.open_slot(slot, mask, ring.restart(), override=override, hold=hold)
+        return ring
+
+    def sink(self, slot: int) -> ProgramRing:
+        """Where the program in a slot puts its rows and control entries."""
+        return self._rings[slot]
+
+    def u(self, slot: int) -> float:
+        """Where the program in a slot is on its time axis [cycles]."""
+        return self.executor.u(slot)
+
+    def step(self, cycles: int = 1) -> None:
+        """Lets cycles pass."""
+        executor, recorder = self.executor, self.recorder
+        cycle_s = self.machine.cycle_s
+        for number in range(self._cycles, self._cycles + cycles):
+            executor.cycle(number * cycle_s)
+            if recorder is not None:
+                recorder(executor.time, executor.line(), executor.row.setpoint, executor.row.actual)
+        self._cycles += cycles
+
+    def events(self) -> list[ExecutorEvent]:
+        """Reports since the last call, in order."""
+        return self._events.take()
+
+    @property
+    def feedback(self) -> FeedbackState:
+        """The latest cycle.
+
+        Raises:
+            RuntimeError: no cycle has passed.
+        """
+        state = self._feedback.latest()
+        if state is None:
+            raise RuntimeError("no cycle has passed yet")
+        return state
+
+    @property
+    def history(self) -> FeedbackRing:
+        """The latest cycles."""
+        return self._feedback
+
+    @property
+    def time(self) -> float:
+        """Executor time of the next cycle [s]."""
+        return self._cycles * self.machine.cycle_s
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no program runs and no positioned axis is commanded to move."""
+        return self.executor.at_rest
+
+    def close(self) -> None:
+        """Gives the drives back."""
+        self.executor.close()

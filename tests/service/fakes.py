@@ -1,0 +1,267 @@
+"""An executor and pipelines that need no machine: lines run at once, or wait until a test lets them go."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mcserver.errors import Diagnostic, ProgramRejected
+from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.planning.pipeline_reports import Report, ReportKind
+from mcserver.planning.planner_messages import Deliver, PipelineRequest
+from mcserver.planning.planner_thread import PlannerThread
+from mcserver.service.motion_port import Cycles, SlotView, Snapshot
+from mcserver.service.reports import AxisState
+
+THREE_AXES = """
+[machine]
+name = "{name}"
+[[axis]]
+index = 0
+type = "linear"
+max_velocity = 100.0
+max_acceleration = 1000.0
+min_position = -500.0
+max_position = 500.0
+drive = {{ kind = "ideal" }}
+[[axis]]
+index = 1
+type = "linear"
+max_velocity = 100.0
+max_acceleration = 1000.0
+drive = {{ kind = "ideal" }}
+[[axis]]
+index = 2
+type = "rotary"
+max_velocity = 360.0
+max_acceleration = 3600.0
+drive = {{ kind = "ideal" }}
+"""
+
+
+def three_axes(name: str = "bench") -> Machine:
+    """Linear axes 0 and 1, rotary axis 2."""
+    return parse_machine(THREE_AXES.format(name=name))
+
+
+class FakePort:
+    """Remembers what it was told, and reports what pipelines and tests make happen."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self.epoch = time.time()
+        self.calls: list[tuple[object, ...]] = []
+        self.beats = 0
+        self.closed = False
+        self.stops_at_once = True
+        self.cycle = 0
+        self.states: list[AxisState] = ["standstill"] * len(machine.axes)
+        self._events: deque[ExecutorEvent] = deque()
+        self._lock = threading.Lock()
+
+    def happen(self, kind: EventKind, slot: int, line: int = 0, **values: object) -> None:
+        """Queues an event."""
+        stamped = {"time": time.time() - self.epoch, **values}
+        event = ExecutorEvent(kind=kind, program=slot, line=line, **stamped)
+        with self._lock:
+            self._events.append(event)
+
+    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
+        self.calls.append(("begin", slot, axes, ratio, held))
+
+    def sink(self, slot: int) -> MotionSink:
+        return FakeSink(self, slot)
+
+    def poll_events(self) -> list[ExecutorEvent]:
+        with self._lock:
+            events = list(self._events)
+            self._events.clear()
+        return events
+
+    def beat(self) -> None:
+        self.beats += 1
+
+    def slots(self) -> list[SlotView]:
+        return [SlotView(0.0, 1.0)] * 8
+
+    def hold(self, slot: int) -> None:
+        self.calls.append(("hold", slot))
+
+    def resume(self, slot: int) -> None:
+        self.calls.append(("resume", slot))
+
+    def override(self, slot: int, ratio: float) -> None:
+        self.calls.append(("override", slot, ratio))
+
+    def abort(self, slot: int) -> None:
+        self.calls.append(("abort", slot))
+        if self.stops_at_once:
+            self.happen(EventKind.STOPPED, slot)
+
+    def stop_all(self) -> None:
+        self.calls.append(("stop_all",))
+
+    def emergency_stop(self) -> None:
+        self.calls.append(("emergency_stop",))
+
+    def reset(self, axes: frozenset[int]) -> None:
+        self.calls.append(("reset", axes))
+
+    def snapshot(self) -> Snapshot:
+        width = len(self.machine.axes)
+        return Snapshot(
+            time=time.time() - self.epoch,
+            setpoint=np.full(width, 0.001),
+            position=np.full(width, 0.002),
+            velocity=np.zeros(width),
+            torque=np.zeros(width),
+            states=self.states,
+            slots=self.slots(),
+            late_cycles=0,
+        )
+
+    def cycles_since(self, cycle: int, limit: int) -> Cycles | None:
+        first = self.cycle if cycle < 0 else cycle
+        self.cycle = first + limit
+        shape = (limit, len(self.machine.axes))
+        setpoint = np.arange(first, first + limit)[:, None] * 0.001 * np.ones(shape)
+        return Cycles(first, first * 0.001, setpoint, setpoint, np.zeros(shape), np.zeros(shape))
+
+    def ending(self) -> str:
+        return ""
+
+    def alive(self) -> bool:
+        return not self.closed
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class FakeSink:
+    """The slot's rings: never full, nothing is kept."""
+
+    def __init__(self, port: FakePort, slot: int) -> None:
+        self.port = port
+        self.slot = slot
+
+    def row_room(self) -> int:
+        return 1000
+
+    def control_room(self) -> int:
+        return 1000
+
+    def put_rows(self, *_rows: object) -> None:
+        """Rows go nowhere."""
+
+    def put_control(self, _control: object) -> None:
+        """Entries go nowhere."""
+
+
+class FakePipeline:
+    """Lines of text with a meaning of their own.
+
+    ``move`` runs at once, ``wait`` when the gate opens; ``bad`` is faulty and can be mended; ``fatal`` is
+    found faulty while planning and ends the program; ``crash`` is a defect; anything else takes no time.
+    """
+
+    def __init__(self, request: PipelineRequest, sink: FakeSink, gate: threading.Event) -> None:
+        self.request = request
+        self.executed: list[tuple[int, str]] = []
+        self.planned_line = 0
+        self._port, self._slot = sink.port, sink.slot
+        self._gate = gate
+        self._queue: deque[tuple[int, str]] = deque()
+        self._reports: list[Report] = []
+        self._closed = False
+        self._ended = False
+
+    @property
+    def credit(self) -> int:
+        return 0 if self._closed else 1000 - len(self._queue)
+
+    def submit(self, number: int, text: str) -> None:
+        self._queue.append((number, text))
+
+    def close(self) -> None:
+        self._closed = True
+
+    def pump(self, u: float | None = None) -> bool:
+        assert u is not None
+        if self._ended:
+            return False
+        worked = False
+        while self._queue:
+            number, text = self._queue[0]
+            if text == "wait" and not self._gate.is_set():
+                return worked
+            self._queue.popleft()
+            if text == "crash":
+                raise RuntimeError("a defect")
+            if text in ("bad", "fatal"):
+                fault = Diagnostic(code="MC101", message=f"{text} line", line=number, column=1)
+                self._reports.append(Report(ReportKind.REJECTED, number, diagnostics=(fault,)))
+                self._queue.clear()
+                self._closed = self._closed or text == "fatal"
+                return True
+            worked = True
+            self.executed.append((number, text))
+            if text in ("move", "wait"):
+                self._reports.append(Report(ReportKind.PLANNED, number, requested_s=0.5))
+                self._port.happen(EventKind.LINE_START, self._slot, number)
+                self._port.happen(EventKind.LINE_END, self._slot, number)
+            self.planned_line = number
+        if self._closed:
+            self._ended = True
+            self._port.happen(EventKind.FINISHED, self._slot)
+        return worked
+
+    def on_event(self, event: ExecutorEvent) -> None:
+        assert event.program == self._slot
+
+    def take_reports(self) -> list[Report]:
+        reports, self._reports = self._reports, []
+        return reports
+
+    @property
+    def planned_end_u(self) -> float:
+        return 1000.0
+
+
+class FakePipelines:
+    """Plans in this process; keeps the pipelines that it makes for the test to look at."""
+
+    def __init__(self, port: FakePort) -> None:
+        self.port = port
+        self.made: dict[str, FakePipeline] = {}
+        self.gate = threading.Event()
+        self.failure: Exception | None = None
+
+    def planner(self, deliver: Deliver) -> PlannerThread:
+        return PlannerThread(self.port, self, deliver)
+
+    def modal_before(self, lines: Sequence[str]) -> ModalState:
+        if "bad" in lines:
+            raise ProgramRejected([Diagnostic(code="MC101", message="bad line", line=lines.index("bad") + 1)])
+        return ModalState(inch="G20" in lines, incremental="G91" in lines)
+
+    def make(self, request: PipelineRequest, sink: MotionSink) -> FakePipeline:
+        if self.failure is not None:
+            raise self.failure
+        assert isinstance(sink, FakeSink)
+        pipeline = self.made[request.program] = FakePipeline(request, sink, self.gate)
+        return pipeline
+
+
+def executed_lines(pipelines: FakePipelines, program: str) -> list[int]:
+    """Numbers of the lines that a program has executed."""
+    return [number for number, _ in pipelines.made[program].executed]
+
+
+JournalPath = Callable[[], Path]

@@ -1,0 +1,276 @@
+"""The journal: what was committed survives, whatever happens to the process."""
+
+from __future__ import annotations
+
+import queue
+import signal
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from mcserver.errors import ServiceError
+from mcserver.service.journal import Journal, JournalBounds, open_journal, prune
+from mcserver.service.journal_reader import read_lines_before, read_programs, read_reports
+from mcserver.service.reports import Fault, LineReport
+
+LIMIT_S = 5.0
+
+CRASHING = """
+import sys, threading
+from pathlib import Path
+from mcserver.service.journal import Journal
+
+written = threading.Event()
+
+def committed(tags):
+    print(*tags, flush=True)
+    if "written" in tags:
+        written.set()
+
+journal = Journal(Path(sys.argv[1]), on_commit=committed, on_failure=print)
+journal.server_started("crashed", 1.0)
+journal.program_opened("p-1", instance="crashed", client="hmi", name="demo", axes=[0, 1], start_line=1,
+                       on_disconnect="stop", resume_of=None, at=2.0)
+line = 0
+while True:
+    line += 1
+    if line % 3 == 0 and journal.lines_at_once("p-1", line, [f"G01 X{line}"]):
+        committed([f"line{line}"])
+    else:
+        journal.lines("p-1", line, [f"G01 X{line}"], f"line{line}")
+    if line % 7 == 0:
+        journal.progress("p-1", line - 2, line - 3)
+    if line % 50 == 0:
+        written.clear()
+        journal.after("written")
+        written.wait()
+"""
+
+
+class Kept:
+    """A journal and the tags that it has handed back."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.tags: queue.SimpleQueue[object] = queue.SimpleQueue()
+        self.failures: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self.journal = Journal(path, on_commit=self._committed, on_failure=self.failures.put)
+
+    def _committed(self, tags: list[object]) -> None:
+        for tag in tags:
+            self.tags.put(tag)
+
+    def settle(self) -> None:
+        """Waits until everything written so far is committed."""
+        self.journal.after("settled")
+        while self.tags.get(timeout=LIMIT_S) != "settled":
+            pass
+
+    def open(self, program: str, *, start_line: int = 1, before: list[str] | None = None) -> None:
+        self.journal.program_opened(
+            program,
+            instance="now",
+            client="hmi",
+            name="demo",
+            axes=[0, 2],
+            start_line=start_line,
+            on_disconnect="stop",
+            resume_of=None,
+            at=1.0,
+            before=before or [],
+        )
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Iterator[Callable[[], Kept]]:
+    made: list[Kept] = []
+
+    def build() -> Kept:
+        made.append(Kept(tmp_path / "journal.db"))
+        return made[-1]
+
+    yield build
+    for kept in made:
+        kept.journal.close()
+
+
+def test_lines_come_back_in_order_across_messages(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.journal.lines("p", 1, ["G90", "G01 X1"])
+    kept.journal.lines("p", 3, ["G01 X2"])
+    kept.settle()
+    assert read_lines_before(kept.path, "p", 4) == ["G90", "G01 X1", "G01 X2"]
+    assert read_lines_before(kept.path, "p", 2) == ["G90"]
+
+
+def test_lines_behind_a_rejected_one_do_not_count(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.journal.lines("p", 1, ["one", "two", "bad", "four"])
+    kept.journal.lines("p", 5, ["five"])
+    kept.journal.rejected("p", 3)
+    kept.journal.lines("p", 3, ["three"])
+    kept.settle()
+    assert read_lines_before(kept.path, "p", 4) == ["one", "two", "three"]
+    (program,) = read_programs(kept.path, limit=5)
+    assert program.accepted == 3
+
+
+def test_lines_committed_at_once_are_there_when_the_call_returns(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.settle()
+    assert kept.journal.lines_at_once("p", 1, ["one"])
+    assert read_lines_before(kept.path, "p", 2) == ["one"]
+
+
+def test_lines_do_not_overtake_those_that_wait_for_the_thread(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.settle()
+    blocker = sqlite3.connect(kept.path, isolation_level=None)
+    blocker.execute("BEGIN IMMEDIATE")
+    kept.journal.lines("p", 1, ["one"])
+    assert not kept.journal.lines_at_once("p", 2, ["two"])
+    blocker.execute("ROLLBACK")
+    blocker.close()
+    kept.settle()
+    assert read_lines_before(kept.path, "p", 2) == ["one"]
+
+
+def test_lines_with_any_character_come_back_as_they_were(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.journal.lines("p", 1, ["(a\nb)", "\x00", "; größer ✓"])
+    kept.settle()
+    assert read_lines_before(kept.path, "p", 4) == ["(a\nb)", "\x00", "; größer ✓"]
+
+
+def test_lines_that_are_not_all_there_are_refused(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p", start_line=10)
+    kept.journal.lines("p", 10, ["ten"])
+    kept.settle()
+    with pytest.raises(ServiceError) as refused:
+        read_lines_before(kept.path, "p", 11)
+    assert refused.value.code == "MC514"
+
+
+def test_a_resumed_program_can_be_resumed_again(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p", start_line=3, before=["one", "two"])
+    kept.journal.lines("p", 3, ["three"])
+    kept.settle()
+    assert read_lines_before(kept.path, "p", 4) == ["one", "two", "three"]
+
+
+def test_an_unknown_program_is_refused(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.settle()
+    with pytest.raises(ServiceError) as refused:
+        read_lines_before(kept.path, "nobody", 2)
+    assert refused.value.code == "MC503"
+
+
+def test_reports_faults_and_ends_are_kept(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    report = LineReport(1, 0.0, 2.0, 2.0, 1.0)
+    fault = Fault(code="MC407", message="too far", axis=2, line=2)
+    kept.journal.progress("p", 2, 1, [report])
+    kept.journal.fault(fault, 5.0)
+    kept.journal.program_ended("p", "faulted", 1, fault, 6.0)
+    kept.settle()
+    (program,) = read_programs(kept.path, limit=5)
+    assert (program.state, program.done, program.line, program.fault) == ("faulted", 1, 2, fault)
+    assert read_reports(kept.path, "p") == [report]
+
+
+def test_a_new_start_finds_open_programs_interrupted(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.journal.server_started("now", 0.5)
+    kept.open("p")
+    kept.journal.progress("p", 1, 1)
+    kept.settle()
+    kept.journal.server_started("later", 9.0)
+    kept.settle()
+    (program,) = read_programs(kept.path, limit=5)
+    assert (program.state, program.done, program.ended_at) == ("interrupted", 1, 9.0)
+
+
+def test_a_killed_process_loses_nothing_that_was_committed(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    with subprocess.Popen(
+        [sys.executable, "-c", CRASHING, str(path)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        seen = 0
+        for text in process.stdout:
+            lines = [int(tag[4:]) for tag in text.split() if tag.startswith("line")]
+            seen = max([seen, *lines])
+            if seen > 2000:
+                break
+        process.send_signal(signal.SIGKILL)
+        for text in process.stdout:
+            seen = max([seen, *(int(tag[4:]) for tag in text.split() if tag.startswith("line"))])
+    (program,) = read_programs(path, limit=5)
+    assert program.state == "interrupted"
+    assert program.accepted >= seen
+    assert program.done <= program.accepted
+    assert read_lines_before(path, "p-1", seen + 1) == [f"G01 X{line}" for line in range(1, seen + 1)]
+
+
+def test_a_journal_that_cannot_be_written_commits_once_it_can(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.settle()
+    blocker = sqlite3.connect(kept.path, isolation_level=None)
+    blocker.execute("PRAGMA busy_timeout=0")
+    blocker.execute("BEGIN EXCLUSIVE")
+    kept.journal.lines("p", 1, ["one"], "first")
+    assert "locked" in kept.failures.get(timeout=10.0)
+    assert kept.tags.empty()
+    blocker.execute("ROLLBACK")
+    blocker.close()
+    assert kept.tags.get(timeout=10.0) == "first"
+
+
+def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    path.write_text("something else" * 100)
+    with pytest.raises(ServiceError) as refused:
+        open_journal(path)
+    assert refused.value.code == "MC520"
+
+
+def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    connection = sqlite3.connect(path)
+    connection.execute("PRAGMA user_version=99")
+    connection.close()
+    with pytest.raises(ServiceError, match="version 99"):
+        open_journal(path)
+
+
+def test_pruning_keeps_the_newest_programs_and_text(make: Callable[[], Kept]) -> None:
+    kept = make()
+    for number in range(6):
+        kept.open(f"p{number}")
+        kept.journal.lines(f"p{number}", 1, ["x" * 100])
+        if number < 5:
+            kept.journal.program_ended(f"p{number}", "finished", 1, None, 2.0)
+    kept.settle()
+    connection = open_journal(kept.path)
+    with connection:
+        for sql, parameters in prune(JournalBounds(ended_programs=2, text_bytes=250)):
+            connection.execute(sql, parameters)
+    programs = [row[0] for row in connection.execute("SELECT program FROM programs ORDER BY id")]
+    chunks = [row[0] for row in connection.execute("SELECT program FROM chunks ORDER BY id")]
+    connection.close()
+    assert programs == ["p3", "p4", "p5"]
+    assert chunks == ["p4", "p5"]
