@@ -9,8 +9,8 @@ from mcserver.gcode.line_faults import TITLES
 from mcserver.gcode.text import command_table as commands
 from mcserver.gcode.text.command_table import COMMANDS, edit_distance, find_command
 
-ROOT = Path(commands.__file__).parents[2]
-SOURCES = sorted((ROOT / "mcserver" / "gcode").glob("*.py"))
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted((ROOT / "mcserver" / "gcode").rglob("*.py"))
 
 
 def test_the_dialects_page_has_the_command_table() -> None:
