@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from mcserver.gcode.line_faults import TITLES
-from mcserver.gcode.text import command_table as commands
 from mcserver.gcode.text.command_table import COMMANDS, edit_distance, find_command
 
 ROOT = Path(__file__).resolve().parents[2]
