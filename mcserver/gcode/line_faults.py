@@ -1,4 +1,4 @@
-"""Faults of one line, gathered before any of it acts (D-04)."""
+"""Collect the faults of a line before any of it acts (D-04)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 
 Span = tuple[int, int]
 
-# one title a code: the first line of a rendered diagnostic; the message gives the values
+# the title of each code is the first line of a rendered diagnostic; the message gives the values
 TITLES: Mapping[str, str] = MappingProxyType(
     {
         "MC100": "the program is not UTF-8 text",
@@ -53,7 +53,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
 
 
 class FaultList:
-    """Collects the diagnostics of one line."""
+    """The diagnostics of one line, in the order in which they were reported."""
 
     __slots__ = ("found", "line")
 
@@ -72,7 +72,7 @@ class FaultList:
         tool: int | None = None,
         residual_mm: float | None = None,
     ) -> None:
-        """One more fault; ``span`` is (column, end column), from 1, end exclusive."""
+        """Report a fault; ``span`` is (column, end column), from 1, end exclusive."""
         self.found.append(
             Diagnostic(
                 code=code,
@@ -88,11 +88,14 @@ class FaultList:
         )
 
     def in_reading_order(self) -> tuple[Diagnostic, ...]:
+        """Return the diagnostics by column."""
         return tuple(sorted(self.found, key=lambda fault: (fault.column, fault.end_column)))
 
     def raise_if_any(self) -> None:
-        """Raises:
-        ProgramRejected: with every fault of the line.
+        """Reject the line if it has a fault.
+
+        Raises:
+            ProgramRejected: with every fault of the line.
         """
         if self.found:
             raise ProgramRejected(self.in_reading_order())

@@ -1,4 +1,4 @@
-"""All faults of a program in one reading; nothing runs (D-04)."""
+"""Find every fault of a program without running it (D-04)."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def check_program(
     positions: Mapping[int, float] | None = None,
     lease: frozenset[int] | None = None,
 ) -> list[Diagnostic]:
-    """Every fault of a program, in reading order; tools' paths are solved too.
+    """Find every fault of a program, in reading order; tools' paths are solved too.
 
-    After a faulty line the reading goes on from its best guess: a motion's endpoint counts as reached where
-    it can be known, and a feed or tool that could not be read raises no fault in the lines that use it.
+    After a faulty line the check goes on from a best guess: a motion's endpoint counts as reached if it is
+    known, and a feed or tool that could not be read causes no further faults in the lines that use it.
 
     Args:
         text: the whole program.
-        progress: told (lines read, lines in all) now and then.
+        progress: called with (lines read, lines in all) about every `PROGRESS_STEP` lines.
         positions: where the axes start [m or rad]; the drives' initial positions by default.
         lease: axes that the program may use; all by default.
     """
@@ -41,7 +41,7 @@ def check_program(
     found: list[Diagnostic] = []
     done = 0
     while done < len(lines) and not interpreter.ended:
-        taken = _survey(interpreter, lines, done, found)
+        taken = _check_next(interpreter, lines, done, found)
         if progress is not None and (done + taken) // PROGRESS_STEP > done // PROGRESS_STEP:
             progress(done + taken, len(lines))
         done += taken
@@ -50,12 +50,12 @@ def check_program(
     return found
 
 
-def _survey(interpreter: Interpreter, lines: list[str], done: int, found: list[Diagnostic]) -> int:
-    """Reads on behind ``done`` lines; how many, of a run of plain lines many at once."""
+def _check_next(interpreter: Interpreter, lines: list[str], done: int, found: list[Diagnostic]) -> int:
+    """Check the next line, or a whole run of simple blocks; return how many lines were read."""
     window = interpreter.run_window(done + 1)
     if window:
         run = interpreter.interpret_run(lines[done : done + window], done + 1)
         if run is not None:
             return run[1]
-    found.extend(interpreter.survey(scan_line(lines[done], done + 1)))
+    found.extend(interpreter.check(scan_line(lines[done], done + 1)))
     return 1

@@ -1,4 +1,4 @@
-"""A diagnostic as plain text, in the manner of a compiler: the line, a caret under the place, the remedy."""
+"""Render a diagnostic as a compiler does: the line, carets under the columns, the remedy."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from mcserver.errors import Diagnostic
 from mcserver.gcode.line_faults import TITLES
 
 TAB = 4  # columns that a tab is shown as
-WINDOW = 100  # columns of a line that are shown; longer lines are cut around the place
+WINDOW = 100  # columns of a line that are shown; longer lines are cut around the mark
 ELLIPSIS = "…"
 
 
 def render(diagnostic: Diagnostic, source_lines: Sequence[str], path: str) -> str:
-    """The diagnostic over several lines, without colour and without a final line end.
+    """Render a diagnostic over several lines, without colour and without a final line end.
 
     Args:
         source_lines: lines of the program; a diagnostic without a line of them is shown without excerpt.
@@ -48,13 +48,13 @@ def render(diagnostic: Diagnostic, source_lines: Sequence[str], path: str) -> st
 
 
 def excerpt(line: str, column: int, end_column: int) -> tuple[str, int, int]:
-    """What is shown of a line: its text, the columns of a terminal before the mark, and the mark's width.
+    """Cut a line to what is shown: text, terminal columns before the mark, and the mark's width.
 
     Tabs become blanks, control characters their pictures; wide characters count as two columns, combining
-    ones as none. Of a line longer than `WINDOW` the part around the place is shown.
+    ones as zero. A line longer than `WINDOW` is cut around the marked columns.
 
     Args:
-        column, end_column: code points from 1, end exclusive; 0: no place.
+        column, end_column: code points from 1, end exclusive; 0: no column is marked.
     """
     first = max(0, min(column - 1, len(line)))
     last = max(first, min(end_column - 1, len(line)))

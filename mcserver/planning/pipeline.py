@@ -154,7 +154,7 @@ class Pipeline(LinePlanner):
             observed = {axis.index: setpoints[column] for column, axis in enumerate(self._machine.axes)}
             self._energized |= self._unsettled
             if self._observing:
-                self._interpreter.observe({axis: observed[axis] for axis in self._unsettled})
+                self._interpreter.sync_positions({axis: observed[axis] for axis in self._unsettled})
                 for axis in self._unsettled:
                     self._planner.position[self._slots[axis]] = observed[axis]
         elif event.kind is EventKind.PAUSED:
@@ -312,7 +312,7 @@ class Pipeline(LinePlanner):
             self._last_line = number
             self._held = scan_line(text, number)
         parsed = self._held
-        unknown = self._interpreter.encoder_axes(parsed)
+        unknown = self._interpreter.axes_to_sync(parsed)
         if unknown:
             # one capture makes all its axes unknown: asked for together, later lines need not stop for
             # the others

@@ -158,11 +158,11 @@ class Program:
         return [fault.code for fault in self.faults(text)]
 
     def mm(self, axis: int) -> float:
-        """Commanded end of a linear axis [mm], rounded to a nanometre."""
+        """CommandedState end of a linear axis [mm], rounded to a nanometre."""
         return round(self.interpreter.positions[axis] / MM, 6)
 
     def deg(self, axis: int) -> float:
-        """Commanded end of a rotary axis [deg], rounded."""
+        """CommandedState end of a rotary axis [deg], rounded."""
         return round(self.interpreter.positions[axis] / DEGREE, 6)
 
 

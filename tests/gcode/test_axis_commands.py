@@ -10,7 +10,7 @@ TOOLED = machine_of("0:linear 1:linear 2:linear 3:linear", "3:0,1,2")
 
 
 def need(program: Program, text: str) -> set[int]:
-    return set(program.interpreter.encoder_axes(parse_line(text, 9)))
+    return set(program.interpreter.axes_to_sync(parse_line(text, 9)))
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_after_capture_speed_and_torque_the_encoder_gives_start_and_base(command
     assert need(program, "G91 G00 X20") == {0}
     assert need(program, "G00 X20") == set()
     assert need(program, "G1020 U1") == {0}
-    program.interpreter.observe({0: 0.002})
+    program.interpreter.sync_positions({0: 0.002})
     assert need(program, "G01 X20") == set()
     curve = program.straight("G91 G01 X1")
     assert (curve.start, curve.end) == (pytest.approx((0.002,)), pytest.approx((0.003,)))
@@ -71,7 +71,7 @@ def test_after_a_servo_move_the_path_starts_at_the_stop_but_increments_at_the_co
     assert need(program, "G01 U10") == {0}
     assert need(program, "G91 G00 X10") == set()
     assert need(program, "G01 Y5") == set()
-    program.interpreter.observe({0: 0.04})
+    program.interpreter.sync_positions({0: 0.04})
     group = program.feed("G01 U10")
     (curve,) = group.curves
     assert curve.start == pytest.approx((0.04,))  # type: ignore[attr-defined]
@@ -82,7 +82,7 @@ def test_after_a_servo_move_the_path_starts_at_the_stop_but_increments_at_the_co
 def test_an_arc_after_a_servo_move_starts_where_the_axis_was_stopped() -> None:
     program = feeding("G1020 X100")
     assert need(program, "G02 Y10 I10 J0") == {0}
-    program.interpreter.observe({0: 0.04})
+    program.interpreter.sync_positions({0: 0.04})
     arc = program.arc("G02 X60 Y0 I10 J0")
     assert arc.centre == pytest.approx((0.05, 0.0))
 
@@ -90,7 +90,7 @@ def test_an_arc_after_a_servo_move_starts_where_the_axis_was_stopped() -> None:
 def test_a_later_move_settles_the_axis_again() -> None:
     program = feeding("G1020 X100 Y100", "G00 X0")
     assert need(program, "G01 X5 Y5") == {1}
-    program.interpreter.observe({1: 0.05})
+    program.interpreter.sync_positions({1: 0.05})
     program.run("G01 X5 Y5")
     assert need(program, "G01 X5 Y5") == set()
     assert program.straight("G01 Y10").start == pytest.approx((0.005,))
@@ -119,7 +119,7 @@ def test_a_tool_needs_the_encoder_of_its_whole_chain() -> None:
 def test_a_tools_pose_is_read_again_where_the_capture_found_its_joints() -> None:
     program = Program(TOOLED, Gantries(TOOLED))
     program.run("F6000", "G01 T3 X5", "G1010")
-    program.interpreter.observe({0: 0.001, 1: 0.002, 2: 0.003})
+    program.interpreter.sync_positions({0: 0.001, 1: 0.002, 2: 0.003})
     program.run("G01 U1")
     assert [program.mm(axis) for axis in range(3)] == [2.0, 2.0, 3.0]
 
@@ -129,7 +129,7 @@ def test_a_tools_path_starts_where_a_servo_move_of_its_joint_was_stopped() -> No
     program = Program(TOOLED, kinematics)
     program.run("F6000", "G1020 X100", "T3")
     assert need(program, "G00 X5") == set()
-    program.interpreter.observe({0: 0.05})
+    program.interpreter.sync_positions({0: 0.05})
     line = program.motion("G01 U10")
     assert isinstance(line, MotionLine)
     assert line.feed_length == pytest.approx(0.06)

@@ -1,13 +1,13 @@
-"""Which plain lines are taken as one run, what it holds, what ends it, and how far is looked."""
+"""Which lines are taken as one run, what it holds, what ends it, and how far ahead it reads."""
 
 from __future__ import annotations
 
 import pytest
 
-from mcserver.gcode.fast_path.runs import LEAST
+from mcserver.gcode.fast_path.runs import MIN_LINES
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.motion.canonical import PlainRun
-from tests.gcode.plain_programs import NO_NUMBERS
+from tests.gcode.run_programs import NO_NUMBERS
 from tests.gcode.support import CARTESIAN
 
 
@@ -108,15 +108,15 @@ def test_a_run_holds_lines_numbers_points_and_times() -> None:
         ["F100 G01", "M30"],
     ],
 )
-def test_where_a_line_is_not_plain_there_is_no_run(before: list[str]) -> None:
+def test_where_a_line_is_not_simple_there_is_no_run(before: list[str]) -> None:
     assert taken(started(*before), ["X1"] * 20) == 0
 
 
 def test_no_more_lines_are_taken_than_asked_for() -> None:
     texts = ["X1"] * 40
     assert taken(started("F100 G01"), texts, most=15) == 15
-    assert taken(started("F100 G01"), texts, most=LEAST - 1) == 0
-    assert taken(started("F100 G01"), texts[: LEAST - 1]) == 0
+    assert taken(started("F100 G01"), texts, most=MIN_LINES - 1) == 0
+    assert taken(started("F100 G01"), texts[: MIN_LINES - 1]) == 0
 
 
 def test_looking_in_vain_pauses_and_a_run_takes_more_next_time() -> None:

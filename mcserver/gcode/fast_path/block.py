@@ -1,7 +1,7 @@
-"""The short way for plain moves: ``G01 X.. Y.. F..``, ``G02 X.. Y.. R..``, and the same without their code.
+"""Interpret simple blocks: ``G01 X.. Y.. F..``, ``G02 X.. Y.. R..``, and the same without their code.
 
-It gives the very same values as the general way, or None wherever anything else has to be looked at: a tool,
-an axis whose start is not known, a limit, a missing feed, an arc that is not defined.
+The result equals that of the block interpreter bit for bit, or is None if anything else matters: a tool, an
+axis whose start is not known, a limit, a missing feed, an arc that is not defined.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from mcserver.gcode.fast_path.short_form import Plain
+from mcserver.gcode.fast_path.short_form import SimpleBlock
 from mcserver.gcode.semantics.arc_geometry import Arc, ArcFault, arc_by_centre, arc_by_radius, plane_extrema
 from mcserver.gcode.semantics.arc_plane import PLANES, NoPlane, choose_plane
 from mcserver.gcode.semantics.axis_words import SMALLEST_FEED
 from mcserver.gcode.semantics.block_state import Setup
-from mcserver.gcode.semantics.commanded_state import Commanded
-from mcserver.gcode.semantics.feed_time import Measure, measure_axes
+from mcserver.gcode.semantics.commanded_state import CommandedState
+from mcserver.gcode.semantics.feed_time import FeedBasis, feed_basis
 from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale, move_duration, turning_speed
 from mcserver.gcode.semantics.travel_limits import ROUNDING
@@ -25,7 +25,7 @@ from mcserver.units import AxisType
 
 
 class AxisRow(NamedTuple):
-    """What plain moves ask of an axis: units to SI, and its travel with `ROUNDING` [m or rad]."""
+    """An axis as simple blocks need it: scales to SI, and its travel with `ROUNDING` [m or rad]."""
 
     metric: float
     inch: float
@@ -35,7 +35,7 @@ class AxisRow(NamedTuple):
 
 
 def axis_rows(setup: Setup) -> dict[int, AxisRow]:
-    """A row for each axis that the program may use."""
+    """Build a row for each axis that the program may use."""
     return {
         index: AxisRow(
             metric=axis_scale(axis.type, inch=False),
@@ -50,7 +50,7 @@ def axis_rows(setup: Setup) -> dict[int, AxisRow]:
 
 
 class _ArcFrame(NamedTuple):
-    """Axes of an arc, the plane's two first; which of them each axis word and each of I J K is for."""
+    """An arc's axes, the plane's two first, with the column of each axis word and of each of I J K."""
 
     axes: tuple[int, ...]
     columns: tuple[int, ...]
@@ -59,7 +59,7 @@ class _ArcFrame(NamedTuple):
 
 
 def _surely_inside(curve: ArcCurve, shape: Arc, rows: tuple[AxisRow, ...]) -> bool:
-    """Whether the whole circle keeps to the axes' travels, so that the arc's extrema need not be found."""
+    """Return True if even the full circle stays within the travels, so that no extrema need be computed."""
     reach = shape.radius + abs(shape.growth)
     for column, row in enumerate(rows):
         start, end = curve.start[column], curve.end[column]
@@ -73,7 +73,7 @@ def _surely_inside(curve: ArcCurve, shape: Arc, rows: tuple[AxisRow, ...]) -> bo
 
 
 def _inside(curve: ArcCurve, rows: tuple[AxisRow, ...]) -> bool:
-    """Whether the arc keeps to the axes' travels."""
+    """Return True if the arc stays within the axes' travels."""
     low, high = plane_extrema(curve)
     for column, row in enumerate(rows):
         ends = curve.start[column], curve.end[column]
@@ -83,21 +83,21 @@ def _inside(curve: ArcCurve, rows: tuple[AxisRow, ...]) -> bool:
     return True
 
 
-class PlainMoves:
-    """Tables of the usable axes, looked up once a word, and of arcs' planes, found once for their words."""
+class SimpleBlockInterpreter:
+    """Interprets simple blocks with tables of the usable axes and of the arc planes by their words."""
 
     __slots__ = ("_frames", "_rows", "_tolerance")
 
     def __init__(self, setup: Setup) -> None:
         self._tolerance = setup.machine.path_tolerance
         self._rows = axis_rows(setup)
-        # as many as there are ways to choose and order X Y Z, I J K and a plane: some hundreds
+        # bounded: one entry for each choice and order of X Y Z, I J K and plane, some hundreds
         self._frames: dict[tuple[int | None, tuple[int, ...], tuple[int, ...]], _ArcFrame | None] = {}
 
     def interpret(
-        self, number: int, move: Plain, modal: ModalState, commanded: Commanded
+        self, number: int, move: SimpleBlock, modal: ModalState, commanded: CommandedState
     ) -> tuple[ModalState, MotionLine] | None:
-        """The modal state after the line, and the line; positions in ``commanded`` go on."""
+        """Return the modal state after the line and the line, and advance the positions in ``commanded``."""
         motion = modal.motion if move.code is None else move.code
         if not motion or modal.tool is not None:
             return None
@@ -113,9 +113,9 @@ class PlainMoves:
         return self._arc(number, move, modal, commanded, feed, motion)
 
     def _line(
-        self, number: int, move: Plain, modal: ModalState, commanded: Commanded, feed: Feed
+        self, number: int, move: SimpleBlock, modal: ModalState, commanded: CommandedState, feed: Feed
     ) -> tuple[ModalState, MotionLine] | None:
-        if not commanded.settled(move.axes):
+        if not commanded.synced(move.axes):
             return None
         rows = self._rows
         positions = commanded.positions
@@ -139,26 +139,32 @@ class PlainMoves:
             if row.linear:
                 travels.append(end - start)
         travel = length = math.hypot(*travels)
-        measure = measure_axes(len(travels), len(ends) - len(travels))
-        if measure is Measure.TURN:
+        measure = feed_basis(len(travels), len(ends) - len(travels))
+        if measure is FeedBasis.TURN:
             length = abs(ends[0] - starts[0])
-        elif measure is Measure.NONE and not modal.inverse_time:
+        elif measure is FeedBasis.NONE and not modal.inverse_time:
             return None
         curve = LineCurve(move.axes, tuple(starts), tuple(ends), length)
         for index, end in zip(move.axes, ends, strict=True):
             positions[index] = end
-        speed = turning_speed(feed.number) if measure is Measure.TURN else feed.speed
+        speed = turning_speed(feed.number) if measure is FeedBasis.TURN else feed.speed
         return self._finish(number, modal, curve, feed, speed, travel, 1)
 
     def _arc(
-        self, number: int, move: Plain, modal: ModalState, commanded: Commanded, feed: Feed, motion: int
+        self,
+        number: int,
+        move: SimpleBlock,
+        modal: ModalState,
+        commanded: CommandedState,
+        feed: Feed,
+        motion: int,
     ) -> tuple[ModalState, MotionLine] | None:
         named = (modal.plane, move.axes, tuple([coordinate for coordinate, _ in move.offsets]))
         try:
             frame = self._frames[named]
         except KeyError:
             frame = self._frames[named] = self._arc_frame(*named)
-        if frame is None or not commanded.settled(frame.axes):
+        if frame is None or not commanded.synced(frame.axes):
             return None
         positions = commanded.positions
         scale = length_scale(modal.inch)
@@ -188,7 +194,7 @@ class PlainMoves:
     def _arc_frame(
         self, chosen: int | None, axes: tuple[int, ...], offsets: tuple[int, ...]
     ) -> _ArcFrame | None:
-        """The axes of an arc by the letters of its words; None where they do not fit plainly."""
+        """Choose an arc's axes by the letters of its words; None if they need the block interpreter."""
         if axes and max(axes) > 2:
             return None
         try:

@@ -1,9 +1,9 @@
-"""Many lines of the same words read at once: their numbers in columns.
+"""Read many lines of the same words at once, their numbers as columns.
 
-Nothing here looks at one line by itself: the letters of all lines are held against one pattern, and the
-pieces between the letters are the numbers. What the dialect's number syntax (D-01) refuses cannot get
-through: only digits, signs, points and blanks stand between the letters, and of those `float` takes exactly
-the numbers that `scanner.TOKEN` takes.
+No line is looked at by itself: the letters of all lines are matched against one pattern, and the pieces of
+text between the letters are the numbers. Nothing gets through that the number syntax of D-01 refuses: only
+digits, signs, points and blanks stand between the letters, and of those `float` accepts exactly the numbers
+that `mcserver.gcode.text.scanner.TOKEN` accepts.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ _INDEXED: Final = 128
 _AXES: Final = rb"[XYZABC\x80-\xbf]+"
 _FIRST: Final = re.compile(rb"N?G?(?:F?+(%b)|(%b)F)" % (_AXES, _AXES))
 _LINEAR_CODES: Final = frozenset((b"1", b"01", b"001"))
-# different ways to write [n] in one reading; each costs a pass over the text
-_MOST_INDICES: Final = 64
+# spellings of [n] in one window; each costs a pass over the text
+_MAX_SPELLINGS: Final = 64
 
 
-class AlikeLines(msgspec.Struct, frozen=True, eq=False):
+class LineColumns(msgspec.Struct, frozen=True, eq=False):
     """Lines of at most N, G01, the same axis words in the same order, and F; blank lines between them.
 
     Attributes:
-        taken: how many lines there are, blank ones too.
-        lines: shape (n,), which of them are not blank, from 0.
-        coded: whether the first of those has its G01.
+        taken: count of lines, blank ones included.
+        lines: shape (n,), indices of those that are not blank, from 0.
+        coded: True if the first of those has its G01.
         axes: K axis numbers, all different. values: K arrays of shape (n,), numbers as written.
         feeds: shape (n,), F as written, NaN where none is; None where no line has one.
     """
@@ -52,11 +52,11 @@ class AlikeLines(msgspec.Struct, frozen=True, eq=False):
     values: tuple[Array, ...]
     feeds: Array | None
 
-    def first(self, count: int) -> AlikeLines:
-        """The first ``count`` of `lines`, as far as the next one that is not blank."""
+    def first(self, count: int) -> LineColumns:
+        """Return the first ``count`` of `lines`, with the blank lines behind them."""
         if count >= len(self.lines):
             return self
-        return AlikeLines(
+        return LineColumns(
             int(self.lines[count]),
             self.lines[:count],
             self.coded,
@@ -66,10 +66,11 @@ class AlikeLines(msgspec.Struct, frozen=True, eq=False):
         )
 
 
-def read_alike(texts: Sequence[str], least: int) -> AlikeLines | None:
-    """The longest beginning of ``texts`` that is alike and has no lexical fault; None below ``least`` lines.
+def read_columns(texts: Sequence[str], least: int) -> LineColumns | None:
+    """Read the longest prefix of ``texts`` with the same words; None below ``least`` lines.
 
-    The numbers are those of `float`, none beyond `LARGEST`; more is not checked.
+    It ends before the first lexical error. The numbers are those of `float`, at most `LARGEST`; nothing else
+    is checked.
     """
     code = _code(texts)
     letters = code.translate(None, _NUMERIC)
@@ -83,15 +84,15 @@ def read_alike(texts: Sequence[str], least: int) -> AlikeLines | None:
     if len(set(axes)) < len(axes):
         return None
     words = re.escape(names)
-    alike = re.compile(rb"(?:(?:N?+G?+(?:%bF?+|F%b))?+\n)*+" % (words, words)).match(letters)
-    assert alike is not None  # it matches nothing at all as well
-    letters = alike[0]
+    prefix = re.compile(rb"(?:(?:N?+G?+(?:%bF?+|F%b))?+\n)*+" % (words, words)).match(letters)
+    assert prefix is not None  # the pattern matches the empty text too
+    letters = prefix[0]
     taken = letters.count(b"\n")
     if taken < least:
         return None
     if taken < len(texts):
         code = b"\n".join(code.split(b"\n", taken)[:taken]) + b"\n"
-    columns = _Columns(letters, code.translate(_SPLIT).split(_SEPARATOR), start, line)
+    columns = _TextColumns(letters, code.translate(_SPLIT).split(_SEPARATOR), start, line)
     values = tuple([columns.numbers(name) for name in names])
     columns.check(b"\n"[0], _is_blank)
     if b"G" in letters:
@@ -105,19 +106,19 @@ def read_alike(texts: Sequence[str], least: int) -> AlikeLines | None:
 
 
 def _code(texts: Sequence[str]) -> bytes:
-    """The lines in capitals without comments, each with a line feed; what is not ASCII is a ``?``."""
+    """Join the lines in capitals and without comments, each with a line feed; non-ASCII becomes ``?``."""
     text = "\n".join(texts) + "\n"
     if text.count("\n") != len(texts):
-        # a line feed inside a line is a fault of that line
+        # a line feed within a line is a fault of that line
         sound = next(index for index, line in enumerate(texts) if "\n" in line)
         text = "\n".join([*texts[:sound], "?", ""])
     if "(" in text or ";" in text:
-        # a nested or unclosed parenthesis stays, and ends the beginning that is alike
+        # a nested or unclosed parenthesis stays and so ends the prefix
         text = _COMMENT.sub(" ", text)
     code = text.encode("ascii", "replace").upper()
     if b"[" in code:
         written = set(_INDEX.findall(code))
-        if len(written) <= _MOST_INDICES:
+        if len(written) <= _MAX_SPELLINGS:
             for index in written:
                 axis = int(index[1:-1])
                 if axis <= MAX_AXIS:
@@ -144,10 +145,10 @@ def _is_number(token: bytes) -> bool:
         return False
 
 
-class _Columns:
+class _TextColumns:
     """The pieces of text between letters, by the letter that they follow.
 
-    ``good`` counts the lines, blank ones too, before the first that a check refused.
+    ``good`` counts the lines, blank ones included, before the first that a check has refused.
     """
 
     def __init__(self, letters: bytes, tokens: list[bytes], start: int, line: bytes) -> None:
@@ -158,37 +159,37 @@ class _Columns:
         self._line = line + b"\n" if start == 0 and letters == (line + b"\n") * self.good else None
         self._kinds = np.frombuffer(letters, dtype=np.uint8)
 
-    def _places(self, letter: int) -> range | NDArray[np.int64]:
-        """Where the letter stands among the letters."""
+    def _positions(self, letter: int) -> range | NDArray[np.int64]:
+        """Return the positions of a letter among the letters."""
         if self._line is not None:
             return range(self._line.index(letter), len(self._letters), self._width)
         return np.flatnonzero(self._kinds == letter)
 
-    def _after(self, places: range | NDArray[np.int64]) -> list[bytes]:
+    def _after(self, positions: range | NDArray[np.int64]) -> list[bytes]:
         tokens = self._tokens
-        if isinstance(places, range):
-            return tokens[places.start + 1 :: places.step]
-        return [tokens[place] for place in (places + 1).tolist()]
+        if isinstance(positions, range):
+            return tokens[positions.start + 1 :: positions.step]
+        return [tokens[position] for position in (positions + 1).tolist()]
 
-    def _refuse(self, place: int) -> None:
-        self.good = min(self.good, self._letters.count(b"\n", 0, place))
+    def _refuse(self, position: int) -> None:
+        self.good = min(self.good, self._letters.count(b"\n", 0, position))
 
     def check(self, letter: int, accepts: Callable[[bytes], bool]) -> None:
-        """Looks at the pieces behind a letter; behind a line feed is before the first word."""
-        places = self._places(letter)
-        tokens = self._after(places)
+        """Check the pieces behind a letter; those behind a line feed stand before the first word."""
+        positions = self._positions(letter)
+        tokens = self._after(positions)
         if letter == b"\n"[0]:
-            # the last one stands behind the end of the text, the first before it
+            # the piece before the first line counts, the one behind the last does not
             tokens = self._tokens[:1] + tokens[:-1]
         if all(map(accepts, set(tokens))):
             return
         bad = next(index for index, token in enumerate(tokens) if not accepts(token))
-        self._refuse(places[bad])
+        self._refuse(positions[bad])
 
     def numbers(self, letter: int) -> Array:
-        """Numbers behind a letter, as far as they are numbers."""
-        places = self._places(letter)
-        tokens = self._after(places)
+        """Convert the pieces behind a letter, up to the first that is not a number."""
+        positions = self._positions(letter)
+        tokens = self._after(positions)
         try:
             values = np.array(tokens, dtype=np.float64)
         except ValueError:
@@ -197,13 +198,13 @@ class _Columns:
             if not len(values) or np.abs(values).max() <= LARGEST:
                 return values
         bad = next(index for index, token in enumerate(tokens) if not _is_number(token))
-        self._refuse(places[bad])
+        self._refuse(positions[bad])
         return np.array(tokens[:bad], dtype=np.float64)
 
     def build(
         self, coded: bool, axes: tuple[int, ...], values: tuple[Array, ...], feeds: Array | None
-    ) -> AlikeLines:
-        """The lines before the first that was refused."""
+    ) -> LineColumns:
+        """Build the columns of the lines before the first refused one."""
         if self._line is not None:
             lines = np.arange(self.good)
         else:
@@ -211,14 +212,14 @@ class _Columns:
             lines = np.flatnonzero(np.diff(ends, prepend=-1) > 1)
             lines = lines[: np.searchsorted(lines, self.good)]
             if feeds is not None:
-                places = np.asarray(self._places(b"F"[0]))[: len(feeds)]
-                rows = np.searchsorted(lines, np.searchsorted(ends, places))
+                positions = np.asarray(self._positions(b"F"[0]))[: len(feeds)]
+                rows = np.searchsorted(lines, np.searchsorted(ends, positions))
                 kept = rows < len(lines)
                 spread = np.full(len(lines), np.nan)
                 spread[rows[kept]] = feeds[kept]
                 feeds = spread if kept.any() else None
         count = len(lines)
-        return AlikeLines(
+        return LineColumns(
             self.good,
             lines,
             coded,

@@ -1,4 +1,4 @@
-"""The short form of the plainest lines, which are most lines of most programs."""
+"""Read the simplest blocks, which are most lines of most programs, straight from their tokens."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _AXES: Final = MappingProxyType({letter: AXIS_LETTERS[letter] for letter in "XYZ
 _OFFSETS: Final = MappingProxyType({"I": 0, "J": 1, "K": 2})
 
 
-class Plain(msgspec.Struct, frozen=True, gc=False):
-    """A line that is at most N, one of G01-G03, different axes, I J K or R, and F.
+class SimpleBlock(msgspec.Struct, frozen=True, gc=False):
+    """A line of at most N, one of G01-G03, different axes, I J K or R, and F.
 
     Attributes:
-        code: 1 to 3 where it is written, else None.
+        code: 1 to 3 if written, else None.
         axes, values: axis numbers and numbers as written, in reading order.
         feed: F, above zero, or None.
         offsets: (0 1 2, number) of I J K. radius: R. Both empty for a straight move.
@@ -34,12 +34,12 @@ class Plain(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def curved(self) -> bool:
-        """Whether it is an arc by its words."""
+        """Return True if its words are those of an arc."""
         return self.radius is not None or bool(self.offsets)
 
 
-def read_plain(tokens: list[Token]) -> Plain | None:
-    """The short form, or None for lines that are not so simple or might have a fault."""
+def read_simple_block(tokens: list[Token]) -> SimpleBlock | None:
+    """Return the simple block, or None for a line with anything else in it or with a possible fault."""
     if not tokens:
         return None
     start = 0
@@ -95,4 +95,4 @@ def read_plain(tokens: list[Token]) -> Plain | None:
     curved = radius is not None or bool(offsets)
     if curved and (code == 1 or (radius is not None and offsets)):
         return None
-    return Plain(code, tuple(axes), tuple(values), feed, tuple(offsets.items()), radius)
+    return SimpleBlock(code, tuple(axes), tuple(values), feed, tuple(offsets.items()), radius)

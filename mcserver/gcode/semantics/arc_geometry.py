@@ -1,4 +1,4 @@
-"""Plane geometry of G02 and G03 (D-22): centre, sweep, length, extrema.
+"""Compute arcs of G02 and G03 in their plane (D-22): centre, sweep, length, extrema.
 
 Points are (first, second) of the plane, in right-handed order seen from its positive normal [m].
 """
@@ -20,7 +20,7 @@ RADIUS_TOLERANCE_SHARE = 0.001
 
 
 class ArcFault(Exception):
-    """Base of what keeps an arc from being defined."""
+    """Base of the reasons for which an arc is not defined."""
 
 
 class ChordTooLong(ArcFault):
@@ -57,10 +57,10 @@ class Arc(msgspec.Struct, frozen=True):
     growth: float
 
     def curve(self, axes: tuple[int, ...], start: tuple[float, ...], end: tuple[float, ...]) -> ArcCurve:
-        """The arc as a path of axes; the travels of those behind the plane's two count for its length (D-30).
+        """Return the arc as a path of axes; displacements of the further axes add to its length (D-30).
 
         Args:
-            start, end: shape (len(axes),) [m], the plane's axes first, as the arc was found between them.
+            start, end: shape (len(axes),) [m], the plane's two axes first.
         """
         further: list[float] = []
         if len(axes) > 2:
@@ -70,12 +70,12 @@ class Arc(msgspec.Struct, frozen=True):
 
 
 def radius_tolerance(radius: float) -> float:
-    """How far start and end radius may differ [m] (D-22)."""
+    """Return how far start and end radius may differ [m] (D-22)."""
     return max(RADIUS_TOLERANCE, RADIUS_TOLERANCE_SHARE * abs(radius))
 
 
 def arc_by_radius(start: Point, end: Point, radius: float, clockwise: bool, turns: int) -> Arc:
-    """The arc of the R form: minor for R > 0, major for R < 0 (D-22).
+    """Compute the arc of the R form: minor for R > 0, major for R < 0 (D-22).
 
     Args:
         start, end: in the plane [m].
@@ -106,7 +106,7 @@ def arc_by_radius(start: Point, end: Point, radius: float, clockwise: bool, turn
 
 
 def arc_by_centre(start: Point, end: Point, centre: Point, clockwise: bool, turns: int) -> Arc:
-    """The arc of the I J K form; same start and end is a full circle (D-22).
+    """Compute the arc of the I J K form; same start and end is a full circle (D-22).
 
     Raises:
         ZeroRadius, RadiusMismatch.
@@ -145,7 +145,7 @@ def _arc(start: Point, end: Point, centre: Point, clockwise: bool, turns: int, *
 
 
 def plane_extrema(arc: ArcCurve) -> tuple[Point, Point]:
-    """Least and greatest value of the plane's two axes on the whole arc [m]; scalar and quick."""
+    """Return the least and the greatest position of the plane's two axes along the arc [m]."""
     start, end = arc.start, arc.end
     radius = max(arc.start_radius, arc.end_radius)
     low = [min(start[0], end[0]), min(start[1], end[1])]

@@ -1,4 +1,4 @@
-"""Which plane an arc lies in (D-22)."""
+"""Choose the plane of an arc (D-22)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ OFFSET_LETTERS = "IJK"
 
 
 class NoPlane(Exception):
-    """No plane, or no single one, follows from the words; the message says which word is missing."""
+    """The words leave the plane open or contradict each other; the message says which word is missing."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -21,12 +21,12 @@ class NoPlane(Exception):
 
 
 def choose_plane(chosen: int | None, offsets: frozenset[int], endpoint: frozenset[int]) -> int:
-    """17, 18 or 19.
+    """Return 17, 18 or 19.
 
     Args:
         chosen: G17-G19 in force, or None.
-        offsets: of I J K, which are written, as 0 1 2; empty in the R form.
-        endpoint: of X Y Z (U V W), which are written, as 0 1 2.
+        offsets: those of I J K that are written, as 0 1 2; empty in the R form.
+        endpoint: those of X Y Z (U V W) that are written, as 0 1 2.
 
     Raises:
         NoPlane: the words leave it open, or contradict each other.

@@ -1,11 +1,9 @@
-"""G02 and G03 from words to an arc in its plane, with the faults of D-22; for axes and tools alike."""
+"""Turn the words of G02 and G03 into an arc in its plane, with the faults of D-22; for axes and tools."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-
-import msgspec
 
 from mcserver.gcode.semantics.arc_geometry import (
     Arc,
@@ -19,68 +17,59 @@ from mcserver.gcode.semantics.arc_geometry import (
 )
 from mcserver.gcode.semantics.arc_plane import OFFSET_LETTERS, PLANES, NoPlane, choose_plane
 from mcserver.gcode.semantics.axis_words import Words
-from mcserver.gcode.semantics.block_state import Draft
+from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import length_scale, shown_length, shown_number
 from mcserver.gcode.text.syntax import Command
 
-Triple = tuple[float, float, float]
 
-
-class PlacedArc(msgspec.Struct, frozen=True):
-    """An arc and the two coordinates (0 1 2) of its plane, in right-handed order."""
-
-    plane: tuple[int, int]
-    arc: Arc
-
-
-def find_plane(draft: Draft, command: Command, words: Words) -> tuple[int, int] | None:
-    """The plane's coordinates, or None and the faults that keep it from being found."""
+def find_plane(block: BlockState, command: Command, words: Words) -> tuple[int, int] | None:
+    """Return the two coordinates of the arc's plane, or report why there is no plane and return None."""
     if words.radius is not None and words.offsets:
-        draft.faults.add(
+        block.faults.add(
             "MC130",
             "R and I J K stand together: the centre would be given twice",
-            draft.span(words.radius.word),
+            block.span(words.radius.word),
             "keep R, or the offsets",
         )
         return None
     if words.radius is None and not words.offsets:
-        draft.faults.add(
+        block.faults.add(
             "MC130",
             "the arc has neither R nor I J K",
-            draft.span(command),
+            block.span(command),
             "give the radius by R or the centre by I J K",
         )
         return None
-    endpoint = frozenset(placed.word.axis for placed in words.axes if 0 <= placed.word.axis <= 2)
+    endpoint = frozenset(entry.word.axis for entry in words.axes if 0 <= entry.word.axis <= 2)
     try:
-        plane = choose_plane(draft.modal.plane, frozenset(words.offsets), endpoint)
+        plane = choose_plane(block.modal.plane, frozenset(words.offsets), endpoint)
     except NoPlane as fault:
-        draft.faults.add("MC132", fault.message, draft.span(command), fault.hint)
+        block.faults.add("MC132", fault.message, block.span(command), fault.hint)
         return None
     outside = [offset for coordinate, offset in words.offsets.items() if coordinate not in PLANES[plane]]
     for offset in outside:
         names = " and ".join(OFFSET_LETTERS[coordinate] for coordinate in sorted(PLANES[plane]))
-        draft.faults.add(
+        block.faults.add(
             "MC131",
             f"{offset.word.shown} lies outside the plane G{plane} of the arc",
-            draft.span(offset.word),
+            block.span(offset.word),
             f"the offsets of G{plane} are {names}",
         )
     return None if outside else PLANES[plane]
 
 
-def read_turns(draft: Draft, words: Words) -> int | None:
-    """P as a count, 1 where it is left out; None and a fault if it is fractional or below 1."""
+def read_turns(block: BlockState, words: Words) -> int | None:
+    """Return P as a count, 1 if left out; report a fractional P or one below 1 and return None."""
     word = words.turns
     if word is None:
         return 1
     if word.value != word.value:
         return None
     if word.value < 1.0 or word.value != int(word.value):
-        draft.faults.add(
+        block.faults.add(
             "MC136",
             f"{word.shown} is not a number of turns: it is whole and at least 1",
-            draft.span(word),
+            block.span(word),
             "P1 is the plain arc; each further P is one more full turn",
         )
         return None
@@ -88,26 +77,26 @@ def read_turns(draft: Draft, words: Words) -> int | None:
 
 
 def find_arc(
-    draft: Draft,
+    block: BlockState,
     command: Command,
     words: Words,
     plane: tuple[int, int],
     start: Sequence[float] | Mapping[int, float],
     end: Sequence[float] | Mapping[int, float],
 ) -> Arc | None:
-    """The arc in ``plane``, or None and its faults.
+    """Compute the arc in ``plane``, or report its faults and return None.
 
     Args:
         start, end: positions by coordinate 0 1 2 [m].
     """
-    clockwise = command_number(draft, command) == 2
-    turns = read_turns(draft, words)
+    clockwise = command_number(block, command) == 2
+    turns = read_turns(block, words)
     if turns is None:
         return None
     first, second = plane
     begin = (start[first], start[second])
     finish = (end[first], end[second])
-    inch = draft.modal.inch
+    inch = block.modal.inch
     if words.radius is not None:
         word = words.radius.word
         if word.value != word.value:
@@ -116,12 +105,12 @@ def find_arc(
         try:
             return arc_by_radius(begin, finish, radius, clockwise, turns)
         except ZeroRadius:
-            draft.faults.add("MC135", f"{word.shown} is a radius of zero", draft.span(word))
+            block.faults.add("MC135", f"{word.shown} is a radius of zero", block.span(word))
         except SamePoint:
-            draft.faults.add(
+            block.faults.add(
                 "MC134",
                 "the arc ends where it starts, so R does not say where its centre lies",
-                draft.span(word),
+                block.span(word),
                 "for a full circle give the centre by I J K",
             )
         except ChordTooLong as fault:
@@ -130,11 +119,11 @@ def find_arc(
             least = math.ceil(fault.chord / 2.0 / scale * 1000.0 - 1e-6) / 1000.0
             shown = shown_number(least)
             sign = "-" if radius < 0.0 else ""
-            draft.faults.add(
+            block.faults.add(
                 "MC104",
                 f"the chord is {shown_length(fault.chord, inch)}, so R must be at least "
                 f"{shown_length(least * scale, inch)}",
-                draft.span(word),
+                block.span(word),
                 f"use R{sign}{shown}, or give the centre with {_letters(plane)}",
             )
         return None
@@ -147,29 +136,29 @@ def find_arc(
         return arc_by_centre(begin, finish, (centre[0], centre[1]), clockwise, turns)
     except ZeroRadius:
         offsets = list(words.offsets.values())
-        draft.faults.add(
+        block.faults.add(
             "MC135",
             "the centre lies on the start or the end of the arc",
-            draft.parsed.span(offsets[0].word.index, max(offset.word.index for offset in offsets)),
+            block.parsed.span(offsets[0].word.index, max(offset.word.index for offset in offsets)),
             "I J K go from the start point to the centre",
         )
     except RadiusMismatch as fault:
         allowed = radius_tolerance(fault.start_radius)
-        draft.faults.add(
+        block.faults.add(
             "MC133",
             f"the start lies {shown_length(fault.start_radius, inch)} from the centre and the end "
             f"{shown_length(fault.end_radius, inch)}; they may differ by {shown_length(allowed, inch)}",
-            draft.span(command),
+            block.span(command),
             "I J K are increments from the start point, absolute mode or not; check them and the endpoint",
         )
     return None
 
 
-def command_number(draft: Draft, command: Command) -> int:
-    """0-3: the command's own code, or the one that it repeats (D-03)."""
+def command_number(block: BlockState, command: Command) -> int:
+    """Return 0-3: the command's own code, or the one that it repeats (D-03)."""
     if command.spec is not None:
         return command.spec.number
-    return 0 if draft.modal.motion is None else draft.modal.motion
+    return 0 if block.modal.motion is None else block.modal.motion
 
 
 def _letters(plane: tuple[int, int]) -> str:

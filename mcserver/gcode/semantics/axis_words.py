@@ -1,4 +1,4 @@
-"""Axis words of one command, and what they mean without a tool."""
+"""Read the words of one command and resolve its axis words without a tool."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import msgspec
 
-from mcserver.gcode.semantics.block_state import ASSUMED_FEED, ASSUMED_TOOL, Draft
+from mcserver.gcode.semantics.block_state import ASSUMED_FEED, ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.modal import apply_setting, read_feed
 from mcserver.gcode.semantics.program_units import axis_scale
 from mcserver.gcode.text.syntax import Command, Setting
@@ -16,8 +16,8 @@ from mcserver.machine.machine_file import Axis
 SMALLEST_FEED = 1e-6
 
 
-class Placed(msgspec.Struct, frozen=True, gc=False):
-    """A word with the units and the mode in force where it stands."""
+class ModalWord(msgspec.Struct, frozen=True, gc=False):
+    """A word with the units and the distance mode in force where it stands."""
 
     word: Word
     inch: bool
@@ -27,14 +27,14 @@ class Placed(msgspec.Struct, frozen=True, gc=False):
 class Words(msgspec.Struct, frozen=True):
     """Words of a motion command: axis words in reading order, I J K by 0 1 2, R and P."""
 
-    axes: tuple[Placed, ...]
-    offsets: Mapping[int, Placed]
-    radius: Placed | None
+    axes: tuple[ModalWord, ...]
+    offsets: Mapping[int, ModalWord]
+    radius: ModalWord | None
     turns: Word | None
 
     @property
     def any(self) -> bool:
-        """Whether the command asks for a motion, rather than choosing a motion code only."""
+        """Return True if the command asks for a motion and does not just choose a motion code."""
         return bool(self.axes or self.offsets or self.radius or self.turns)
 
 
@@ -46,107 +46,107 @@ class Target(msgspec.Struct, frozen=True):
     word: Word
 
 
-def read_words(draft: Draft, command: Command) -> Words:
-    """Acts on the command's settings, F and T from left to right and gathers the other words (D-01a)."""
-    axes: list[Placed] = []
-    offsets: dict[int, Placed] = {}
-    radius: Placed | None = None
+def read_words(block: BlockState, command: Command) -> Words:
+    """Apply the command's settings, F and T from left to right and collect the other words (D-01a)."""
+    axes: list[ModalWord] = []
+    offsets: dict[int, ModalWord] = {}
+    radius: ModalWord | None = None
     turns: Word | None = None
     for item in command.items:
         if isinstance(item, Setting):
-            act_on_setting(draft, item)
+            apply_setting_item(block, item)
             continue
         letter = item.letter
         if item.axis >= 0 or letter == "[":
-            incremental = draft.modal.incremental or letter in INCREMENTAL_LETTERS
-            axes.append(Placed(item, draft.modal.inch, incremental))
+            incremental = block.modal.incremental or letter in INCREMENTAL_LETTERS
+            axes.append(ModalWord(item, block.modal.inch, incremental))
         elif letter in "IJK":
-            offsets["IJK".index(letter)] = Placed(item, draft.modal.inch, True)
+            offsets["IJK".index(letter)] = ModalWord(item, block.modal.inch, True)
         elif letter == "R":
-            radius = Placed(item, draft.modal.inch, False)
+            radius = ModalWord(item, block.modal.inch, False)
         elif letter == "P":
             turns = item
         elif letter == "F":
-            act_on_feed(draft, item)
+            apply_feed_word(block, item)
         elif letter == "T":
-            act_on_tool(draft, item)
+            apply_tool_word(block, item)
     return Words(tuple(axes), offsets, radius, turns)
 
 
-def act_on_setting(draft: Draft, setting: Setting) -> None:
-    """A modal code; the P of G64 must not be negative."""
+def apply_setting_item(block: BlockState, setting: Setting) -> None:
+    """Apply a modal code; the P of G64 must not be negative."""
     argument = setting.argument
     tolerance: float | None = None
     if argument is not None and argument.value == argument.value:
         tolerance = argument.value
         if tolerance < 0.0:
-            draft.faults.add(
+            block.faults.add(
                 "MC116",
                 f"a path tolerance of {argument.shown[1:]} is negative",
-                draft.span(argument),
+                block.span(argument),
                 "P0 keeps the exact path; G64 alone takes the machine file's tolerance",
             )
             tolerance = None
-    draft.modal = apply_setting(setting.spec.number, draft.modal, tolerance)
+    block.modal = apply_setting(setting.spec.number, block.modal, tolerance)
 
 
-def act_on_feed(draft: Draft, word: Word) -> None:
-    """F, modal from where it stands; F <= 0 is a fault (D-11)."""
+def apply_feed_word(block: BlockState, word: Word) -> None:
+    """Put F in force from where it stands; F <= 0 is a fault (D-11)."""
     if word.value >= SMALLEST_FEED:
-        draft.change(feed=read_feed(word.value, draft.modal))
+        block.change(feed=read_feed(word.value, block.modal))
         return
     if word.value == word.value:
         message = f"{word.shown} is not above zero"
         if word.value > 0.0:
             message = f"{word.shown} is below {SMALLEST_FEED:.6f}, the slowest feed rate"
-        draft.faults.add("MC120", message, draft.span(word), "give a feed rate above zero")
-    draft.change(feed=ASSUMED_FEED)
+        block.faults.add("MC120", message, block.span(word), "give a feed rate above zero")
+    block.change(feed=ASSUMED_FEED)
 
 
-def act_on_tool(draft: Draft, word: Word) -> None:
-    """T, modal until G1050 or another T (D-50)."""
-    setup = draft.setup
+def apply_tool_word(block: BlockState, word: Word) -> None:
+    """Put T in force until G1050 or another T (D-50)."""
+    setup = block.setup
     if word.value != word.value:
-        draft.change(tool=ASSUMED_TOOL)
+        block.change(tool=ASSUMED_TOOL)
         return
     if setup.kinematics is None and setup.machine.tools:
         known = ", ".join(f"T{tool.number}" for tool in setup.machine.tools)
-        draft.faults.add(
+        block.faults.add(
             "MC313",
             f"{word.shown} needs inverse kinematics, which is not installed",
-            draft.span(word),
+            block.span(word),
             f"install the extra 'mcserver[kinematics]'; the machine's tools are {known}",
         )
-        draft.change(tool=ASSUMED_TOOL)
+        block.change(tool=ASSUMED_TOOL)
         return
     number = int(word.value)
     if number != word.value or number not in setup.chains:
         known = ", ".join(f"T{tool}" for tool in sorted(setup.chains))
-        draft.faults.add(
+        block.faults.add(
             "MC310",
             f"{word.shown} is not a tool of the machine {setup.machine.name}",
-            draft.span(word),
+            block.span(word),
             f"its tools are {known}" if known else "it has none; add [[tool]] sections to the machine file",
         )
         number = ASSUMED_TOOL
-    draft.change(tool=number)
+    block.change(tool=number)
 
 
-def resolve_targets(draft: Draft, words: tuple[Placed, ...]) -> list[Target]:
-    """Ends of directly named axes; a faulty word gives none and leaves the axis's position a guess."""
+def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Target]:
+    """Compute the ends of directly named axes; after a faulty word the axis's position counts as a guess."""
     targets: list[Target] = []
-    for placed in words:
-        word = placed.word
+    for entry in words:
+        word = entry.word
         if word.axis < 0:
             continue
-        axis = draft.usable_axis(word.axis, word)
+        axis = block.usable_axis(word.axis, word)
         if axis is None:
             continue
-        if word.value != word.value or (placed.incremental and word.axis in draft.commanded.assumed):
-            draft.commanded.assume(word.axis)
+        if word.value != word.value or (entry.incremental and word.axis in block.commanded.guessed):
+            block.commanded.mark_guessed(word.axis)
             continue
-        end = word.value * axis_scale(axis.type, placed.inch)
-        if placed.incremental:
-            end += draft.commanded.positions[word.axis]
+        end = word.value * axis_scale(axis.type, entry.inch)
+        if entry.incremental:
+            end += block.commanded.positions[word.axis]
         targets.append(Target(axis, end, word))
     return targets

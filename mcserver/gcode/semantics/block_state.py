@@ -1,4 +1,4 @@
-"""One line while it is interpreted: a copy of the state, what the line gives, and its faults."""
+"""The state of one block (line) while it is interpreted: modal state, positions, and its faults."""
 
 from __future__ import annotations
 
@@ -9,25 +9,26 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.gcode.line_faults import FaultList, Span
-from mcserver.gcode.semantics.commanded_state import Commanded
+from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import Feed, ModalState
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
 from mcserver.machine.machine_file import Axis, Machine
 
-# stands for a feed that could not be read, so that later lines raise no fault over it; never leaves a check
+# stands for a feed that could not be read, so that later lines are not blamed for it; never leaves a check
 ASSUMED_FEED = Feed(1.0, 1.0)
 ASSUMED_TOOL = -1
 
 
 class Setup(msgspec.Struct, frozen=True):
-    """What does not change while a program runs.
+    """What stays constant while a program runs.
 
     Attributes:
         axes: of the machine, by number.
         leased: axes that the program may use.
-        chains: chain of each tool. tools_of: tools that use an axis.
+        chains: axes of each tool, in the chain's order.
+        tools_of: tools that use an axis.
     """
 
     machine: Machine
@@ -39,7 +40,7 @@ class Setup(msgspec.Struct, frozen=True):
 
 
 def set_up(machine: Machine, kinematics: Kinematics | None, lease: frozenset[int] | None) -> Setup:
-    """Tables over a machine; without a lease all its axes are the program's."""
+    """Build the tables of a machine; without a lease the program may use all its axes."""
     axes = {axis.index: axis for axis in machine.axes}
     chains = {} if kinematics is None else {tool: tuple(kinematics.axes(tool)) for tool in kinematics.tools}
     return Setup(
@@ -54,7 +55,7 @@ def set_up(machine: Machine, kinematics: Kinematics | None, lease: frozenset[int
     )
 
 
-class Draft:
+class BlockState:
     """A line's effect on the state, committed only if it has no fault (D-04)."""
 
     __slots__ = (
@@ -69,7 +70,9 @@ class Draft:
         "tolerance",
     )
 
-    def __init__(self, setup: Setup, parsed: ParsedLine, modal: ModalState, commanded: Commanded) -> None:
+    def __init__(
+        self, setup: Setup, parsed: ParsedLine, modal: ModalState, commanded: CommandedState
+    ) -> None:
         self.setup = setup
         self.parsed = parsed
         self.modal = modal
@@ -81,24 +84,24 @@ class Draft:
         self.feed_length = 0.0
 
     def change(self, **fields: object) -> None:
-        """Modal state with some fields changed."""
+        """Replace fields of the modal state."""
         self.modal = msgspec.structs.replace(self.modal, **fields)
 
-    def span(self, place: Word | Command) -> Span:
-        """Columns of a word or of a whole command; found only where a fault needs them."""
-        if isinstance(place, Word):
-            return self.parsed.span(place.index)
-        return self.parsed.command_span(place)
+    def span(self, source: Word | Command) -> Span:
+        """Return the columns of a word or of a whole command; computed only for faults."""
+        if isinstance(source, Word):
+            return self.parsed.span(source.index)
+        return self.parsed.command_span(source)
 
-    def usable_axis(self, index: int, place: Word | Command) -> Axis | None:
-        """The axis, or None and a fault: MC108 the machine lacks it, MC109 the lease does."""
+    def usable_axis(self, index: int, source: Word | Command) -> Axis | None:
+        """Return the axis, or report MC108 (not on the machine) or MC109 (not leased) and return None."""
         axis = self.setup.axes.get(index)
         if axis is None:
             known = ", ".join(str(number) for number in sorted(self.setup.axes))
             self.faults.add(
                 "MC108",
                 f"the machine {self.setup.machine.name} has no axis {index}",
-                self.span(place),
+                self.span(source),
                 f"its axes are {known}",
                 axis=index,
             )
@@ -108,7 +111,7 @@ class Draft:
             self.faults.add(
                 "MC109",
                 f"axis {index} is not among the axes that this program has leased",
-                self.span(place),
+                self.span(source),
                 f"it has {known}; open the program with axis {index} too",
                 axis=index,
             )
@@ -116,7 +119,7 @@ class Draft:
         return axis
 
     def claim(self, axes: Iterable[int], command: Command, words: Mapping[int, Word]) -> None:
-        """Marks axes as moved by a command; a fault where an earlier one of the line moves them (D-02)."""
+        """Mark axes as moved by a command; report those that an earlier command of the line moves (D-02)."""
         unnamed: list[int] = []
         for axis in axes:
             earlier = self.moved.get(axis)
@@ -142,6 +145,6 @@ class Draft:
         )
 
     def end_at(self, axis: int, end: float) -> None:
-        """A direct move's end: tools that use the axis have to look where they are (D-50)."""
+        """Set the end of a direct move; the poses of tools that use the axis become stale (D-50)."""
         self.commanded.end_at(axis, end)
         self.commanded.stale.update(self.setup.tools_of[axis])

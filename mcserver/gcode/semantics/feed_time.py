@@ -1,4 +1,4 @@
-"""How long a group lasts (D-30, D-31)."""
+"""Compute the duration or speed of a group (D-30, D-31)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import enum
 
 import msgspec
 
-from mcserver.gcode.semantics.block_state import ASSUMED_FEED, Draft
+from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
 from mcserver.gcode.semantics.modal import Feed
 from mcserver.gcode.semantics.program_units import move_duration, turning_speed
 from mcserver.gcode.text.syntax import Command
@@ -16,8 +16,8 @@ from mcserver.motion.geometry.curves import Curve
 NO_TRAVEL = 1e-12  # m or rad
 
 
-class Measure(enum.Enum):
-    """What F means for a command under G94."""
+class FeedBasis(enum.Enum):
+    """What F measures for a command under G94."""
 
     PATH = "path"  # a length: 1 to 3 linear axes, an arc, a tool's path
     TURN = "turn"  # an angle: one rotary axis, a tool that only turns
@@ -29,46 +29,46 @@ class FeedMove(msgspec.Struct, frozen=True):
 
     command: Command
     curve: Curve
-    measure: Measure
+    measure: FeedBasis
     inverse_time: bool
     feed: Feed | None
 
 
-def measure_axes(linear: int, rotary: int) -> Measure:
-    """Measure of a move of so many linear and rotary axes; they count by their words (D-30)."""
+def feed_basis(linear: int, rotary: int) -> FeedBasis:
+    """Return what F measures for so many linear and rotary axes, counted by their words (D-30)."""
     if rotary == 0:
-        return Measure.PATH if 1 <= linear <= 3 else Measure.NONE
-    return Measure.TURN if rotary == 1 and linear == 0 else Measure.NONE
+        return FeedBasis.PATH if 1 <= linear <= 3 else FeedBasis.NONE
+    return FeedBasis.TURN if rotary == 1 and linear == 0 else FeedBasis.NONE
 
 
-def feed_group(draft: Draft, moves: list[FeedMove]) -> FeedGroup | None:
-    """The group that one duration holds together; the first command sets it.
+def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:
+    """Build the group that shares one duration, which its first command sets (D-31).
 
     Faults: MC121 no feed in force, MC122 the first command has no speed under G94.
     """
     first = moves[0]
     if first.feed is None:
-        inch = "in/min" if draft.modal.inch else "mm/min"
+        inch = "in/min" if block.modal.inch else "mm/min"
         unit = "moves per minute" if first.inverse_time else f"{inch}, or deg/min for a rotary axis"
-        draft.faults.add(
+        block.faults.add(
             "MC121",
             "the move has no feed rate: no F has been given since the program's start or the last change "
             "between G93 and G94",
-            draft.span(first.command),
+            block.span(first.command),
             f"give F in {unit}",
         )
-        draft.change(feed=ASSUMED_FEED)
+        block.change(feed=ASSUMED_FEED)
         return None
     curves = tuple(move.curve for move in moves)
     if first.inverse_time:
         duration = move_duration(first.feed.number)
         return FeedGroup(curves=curves, requested=duration, duration=duration)
-    if first.measure is Measure.NONE:
-        _no_speed(draft, first)
+    if first.measure is FeedBasis.NONE:
+        _no_speed(block, first)
         return None
     reference = 0
     if len(moves) > 1 and first.curve.length <= NO_TRAVEL:
-        found = _longest_other(draft, moves)
+        found = _longest_other(block, moves)
         if found is None:
             return None
         reference = found
@@ -77,19 +77,19 @@ def feed_group(draft: Draft, moves: list[FeedMove]) -> FeedGroup | None:
     return FeedGroup(curves=curves, requested=requested, speed=speed, reference=reference)
 
 
-def _longest_other(draft: Draft, moves: list[FeedMove]) -> int | None:
-    """Index of the command whose own T is the longest, where the first does not travel (D-31)."""
+def _longest_other(block: BlockState, moves: list[FeedMove]) -> int | None:
+    """Return the index of the command whose own T is the longest, for a first one without travel (D-31)."""
     best, longest = 0, 0.0
     for index, move in enumerate(moves[1:], start=1):
-        if move.measure is Measure.NONE or move.feed is None or move.inverse_time:
+        if move.measure is FeedBasis.NONE or move.feed is None or move.inverse_time:
             continue
         own = move.curve.length / _speed(move)
         if own > longest:
             best, longest = index, own
     if best == 0:
         for move in moves[1:]:
-            if move.measure is Measure.NONE and _travels(move.curve):
-                _no_speed(draft, move)
+            if move.measure is FeedBasis.NONE and _travels(move.curve):
+                _no_speed(block, move)
                 return None
     return best
 
@@ -101,21 +101,21 @@ def _travels(curve: Curve) -> bool:
 
 def _speed(move: FeedMove) -> float:
     assert move.feed is not None
-    return turning_speed(move.feed.number) if move.measure is Measure.TURN else move.feed.speed
+    return turning_speed(move.feed.number) if move.measure is FeedBasis.TURN else move.feed.speed
 
 
-def _no_speed(draft: Draft, move: FeedMove) -> None:
+def _no_speed(block: BlockState, move: FeedMove) -> None:
     axes = move.curve.axes
-    rotary = sum(1 for axis in axes if draft.setup.axes[axis].type.value == "rotary")
+    rotary = sum(1 for axis in axes if block.setup.axes[axis].type.value == "rotary")
     if rotary == 0:
         what = f"{len(axes)} linear axes together"
     elif rotary == len(axes):
         what = f"{rotary} rotary axes together"
     else:
         what = "linear and rotary axes together"
-    draft.faults.add(
+    block.faults.add(
         "MC122",
         f"under G94 a speed of {what} is not defined",
-        draft.span(move.command),
+        block.span(move.command),
         "use G93 (F in moves per minute), or move a tool by T",
     )

@@ -1,4 +1,4 @@
-"""The interpreter: parsed lines in, canonical motion out, modal state between them."""
+"""Interpret parsed lines as canonical motion, with modal state between them."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import NamedTuple
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic
-from mcserver.gcode.fast_path.block import PlainMoves
-from mcserver.gcode.fast_path.runs import MOST, PlainRuns
-from mcserver.gcode.semantics.block_interpreter import LineMeaning, faults_of
-from mcserver.gcode.semantics.block_state import Draft, set_up
-from mcserver.gcode.semantics.commanded_state import Commanded
+from mcserver.gcode.fast_path.block import SimpleBlockInterpreter
+from mcserver.gcode.fast_path.runs import MAX_LINES, RunInterpreter
+from mcserver.gcode.semantics.block_interpreter import BlockInterpreter, faults_of
+from mcserver.gcode.semantics.block_state import BlockState, set_up
+from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import INITIAL, ModalState
-from mcserver.gcode.semantics.position_sync import axes_to_observe
+from mcserver.gcode.semantics.position_sync import find_axes_to_sync
 from mcserver.gcode.text.parser import ParsedLine, scan_line
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import Canonical, PlainRun
 
 
 class Interpreter:
-    """One program's modal state and commanded positions (D-10).
+    """The interpreter of one program: its modal state and commanded positions (D-10).
 
     Args:
-        machine: whose axes and tools the program names.
+        machine: has the axes and tools that the program names.
         kinematics: of its tools; None where it has none.
         positions: commanded positions at the start [m or rad]; the drives' initial ones by default.
         lease: axes that the program may use; all by default.
@@ -42,69 +42,68 @@ class Interpreter:
     ) -> None:
         self._setup = set_up(machine, kinematics, lease)
         initial = {axis.index: axis.initial_position for axis in machine.axes}
-        self._commanded = Commanded({**initial, **(positions or {})})
+        self._commanded = CommandedState({**initial, **(positions or {})})
         self._modal = modal
         self._ended = False
-        self._plain = PlainMoves(self._setup)
-        self._runs = PlainRuns(self._setup)
+        self._simple = SimpleBlockInterpreter(self._setup)
+        self._runs = RunInterpreter(self._setup)
 
     @property
     def modal(self) -> ModalState:
-        """The modal state between lines, which can be given to another interpreter."""
+        """Return the modal state between lines, from which another interpreter can start."""
         return self._modal
 
     @property
     def positions(self) -> Mapping[int, float]:
-        """Commanded ends of all axes [m or rad], by axis number."""
+        """CommandedState ends of all axes [m or rad], by axis number."""
         return dict(self._commanded.positions)
 
     @property
     def ended(self) -> bool:
-        """Whether M02 or M30 has come; what follows is not read."""
+        """Return True behind M02 or M30; what follows is not read."""
         return self._ended
 
     def interpret(self, parsed: ParsedLine) -> list[Canonical]:
-        """What the line does, in order; empty where it only changes modal state, and after the program's end.
+        """Interpret a line; the result is empty if it only changes modal state, and after the program's end.
 
         Raises:
             ProgramRejected: with every fault of the line; the state is as before it (D-04).
         """
         if self._ended:
             return []
-        plain = parsed.plain
-        if plain is not None:
-            quick = self._plain.interpret(parsed.number, plain, self._modal, self._commanded)
+        simple = parsed.simple
+        if simple is not None:
+            quick = self._simple.interpret(parsed.number, simple, self._modal, self._commanded)
             if quick is not None:
                 self._modal, line = quick
                 return [line]
         elif parsed.blank and not parsed.faults:
             return []
-        return self._interpret_generally(parsed)
+        return self._interpret_block(parsed)
 
     def interpret_text(self, text: str, number: int) -> list[Canonical]:
-        """Parses and interprets one line.
+        """Parse and interpret one line.
 
         Raises:
-            ProgramRejected: with the faults of its text and of its meaning together.
+            ProgramRejected: with its faults of text, grammar and meaning together.
         """
         return self.interpret(scan_line(text, number))
 
     def run_window(self, number: int) -> int:
-        """How many lines from line ``number`` on `interpret_run` would look at; 0: it would not look at all.
+        """Return how many lines from line ``number`` on `interpret_run` would read; 0: no attempt now.
 
-        So that nobody has to gather lines in vain: after programs' parts that hold no runs it looks seldom.
+        Saves the caller from gathering lines in vain: after parts without runs attempts are rare.
         """
         return 0 if self._ended else self._runs.window(number)
 
     def interpret_run(
-        self, texts: Sequence[str], number: int, most: int = MOST
+        self, texts: Sequence[str], number: int, most: int = MAX_LINES
     ) -> tuple[PlainRun, int] | None:
-        """Parses and interprets the longest run of alike plain lines that ``texts`` begins with.
+        """Parse and interpret the longest run of simple blocks of the same words that ``texts`` begins with.
 
-        Its values and the state after it are bit for bit those of `interpret_text` line by line, which is the
-        way to go for everything that ends a run: lines of other words, whatever has a fault, a tool in force,
-        axes whose start the encoder decides. A trial in vain costs a few microseconds at most, and next to
-        nothing for some lines after it.
+        Values and state are bit for bit those of `interpret_text` line by line. Whatever ends a run is left
+        to `interpret_text`: other words, a fault, a tool in force, an axis whose start only the encoder
+        gives. A failed attempt costs a few microseconds and suppresses the next ones for some lines.
 
         Args:
             texts: consecutive lines without their ends.
@@ -112,8 +111,8 @@ class Interpreter:
             most: lines that may be taken.
 
         Returns:
-            The run and how many of ``texts`` it took, blank lines too; None where they would be fewer than
-            `plain_runs.LEAST`.
+            The run and how many of ``texts`` it took, blank lines included; None below
+            `mcserver.gcode.fast_path.runs.MIN_LINES`.
         """
         if self._ended:
             return None
@@ -123,50 +122,50 @@ class Interpreter:
         self._modal, run, taken = found
         return run, taken
 
-    def _interpret_generally(self, parsed: ParsedLine) -> list[Canonical]:
-        meaning = self._read(parsed)
-        faults_of(meaning.draft).raise_if_any()
-        self._commit(meaning)
-        return meaning.values
+    def _interpret_block(self, parsed: ParsedLine) -> list[Canonical]:
+        interpreted = self._read(parsed)
+        faults_of(interpreted.block).raise_if_any()
+        self._commit(interpreted)
+        return interpreted.values
 
-    def survey(self, parsed: ParsedLine) -> tuple[Diagnostic, ...]:
-        """Every fault of the line; then goes on from the best guess of what it meant. For checks only."""
+    def check(self, parsed: ParsedLine) -> tuple[Diagnostic, ...]:
+        """Return every fault of the line and go on from the best guess of what it meant. For checks only."""
         if self._ended:
             return ()
-        if parsed.plain is not None and not parsed.faults:
-            quick = self._plain.interpret(parsed.number, parsed.plain, self._modal, self._commanded)
+        if parsed.simple is not None and not parsed.faults:
+            quick = self._simple.interpret(parsed.number, parsed.simple, self._modal, self._commanded)
             if quick is not None:
                 self._modal = quick[0]
                 return ()
         elif parsed.blank and not parsed.faults:
             return ()
-        meaning = self._read(parsed)
-        self._commit(meaning)
-        return faults_of(meaning.draft).in_reading_order()
+        interpreted = self._read(parsed)
+        self._commit(interpreted)
+        return faults_of(interpreted.block).in_reading_order()
 
-    def _read(self, parsed: ParsedLine) -> LineMeaning:
-        meaning = LineMeaning(Draft(self._setup, parsed, self._modal, self._commanded))
-        meaning.read()
-        return meaning
+    def _read(self, parsed: ParsedLine) -> BlockInterpreter:
+        interpreted = BlockInterpreter(BlockState(self._setup, parsed, self._modal, self._commanded))
+        interpreted.read()
+        return interpreted
 
-    def _commit(self, meaning: LineMeaning) -> None:
-        self._modal = meaning.draft.modal
-        self._commanded = meaning.draft.commanded
-        self._ended = meaning.ended
+    def _commit(self, interpreted: BlockInterpreter) -> None:
+        self._modal = interpreted.block.modal
+        self._commanded = interpreted.block.commanded
+        self._ended = interpreted.ended
 
-    def encoder_axes(self, parsed: ParsedLine) -> frozenset[int]:
-        """Axes whose encoder decides where this line starts (D-14, D-25); none for most lines.
+    def axes_to_sync(self, parsed: ParsedLine) -> frozenset[int]:
+        """Return the axes whose encoder decides where this line starts (D-14, D-25); empty for most lines.
 
-        Such an axis is named by the line, or belongs to a tool that it uses, and a capture, speed, torque or
-        servo command has come since its last move. Let all that came before end, bring the axes to rest, and
-        `observe` them before `interpret`.
+        The line names such an axis, or uses a tool of it, and a capture, speed, torque or servo command has
+        come since its last move. Before `interpret` all earlier motion has to end, the axes have to come to
+        rest, and `sync_positions` needs their readings.
         """
-        if self._ended or not self._commanded.unsettled:
+        if self._ended or not self._commanded.unsynced:
             return frozenset()
-        return axes_to_observe(parsed, self._setup, self._modal, self._commanded)
+        return find_axes_to_sync(parsed, self._setup, self._modal, self._commanded)
 
-    def observe(self, positions: Mapping[int, float]) -> None:
-        """Tells where axes stand [m or rad] (D-14, D-25).
+    def sync_positions(self, positions: Mapping[int, float]) -> None:
+        """Take over encoder readings [m or rad] (D-14, D-25).
 
         After a capture, a speed or a torque command the reading becomes the base of increments and the start
         of paths; after G1020 only the start of paths: the base stays the commanded end.
@@ -175,7 +174,7 @@ class Interpreter:
         for axis, position in positions.items():
             if axis not in commanded.positions:
                 continue
-            if commanded.unsettled.pop(axis, True):
+            if commanded.unsynced.pop(axis, True):
                 if position != commanded.positions[axis]:
                     commanded.stale.update(self._setup.tools_of[axis])
                 commanded.positions[axis] = position
@@ -187,11 +186,11 @@ class Interpreter:
 
 
 class Resumption(NamedTuple):
-    """Where a program stands before one of its lines.
+    """The state before a line of a program.
 
     Attributes:
         modal: the modal state.
-        positions: commanded ends [m or rad].
+        positions: commanded ends [m or rad], by axis number.
     """
 
     modal: ModalState
@@ -206,7 +205,7 @@ def modal_before(
     kinematics: Kinematics | None = None,
     positions: Mapping[int, float] | None = None,
 ) -> Resumption:
-    """The state before line ``number`` of a program, rebuilt by reading the lines before it; nothing moves.
+    """Rebuild the state before line ``number`` of a program from the lines before it; nothing moves.
 
     Args:
         lines: the whole program, or at least the lines before ``number``.

@@ -1,4 +1,4 @@
-"""Modal state of one program (D-10 to D-15), as an immutable value."""
+"""The modal state of a program (D-10 to D-15), an immutable value."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ModalState(msgspec.Struct, frozen=True):
 
     Attributes:
         inch: G20. incremental: G91. inverse_time: G93. exact_stop: G61.
-        exact_next: G09 stood and the motion command that it is for has not come yet.
+        exact_next: G09 waits for its motion command.
         tolerance: P of G64 [m]; None: the machine file's.
         tool: number of the tool in force, None after G1050.
         feed: None where no F is in force.
@@ -48,12 +48,12 @@ INITIAL = ModalState()
 
 
 def read_feed(number: float, modal: ModalState) -> Feed:
-    """F as written, in the units in force where it stands (D-11)."""
+    """Read F in the units in force where it stands (D-11)."""
     return Feed(number, 0.0 if modal.inverse_time else path_speed(number, modal.inch))
 
 
 def apply_setting(code: int, modal: ModalState, tolerance: float | None = None) -> ModalState:
-    """The state after a modal code.
+    """Return the state after a modal code.
 
     Args:
         code: number of a code of kind SETTING.

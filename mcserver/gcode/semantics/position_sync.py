@@ -1,9 +1,9 @@
-"""Which axes a line needs the encoder of before it can be interpreted (D-14, D-25)."""
+"""Find the axes whose encoder a line needs before it can be interpreted (D-14, D-25)."""
 
 from __future__ import annotations
 
 from mcserver.gcode.semantics.block_state import Setup
-from mcserver.gcode.semantics.commanded_state import Commanded
+from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.text.command_table import Kind
 from mcserver.gcode.text.parser import ParsedLine
@@ -11,24 +11,24 @@ from mcserver.gcode.text.syntax import Command, Setting
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 
 
-def axes_to_observe(
-    parsed: ParsedLine, setup: Setup, modal: ModalState, commanded: Commanded
+def find_axes_to_sync(
+    parsed: ParsedLine, setup: Setup, modal: ModalState, commanded: CommandedState
 ) -> frozenset[int]:
-    """Axes of the line whose start, or base of increments, is not known.
+    """Return the axes of the line whose start, or base of increments, is not known.
 
-    An arc counts all of X Y Z: its plane is found later, and an axis too many costs only the wait.
+    An arc counts all of X Y Z: its plane is chosen later, and a superfluous axis costs only the wait.
     """
-    unsettled = commanded.unsettled
+    unsynced = commanded.unsynced
     needed: set[int] = set()
     tool, incremental, motion = modal.tool, modal.incremental, modal.motion
     for group in parsed.groups:
         for command in group:
-            tool, incremental = _after(command, tool, incremental)
+            tool, incremental = _modes_after(command, tool, incremental)
             kind = None if command.spec is None else command.spec.kind
             if kind is Kind.MOVE and command.spec is not None:
                 motion = command.spec.number
             elif kind is Kind.DIRECT and command.spec is not None and command.spec.number == 1020:
-                needed |= {axis for axis in _increments(command, incremental) if unsettled.get(axis)}
+                needed |= {axis for axis in _increments(command, incremental) if unsynced.get(axis)}
                 continue
             elif not (kind is None and command.moves):
                 continue
@@ -41,18 +41,18 @@ def axes_to_observe(
             if tool is not None:
                 chain = setup.chains.get(tool, ())
                 # a rapid is solved from the commanded joints: where they were stopped does not matter
-                needed |= {axis for axis in chain if axis in unsettled and (unsettled[axis] or not rapid)}
+                needed |= {axis for axis in chain if axis in unsynced and (unsynced[axis] or not rapid)}
             elif rapid:
-                needed |= {axis for axis in _increments(command, incremental) if unsettled.get(axis)}
+                needed |= {axis for axis in _increments(command, incremental) if unsynced.get(axis)}
             else:
                 named = {item.axis for item in command.items if isinstance(item, Word)}
                 if motion in (2, 3):
                     named |= {0, 1, 2}
-                needed |= {axis for axis in named if axis in unsettled}
+                needed |= {axis for axis in named if axis in unsynced}
     return frozenset(needed)
 
 
-def _after(command: Command, tool: int | None, incremental: bool) -> tuple[int | None, bool]:
+def _modes_after(command: Command, tool: int | None, incremental: bool) -> tuple[int | None, bool]:
     for item in command.items:
         if isinstance(item, Setting):
             number = item.spec.number

@@ -1,4 +1,4 @@
-"""Program units to SI and back for messages: mm or inches, degrees, minutes (D-11, D-13)."""
+"""Convert program units to SI, and back for messages: mm or inches, degrees, minutes (D-11, D-13)."""
 
 from __future__ import annotations
 
@@ -11,42 +11,42 @@ Number = TypeVar("Number", float, Array)  # one value, or a column of them
 
 
 def length_scale(inch: bool) -> float:
-    """Metres of one program unit of length."""
+    """Return the metres in one program unit of length."""
     return INCH if inch else MM
 
 
 def axis_scale(axis_type: AxisType, inch: bool) -> float:
-    """Metres or radians of one program unit; rotary axes are degrees under G20 too (D-13)."""
+    """Return the metres or radians in one program unit; rotary axes are in degrees under G20 too (D-13)."""
     return length_scale(inch) if axis_type is AxisType.LINEAR else DEGREE
 
 
 def path_speed(number: Number, inch: bool) -> Number:
-    """F under G94 as a speed along a path [m/s]."""
+    """Convert F under G94 to a speed along a path [m/s]."""
     return number * length_scale(inch) / MINUTE
 
 
 def turning_speed(number: Number) -> Number:
-    """F under G94 for a rotary move [rad/s]: degrees per minute whatever G20 or G21 said (D-11)."""
+    """Convert F under G94 for a rotary move to [rad/s]: degrees per minute under G20 and G21 alike (D-11)."""
     return number * DEGREE / MINUTE
 
 
 def move_duration(number: Number) -> Number:
-    """F under G93 as a duration [s]."""
+    """Convert F under G93 to a duration [s]."""
     return MINUTE / number
 
 
 def motor_speed(rpm: float, travel_per_turn: float) -> float:
-    """Speed of an axis [m/s or rad/s] from its motor's RPM and its travel per motor turn [m or rad]."""
+    """Convert motor RPM and travel per motor turn [m or rad] to the axis's speed [m/s or rad/s]."""
     return rpm * travel_per_turn / MINUTE
 
 
 def motor_rpm(speed: float, travel_per_turn: float) -> float:
-    """RPM of the motor at a speed of its axis."""
+    """Convert an axis's speed [m/s or rad/s] to RPM of its motor."""
     return speed * MINUTE / travel_per_turn
 
 
 def angle(degrees: float) -> float:
-    """[rad]"""
+    """Convert degrees to radians."""
     return degrees * DEGREE
 
 
@@ -56,23 +56,23 @@ def turns(count: float) -> float:
 
 
 def shown_number(value: float) -> str:
-    """A number for messages: up to six digits behind the point, no exponent, no trailing zeros."""
+    """Format a number for messages: up to six decimals, no exponent, no trailing zeros."""
     text = f"{value:.6f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 
 def shown_length(metres: float, inch: bool) -> str:
-    """A length for messages in program units, such as ``100 mm``."""
+    """Format a length for messages in program units, such as ``100 mm``."""
     return f"{shown_number(metres / length_scale(inch))} {'in' if inch else 'mm'}"
 
 
 def shown_position(value: float, axis_type: AxisType, inch: bool) -> str:
-    """A position of an axis for messages, in the unit that its words have."""
+    """Format an axis's position for messages, in the unit of its words."""
     if axis_type is AxisType.LINEAR:
         return shown_length(value, inch)
     return f"{shown_number(value / DEGREE)} deg"
 
 
 def millimetres(metres: float) -> float:
-    """[mm]"""
+    """Convert metres to millimetres."""
     return metres / MM

@@ -1,4 +1,4 @@
-"""The commanded pose of a tool (D-50, D-51)."""
+"""Compute the commanded pose of a tool (D-50, D-51)."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Mapping
 
 from mckinematics.pose import Kinematics, Pose, Triple
 
-from mcserver.gcode.semantics.commanded_state import Commanded
+from mcserver.gcode.semantics.commanded_state import CommandedState
 
 GIMBAL = 1e-6  # cosine of the middle angle below which the outer two turn about one axis
 
 
-def commanded_pose(kinematics: Kinematics, tool: int, euler: str, commanded: Commanded) -> Pose:
-    """The tool's last commanded pose; after a move of its joints without it, read from FK and kept.
+def commanded_pose(kinematics: Kinematics, tool: int, euler: str, commanded: CommandedState) -> Pose:
+    """Return the tool's last commanded pose; after a move of its joints without it, the pose by FK.
 
     Raises:
         KinematicsError: the model cannot give it.
@@ -30,7 +30,7 @@ def commanded_pose(kinematics: Kinematics, tool: int, euler: str, commanded: Com
 
 
 def keep_c(angles: Triple, c: float, euler: str) -> Triple:
-    """The same orientation with C as it was, where the angles leave that open (B = ±90°, D-51).
+    """Keep C in the same orientation if the Euler angles leave it open (B = ±90°, D-51).
 
     With the middle factor at ±90° the outer factors turn about one axis: R = R1(a)·R2(±90°)·R3(b) depends
     on a ± b alone. The sign is that of the order's permutation times that of the middle angle.
@@ -52,15 +52,15 @@ def keep_c(angles: Triple, c: float, euler: str) -> Triple:
     return (kept[0], kept[1], kept[2])
 
 
-def start_pose(kinematics: Kinematics, tool: int, commanded: Commanded, pose: Pose) -> Pose:
-    """Where the tool's path starts: the commanded pose, or FK where a joint was stopped on its way (D-25)."""
+def start_pose(kinematics: Kinematics, tool: int, commanded: CommandedState, pose: Pose) -> Pose:
+    """Return the start of the tool's path: the commanded pose, or FK if a joint was stopped early (D-25)."""
     if commanded.starts.keys().isdisjoint(kinematics.axes(tool)):
         return pose
     return kinematics.pose(tool, commanded.path_starts())
 
 
 def with_words(pose: Pose, values: Mapping[int, float]) -> Pose:
-    """The pose with some of its six coordinates replaced [m and rad]."""
+    """Replace some of the six coordinates of a pose [m and rad]."""
     x, y, z = (values.get(index, pose.position[index]) for index in range(3))
     a, b, c = (values.get(index + 3, pose.angles[index]) for index in range(3))
     return Pose((x, y, z), (a, b, c))

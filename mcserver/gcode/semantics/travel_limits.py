@@ -1,22 +1,22 @@
-"""Limits of the machine that a line's text alone shows (D-28)."""
+"""Check curves against the axes' travel (D-28)."""
 
 from __future__ import annotations
 
-from mcserver.gcode.semantics.block_state import Draft
+from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import shown_position
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
 from mcserver.machine.machine_file import Axis
 
-ROUNDING = 1e-9  # m or rad: units converted to SI need not meet a limit exactly
+ROUNDING = 1e-9  # m or rad: a converted unit may miss its limit in the last bits
 
 
 def check_travel(
-    draft: Draft, axis: Axis, start: float, low: float, high: float, end: float, place: Word | Command
+    block: BlockState, axis: Axis, start: float, low: float, high: float, end: float, source: Word | Command
 ) -> None:
-    """A fault if a curve leaves the axis's travel.
+    """Report a curve that leaves the axis's travel.
 
-    An axis that stands outside already (it was turned by hand) may be moved back in.
+    An axis that is outside already (moved by hand) may be moved back in.
 
     Args:
         start, end: of the curve. low, high: least and greatest position on it [m or rad].
@@ -24,7 +24,7 @@ def check_travel(
     least, greatest = axis.min_position - ROUNDING, axis.max_position + ROUNDING
     if low >= least and high <= greatest:
         return
-    inch = draft.modal.inch
+    inch = block.modal.inch
     if end < least or low < min(least, start):
         beyond, limit, name = min(low, end), axis.min_position, "min_position"
     elif end > greatest or high > max(greatest, start):
@@ -32,11 +32,11 @@ def check_travel(
     else:
         return
     where = "goes to" if beyond == end else "passes"
-    draft.faults.add(
+    block.faults.add(
         "MC201",
         f"axis {axis.index} {where} {shown_position(beyond, axis.type, inch)}, beyond its {name} "
         f"of {shown_position(limit, axis.type, inch)}",
-        draft.span(place),
+        block.span(source),
         f"stay within {shown_position(axis.min_position, axis.type, inch)} … "
         f"{shown_position(axis.max_position, axis.type, inch)}",
         axis=axis.index,

@@ -1,4 +1,4 @@
-"""The one table of codes: what each is, and which words it takes."""
+"""The table of codes: what each does and which words it takes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mcserver.motion.canonical import AxisOperation
 
 
 class Kind(enum.Enum):
-    """What a code does, as far as grammar cares."""
+    """The part that a code plays in the grammar."""
 
     MOVE = "move"  # G00-G03: axis words or a tool's pose
     DIRECT = "direct"  # G1020, G1030, G1040: axis words, never a tool
@@ -27,11 +27,11 @@ class CommandSpec(msgspec.Struct, frozen=True):
     """One code.
 
     Attributes:
-        name: as written by the book, such as ``G01``.
+        name: with two digits at least, such as ``G01``.
         title: what it does, in a few words.
         kind: its part in the grammar.
         words: letters that it takes besides axis words.
-        takes_axes: whether axis words follow it.
+        takes_axes: True if axis words follow it.
         rule: rule of the dialect.
         operation: for axis commands.
     """
@@ -106,12 +106,12 @@ _ABSENT_FAMILIES: tuple[tuple[str, range, str], ...] = (
 
 
 def find_command(letter: str, text: str) -> CommandSpec | None:
-    """The code ``G`` or ``M`` with the number as written, or None; ``1``, ``01`` and ``001`` are one code."""
+    """Look up a code by letter and number as written: ``1``, ``01`` and ``001`` are one code."""
     return BY_TEXT.get((letter, text.lstrip("0") or "0"))
 
 
 def nearest_command(letter: str, text: str) -> str:
-    """A hint for a code that is not in the table: what is absent here, or the nearest known code."""
+    """Build the hint for an unknown code: what the dialect lacks, or the nearest known codes."""
     digits = text.lstrip("0") or "0"
     if "." in digits or not digits.isdigit():
         return "codes are whole numbers, such as G01"
@@ -128,7 +128,7 @@ def nearest_command(letter: str, text: str) -> str:
 
 
 def edit_distance(first: str, second: str) -> int:
-    """Fewest insertions, deletions and substitutions that turn one text into the other (Levenshtein)."""
+    """Return the Levenshtein distance of two texts."""
     row = list(range(len(second) + 1))
     for i, a in enumerate(first, start=1):
         diagonal, row[0] = row[0], i

@@ -1,4 +1,4 @@
-"""Which words belong to which command (D-01a), and what may stand together (D-01, D-02, D-24, D-31, D-40)."""
+"""Assign words to commands (D-01a) and check what may stand together (D-01, D-02, D-24, D-31, D-40)."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _LOOSE: Final = frozenset("FT")
 _LOOSE_MOVE: Final = frozenset("FTIJKRP")
 
 
-class _Draft:
-    """A command while its words are read."""
+class _OpenCommand:
+    """A command that is still collecting words."""
 
     __slots__ = ("first", "items", "last", "moves", "setting", "spec")
 
@@ -30,7 +30,7 @@ class _Draft:
         self.moves = False
         self.first = first
         self.last = first
-        self.setting = -1  # place of the last setting among the items
+        self.setting = -1  # index of the last setting among the items
 
     def add(self, item: Item) -> None:
         if isinstance(item, Setting):
@@ -43,11 +43,11 @@ class _Draft:
 
 
 def group_commands(groups: list[list[Word]], faults: FaultList, span: SpanOf) -> tuple[Group, ...]:
-    """Commands of each comma group; faults of grammar go to ``faults``.
+    """Build the commands of each comma group; report faults of grammar to ``faults``.
 
     Args:
         groups: words of each group, in reading order.
-        span: columns of a token, or from one token to another.
+        span: gives the columns of a token, or from one token to another.
     """
     found = tuple(_group(words, faults, span) for words in groups if words)
     _check_line(found, faults, span)
@@ -55,29 +55,29 @@ def group_commands(groups: list[list[Word]], faults: FaultList, span: SpanOf) ->
 
 
 def _group(words: list[Word], faults: FaultList, span: SpanOf) -> Group:
-    drafts: list[_Draft] = []
-    current: _Draft | None = None
+    opened: list[_OpenCommand] = []
+    current: _OpenCommand | None = None
     for word in words:
         if word.letter in "GM":
             spec = _lookup(word, faults, span)
             if spec.kind is Kind.SETTING:
                 if current is None or not _absorbs_setting(current):
-                    current = _Draft(None, word.index)
-                    drafts.append(current)
+                    current = _OpenCommand(None, word.index)
+                    opened.append(current)
                 current.add(Setting(spec, word.index))
             else:
-                current = _Draft(spec, word.index)
-                drafts.append(current)
+                current = _OpenCommand(spec, word.index)
+                opened.append(current)
             continue
         if current is None:
-            current = _Draft(None, word.index)
-            drafts.append(current)
+            current = _OpenCommand(None, word.index)
+            opened.append(current)
         if word.letter == "P" and _give_to_g64(current, word):
             continue
         current.add(word)
         if word.axis >= 0 or word.letter == "[":
             current.moves = True
-    commands = tuple(draft.finish() for draft in drafts)
+    commands = tuple(command.finish() for command in opened)
     _check_group(commands, faults, span)
     return commands
 
@@ -96,23 +96,23 @@ def _lookup(word: Word, faults: FaultList, span: SpanOf) -> CommandSpec:
     return spec
 
 
-def _absorbs_setting(draft: _Draft) -> bool:
-    """Before a command's axis words a modal code leaves them to it; after them it ends it (D-01a)."""
-    if draft.moves:
+def _absorbs_setting(command: _OpenCommand) -> bool:
+    """Return True if a modal code at this point is part of the command, False if it ends it (D-01a)."""
+    if command.moves:
         return False
-    return draft.spec is None or draft.spec.kind in _LED
+    return command.spec is None or command.spec.kind in _LED
 
 
-def _give_to_g64(draft: _Draft, word: Word) -> bool:
-    """P right behind G64 is its path tolerance; without a motion code it may stand further behind."""
-    place = draft.setting
-    if place < 0 or draft.moves or (draft.spec is not None and place != len(draft.items) - 1):
+def _give_to_g64(command: _OpenCommand, word: Word) -> bool:
+    """Take P as the tolerance of G64: directly behind it, or anywhere behind it without a motion code."""
+    place = command.setting
+    if place < 0 or command.moves or (command.spec is not None and place != len(command.items) - 1):
         return False
-    setting = draft.items[place]
+    setting = command.items[place]
     if not isinstance(setting, Setting) or setting.spec.name != "G64" or setting.argument is not None:
         return False
-    draft.items[place] = Setting(setting.spec, setting.index, word)
-    draft.last = word.index
+    command.items[place] = Setting(setting.spec, setting.index, word)
+    command.last = word.index
     return True
 
 
@@ -125,7 +125,7 @@ def _check_group(commands: Group, faults: FaultList, span: SpanOf) -> None:
             if not acting and implied is None:
                 implied = command
             elif not unknown:
-                _homeless_axes(command, acting[0] if acting else implied, faults, span)
+                _report_orphan_axes(command, acting[0] if acting else implied, faults, span)
         _check_words(command, command is implied, faults, span)
     for command in acting:
         spec = command.spec
@@ -150,7 +150,7 @@ def _check_group(commands: Group, faults: FaultList, span: SpanOf) -> None:
             )
 
 
-def _homeless_axes(command: Command, other: Command | None, faults: FaultList, span: SpanOf) -> None:
+def _report_orphan_axes(command: Command, other: Command | None, faults: FaultList, span: SpanOf) -> None:
     words = [item for item in command.items if isinstance(item, Word) and _is_axis(item)]
     before = other is not None and command.first < other.first
     faults.add(
@@ -166,7 +166,7 @@ def _is_axis(word: Word) -> bool:
 
 
 def _check_words(command: Command, implied: bool, faults: FaultList, span: SpanOf) -> None:
-    """Words that the command does not take, and words that stand twice."""
+    """Report words that the command does not take and words that stand twice."""
     spec = command.spec
     if spec is UNKNOWN:
         return
@@ -196,15 +196,15 @@ def _check_words(command: Command, implied: bool, faults: FaultList, span: SpanO
         seen[key] = item
         if _is_axis(item):
             if spec is not None and not spec.takes_axes:
-                _not_taken(spec, item, faults, span)
+                _report_not_taken(spec, item, faults, span)
         elif spec is not None:
             if item.letter not in spec.words:
-                _not_taken(spec, item, faults, span)
+                _report_not_taken(spec, item, faults, span)
         elif implied:
             if item.letter not in _LOOSE_MOVE:
-                _unled(item, faults, span)
+                _report_orphan_word(item, faults, span)
         elif item.letter not in _LOOSE and not command.moves:
-            _unled(item, faults, span)
+            _report_orphan_word(item, faults, span)
 
 
 def _twice_hint(before: Word, word: Word) -> str:
@@ -213,7 +213,7 @@ def _twice_hint(before: Word, word: Word) -> str:
     return "X Y Z A B C are [0] to [5]; keep one of the two"
 
 
-def _not_taken(spec: CommandSpec, word: Word, faults: FaultList, span: SpanOf) -> None:
+def _report_not_taken(spec: CommandSpec, word: Word, faults: FaultList, span: SpanOf) -> None:
     hint = "take it out"
     if spec.kind is Kind.AXIS and word.axis >= 0:
         hint = f"name the axis by P{word.axis}"
@@ -228,7 +228,7 @@ def _not_taken(spec: CommandSpec, word: Word, faults: FaultList, span: SpanOf) -
     faults.add("MC112", f"{spec.name} does not take {word.name}", span(word.index), hint)
 
 
-def _unled(word: Word, faults: FaultList, span: SpanOf) -> None:
+def _report_orphan_word(word: Word, faults: FaultList, span: SpanOf) -> None:
     hint = "write the motion code before it"
     if word.letter == "P":
         hint = "P belongs to G02, G03, G04, G64 and the axis commands"
@@ -236,7 +236,7 @@ def _unled(word: Word, faults: FaultList, span: SpanOf) -> None:
 
 
 def _check_line(groups: tuple[Group, ...], faults: FaultList, span: SpanOf) -> None:
-    """What a line may hold together: axis commands no motion (D-01a), a pause at its ends only."""
+    """Check a whole line: axis commands exclude motion (D-01a), a pause stands only at its ends."""
     everything = [command for group in groups for command in group]
     acts = [
         place

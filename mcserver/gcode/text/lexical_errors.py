@@ -1,4 +1,4 @@
-"""The slow reading of a line that has lexical faults: names each one and goes on with the best guess."""
+"""Scan a line that has lexical errors: report each one and go on with the best guess."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mcserver.gcode.text.command_table import find_command
 from mcserver.gcode.text.words import LETTERS, MAX_AXIS
 
 _BLANK = re.compile(r"[ \t]*")
-# what a writer may have meant as a number: all but blanks, controls, letters other than O, brackets, commas
+# what may have been meant as a number: all but blanks, controls, letters other than O, brackets, commas
 _RUN = re.compile(r"[^\x00-\x20\x7fA-NP-Za-np-z,\[\]()]*")
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)\Z")
 _EXPONENT = re.compile(r"[eE][-+]?[0-9]+")
@@ -25,10 +25,10 @@ Token = tuple[str, str, str]
 
 
 def scan_faulty(code: str, faults: FaultList) -> tuple[list[Token], list[Span]]:
-    """Tokens and their columns; a number beyond guessing is ``nan``, an axis beyond guessing ``[?]``."""
-    reading = _Reading(code, faults)
-    reading.read()
-    return reading.tokens, reading.spans
+    """Return tokens and their columns; a number that cannot be guessed is ``nan``, such an axis ``[?]``."""
+    scanner = _ErrorScanner(code, faults)
+    scanner.read()
+    return scanner.tokens, scanner.spans
 
 
 def _shorten(text: str) -> str:
@@ -42,8 +42,8 @@ def _character(character: str) -> str:
     return f"U+{ord(character):04X} ({name})"
 
 
-class _Reading:
-    """One pass over the code, left to right; each character is looked at a bounded number of times."""
+class _ErrorScanner:
+    """A single pass over the code, left to right, which looks at each character a bounded number of times."""
 
     def __init__(self, code: str, faults: FaultList) -> None:
         self.code = code
@@ -78,7 +78,7 @@ class _Reading:
         self.faults.add(code, message, (start + 1, end + 1), hint)
 
     def _percent_line(self, start: int) -> None:
-        """``%`` frames a program; a title may follow it, but no code, which would be skipped in silence."""
+        """Skip a ``%`` line with its title; code there is a fault, since it would be ignored silently."""
         rest = self.code[start + 1 :]
         if re.match(r"[ \t]*[GMgm][ \t]*[0-9]", rest):
             self._fault(
@@ -107,7 +107,7 @@ class _Reading:
         self._number(letter, letter, start, start + 1)
 
     def _number(self, name: str, shown: str, start: int, after_name: int) -> None:
-        """The number of a word whose name ends before ``after_name``."""
+        """Read the number of a word whose name ends before ``after_name``."""
         code = self.code
         begin = _BLANK.match(code, after_name).end()  # type: ignore[union-attr]
         end = _RUN.match(code, begin).end()  # type: ignore[union-attr]
@@ -165,7 +165,7 @@ class _Reading:
         return digits
 
     def _foreign(self, shown: str, run: str, begin: int) -> str:
-        """A number with characters outside ASCII: names the first and offers what it looks like."""
+        """Report the first non-ASCII character of a number and return what the number looks like."""
         at = next(index for index, character in enumerate(run) if not character.isascii())
         meant = unicodedata.normalize("NFKC", run.translate(_MINUSES)).translate(_MINUSES).strip()
         fits = _NUMBER.match(meant) is not None

@@ -1,9 +1,9 @@
-"""Groups, commands and words of one line (D-01, D-01a), and all faults that need no modal state."""
+"""Parse a line into groups, commands and words (D-01, D-01a), with the faults that need no modal state."""
 
 from __future__ import annotations
 
 from mcserver.errors import Diagnostic
-from mcserver.gcode.fast_path.short_form import Plain, read_plain
+from mcserver.gcode.fast_path.short_form import SimpleBlock, read_simple_block
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.text.command_table import CommandSpec
 from mcserver.gcode.text.grammar import group_commands
@@ -14,21 +14,21 @@ from mcserver.gcode.text.words import AXIS_LETTERS, LARGEST, MAX_AXIS, Word
 
 
 class ParsedLine:
-    """One line: groups of commands of words, with columns on demand.
+    """A parsed line: groups of commands of words, with columns on demand.
 
     Attributes:
         number: of the line, from 1.
         text: as written.
-        plain: what the line says in short if it is as simple as `Plain`, else None.
-        faults: what is wrong with it as far as text and grammar go; empty from `parse_line`.
+        simple: the line as a `SimpleBlock` if it is one, else None.
+        faults: its faults of text and grammar; empty from `parse_line`.
     """
 
-    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "plain", "text")
+    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "simple", "text")
 
-    def __init__(self, number: int, text: str, scanned: Scan, plain: Plain | None) -> None:
+    def __init__(self, number: int, text: str, scanned: Scan, simple: SimpleBlock | None) -> None:
         self.number = number
         self.text = text
-        self.plain = plain
+        self.simple = simple
         self.faults: tuple[Diagnostic, ...] = ()
         self._scan = scanned
         self._spans: list[Span] | None = scanned.spans
@@ -36,18 +36,18 @@ class ParsedLine:
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """Comma groups in reading order; none for a blank line."""
+        """Return the comma groups in reading order, empty for a blank line."""
         if self._groups is None:
             self._groups = self._structure(FaultList(self.number))
         return self._groups
 
     @property
     def blank(self) -> bool:
-        """Whether the line holds no code."""
-        return self.plain is None and not self.groups
+        """Return True if the line holds no code."""
+        return self.simple is None and not self.groups
 
     def span(self, first: int, last: int | None = None) -> Span:
-        """Columns of token ``first``, or from there to token ``last``: from 1, end exclusive."""
+        """Return the columns of token ``first``, or from there to token ``last``: from 1, end exclusive."""
         if self._spans is None:
             self._spans = token_spans(self._scan.code)
         if not 0 <= first < len(self._spans):
@@ -55,11 +55,11 @@ class ParsedLine:
         return (self._spans[first][0], self._spans[first if last is None else last][1])
 
     def command_span(self, command: Command) -> Span:
-        """Columns from a command's code to its last word."""
+        """Return the columns from a command's code to its last word."""
         return self.span(command.first, command.last)
 
     def analyse(self, faults: FaultList) -> None:
-        """Builds the groups and keeps all faults, those in ``faults`` too."""
+        """Build the groups and keep every fault, including those already in ``faults``."""
         self._groups = self._structure(faults)
         self.faults = faults.in_reading_order()
 
@@ -67,7 +67,7 @@ class ParsedLine:
         return group_commands(self._split(faults), faults, self.span)
 
     def _split(self, faults: FaultList) -> list[list[Word]]:
-        """Words of each comma group; the line number is taken off."""
+        """Split the tokens into the words of each comma group, without the line number."""
         groups: list[list[Word]] = [[]]
         commas: list[int] = []
         for index, token in enumerate(self._scan.tokens):
@@ -85,7 +85,7 @@ class ParsedLine:
         return groups
 
     def _empty_groups(self, commas: list[int], faults: FaultList) -> None:
-        """A fault at the comma beside each group that holds nothing but blanks or comments."""
+        """Report MC107 at the comma beside each group that holds only blanks or comments."""
         code = self._scan.code
         start = 0
         for comma in commas:
@@ -135,35 +135,35 @@ class ParsedLine:
 
 
 def scan_line(text: str, number: int) -> ParsedLine:
-    """One line with its faults kept in `ParsedLine.faults`, for whoever reads on after a fault."""
+    """Parse a line and keep its faults in `ParsedLine.faults`, for callers that read on after a fault."""
     if number == 1:
         text = text.removeprefix(BOM)
-    # most lines of most programs are plain: they cost nothing that only others need
+    # most lines of most programs are simple blocks: they pay for nothing else
     quick = quick_scan(text)
     if quick is not None:
-        plain = read_plain(quick.tokens)
-        if plain is not None:
-            return ParsedLine(number, text, quick, plain)
+        simple = read_simple_block(quick.tokens)
+        if simple is not None:
+            return ParsedLine(number, text, quick, simple)
     faults = FaultList(number)
     scanned = scan(text, faults)
     if quick is None and not faults.found and scanned.spans is None:
-        plain = read_plain(scanned.tokens)
-        if plain is not None:
-            return ParsedLine(number, text, scanned, plain)
+        simple = read_simple_block(scanned.tokens)
+        if simple is not None:
+            return ParsedLine(number, text, scanned, simple)
     parsed = ParsedLine(number, text, scanned, None)
     parsed.analyse(faults)
     return parsed
 
 
 def parse_line(text: str, number: int) -> ParsedLine:
-    """One line of a program.
+    """Parse one line of a program.
 
     Args:
         text: the line without its end.
         number: from 1, for diagnostics.
 
     Raises:
-        ProgramRejected: with all faults of the line that its text alone shows (MC10x, MC11x, MC12x, MC13x).
+        ProgramRejected: with every fault that the text alone shows (MC10x, MC11x, MC12x, MC13x).
     """
     parsed = scan_line(text, number)
     if parsed.faults:

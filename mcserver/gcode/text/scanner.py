@@ -1,4 +1,4 @@
-"""From a line's text to tokens: one regular expression for lines without fault, `mistakes` for the others."""
+"""Split a line's text into tokens: one regular expression if it is correct, else `lexical_errors`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import msgspec
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.text.lexical_errors import scan_faulty
 
-# name, number, anything else; what is none of the three is blank
+# name, number, any other character; what matches no group is blank
 TOKEN = re.compile(
     r"([A-CFGI-KMNPRT-Z]|\[[ \t]*[0-9]{1,3}[ \t]*\])[ \t]*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|([^ \t])"
 )
@@ -18,12 +18,12 @@ Token = tuple[str, str, str]
 
 
 class Scan(msgspec.Struct, frozen=True):
-    """Tokens of one line.
+    """The tokens of one line.
 
     Attributes:
         code: the text with its comments blanked, so that columns stay.
         tokens: (name, number, "") for words, ("", "", ",") for commas.
-        spans: columns of each token where the faulty path found them; None: `TOKEN` finds them again.
+        spans: columns of each token if `lexical_errors` has found them; None: `token_spans` computes them.
     """
 
     code: str
@@ -32,7 +32,7 @@ class Scan(msgspec.Struct, frozen=True):
 
 
 def quick_scan(text: str) -> Scan | None:
-    """Tokens of a line of ASCII without comments; None for others. Not looked at for faults."""
+    """Tokenize a line of ASCII without comments and without a check for faults; None for any other."""
     if "(" in text or ";" in text or not text.isascii():
         return None
     code = text.upper()
@@ -40,7 +40,7 @@ def quick_scan(text: str) -> Scan | None:
 
 
 def scan(text: str, faults: FaultList) -> Scan:
-    """Tokens of a line; every lexical fault goes to ``faults`` and leaves a best guess behind (D-01)."""
+    """Tokenize a line; report every lexical fault to ``faults`` and put a best guess in its place (D-01)."""
     code = text
     if "(" in code or ";" in code:
         code = blank_comments(text, faults)
@@ -57,12 +57,12 @@ def scan(text: str, faults: FaultList) -> Scan:
 
 
 def token_spans(code: str) -> list[Span]:
-    """Columns of the tokens that `scan` found in ``code``, counted in code points from 1."""
+    """Return the columns of the tokens of ``code``, in code points from 1, end exclusive."""
     return [(match.start() + 1, match.end() + 1) for match in TOKEN.finditer(code)]
 
 
 def blank_comments(text: str, faults: FaultList) -> str:
-    """The text with comments replaced by as many blanks.
+    """Replace comments by as many blanks, so that columns stay.
 
     Comments do not nest; ``;`` inside ``( )`` is text; an unclosed ``(`` is a fault (D-01).
     """
@@ -96,7 +96,7 @@ def blank_comments(text: str, faults: FaultList) -> str:
 
 
 def _nested_end(text: str, start: int, end: int) -> int:
-    """Index past the ``)`` that a nested comment's writer meant as its end, or 0 where none was meant."""
+    """Return the index past the ``)`` that was meant to end a nested comment, or 0 if none was."""
     depth = text.count("(", start, end) - 1
     if depth == 0:
         return 0

@@ -1,4 +1,4 @@
-"""From bytes to lines of text (D-01)."""
+"""Decode a program file and split it into lines (D-01)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ BOM = "\ufeff"
 
 
 def decode(raw: bytes) -> str:
-    """The text of a program file, without its byte order mark.
+    """Decode a program file, without its byte order mark.
 
     Raises:
         ProgramRejected: MC100 at the first byte that is not UTF-8.
@@ -38,7 +38,7 @@ def decode(raw: bytes) -> str:
 
 
 def split_lines(text: str) -> list[str]:
-    """Lines without their ends: LF or CR LF and nothing else; a lone CR stays in its line (D-01)."""
+    """Split a text into lines without their ends: LF or CR LF only; a lone CR stays in its line (D-01)."""
     pieces = text.removeprefix(BOM).split("\n")
     last = pieces.pop()
     lines = [piece[:-1] if piece.endswith("\r") else piece for piece in pieces]

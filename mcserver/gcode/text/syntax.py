@@ -1,4 +1,4 @@
-"""What a parsed line is made of: groups, commands, and the settings inside them."""
+"""The syntax tree of a line: groups of commands of words and settings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mcserver.gcode.text.words import Word
 
 
 class Setting(msgspec.Struct, frozen=True):
-    """A modal code where it stands; ``argument`` is the P of G64."""
+    """A modal code at its place among the words; ``argument`` is the P of G64."""
 
     spec: CommandSpec
     index: int
@@ -20,14 +20,14 @@ Item = Word | Setting
 
 
 class Command(msgspec.Struct, frozen=True):
-    """A code and what follows it.
+    """A code and the words that follow it.
 
     Attributes:
         spec: the code; None for words that no code leads: settings, F or T alone, or axis words that
             repeat the last of G00-G03 (D-03).
         items: words and settings in reading order.
-        moves: axis words stand in it.
-        first, last: tokens that it spans.
+        moves: True if it has axis words.
+        first, last: the tokens that it spans.
     """
 
     spec: CommandSpec | None
@@ -37,7 +37,7 @@ class Command(msgspec.Struct, frozen=True):
     last: int
 
     def word(self, letter: str) -> Word | None:
-        """The word of that letter, or None."""
+        """Return the word of a letter, or None."""
         for item in self.items:
             if isinstance(item, Word) and item.letter == letter:
                 return item

@@ -22,7 +22,7 @@ class Word(msgspec.Struct, frozen=True, gc=False):
     Attributes:
         letter: upper case; ``[`` for an axis by its number.
         value: the number; NaN for one that was faulty, in a line that is rejected all the same.
-        index: which token of the line it is; `ParsedLine.span` knows its columns.
+        index: of its token in the line; `ParsedLine.span` gives its columns.
         axis: 0-63 for axis words, else -1.
         text: the number as written.
     """
@@ -35,7 +35,7 @@ class Word(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def shown(self) -> str:
-        """As it is called in messages."""
+        """Return the word as messages show it."""
         text = self.text if len(self.text) <= 24 else f"{self.text[:20]}…"
         return self.name + text
 

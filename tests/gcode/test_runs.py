@@ -1,4 +1,4 @@
-"""Runs of plain lines, read in columns, give the very same values, state and faults as line by line."""
+"""Runs read in columns give the same values, state and faults as line by line."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.gcode.fast_path.columns import read_alike
-from mcserver.gcode.fast_path.runs import LEAST
+from mcserver.gcode.fast_path.columns import read_columns
+from mcserver.gcode.fast_path.runs import MIN_LINES
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import scan_line
 from mcserver.motion.canonical import Canonical
-from tests.gcode.plain_programs import programs, stretches
+from tests.gcode.run_programs import programs, stretches
 from tests.gcode.support import machine_of
 
 MACHINE = machine_of(
@@ -42,7 +42,7 @@ def by_runs(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonical]
         found = interpreter.interpret_run(texts[at:], at + 1)
         if found is not None:
             run, taken = found
-            assert taken >= LEAST
+            assert taken >= MIN_LINES
             values += run.motion_lines()
             at += taken
             continue
@@ -78,7 +78,7 @@ def test_a_check_finds_the_faults_that_single_lines_have(texts: list[str]) -> No
     expected: list[Diagnostic] = []
     for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), start=1):
         if not single.ended:
-            expected += single.survey(scan_line(line, number))
+            expected += single.check(scan_line(line, number))
     assert check_program(text, MACHINE) == expected
 
 
@@ -87,25 +87,25 @@ def test_a_check_finds_the_faults_that_single_lines_have(texts: list[str]) -> No
 @example(["X1\t"])
 @example(["X1\nX2", "X3"])
 def test_what_is_read_in_columns_is_what_the_scanner_reads(texts: list[str]) -> None:
-    alike = read_alike(texts, 1)
-    if alike is None:
+    columns = read_columns(texts, 1)
+    if columns is None:
         return
-    rows = dict(zip(alike.lines.tolist(), range(len(alike.lines)), strict=True))
-    for index, text in enumerate(texts[: alike.taken]):
+    rows = dict(zip(columns.lines.tolist(), range(len(columns.lines)), strict=True))
+    for index, text in enumerate(texts[: columns.taken]):
         parsed = scan_line(text, index + 2)
         assert not parsed.faults
         if index not in rows:
             assert parsed.blank
             continue
-        plain, row = parsed.plain, rows[index]
-        feed = math.nan if alike.feeds is None else alike.feeds[row]
+        simple, row = parsed.simple, rows[index]
+        feed = math.nan if columns.feeds is None else columns.feeds[row]
         if feed <= 0.0:
-            assert plain is None  # refused by whoever gives the lines their meaning
+            assert simple is None  # refused by the block interpreter
             continue
-        assert plain is not None
-        assert plain.code in (None, 1)
-        assert not plain.curved
-        assert plain.axes == alike.axes
-        assert plain.values == tuple(column[row] for column in alike.values)
-        assert (plain.feed is None) == math.isnan(feed)
-        assert plain.feed in (None, feed)
+        assert simple is not None
+        assert simple.code in (None, 1)
+        assert not simple.curved
+        assert simple.axes == columns.axes
+        assert simple.values == tuple(column[row] for column in columns.values)
+        assert (simple.feed is None) == math.isnan(feed)
+        assert simple.feed in (None, feed)

@@ -1,4 +1,4 @@
-"""Programs of plain lines as Hypothesis draws them: runs of one layout, with what may end or spoil a run."""
+"""Programs of simple blocks drawn by Hypothesis: runs of one layout, with what may end or break a run."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from random import Random
 
 from hypothesis import strategies as st
 
-from mcserver.gcode.fast_path.runs import LEAST
+from mcserver.gcode.fast_path.runs import MIN_LINES
 
 # what the dialect does not read as a number
 NO_NUMBERS = (
@@ -150,7 +150,7 @@ def stretches(draw: st.DrawFn) -> list[str]:
     # Hypothesis chooses what matters; the many numbers come from one seed, which is quicker by far
     random = Random(draw(st.integers(0, 2**32)))
     lines: list[str] = []
-    for row in range(draw(st.integers(1, 2 * LEAST + 4))):
+    for row in range(draw(st.integers(1, 2 * MIN_LINES + 4))):
         gap = random.choice(BLANKS)
         text = gap.join(word + random.choice(BLANKS) + plain_number(random) for word in words)
         if random.random() < fed:

@@ -1,4 +1,4 @@
-"""The short way for plain moves gives the very same values as the general way."""
+"""Simple blocks give the same values as the block interpreter."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -47,27 +47,27 @@ def outcome(interpreter: Interpreter, parsed: ParsedLine) -> object:
 
 @settings(max_examples=250, deadline=None)
 @given(st.lists(st.one_of(move, move, setting, arc, circle), max_size=12))
-def test_plain_and_general_interpretation_are_equal(lines: list[str]) -> None:
+def test_simple_and_general_interpretation_are_equal(lines: list[str]) -> None:
     quick, general = Interpreter(MACHINE), Interpreter(MACHINE)
     for line_number, text in enumerate(["F600", "G01 X0", *lines], start=1):
         parsed = scan_line(text, line_number)
         slow = scan_line(text, line_number)
-        slow.plain = None
+        slow.simple = None
         assert outcome(quick, parsed) == outcome(general, slow)
         assert quick.modal == general.modal
         assert quick.positions == general.positions
 
 
-def test_plain_lines_are_seen_as_such() -> None:
+def test_simple_blocks_are_recognized() -> None:
     for text in ("G01 X1 Y2", "X1 F5", "g1[6]3", "G02 X1 Y1 R1", "X1 I5 J0", "N5 G03 I5 J0", "N"):
-        assert (scan_line(text, 1).plain is not None) == (text != "N")
+        assert (scan_line(text, 1).simple is not None) == (text != "N")
     for text in ("G02 X1 Y1 P2 R1", "G01 X1 R1", "G02 X1 R1 I2", "G01 U1", "G01 X1 X2", "G01 X1, Y1"):
-        assert scan_line(text, 1).plain is None
+        assert scan_line(text, 1).simple is None
     for text in ("N5.5 X1", "X1 N5", "F100", "G01", "G01 X1 F0", "I5 J0", "G02 R5"):
-        assert scan_line(text, 1).plain is None
+        assert scan_line(text, 1).simple is None
 
 
-def test_a_plain_line_has_groups_and_columns_too() -> None:
+def test_a_simple_line_has_groups_and_columns_too() -> None:
     parsed = scan_line("\tG01  X1 Y-2", 4)
     (group,) = parsed.groups
     (command,) = group
