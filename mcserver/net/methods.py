@@ -21,7 +21,7 @@ from mcserver.service.service import MachineService
 
 
 class Bench(Protocol):
-    """Runs whole programs beside the service: `mcserver.net.bench.ProgramBench`."""
+    """Runs whole programs beside the service: `mcserver.simulation.program_checker.OfflineWorker`."""
 
     async def check(self, text: str, positions: dict[int, float] | None) -> list[Diagnostic]:
         """Every fault of a text; ``positions`` are in SI."""

@@ -138,7 +138,7 @@ class Planner(Protocol):
 
 
 class Planning(Protocol):
-    """What plans a machine's programs: `mcserver.planning.client.Planning`."""
+    """What plans a machine's programs: `mcserver.planning.client.ProcessPlanning`."""
 
     def modal_before(self, lines: Sequence[str]) -> ModalState:
         """Modal state after lines that are only read; from any thread. Raises ProgramRejected."""

@@ -2,6 +2,6 @@
 
 Three readings of a ``G01`` exist, because each is several times as fast as the next
 (`tests/bench/parsing.py`, lines a second on one core): runs of equal words in columns, about a million;
-simple blocks, 65 000; the block interpreter, which knows the whole dialect, 25 000. Arcs gain as much: 60
-000 against 17 000. Property tests compare values, state and faults with those of the block interpreter.
+simple blocks, 65 000; the block interpreter, which knows the whole dialect, 25 000. Arcs gain as much: 60 000
+against 17 000. Property tests compare values, state and faults with those of the block interpreter.
 """

@@ -32,7 +32,8 @@ class CommandSpec(msgspec.Struct, frozen=True):
         kind: its part in the grammar.
         words: letters that it takes besides axis words.
         takes_axes: True if axis words follow it.
-        rule: rule of the dialect.
+        rules: rules of the dialect (docs/dialect.md), the code's own first.
+        example: one line that is right on a machine with axes 0 to 3 and F in force.
         operation: for axis commands.
     """
 
@@ -41,7 +42,8 @@ class CommandSpec(msgspec.Struct, frozen=True):
     kind: Kind
     words: str = ""
     takes_axes: bool = False
-    rule: str = ""
+    rules: tuple[str, ...] = ()
+    example: str = ""
     operation: AxisOperation | None = None
 
     @property
@@ -55,37 +57,113 @@ class CommandSpec(msgspec.Struct, frozen=True):
 
 UNKNOWN = CommandSpec("?", "unknown", Kind.UNKNOWN)
 
+_MOVE = "FT"
+_ARC = "FTIJKRP"
+_ENDS_CAPTURE = ("D-40", "D-41")
 COMMANDS: tuple[CommandSpec, ...] = (
-    CommandSpec("G00", "rapid move, every axis at its own limits", Kind.MOVE, "FT", True, "D-20"),
-    CommandSpec("G01", "coordinated linear move", Kind.MOVE, "FT", True, "D-21"),
-    CommandSpec("G02", "clockwise arc, circle or helix", Kind.MOVE, "FTIJKRP", True, "D-22"),
-    CommandSpec("G03", "counter-clockwise arc, circle or helix", Kind.MOVE, "FTIJKRP", True, "D-22"),
-    CommandSpec("G04", "dwell for P seconds", Kind.DWELL, "P", False, "D-24"),
-    CommandSpec("G09", "exact stop for the next motion command", Kind.SETTING, rule="D-15"),
-    CommandSpec("G17", "arc plane XY", Kind.SETTING, rule="D-05"),
-    CommandSpec("G18", "arc plane ZX", Kind.SETTING, rule="D-05"),
-    CommandSpec("G19", "arc plane YZ", Kind.SETTING, rule="D-05"),
-    CommandSpec("G20", "inches", Kind.SETTING, rule="D-13"),
-    CommandSpec("G21", "millimetres", Kind.SETTING, rule="D-13"),
-    CommandSpec("G61", "exact stop on", Kind.SETTING, rule="D-15"),
-    CommandSpec("G64", "exact stop off; P: path tolerance", Kind.SETTING, "P", rule="D-35"),
-    CommandSpec("G90", "absolute positions", Kind.SETTING, rule="D-14"),
-    CommandSpec("G91", "incremental positions", Kind.SETTING, rule="D-14"),
-    CommandSpec("G93", "F in moves per minute", Kind.SETTING, rule="D-30"),
-    CommandSpec("G94", "F in mm, inches or degrees per minute", Kind.SETTING, rule="D-30"),
-    CommandSpec("G1000", "reset drives", Kind.AXIS, "P", False, "D-40", AxisOperation.RESET),
-    CommandSpec("G1001", "switch drives off", Kind.AXIS, "P", False, "D-40", AxisOperation.OFF),
-    CommandSpec("G1002", "stop drives", Kind.AXIS, "P", False, "D-40", AxisOperation.STOP),
-    CommandSpec("G1010", "capture: energize and hold", Kind.AXIS, "P", False, "D-40", AxisOperation.CAPTURE),
-    CommandSpec("G1011", "release: stop transmitting", Kind.AXIS, "P", False, "D-40", AxisOperation.RELEASE),
-    CommandSpec("G1020", "servo move, not waited for", Kind.DIRECT, "F", True, "D-25"),
-    CommandSpec("G1030", "motor speed in RPM", Kind.DIRECT, "", True, "D-26"),
-    CommandSpec("G1040", "torque in Nm", Kind.DIRECT, "", True, "D-26"),
-    CommandSpec("G1050", "no tool: axis words name axes again", Kind.SETTING, rule="D-50"),
-    CommandSpec("M00", "pause until resumed", Kind.PROGRAM, rule="D-05"),
-    CommandSpec("M01", "pause until resumed", Kind.PROGRAM, rule="D-05"),
-    CommandSpec("M02", "end of program", Kind.PROGRAM, rule="D-05"),
-    CommandSpec("M30", "end of program", Kind.PROGRAM, rule="D-05"),
+    CommandSpec(
+        "G00",
+        "rapid move, every axis at its own limits",
+        Kind.MOVE,
+        _MOVE,
+        True,
+        ("D-20", "D-03"),
+        "G00 X100 Y50",
+    ),
+    CommandSpec(
+        "G01",
+        "coordinated linear move",
+        Kind.MOVE,
+        _MOVE,
+        True,
+        ("D-21", "D-30", "D-31"),
+        "G01 X100 Y50 F6000",
+    ),
+    CommandSpec(
+        "G02",
+        "clockwise arc, circle or helix",
+        Kind.MOVE,
+        _ARC,
+        True,
+        ("D-22", "D-23", "D-30"),
+        "G02 X100 Y0 R60",
+    ),
+    CommandSpec(
+        "G03",
+        "counter-clockwise arc, circle or helix",
+        Kind.MOVE,
+        _ARC,
+        True,
+        ("D-22", "D-23", "D-30"),
+        "G03 I50 J0 P2",
+    ),
+    CommandSpec("G04", "dwell for P seconds", Kind.DWELL, "P", False, ("D-24",), "G04 P0.5"),
+    CommandSpec(
+        "G09", "exact stop for the next motion command", Kind.SETTING, rules=("D-15",), example="G09 G01 X100"
+    ),
+    CommandSpec("G17", "arc plane XY", Kind.SETTING, rules=("D-05", "D-22"), example="G17 G02 X100 Y0 R60"),
+    CommandSpec("G18", "arc plane ZX", Kind.SETTING, rules=("D-05", "D-22"), example="G18 G02 X100 Z0 R60"),
+    CommandSpec("G19", "arc plane YZ", Kind.SETTING, rules=("D-05", "D-22"), example="G19 G02 Y100 Z0 R60"),
+    CommandSpec("G20", "inches", Kind.SETTING, rules=("D-13",), example="G20 G01 X4"),
+    CommandSpec("G21", "millimetres", Kind.SETTING, rules=("D-13",), example="G21 G01 X100"),
+    CommandSpec("G61", "exact stop on", Kind.SETTING, rules=("D-15", "D-34"), example="G61"),
+    CommandSpec(
+        "G64",
+        "exact stop off; P: path tolerance",
+        Kind.SETTING,
+        "P",
+        rules=("D-35", "D-15", "D-36"),
+        example="G64 P0.1",
+    ),
+    CommandSpec("G90", "absolute positions", Kind.SETTING, rules=("D-14",), example="G90 G01 X100"),
+    CommandSpec("G91", "incremental positions", Kind.SETTING, rules=("D-14",), example="G91 G01 X10"),
+    CommandSpec("G93", "F in moves per minute", Kind.SETTING, rules=("D-30", "D-12"), example="G93 F60"),
+    CommandSpec(
+        "G94",
+        "F in mm, inches or degrees per minute",
+        Kind.SETTING,
+        rules=("D-30", "D-11", "D-12"),
+        example="G94 F6000",
+    ),
+    CommandSpec("G1000", "reset drives", Kind.AXIS, "P", False, _ENDS_CAPTURE, "G1000", AxisOperation.RESET),
+    CommandSpec(
+        "G1001", "switch drives off", Kind.AXIS, "P", False, _ENDS_CAPTURE, "G1001", AxisOperation.OFF
+    ),
+    CommandSpec("G1002", "stop drives", Kind.AXIS, "P", False, _ENDS_CAPTURE, "G1002 P2", AxisOperation.STOP),
+    CommandSpec(
+        "G1010",
+        "capture: energize and hold",
+        Kind.AXIS,
+        "P",
+        False,
+        ("D-40", "D-27"),
+        "G1010",
+        AxisOperation.CAPTURE,
+    ),
+    CommandSpec(
+        "G1011",
+        "release: stop transmitting",
+        Kind.AXIS,
+        "P",
+        False,
+        ("D-40",),
+        "G1011 P0",
+        AxisOperation.RELEASE,
+    ),
+    CommandSpec("G1020", "servo move, not waited for", Kind.DIRECT, "F", True, ("D-25",), "G1020 X100"),
+    CommandSpec("G1030", "motor speed in RPM", Kind.DIRECT, "", True, ("D-26",), "G1030 [3]60"),
+    CommandSpec("G1040", "torque in Nm", Kind.DIRECT, "", True, ("D-26",), "G1040 [3]1.5"),
+    CommandSpec(
+        "G1050",
+        "no tool: axis words name axes again",
+        Kind.SETTING,
+        rules=("D-50", "D-52"),
+        example="G1050 G01 X100",
+    ),
+    CommandSpec("M00", "pause until resumed", Kind.PROGRAM, rules=("D-05",), example="M00"),
+    CommandSpec("M01", "pause until resumed", Kind.PROGRAM, rules=("D-05",), example="M01"),
+    CommandSpec("M02", "end of program", Kind.PROGRAM, rules=("D-05", "D-10"), example="M02"),
+    CommandSpec("M30", "end of program", Kind.PROGRAM, rules=("D-05", "D-10"), example="M30"),
 )
 
 # keyed by letter and by the number's text without leading zeros: no conversion of endless digit strings

@@ -1,0 +1,1 @@
+"""What people and programs that write G-code need: rules, grammars, fixes, formatting, editors, agents."""
