@@ -20,7 +20,8 @@ from mckinematics.errors import ModelError
 from mckinematics.pose import Array, BoolArray
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis, Tool
+    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.tool_section import Tool
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from mckinematics.rotation import euler_to_matrix, matrix_to_euler, rotation_vec
 from mckinematics.tool import ToolModel, build_tool
 
 if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Machine, Tool
+    from mcserver.machine.machine_file import Machine
+    from mcserver.machine.tool_section import Tool
 
 
 class MachineKinematics:

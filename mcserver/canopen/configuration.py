@@ -1,6 +1,6 @@
 """What is written into a drive at boot-up, as a list: from the machine file, the cycle and the dictionary.
 
-Process data go by `mcserver.drives.cia402.layout`; the order of writing them is CiA 301's (7.5.2.36): COB-ID
+Process data go by `mcserver.can.pdo_layout`; the order of writing them is CiA 301's (7.5.2.36): COB-ID
 invalid, number of entries 0, entries, number, transmission type, COB-ID valid.
 """
 
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError, ODVariable, datatypes
 
 from mcserver.can.cob import Function
+from mcserver.can.pdo_layout import RPDOS, TPDOS, Pdo
 from mcserver.canopen.canopen_errors import object_text
 from mcserver.canopen.settings import DriveSettings
 from mcserver.canopen.values import pack_number
-from mcserver.drives.cia402.layout import RPDOS, TPDOS, Pdo
 from mcserver.errors import ConfigurationError
 
 INVALID = 1 << 31

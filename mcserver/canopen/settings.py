@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mcserver.drives.cia402.layout import Mode
+from mcserver.can.pdo_layout import Mode
 from mcserver.drives.cia402.scaling import scaling_objects
 from mcserver.machine.drive_section import CAN_KINDS
 from mcserver.machine.machine_file import Axis, Machine

@@ -17,6 +17,7 @@ from rich.text import Text
 from mcserver.cli.exit_codes import OutputFault
 from mcserver.errors import Diagnostic, McError, ProgramRejected, RuntimeFault
 from mcserver.gcode.render import render
+from mcserver.machine.section_reader import MachineFileRejected
 
 MAX_SHOWN_DIAGNOSTICS = 100
 
@@ -51,6 +52,9 @@ def write_json(answer: object) -> None:
 def show_error(error: McError) -> None:
     """A coded error with its remedy, on standard error."""
     console = narration()
+    if isinstance(error, MachineFileRejected):
+        show_diagnostics(error.diagnostics, error.lines, error.source)
+        return
     console.print(Text.assemble((f"error[{error.code}]", "bold red"), f": {error.message}"))
     if error.hint:
         console.print(Text.assemble("  = ", ("help", "bold"), f": {error.hint}"))
@@ -72,7 +76,7 @@ def show_diagnostics(diagnostics: Sequence[Diagnostic], source_lines: Sequence[s
 
 def as_diagnostics(error: McError) -> list[dict[str, Any]]:
     """What a JSON answer says of an error."""
-    if isinstance(error, ProgramRejected):
+    if isinstance(error, ProgramRejected | MachineFileRejected):
         return [diagnostic.as_json() for diagnostic in error.diagnostics]
     if isinstance(error, RuntimeFault):
         return [error.diagnostic().as_json()]

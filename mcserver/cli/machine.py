@@ -1,8 +1,9 @@
-"""``mcserver machine check``: a machine file read and explained, and all that does not fit listed."""
+"""``mcserver machine check | show``: a machine file read and explained; a built-in one to start from."""
 
 from __future__ import annotations
 
 import math
+import sys
 from typing import Annotated
 
 import typer
@@ -11,8 +12,8 @@ from rich.table import Table
 from mcserver.cli.console import json_answer_on_error, narration, results, show_diagnostics, write_json
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption
-from mcserver.drives.bus_load import bus_loads
-from mcserver.machine.machine_file import Axis, Machine, load_machine
+from mcserver.machine.bus_load import bus_loads
+from mcserver.machine.machine_file import BUILT_IN, Axis, Machine, builtin_text, load_machine
 from mcserver.machine.plausibility import axis_name, find_doubts, find_drive_faults, find_tool_faults
 
 
@@ -25,6 +26,7 @@ def build_app() -> typer.Typer:
         """Machine files."""
 
     app.command("check")(check_machine)
+    app.command("show")(show_machine)
     return app
 
 
@@ -53,6 +55,13 @@ def check_machine(
         raise typer.Exit(int(ExitCode.CONFIGURATION))
     if findings and not json:
         narration().print(f"{len(findings)} doubtful; the machine can be run", style="yellow")
+
+
+def show_machine(
+    name: Annotated[str, typer.Argument(metavar="NAME", help=f"One of {', '.join(BUILT_IN)}.")],
+) -> None:
+    """Print a built-in machine file to start from: mcserver machine show cartesian > mine.toml"""
+    sys.stdout.write(builtin_text(name))
 
 
 def _describe(machine: Machine) -> None:

@@ -8,8 +8,8 @@ from mcserver.can.address import Transport, parse_address
 from mcserver.can.open import open_port
 from mcserver.doctor.can import CanFacts
 from mcserver.doctor.finding import Finding, advice, good, missing
-from mcserver.drives.bus_load import CEILING, BusLoad, bus_loads
 from mcserver.errors import RuntimeFault
+from mcserver.machine.bus_load import CEILING, BusLoad, bus_loads
 from mcserver.machine.machine_file import Machine
 
 AREA = "buses"

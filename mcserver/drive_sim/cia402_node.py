@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from mcserver.can.pdo_layout import Mode
 from mcserver.drive_sim.canopen_node import NEVER, CanopenNode, Transmit
 from mcserver.drive_sim.fault_injection import Misbehaviour, values_of
 from mcserver.drive_sim.motion import Motion
@@ -26,7 +27,6 @@ from mcserver.drive_sim.power import (
     PowerState,
     Stop,
 )
-from mcserver.drives.cia402.layout import Mode
 
 # Step of the motor while no SYNC comes [s].
 TICK_S = 0.01

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 
+from mcserver.can.pdo_layout import Mode
 from mcserver.drive_sim.dictionary import Entry, ObjectStore
 from mcserver.drive_sim.motor import WINDUP_S, Motor
 from mcserver.drive_sim.power import HALT, Stop
-from mcserver.drives.cia402.layout import Mode
 
 WRAP = 1 << 32
 HALF_WRAP = 1 << 31

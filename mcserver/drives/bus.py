@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.machine.drive_section import DriveFile
+from mcserver.machine.drive_section import Drive
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class DriveFault(enum.IntEnum):
     POSITION_LOST = 15  # its encoder's reading jumped
 
 
-def drives_mode(drive: DriveFile, mode: DriveMode) -> bool:
+def drives_mode(drive: Drive, mode: DriveMode) -> bool:
     """Whether a drive's section of the machine file has what this mode needs."""
     if drive.kind == "cia402":
         return mode is not DriveMode.TORQUE or drive.rated_torque > 0.0

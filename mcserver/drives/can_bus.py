@@ -12,10 +12,10 @@ from collections.abc import Callable, Sequence
 
 from mcserver.can.cob import SYNC, Function
 from mcserver.can.open import open_port
+from mcserver.can.pdo_layout import TPDO1
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
 from mcserver.drives.cia402.axes import DELAY_CYCLES, Cia402Axes
-from mcserver.drives.cia402.layout import TPDO1
 from mcserver.drives.node_watch import NodeWatch, bus_back
 from mcserver.drives.servosila.axis import ServosilaAxis
 from mcserver.errors import RuntimeFault

@@ -16,9 +16,10 @@ from typing import Literal
 import msgspec
 
 from mcserver.can.address import parse_address
-from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
 from mcserver.errors import ConfigurationError
-from mcserver.units import AxisType
+from mcserver.machine.section_reader import Mistakes
+from mcserver.machine.sections import AxisSection, BusSection, CanDriveSection, DriveSection
+from mcserver.machine.toml_positions import Path
 
 CAN_KINDS = ("cia402", "servosila")
 # Without commands for so long a drive acts by itself, unless the machine file says otherwise [ms, cycles].
@@ -36,14 +37,11 @@ GREATEST_COUNT = 2.0**31
 GREATEST_GAIN = 0.2
 USUAL_GAIN = 0.1
 
-Refusal = Callable[[str, str, str], ConfigurationError]
+Refusal = Callable[[str, str, str], None]  # key, what, hint
 
 
-class DriveFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """``[axis.drive]`` as written: positions in mm or deg.
-
-    In a `Machine` the keys of drives on a bus are filled in: ``encoder``, ``gear``, ``feed``,
-    ``command_timeout_ms``, ``codes``, ``position_gain``; ``eds`` is an absolute path.
+class Drive(msgspec.Struct, frozen=True):
+    """One drive with everything filled in that follows from other keys; positions in mm or deg.
 
     Attributes:
         encoder: increments per motor revolutions (608Fh). gear: motor per shaft revolutions (6091h).
@@ -55,11 +53,11 @@ class DriveFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         command_timeout_ms: without commands for this time the drive acts by itself (1400h:5).
         sdo_writes: [index, subindex, value] or [index, subindex, value, bytes], at boot-up.
         codes: of commands (servosila). pole_pairs: of the motor. telemetry_hz: 0: at every cycle.
+        eds: absolute path. The others: see `mcserver.machine.sections`.
     """
 
     kind: Literal["simulated", "ideal", "cia402", "servosila"] = "simulated"
     initial_position: float = 0.0
-    # simulated drives
     bandwidth_hz: float = 40.0
     encoder_resolution: float = 0.0
     heartbeat_timeout_s: float = 0.1
@@ -67,7 +65,6 @@ class DriveFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     friction_decel: float = 0.0
     inertia: float = 0.01
     max_torque: float = 0.0
-    # drives on a CAN bus
     bus: str = ""
     node: int = 0
     eds: str = ""
@@ -90,15 +87,6 @@ class DriveFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     telemetry_hz: float = 0.0
 
 
-class BusFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """``[[bus]]`` as written; without an address the name is one."""
-
-    name: str
-    address: str = ""
-    bitrate: int = 1_000_000
-    silence_cycles: int = 3
-
-
 class CanBusConfig(msgspec.Struct, frozen=True):
     """One CAN bus.
 
@@ -113,216 +101,185 @@ class CanBusConfig(msgspec.Struct, frozen=True):
     silence_cycles: int = 3
 
 
-def read_buses(sections: Iterable[BusFile], drives: Iterable[DriveFile], bad: Refusal) -> list[CanBusConfig]:
-    """The buses of ``[[bus]]``, and those that drives name by their addresses."""
+def read_buses(
+    sections: Iterable[BusSection | None], drives: Iterable[tuple[Path, int, Drive]], mistakes: Mistakes
+) -> list[CanBusConfig]:
+    """Return the buses of ``[[bus]]``, and those that drives name by their addresses.
+
+    Args:
+        sections: None where one has a mistake of its own.
+        drives: path of the section, number of the axis, drive.
+    """
     buses: dict[str, CanBusConfig] = {}
+    names: dict[str, str] = {}  # by address
+
+    def add(bus: CanBusConfig, path: Path, who: str) -> None:
+        try:
+            address = str(parse_address(bus.address))
+        except ConfigurationError as error:
+            mistakes.add(path, f"{who}{error.message}", error.hint, error.code)
+            return
+        if address in names:
+            mistakes.add(path, f"{bus.address!r} is the address of bus {names[address]!r}", "use its name")
+        names.setdefault(address, bus.name)
+        buses[bus.name] = bus
+
     for position, section in enumerate(sections):
-        where = f"bus[{position}]"
-        if not section.name or section.name in buses:
-            raise bad(f"{where}.name", f"{section.name!r} is empty or there twice", "name each bus once")
-        if not 10_000 <= section.bitrate <= 1_000_000:
-            raise bad(
-                f"{where}.bitrate",
-                f"{section.bitrate} is outside 10000 … 1000000 bit/s",
-                "1000000 is usual; classic CAN has no more",
-            )
-        if not 1 <= section.silence_cycles <= 1000:
-            raise bad(
-                f"{where}.silence_cycles", f"{section.silence_cycles} is outside 1 … 1000", "3 is usual"
-            )
+        if section is None:
+            continue
+        if section.name in buses:
+            mistakes.add(("bus", position, "name"), f"{section.name!r} is there twice", "name each bus once")
+            continue
         address = section.address or section.name
-        _check_address(address, f"{where}.address")
-        buses[section.name] = CanBusConfig(section.name, address, section.bitrate, section.silence_cycles)
-    known = {str(parse_address(bus.address)) for bus in buses.values()}
-    if len(known) < len(buses):
-        raise bad("bus", "two buses have the same address", "join their sections")
-    for drive in drives:
-        if drive.kind in CAN_KINDS and drive.bus and drive.bus not in buses:
-            _check_address(drive.bus, f"a drive's bus (node {drive.node})")
-            address = str(parse_address(drive.bus))
-            if address in known:
-                raise bad(
-                    "axis.drive.bus", f"{drive.bus!r} is the address of another bus here", "use its name"
-                )
-            known.add(address)
-            buses[drive.bus] = CanBusConfig(drive.bus, drive.bus)
+        bus = CanBusConfig(section.name, address, section.bitrate, section.silence_cycles)
+        add(bus, ("bus", position, "address"), "")
+    owners: dict[tuple[str, int], int] = {}
+    for path, axis, drive in drives:
+        if drive.kind not in CAN_KINDS or not drive.bus:
+            continue
+        if drive.bus not in buses:
+            add(CanBusConfig(drive.bus, drive.bus), (*path, "bus"), f"node {drive.node}: ")
+        owner = owners.setdefault((drive.bus, drive.node), axis)
+        if owner != axis and drive.node:
+            mistakes.add(
+                (*path, "node"),
+                f"axes {owner} and {axis} both have node {drive.node} on bus {drive.bus}",
+                "give each drive of a bus a node number of its own",
+            )
     return list(buses.values())
 
 
-def _check_address(address: str, where: str) -> None:
-    try:
-        parse_address(address)
-    except ConfigurationError as error:
-        raise ConfigurationError(error.code, f"{where}: {error.message}", error.hint) from error
-
-
 def complete_drive(
-    drive: DriveFile, axis_type: AxisType, per_turn: float | None, cycle_s: float, where: str, bad: Refusal
-) -> tuple[DriveFile, float | None]:
-    """A drive's section with everything filled in that follows from other keys.
+    section: DriveSection, axis: AxisSection, cycle_s: float, path: Path, mistakes: Mistakes
+) -> tuple[Drive, float | None]:
+    """Fill in what follows from other keys, and refuse what does not fit together.
 
     Args:
-        per_turn: ``units_per_motor_rev`` of the axis [mm, deg], None where it is not given.
-        where: path of the section.
+        path: of the section.
 
     Returns:
-        The section, and ``units_per_motor_rev`` as it follows from the section.
+        The drive, and ``units_per_motor_rev`` of the axis [mm, deg] as it follows from the section.
     """
-    if drive.kind not in CAN_KINDS:
+    drive = msgspec.convert(msgspec.to_builtins(section), Drive)
+    per_turn = axis.units_per_motor_rev
+    if not isinstance(section, CanDriveSection):
         return drive, per_turn
+
+    def bad(key: str, what: str, hint: str) -> None:
+        mistakes.add((*path, key), what, hint)
+
     if not drive.bus:
-        raise bad(f"{where}.bus", f"a {drive.kind} drive needs a bus", 'give bus = "can0", or a [[bus]] name')
-    if not LEAST_NODE <= drive.node <= GREATEST_NODE:
-        raise bad(
-            f"{where}.node",
-            f"{drive.node} is outside {LEAST_NODE} … {GREATEST_NODE}",
-            "give the drive's node number",
-        )
-    _check_numbers(drive, where, bad)
-    encoder, gear, feed, per_turn = _travel(drive, axis_type, per_turn, where, bad)
+        bad("bus", f"a {drive.kind} drive needs a bus", 'give bus = "can0", or a [[bus]] name')
+    if not drive.node:
+        bad("node", "is missing", "give the drive's node number")
+    for write in drive.sdo_writes:
+        fits = len(write) in (3, 4) and 0 < write[0] <= 0xFFFF and 0 <= write[1] <= 0xFF
+        if not fits or (len(write) == 4 and write[3] not in (1, 2, 4, 8)):
+            bad(
+                "sdo_writes",
+                f"{write} is no write",
+                "give [index, subindex, value], or [index, subindex, value, bytes] with 1, 2, 4 or 8 bytes",
+            )
     gain = drive.position_gain or min(20.0, USUAL_GAIN / cycle_s)
-    if drive.kind == "cia402":
-        _check_mode(drive, gain, cycle_s, where, bad)
+    if drive.mode in ("cst", "pp"):
+        bad(
+            "mode",
+            f'mode = "{drive.mode}" cannot follow a path',
+            'use "csp" (or "csv"): G1030 and G1040 change to velocity and torque mode by themselves',
+        )
+    if drive.mode == "csv" and gain * cycle_s > GREATEST_GAIN:
+        bad(
+            "position_gain",
+            f"{gain:g} /s with a cycle of {cycle_s * 1e3:g} ms is not stable over a bus",
+            f"give {GREATEST_GAIN / cycle_s:g} or less, or a greater cycle_hz",
+        )
     timeout = drive.command_timeout_ms or max(
         COMMAND_TIMEOUT_MS, math.ceil(COMMAND_TIMEOUT_CYCLES * cycle_s * 1e3 - 1e-9)
     )
     if timeout < 3.0 * cycle_s * 1e3:
-        raise bad(f"{where}.command_timeout_ms", f"{timeout} is below three cycles", "10 cycles are usual")
+        bad("command_timeout_ms", f"{timeout} is below three cycles", "10 cycles are usual")
     codes = drive.codes
     if drive.kind == "servosila":
-        codes = _codes(drive, where, bad)
-    elif codes:
-        raise bad(f"{where}.codes", "a cia402 drive has no codes", 'they belong to kind = "servosila"')
-    completed = msgspec.structs.replace(
-        drive,
-        encoder=encoder,
-        gear=gear,
-        feed=feed,
-        position_gain=gain,
-        command_timeout_ms=timeout,
-        codes=codes,
-    )
-    return completed, per_turn
+        _check_codes(drive, bad)
+        codes = {**SERVOSILA_CODES, **drive.codes}
+    completed = msgspec.structs.replace(drive, position_gain=gain, command_timeout_ms=timeout, codes=codes)
+    travel = _travel(drive, axis, bad)
+    if travel is None:
+        return completed, per_turn
+    encoder, gear, feed, per_turn = travel
+    _check_counts(encoder, per_turn, drive, axis, bad)
+    return msgspec.structs.replace(completed, encoder=encoder, gear=gear, feed=feed), per_turn
 
 
-def check_travel(
-    drive: DriveFile,
-    per_turn: float | None,
-    travel: tuple[float | None, float | None],
-    where: str,
-    bad: Refusal,
+def _check_counts(
+    encoder: tuple[int, int], per_turn: float, drive: Drive, axis: AxisSection, bad: Refusal
 ) -> None:
-    """Refuses a limited axis whose travel does not fit 32 bits of a drive's counts.
-
-    Args:
-        travel: the two ends [mm, deg], None where not limited.
-    """
-    low, high = travel
-    if drive.kind != "cia402" or drive.encoder is None or per_turn is None or low is None or high is None:
+    """Refuse a limited axis whose travel does not fit 32 bits of a drive's counts."""
+    low, high = axis.min_position, axis.max_position
+    if drive.kind != "cia402" or low is None or high is None:
         return
-    counts = drive.encoder[0] / drive.encoder[1] / per_turn
-    furthest = max(abs(low), abs(high)) * counts
+    furthest = max(abs(low), abs(high)) * encoder[0] / encoder[1] / per_turn
     if furthest >= GREATEST_COUNT:
-        raise bad(
-            f"{where}.counts_per_motor_rev",
+        bad(
+            "counts_per_motor_rev",
             f"an end of the axis's travel is at {furthest:.3g} counts, beyond 32 bits",
             "check counts_per_motor_rev and units_per_motor_rev",
         )
 
 
-def _check_numbers(drive: DriveFile, where: str, bad: Refusal) -> None:
-    for name in ("rated_torque", "position_gain", "velocity_counts_per_motor_rev", "telemetry_hz"):
-        value = getattr(drive, name)
-        if not (math.isfinite(value) and value >= 0.0):
-            raise bad(f"{where}.{name}", f"{value} is not 0 or more", "leave the key out if it is not known")
-    for name in ("heartbeat_ms", "command_timeout_ms"):
-        value = getattr(drive, name)
-        if not 0 <= value <= 0xFFFF:
-            raise bad(f"{where}.{name}", f"{value} is outside 0 … 65535 ms", "100 is usual")
-    for name in ("vendor_id", "product_code"):
-        if not 0 <= getattr(drive, name) <= 0xFFFFFFFF:
-            raise bad(f"{where}.{name}", "is no 32-bit number", "see 1018h of the drive")
-    if not 0 <= drive.pole_pairs <= 1000:
-        raise bad(f"{where}.pole_pairs", f"{drive.pole_pairs} is outside 0 … 1000", "see the motor's data")
-    for write in drive.sdo_writes:
-        fits = len(write) in (3, 4) and 0 < write[0] <= 0xFFFF and 0 <= write[1] <= 0xFF
-        if not fits or (len(write) == 4 and write[3] not in (1, 2, 4, 8)):
-            raise bad(
-                f"{where}.sdo_writes",
-                f"{write} is no write",
-                "give [index, subindex, value], or [index, subindex, value, bytes] with 1, 2, 4 or 8 bytes",
-            )
-
-
-def _check_mode(drive: DriveFile, gain: float, cycle_s: float, where: str, bad: Refusal) -> None:
-    if drive.mode in ("cst", "pp"):
-        raise bad(
-            f"{where}.mode",
-            f'mode = "{drive.mode}" cannot follow a path',
-            'use "csp" (or "csv"): G1030 and G1040 change to velocity and torque mode by themselves',
-        )
-    if drive.mode == "csv" and gain * cycle_s > GREATEST_GAIN:
-        raise bad(
-            f"{where}.position_gain",
-            f"{gain:g} /s with a cycle of {cycle_s * 1e3:g} ms is not stable over a bus",
-            f"give {GREATEST_GAIN / cycle_s:g} or less, or a greater cycle_hz",
-        )
-
-
 def _travel(
-    drive: DriveFile, axis_type: AxisType, per_turn: float | None, where: str, bad: Refusal
-) -> tuple[tuple[int, int], tuple[int, int], tuple[float, float], float]:
-    """Encoder, gear, feed, and the travel of a motor turn [mm, deg]."""
+    drive: Drive, axis: AxisSection, bad: Refusal
+) -> tuple[tuple[int, int], tuple[int, int], tuple[float, float], float] | None:
+    """Return encoder, gear, feed, and the travel of a motor turn [mm, deg]; None after a mistake."""
     if drive.encoder is not None and drive.counts_per_motor_rev:
-        raise bad(
-            f"{where}.encoder", "contradicts counts_per_motor_rev, which is there too", "give one of them"
-        )
-    if drive.encoder is None and drive.counts_per_motor_rev <= 0:
-        raise bad(
-            f"{where}.counts_per_motor_rev",
+        bad("encoder", "contradicts counts_per_motor_rev, which is there too", "give one of them")
+        return None
+    if drive.encoder is None and not drive.counts_per_motor_rev:
+        bad(
+            "counts_per_motor_rev",
             "it is not said what a count of the drive is",
             "give counts_per_motor_rev, or encoder = [increments, motor revolutions] (608Fh)",
         )
+        return None
     encoder = drive.encoder or (drive.counts_per_motor_rev, 1)
     gear = drive.gear or (1, 1)
-    for name, pair in (("encoder", encoder), ("gear", gear), ("feed", drive.feed or (1.0, 1.0))):
-        if not all(0 < value <= 0xFFFFFFFF for value in pair):
-            raise bad(f"{where}.{name}", f"{list(pair)} are not two numbers above 0", 'turn with "invert"')
+    per_turn = axis.units_per_motor_rev
     feed = drive.feed
     if feed is None:
         if per_turn is not None:
             feed = (per_turn * gear[0] / gear[1], 1.0)
-        elif axis_type is AxisType.ROTARY:
+        elif axis.type == "rotary":
             feed = (360.0, 1.0)
         else:
-            raise bad(
-                f"{where}.feed",
+            bad(
+                "feed",
                 "it is not said how far a turn of the motor goes",
                 "give units_per_motor_rev of the axis, or feed = [mm, shaft revolutions] (6092h)",
             )
-    told = feed[0] / feed[1] * gear[1] / gear[0]
-    if per_turn is not None and abs(per_turn - told) > SAME * told:
-        raise bad(
-            f"{where}.feed",
-            f"gear and feed say {told:g} for a turn of the motor, units_per_motor_rev says {per_turn:g}",
+            return None
+    by_feed = feed[0] / feed[1] * gear[1] / gear[0]
+    if per_turn is not None and abs(per_turn - by_feed) > SAME * by_feed:
+        bad(
+            "feed",
+            f"gear and feed say {by_feed:g} for a turn of the motor, units_per_motor_rev says {per_turn:g}",
             "leave one of them out",
         )
-    return encoder, gear, feed, told if per_turn is None else per_turn
+        return None
+    return encoder, gear, feed, by_feed if per_turn is None else per_turn
 
 
-def _codes(drive: DriveFile, where: str, bad: Refusal) -> dict[str, int]:
+def _check_codes(drive: Drive, bad: Refusal) -> None:
     known = (*SERVOSILA_CODES, *SERVOSILA_OWN_CODES)
     for name, code in drive.codes.items():
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
             hint = f"did you mean {near[0]!r}?" if near else f"known codes: {', '.join(known)}"
-            raise bad(f"{where}.codes", f"there is no command {name!r}", hint)
-        if not 0 <= code <= 0xFF:
-            raise bad(f"{where}.codes.{name}", f"{code} is outside 0 … 255", "see the drive's reference")
-    if "off" not in drive.codes:
-        raise bad(
-            f"{where}.codes",
+            bad("codes", f"there is no command {name!r}", hint)
+        elif not 0 <= code <= 0xFF:
+            bad("codes", f"{name} = {code} is outside 0 … 255", "see the drive's reference")
+    if "off" not in drive.codes and not any(name not in known for name in drive.codes):
+        bad(
+            "codes",
             "the code of Off is missing: the drive could not be de-energized",
             "give codes = { off = … } from the drive's reference",
         )
-    return {**SERVOSILA_CODES, **drive.codes}

@@ -7,83 +7,30 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 import tomllib
-from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import msgspec
 
-from mcserver.drives.bus_load import refuse_overload
 from mcserver.errors import ConfigurationError
-from mcserver.machine.drive_section import (
-    CAN_KINDS,
-    BusFile,
-    CanBusConfig,
-    DriveFile,
-    Refusal,
-    check_travel,
-    complete_drive,
-    read_buses,
+from mcserver.machine.bus_load import refuse_overload
+from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig, Drive, complete_drive, read_buses
+from mcserver.machine.section_reader import Mistakes, read_keys
+from mcserver.machine.sections import (
+    MAX_AXES,
+    AxisSection,
+    KinematicsSection,
+    MachineFile,
+    MachineSection,
+    MotionSection,
 )
-from mcserver.machine.tool_section import Tool as Tool
-from mcserver.machine.tool_section import ToolFile, read_tools
+from mcserver.machine.toml_positions import Path as TomlPath
+from mcserver.machine.tool_section import Tool, read_tools
 from mcserver.units import DEGREE, MM, TURN, AxisType
 
-MAX_AXES = 64
 BUILT_IN = ("cartesian", "robot-dog", "arm6")
-
-
-class AxisFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """``[[axis]]`` as written: mm or deg, and seconds."""
-
-    index: int
-    type: Literal["linear", "rotary"]
-    max_velocity: float
-    max_acceleration: float
-    max_jerk: float | None = None
-    min_position: float | None = None
-    max_position: float | None = None
-    in_position: float = 0.01
-    max_following_error: float | None = None
-    units_per_motor_rev: float | None = None
-    drive: DriveFile = DriveFile()
-
-
-class MachineSection(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """``[machine]``."""
-
-    name: str
-    cycle_hz: float = 1000.0
-
-
-class MotionSection(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """``[motion]``."""
-
-    path_tolerance_mm: float = 0.0
-    exact_stop_timeout_s: float = 5.0
-    exact_stop_cycles: int = 3
-    tool_tolerance_mm: float = 0.01
-    tool_tolerance_deg: float = 0.01
-
-
-class KinematicsSection(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """``[kinematics]``."""
-
-    urdf: str
-
-
-class MachineFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A whole machine file."""
-
-    machine: MachineSection
-    axis: list[AxisFile]
-    motion: MotionSection = MotionSection()
-    kinematics: KinematicsSection | None = None
-    tool: list[ToolFile] = []
-    bus: list[BusFile] = []
 
 
 class Axis(msgspec.Struct, frozen=True):
@@ -105,7 +52,7 @@ class Axis(msgspec.Struct, frozen=True):
     max_following_error: float
     travel_per_motor_turn: float
     initial_position: float
-    drive: DriveFile
+    drive: Drive
 
 
 class Machine(msgspec.Struct, frozen=True):
@@ -155,8 +102,8 @@ class Machine(msgspec.Struct, frozen=True):
                     return bus
         raise KeyError(axis.drive.bus)
 
-    def slot(self, index: int) -> int:
-        """Column of axis ``index`` in arrays over this machine's axes."""
+    def column_of(self, index: int) -> int:
+        """Return the column of axis ``index`` in arrays over this machine's axes."""
         for column, axis in enumerate(self.axes):
             if axis.index == index:
                 return column
@@ -172,7 +119,7 @@ def load_machine(name_or_path: str) -> Machine:
             address.
     """
     if name_or_path in BUILT_IN:
-        text = resources.files("mcserver.machine.builtin").joinpath(f"{name_or_path}.toml").read_text("utf-8")
+        text = builtin_text(name_or_path)
         return parse_machine(text, source=f"built-in {name_or_path}", folder=None)
     path = Path(name_or_path)
     try:
@@ -194,87 +141,68 @@ def parse_machine(text: str, *, source: str = "machine file", folder: Path | Non
     """
     try:
         raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ConfigurationError(
-            "MC002", f"{source} is not TOML: {error}", "mend the syntax there"
+            "MC002", f"{source} is not TOML: {error}", "correct the syntax there"
         ) from error
-    try:
-        file = msgspec.convert(raw, MachineFile)
-    except msgspec.ValidationError as error:
-        raise ConfigurationError("MC003", f"{source}: {error}", _nearest_key(str(error))) from error
-    return _to_si(file, source, folder)
+    mistakes = Mistakes(text, source)
+    machine = _read_machine(raw, folder, mistakes)
+    mistakes.raise_if_any()
+    assert machine is not None
+    refuse_overload(machine, source)
+    return machine
 
 
-def _nearest_key(message: str) -> str:
-    unknown = re.search(r"unknown field `([^`]*)`(?: - at `\$?\.?([^`]*)`)?", message)
-    if unknown is None:
-        return "compare the value with the documented machine file"
-    section = re.sub(r"\[\d+\]", "[...]", unknown.group(2) or "")
-    structs: tuple[tuple[str, type[msgspec.Struct]], ...] = (
-        ("axis[...].drive", DriveFile),
-        ("axis", AxisFile),
-        ("machine", MachineSection),
-        ("motion", MotionSection),
-        ("kinematics", KinematicsSection),
-        ("tool", ToolFile),
-        ("bus", BusFile),
-    )
-    known = MachineFile.__struct_fields__
-    for prefix, struct in structs:
-        if section.startswith(prefix):
-            known = struct.__struct_fields__
-            break
-    near = difflib.get_close_matches(unknown.group(1), known, n=1, cutoff=0.5)
-    if near:
-        return f"did you mean {near[0]!r}?"
-    return f"known keys here: {', '.join(known)}"
+def builtin_text(name: str) -> str:
+    """Return the TOML text of a built-in machine.
 
-
-def _to_si(file: MachineFile, source: str, folder: Path | None) -> Machine:
-    def bad(where: str, what: str, hint: str) -> ConfigurationError:
-        return ConfigurationError("MC004", f"{source}: {where}: {what}", hint)
-
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,62}", file.machine.name):
-        raise bad(
-            "machine.name",
-            f"{file.machine.name!r} cannot be part of a key",
-            "use letters, digits, '-', '_', '.'",
+    Raises:
+        ConfigurationError: MC001 there is none of that name.
+    """
+    if name not in BUILT_IN:
+        near = difflib.get_close_matches(name, BUILT_IN, n=1)
+        raise ConfigurationError(
+            "MC001",
+            f"there is no built-in machine {name!r}",
+            f"did you mean {near[0]!r}?" if near else f"there are {', '.join(BUILT_IN)}",
         )
-    if not 10.0 <= file.machine.cycle_hz <= 10000.0:
-        raise bad("machine.cycle_hz", f"{file.machine.cycle_hz} is outside 10 … 10000", "1000 is usual")
-    if not file.axis:
-        raise bad("axis", "the machine has no axis", "add an [[axis]] section")
+    return resources.files("mcserver.machine.builtin").joinpath(f"{name}.toml").read_text("utf-8")
+
+
+def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) -> Machine | None:
+    """Return the machine; None, or a machine that must not be used, where there are mistakes."""
+    file = read_keys(raw, MachineFile, (), mistakes)
+    section: MachineSection | None = file["machine"]
+    cycle_hz = section.cycle_hz if section is not None else MachineSection("").cycle_hz
     axes: dict[int, Axis] = {}
-    for position, axis in enumerate(file.axis):
-        where = f"axis[{position}]"
-        if not 0 <= axis.index < MAX_AXES:
-            raise bad(
-                f"{where}.index", f"{axis.index} is outside 0 … {MAX_AXES - 1}", "number axes from 0 to 63"
-            )
+    drives: list[tuple[TomlPath, int, Drive]] = []
+    if file["axis"] == []:
+        mistakes.add(("axis",), "the machine has no axis", "add an [[axis]] section")
+    for position, axis in enumerate(file["axis"] or ()):
+        if axis is None:
+            continue
+        path: TomlPath = ("axis", position)
         if axis.index in axes:
-            raise bad(
-                f"{where}.index", f"axis {axis.index} is there twice", "give each axis a number of its own"
+            mistakes.add(
+                (*path, "index"), f"axis {axis.index} is there twice", "give each axis a number of its own"
             )
-        axes[axis.index] = _axis_to_si(axis, where, 1.0 / file.machine.cycle_hz, folder, bad)
-    buses = read_buses(file.bus, (axis.drive for axis in file.axis), bad)
-    _check_nodes(axes.values(), bad)
-    motion = file.motion
-    if not (math.isfinite(motion.path_tolerance_mm) and motion.path_tolerance_mm >= 0.0):
-        raise bad("motion.path_tolerance_mm", "must be 0 or more", "0 keeps the exact path")
-    for name in ("exact_stop_timeout_s", "tool_tolerance_mm", "tool_tolerance_deg", "exact_stop_cycles"):
-        value = getattr(motion, name)
-        if not (math.isfinite(value) and value > 0):
-            raise bad(f"motion.{name}", f"{value} is not above 0", "give a positive number")
-    tools = read_tools(file.tool, axes, bad)
-    urdf = None
-    if file.kinematics is not None:
-        written = file.kinematics.urdf
-        urdf = written if folder is None or Path(written).is_absolute() else str(folder / written)
-    elif tools:
-        raise bad("tool", "tools need a [kinematics] section", "name the URDF there")
-    machine = Machine(
-        name=file.machine.name,
-        cycle_hz=file.machine.cycle_hz,
+        axes[axis.index] = _axis_to_si(axis, path, 1.0 / cycle_hz, folder, mistakes)
+        drives.append(((*path, "drive"), axis.index, axes[axis.index].drive))
+    buses = read_buses(file.get("bus") or (), drives, mistakes)
+    sound = file["axis"] is not None and None not in file["axis"]
+    tools = read_tools(file.get("tool") or (), axes if sound else range(MAX_AXES), mistakes)
+    kinematics: KinematicsSection | None = file.get("kinematics")
+    if "tool" in raw and "kinematics" not in raw:
+        mistakes.add(("tool",), "tools need a [kinematics] section", "name the URDF there")
+    motion: MotionSection | None = file.get("motion", MotionSection())
+    if section is None or motion is None:
+        return None
+    urdf = None if kinematics is None else kinematics.urdf
+    if urdf is not None and folder is not None:
+        urdf = str(folder / urdf)
+    return Machine(
+        name=section.name,
+        cycle_hz=section.cycle_hz,
         axes=tuple(axes[index] for index in sorted(axes)),
         path_tolerance=motion.path_tolerance_mm * MM,
         exact_stop_timeout=motion.exact_stop_timeout_s,
@@ -285,58 +213,25 @@ def _to_si(file: MachineFile, source: str, folder: Path | None) -> Machine:
         tools=tools,
         buses=tuple(buses),
     )
-    refuse_overload(machine, source)
-    return machine
 
 
-def _check_nodes(axes: Iterable[Axis], bad: Refusal) -> None:
-    taken: dict[tuple[str, int], int] = {}
-    for axis in axes:
-        if axis.drive.kind not in CAN_KINDS:
-            continue
-        key = (axis.drive.bus, axis.drive.node)
-        if key in taken:
-            raise bad(
-                "axis.drive.node",
-                f"axes {taken[key]} and {axis.index} both have node {key[1]} on bus {key[0]}",
-                "give each drive of a bus a node number of its own",
-            )
-        taken[key] = axis.index
-
-
-def _axis_to_si(axis: AxisFile, where: str, cycle_s: float, folder: Path | None, bad: Refusal) -> Axis:
+def _axis_to_si(
+    axis: AxisSection, path: TomlPath, cycle_s: float, folder: Path | None, mistakes: Mistakes
+) -> Axis:
     axis_type = AxisType(axis.type)
     scale = axis_type.si_per_unit
-    for name in (
-        "max_velocity",
-        "max_acceleration",
-        "max_jerk",
-        "in_position",
-        "max_following_error",
-        "units_per_motor_rev",
-    ):
-        value = getattr(axis, name)
-        if value is not None and not (value > 0.0 and math.isfinite(value)):
-            raise bad(
-                f"{where}.{name}", f"{value} is not above 0", "leave the key out where there is no limit"
-            )
     low = -math.inf if axis.min_position is None else axis.min_position * scale
     high = math.inf if axis.max_position is None else axis.max_position * scale
     start = axis.drive.initial_position * scale
     if not low < high:
-        raise bad(f"{where}.min_position", "is not below max_position", "exchange the two")
-    if not math.isfinite(start):
-        raise bad(f"{where}.drive.initial_position", "is not a finite number", "give a position")
-    if not low <= start <= high:
-        raise bad(
-            f"{where}.drive.initial_position",
+        mistakes.add((*path, "min_position"), "is not below max_position", "exchange the two")
+    elif not low <= start <= high:
+        mistakes.add(
+            (*path, "drive", "initial_position"),
             f"{axis.drive.initial_position} is outside the axis's travel",
             "put it between min_position and max_position",
         )
-    drive, per_turn = complete_drive(
-        axis.drive, axis_type, axis.units_per_motor_rev, cycle_s, f"{where}.drive", bad
-    )
-    check_travel(drive, per_turn, (axis.min_position, axis.max_position), f"{where}.drive", bad)
+    drive, per_turn = complete_drive(axis.drive, axis, cycle_s, (*path, "drive"), mistakes)
     if drive.eds and folder is not None:
         drive = msgspec.structs.replace(drive, eds=str(folder / drive.eds))
     default_turn = 10.0 * MM if axis_type is AxisType.LINEAR else TURN

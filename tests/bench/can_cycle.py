@@ -9,10 +9,10 @@ from types import TracebackType
 
 from mcserver.can.cob import SYNC, Function
 from mcserver.can.frame import FRAME_SIZE, HEADER, PAYLOAD_OFFSET, filled_frame, prepare_frame
+from mcserver.can.pdo_layout import RPDO1, TPDO1, TPDO2, Mode
 from mcserver.can.port import MAX_DRAINED, Frame, PortCounters
 from mcserver.drives.bus import DriveMode, DriveState, Setpoints
 from mcserver.drives.can_bus import CanBus
-from mcserver.drives.cia402.layout import RPDO1, TPDO1, TPDO2, Mode
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.machine.machine_file import parse_machine

@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from mcserver.drives.bus_load import frame_bits
+from mcserver.machine.bus_load import frame_bits
 from mcserver.machine.machine_file import Machine, load_machine
 from tests.bench.figures import Figure, NotAvailable
 from tests.bench.server import free_port

@@ -8,6 +8,7 @@ import struct
 import pytest
 from canopen.objectdictionary import ObjectDictionary
 
+from mcserver.can.pdo_layout import RPDO1, RPDOS, TPDO2, TPDOS, Mode, Pdo
 from mcserver.canopen.configuration import (
     SdoWrite,
     configuration_writes,
@@ -16,7 +17,6 @@ from mcserver.canopen.configuration import (
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.eds import parse_description
 from mcserver.canopen.settings import DriveSettings, settings_of
-from mcserver.drives.cia402.layout import RPDO1, RPDOS, TPDO2, TPDOS, Mode, Pdo
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import parse_machine
 

@@ -6,11 +6,11 @@ import struct
 from typing import Any
 
 from mcserver.can.cob import NMT, SYNC, Function, NmtCommand
+from mcserver.can.pdo_layout import RPDO1, RPDOS, TPDO1, TPDOS, Mode, Pdo
 from mcserver.can.port import Frame
 from mcserver.drive_sim.cia402_node import Cia402Node, Identity
 from mcserver.drive_sim.motor import Hardware
 from mcserver.drive_sim.pdo import INVALID
-from mcserver.drives.cia402.layout import RPDO1, RPDOS, TPDO1, TPDOS, Mode, Pdo
 
 NODE = 5
 PERIOD_S = 0.005

@@ -8,8 +8,8 @@ from importlib import resources
 import canopen
 import pytest
 
+from mcserver.can.pdo_layout import RPDOS, TPDOS
 from mcserver.drive_sim.dictionary import EDS, ObjectStore
-from mcserver.drives.cia402.layout import RPDOS, TPDOS
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from itertools import pairwise
 import pytest
 
 from mcserver.can.cob import SYNC, Function
+from mcserver.can.pdo_layout import TPDO2, Mode
 from mcserver.drive_sim.motor import Hardware
-from mcserver.drives.cia402.layout import TPDO2, Mode
 from tests.drive_sim.bench import (
     DISABLE_VOLTAGE,
     ENABLE,

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from mcserver.can.cob import SYNC, Function
 from mcserver.can.frame import HEADER, PAYLOAD_OFFSET, prepare_frame
+from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode
 from mcserver.can.port import Frame, PortCounters
-from mcserver.drives.cia402.layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode
 
 DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, FAULT = 0x40, 0x21, 0x23, 0x27, 0x07, 0x08
 OPERATIONAL = bytes([5])

@@ -16,7 +16,7 @@ from mcclient import Samples
 from numpy.typing import NDArray
 
 from mcserver.can.cob import SYNC, Function
-from mcserver.drives.cia402.layout import RPDO1, TPDO1
+from mcserver.can.pdo_layout import RPDO1, TPDO1
 from tests.e2e_can.bus_log import Logged
 
 Array = NDArray[np.float64]

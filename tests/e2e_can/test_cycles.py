@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mcserver.can.cob import SYNC, Function
-from mcserver.drives.cia402.layout import RPDO1, TPDO1
+from mcserver.can.pdo_layout import RPDO1, TPDO1
 from tests.e2e_can.bus_log import Logged
 from tests.e2e_can.cycles import Rows, Slice, jumps, slices
 from tests.e2e_can.outcome import Outcome, Stop, measure_stop, table

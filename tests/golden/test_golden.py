@@ -107,7 +107,7 @@ def test_axes_arrive_when_they_should(golden: Golden) -> None:
     lines = {line["line"]: line for line in simulation.report["lines"]}
     for arrival in expected.get("reaches", []):
         recording = recorded(simulation)
-        column = machine.slot(arrival["axis"])
+        column = machine.column_of(arrival["axis"])
         away = np.abs(recording.setpoint[:, column] - arrival["position"])
         begun = lines[arrival["line"]]["start_s"]
         there = recording.time_s[(away <= 0.01) & (recording.time_s > begun)]
@@ -120,7 +120,7 @@ def test_an_exact_stop_ends_with_the_encoder_in_position(golden: Golden) -> None
     for stop in expected.get("in_position", []):
         recording = recorded(simulation)
         end = int(np.searchsorted(recording.time_s, lines[stop["line"]]["end_s"] - 1e-9))
-        actual = recording.actual[end, machine.slot(stop["axis"])]
+        actual = recording.actual[end, machine.column_of(stop["axis"])]
         assert abs(actual - stop["position"]) <= stop["within"]
 
 

@@ -72,7 +72,7 @@ def tangent(machine: Machine, group: FeedGroup, s: float) -> Array:
     """Unit tangent over the machine's axes at one end of a group, shape (K,)."""
     slope = np.zeros(len(machine.axes))
     for curve in group.curves:
-        slope[[machine.slot(axis) for axis in curve.axes]] = curve.derivatives(np.array([s]))[0][0]
+        slope[[machine.column_of(axis) for axis in curve.axes]] = curve.derivatives(np.array([s]))[0][0]
     result: Array = slope / np.linalg.norm(slope)
     return result
 
@@ -82,7 +82,7 @@ def end_of(machine: Machine, moves: Sequence[Move], start: Array) -> Array:
     position = start.copy()
     for move in moves:
         for curve in move.group.curves:
-            position[[machine.slot(axis) for axis in curve.axes]] = curve.position(np.array([1.0]))[0]
+            position[[machine.column_of(axis) for axis in curve.axes]] = curve.position(np.array([1.0]))[0]
     return position
 
 
@@ -96,14 +96,14 @@ def group_position(machine: Machine, group: FeedGroup, base: Array, s: Array) ->
     """All columns along a group, shape (len(s), K); other columns rest at ``base``."""
     points = np.tile(base, (len(s), 1))
     for curve in group.curves:
-        points[:, [machine.slot(axis) for axis in curve.axes]] = curve.position(s)
+        points[:, [machine.column_of(axis) for axis in curve.axes]] = curve.position(s)
     return points
 
 
 def group_slope(machine: Machine, group: FeedGroup, s: Array) -> Array:
     slope = np.zeros((len(s), len(machine.axes)))
     for curve in group.curves:
-        slope[:, [machine.slot(axis) for axis in curve.axes]] = curve.derivatives(s)[0]
+        slope[:, [machine.column_of(axis) for axis in curve.axes]] = curve.derivatives(s)[0]
     return slope
 
 
@@ -193,9 +193,9 @@ def speed_over_feed(motion: Motion) -> float:
             continue
         curve = group.curves[group.reference]
         linear = [
-            a for a in curve.axes if motion.machine.axes[motion.machine.slot(a)].type is AxisType.LINEAR
+            a for a in curve.axes if motion.machine.axes[motion.machine.column_of(a)].type is AxisType.LINEAR
         ]
-        columns = [motion.machine.slot(axis) for axis in (linear or curve.axes)]
+        columns = [motion.machine.column_of(axis) for axis in (linear or curve.axes)]
         low, high = math.ceil(motion.starts[number]), math.floor(motion.ends[number])
         inside = rows[low : high + 1, columns]
         if len(inside) > 1:
@@ -233,7 +233,7 @@ def least_time(machine: Machine, group: FeedGroup) -> float:
         assert isinstance(curve, LineCurve)
         for axis, a, b in zip(curve.axes, curve.start, curve.end, strict=True):
             if a != b:
-                limits = machine.axes[machine.slot(axis)]
+                limits = machine.axes[machine.column_of(axis)]
                 velocity = min(velocity, limits.max_velocity / abs(b - a))
                 acceleration = min(acceleration, limits.max_acceleration / abs(b - a))
                 jerk = min(jerk, limits.max_jerk / abs(b - a))

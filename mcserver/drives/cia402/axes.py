@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.can.cob import Function
+from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode, Pdo
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import Array, DriveFault, DriveMode, DriveState, Feedback, Setpoints
-from mcserver.drives.cia402.layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode, Pdo
 from mcserver.drives.cia402.power_stage import PowerStage
 from mcserver.drives.cia402.scaling import TORQUE_LIMIT, PositionTracker, Scaling, wrapped
 from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import enum
 
+from mcserver.can.pdo_layout import Mode
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
-from mcserver.drives.cia402.layout import Mode
 from mcserver.drives.cia402.state import (
     FAULTY,
     POWERED,

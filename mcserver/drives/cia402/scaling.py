@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.machine.drive_section import DriveFile
+from mcserver.machine.drive_section import Drive
 from mcserver.machine.machine_file import Axis
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class Scaling:
         return cls(counts_per_turn * turns_per_si, velocity_per_turn * turns_per_si, torque)
 
 
-def scaling_objects(drive: DriveFile) -> tuple[tuple[int, int, int], ...]:
+def scaling_objects(drive: Drive) -> tuple[tuple[int, int, int], ...]:
     """(index, subindex, value) for 608Fh, 6091h and 6092h so that the drive's unit of position is one
     increment of its encoder; empty where the machine file leaves them to the drive.
 

@@ -12,9 +12,9 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from mcserver.can.cob import SYNC
+from mcserver.can.pdo_layout import RPDO1, Mode
 from mcserver.drives.bus import DriveMode, DriveState
 from mcserver.drives.can_bus import CanBus
-from mcserver.drives.cia402.layout import RPDO1, Mode
 from mcserver.drives.cia402.state import STATE_BITS, PowerState, power_state
 from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import EventKind

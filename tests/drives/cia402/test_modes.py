@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mcserver.can.cob import SYNC
+from mcserver.can.pdo_layout import Mode
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
-from mcserver.drives.cia402.layout import Mode
 from mcserver.executor.entries import ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from tests.drives.can_rig import CanRig, energized, machine

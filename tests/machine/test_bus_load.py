@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from mcserver.drives.bus_load import CEILING, bus_loads, frame_bits
 from mcserver.errors import ConfigurationError
+from mcserver.machine.bus_load import CEILING, bus_loads, frame_bits
 from mcserver.machine.machine_file import Machine, parse_machine
 
 

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mcserver.drives.cia402.layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Pdo
+from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Pdo
 from mcserver.errors import ConfigurationError
 
 if TYPE_CHECKING:

@@ -1,0 +1,175 @@
+"""The tables of a machine file as written: mm, degrees and seconds; allowed values as msgspec's constraints.
+
+The ``description`` of a constraint is the hint that a mistake shows.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+import msgspec
+from msgspec import Meta
+
+from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
+
+MAX_AXES = 64
+
+Limit = Annotated[float, Meta(gt=0.0, description="leave the key out where there is no limit")]
+Positive = Annotated[float, Meta(gt=0.0, description="give a number above 0")]
+NotNegative = Annotated[float, Meta(ge=0.0, description="leave the key out if it is not known")]
+Milliseconds = Annotated[int, Meta(ge=0, le=0xFFFF, description="100 is usual")]
+Unsigned32 = Annotated[int, Meta(ge=0, le=0xFFFFFFFF, description="see 1018h of the drive")]
+Count = Annotated[int, Meta(ge=1, le=0xFFFFFFFF)]
+_TURN_BY_INVERT = Meta(description='give two numbers above 0; turn the motor with "invert"')
+AxisNumber = Annotated[int, Meta(ge=0, lt=MAX_AXES, description="number axes from 0 to 63")]
+
+
+class DriveSection(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated"):
+    """``[axis.drive]`` of a simulated drive; what a drive on a bus has besides is for its simulation.
+
+    Attributes:
+        initial_position: [mm, deg]. bandwidth_hz: of the servo loop.
+        encoder_resolution: [mm, deg], 0: continuous.
+        heartbeat_timeout_s: without setpoints for so long the drive stops. brake: holds without power.
+        friction_decel: [mm/s², deg/s²]. inertia: at the motor [kg·m²]. max_torque: 0: not limited [N·m].
+    """
+
+    initial_position: float = 0.0
+    bandwidth_hz: Positive = 40.0
+    encoder_resolution: NotNegative = 0.0
+    heartbeat_timeout_s: Positive = 0.1
+    brake: bool = False
+    friction_decel: NotNegative = 0.0
+    inertia: NotNegative = 0.01
+    max_torque: NotNegative = 0.0
+    # a machine is tried without its drives by changing `kind` alone
+    other_kinds_keys_are_idle: ClassVar[bool] = True
+
+
+class IdealDriveSection(DriveSection, frozen=True, tag="ideal"):
+    """``[axis.drive]`` of a drive whose actual position is its setpoint."""
+
+
+class CanDriveSection(DriveSection, frozen=True, tag="can"):
+    """What the two kinds of drives on a CAN bus share; see `mcserver.machine.machine_file.Drive`."""
+
+    other_kinds_keys_are_idle: ClassVar[bool] = False
+    bus: str = ""
+    node: Annotated[
+        int, Meta(ge=LEAST_NODE, le=GREATEST_NODE, description="give the drive's node number")
+    ] = 0
+    counts_per_motor_rev: Annotated[int, Meta(ge=0)] = 0
+    encoder: (
+        Annotated[tuple[Count, Count], Meta(description='two whole numbers above 0; turn with "invert"')]
+        | None
+    ) = None
+    gear: (
+        Annotated[tuple[Count, Count], Meta(description='two whole numbers above 0; turn with "invert"')]
+        | None
+    ) = None
+    feed: (
+        Annotated[tuple[Positive, Positive], Meta(description='two numbers above 0; turn with "invert"')]
+        | None
+    ) = None
+    invert: bool = False
+    rated_torque: NotNegative = 0.0
+    velocity_counts_per_motor_rev: NotNegative = 0.0
+    command_timeout_ms: Milliseconds = 0
+
+
+class Cia402DriveSection(CanDriveSection, frozen=True, tag="cia402"):
+    """``[axis.drive]`` of a CiA 402 drive."""
+
+    eds: str = ""
+    mode: Literal["csp", "csv", "cst", "pp"] = "csp"
+    position_gain: NotNegative = 0.0
+    vendor_id: Unsigned32 = 0
+    product_code: Unsigned32 = 0
+    heartbeat_ms: Milliseconds = 100
+    sdo_writes: list[list[int]] = []
+
+
+class ServosilaDriveSection(CanDriveSection, frozen=True, tag="servosila"):
+    """``[axis.drive]`` of a Servosila drive."""
+
+    codes: dict[str, int] = {}
+    pole_pairs: Annotated[int, Meta(ge=0, le=1000, description="see the motor's data")] = 0
+    telemetry_hz: NotNegative = 0.0
+
+
+class AxisSection(msgspec.Struct, frozen=True):
+    """``[[axis]]``."""
+
+    index: AxisNumber
+    type: Literal["linear", "rotary"]
+    max_velocity: Limit
+    max_acceleration: Limit
+    max_jerk: Limit | None = None
+    min_position: float | None = None
+    max_position: float | None = None
+    in_position: Limit = 0.01
+    max_following_error: Limit | None = None
+    units_per_motor_rev: Limit | None = None
+    drive: DriveSection | IdealDriveSection | Cia402DriveSection | ServosilaDriveSection = DriveSection()
+
+
+class MachineSection(msgspec.Struct, frozen=True):
+    """``[machine]``."""
+
+    name: Annotated[
+        str,
+        Meta(
+            pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$",
+            description="it is part of keys: use letters, digits, '-', '_', '.'",
+        ),
+    ]
+    cycle_hz: Annotated[float, Meta(ge=10.0, le=10000.0, description="1000 is usual")] = 1000.0
+
+
+class MotionSection(msgspec.Struct, frozen=True):
+    """``[motion]``."""
+
+    path_tolerance_mm: Annotated[float, Meta(ge=0.0, description="0 keeps the exact path")] = 0.0
+    exact_stop_timeout_s: Positive = 5.0
+    exact_stop_cycles: Annotated[int, Meta(ge=1, description="3 is usual")] = 3
+    tool_tolerance_mm: Positive = 0.01
+    tool_tolerance_deg: Positive = 0.01
+
+
+class KinematicsSection(msgspec.Struct, frozen=True):
+    """``[kinematics]``."""
+
+    urdf: str
+
+
+class ToolSection(msgspec.Struct, frozen=True):
+    """``[[tool]]``: one end effector of the URDF."""
+
+    number: Annotated[int, Meta(ge=0, description="number each tool once, from 0")]
+    frame: str
+    axes: Annotated[list[int], Meta(min_length=1, description="list the chain's joints once each")]
+    orientation: bool = False
+    euler: Literal["ZYX", "XYZ", "XZY", "YXZ", "YZX", "ZXY"] = "ZYX"
+    offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class BusSection(msgspec.Struct, frozen=True):
+    """``[[bus]]``; without an address the name is one."""
+
+    name: Annotated[str, Meta(min_length=1, description="name each bus once")]
+    address: str = ""
+    bitrate: Annotated[
+        int, Meta(ge=10_000, le=1_000_000, description="1000000 is usual; classic CAN has no more")
+    ] = 1_000_000
+    silence_cycles: Annotated[int, Meta(ge=1, le=1000, description="3 is usual")] = 3
+
+
+class MachineFile(msgspec.Struct, frozen=True):
+    """A whole machine file."""
+
+    machine: MachineSection
+    axis: list[AxisSection]
+    motion: MotionSection = MotionSection()
+    kinematics: KinematicsSection | None = None
+    tool: list[ToolSection] = []
+    bus: list[BusSection] = []
