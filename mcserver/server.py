@@ -21,7 +21,7 @@ from mcserver.errors import ServiceError
 from mcserver.executor.client import ExecutorProcess
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.compiling import COMPILING
-from mcserver.net.endpoint import MachineFace
+from mcserver.net.endpoint import MachineEndpoint
 from mcserver.net.session import NetworkOptions
 from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.planner_messages import Planning
@@ -72,7 +72,7 @@ async def running(
     port: MotionPort,
     planning: Planning,
     drives: CanDrives | None = None,
-) -> AsyncIterator[tuple[MachineService, MachineFace]]:
+) -> AsyncIterator[tuple[MachineService, MachineEndpoint]]:
     """A server that answers inside the block, and is stopped in order at its end.
 
     Raises:
@@ -85,10 +85,10 @@ async def running(
         raise ServiceError(
             "MC520", f"the journal's folder {journal.parent} cannot be made: {error}", "give --journal"
         ) from error
-    instance = f"{int(time.time()):x}{secrets.token_hex(2)}"
+    instance = f"{int(time.time()):x}{secrets.token_hex(3)}"
     async with contextlib.AsyncExitStack() as stack:
         stack.callback(port.close)
-        face = await MachineFace.open(machine.name, options.network)
+        face = await MachineEndpoint.open(machine.name, options.network, instance)
         stack.push_async_callback(face.close)
         service = MachineService(
             machine,

@@ -9,9 +9,11 @@ import msgspec
 
 from mcserver.errors import ServiceError
 
-REMEMBERED_ANSWERS = 4096
+REMEMBERED_ANSWERS = 1024
 REMEMBERED_S = 120.0
-REMEMBERED_BYTES = 16 * 1024 * 1024
+REMEMBERED_BYTES = 2 * 1024 * 1024
+# clients whose answers are remembered at the same time
+REMEMBERED_CLIENTS = 1024
 
 
 class Answer(msgspec.Struct, frozen=True):
@@ -21,21 +23,40 @@ class Answer(msgspec.Struct, frozen=True):
     payload: bytes
 
 
+OnAnswer = Callable[[Answer], None]
+
+
 class _Entry(msgspec.Struct):
     method: str
     since: float
     answer: Answer | None = None
+    waiting: list[OnAnswer] = []
 
 
-OnAnswer = Callable[[Answer], None]
+class _Client:
+    """One client's requests: those under way, and the answers by age."""
+
+    def __init__(self) -> None:
+        self.entries: dict[int, _Entry] = {}
+        self.answered: OrderedDict[int, None] = OrderedDict()
+        self.size = 0
+
+    def forget_oldest(self) -> None:
+        number, _ = self.answered.popitem(last=False)
+        answer = self.entries.pop(number).answer
+        self.size -= len(answer.payload) if answer is not None else 0
 
 
 class AnswerMemory:
-    """Bounded by count, by bytes and by age; what is still being worked on is never forgotten.
+    """Bounded for each client by count, bytes and age; what is still being worked on is never forgotten.
+
+    No client's requests make another client's answers go: where too many clients are remembered, a further
+    one is refused until an old one's answers are past their age.
 
     Args:
         clock: seconds, never stepping.
-        limit, limit_bytes, age_s: bounds of what is remembered.
+        limit, limit_bytes, age_s: bounds of what is remembered of one client.
+        clients: how many clients are remembered.
     """
 
     def __init__(
@@ -45,31 +66,31 @@ class AnswerMemory:
         limit: int = REMEMBERED_ANSWERS,
         limit_bytes: int = REMEMBERED_BYTES,
         age_s: float = REMEMBERED_S,
+        clients: int = REMEMBERED_CLIENTS,
     ) -> None:
         self._clock = clock
         self._limit = limit
         self._limit_bytes = limit_bytes
         self._age_s = age_s
-        self._entries: OrderedDict[tuple[str, int], _Entry] = OrderedDict()
-        self._waiting: dict[tuple[str, int], list[OnAnswer]] = {}
-        self._bytes = 0
+        self._limit_clients = clients
+        # the client that was answered longest ago first
+        self._clients: OrderedDict[str, _Client] = OrderedDict()
 
     def __len__(self) -> int:
-        return len(self._entries)
+        return sum(len(client.entries) for client in self._clients.values())
 
     def begin(self, client: str, request: int, method: str, on_answer: OnAnswer) -> bool:
         """Whether the request is new and has to be carried out; ``on_answer`` is called at once or with
         `finish`.
 
         Raises:
-            ServiceError: MC506 the number was used for another method.
+            ServiceError: MC506 the number was used for another method, MC508 too many clients.
         """
-        self._forget_old()
-        key = (client, request)
-        entry = self._entries.get(key)
+        known = self._client(client)
+        self._forget_old(known)
+        entry = known.entries.get(request)
         if entry is None:
-            self._entries[key] = _Entry(method, self._clock())
-            self._waiting[key] = [on_answer]
+            known.entries[request] = _Entry(method, self._clock(), waiting=[on_answer])
             return True
         if entry.method != method:
             raise ServiceError(
@@ -80,35 +101,55 @@ class AnswerMemory:
         if entry.answer is not None:
             on_answer(entry.answer)
         else:
-            self._waiting[key].append(on_answer)
+            entry.waiting.append(on_answer)
         return False
 
     def finish(self, client: str, request: int, answer: Answer) -> None:
-        """Answers all that wait for this request, and keeps the answer."""
-        key = (client, request)
-        entry = self._entries.get(key)
-        if entry is None or entry.answer is not None:
+        """Answer all that wait for this request, and keep the answer."""
+        known = self._clients.get(client)
+        entry = known.entries.get(request) if known is not None else None
+        if known is None or entry is None or entry.answer is not None:
             return
         entry.answer = answer
         entry.since = self._clock()
-        self._entries.move_to_end(key)
-        self._bytes += len(answer.payload)
-        for on_answer in self._waiting.pop(key):
+        known.answered[request] = None
+        known.size += len(answer.payload)
+        self._clients.move_to_end(client)
+        waiting, entry.waiting = entry.waiting, []
+        for on_answer in waiting:
             on_answer(answer)
-        self._forget_old()
+        self._forget_old(known)
 
-    def _forget_old(self) -> None:
-        oldest_allowed = self._clock() - self._age_s
-        while self._entries:
-            key, entry = next(iter(self._entries.items()))
-            if entry.answer is None:
-                # under way: it goes to the end, and is looked at again when it comes round
-                if len(self._waiting) == len(self._entries):
-                    return
-                self._entries.move_to_end(key)
-                continue
-            full = len(self._entries) > self._limit or self._bytes > self._limit_bytes
-            if not full and entry.since >= oldest_allowed:
+    def _client(self, name: str) -> _Client:
+        known = self._clients.get(name)
+        if known is not None:
+            return known
+        if len(self._clients) >= self._limit_clients:
+            self._forget_clients()
+        if len(self._clients) >= self._limit_clients:
+            raise ServiceError(
+                "MC508",
+                f"{self._limit_clients} clients have changed something within {self._age_s:g} s",
+                "use one client id for all calls of a client, or try again later",
+            )
+        known = self._clients[name] = _Client()
+        return known
+
+    def _forget_clients(self) -> None:
+        """Forget the clients of whom nothing is remembered any more, the oldest first."""
+        for name in list(self._clients):
+            known = self._clients[name]
+            self._forget_old(known)
+            if known.answered:
                 return
-            self._bytes -= len(entry.answer.payload)
-            del self._entries[key]
+            if not known.entries:
+                del self._clients[name]
+
+    def _forget_old(self, known: _Client) -> None:
+        oldest_allowed = self._clock() - self._age_s
+        while known.answered:
+            oldest = known.entries[next(iter(known.answered))]
+            full = len(known.answered) > self._limit or known.size > self._limit_bytes
+            if not full and oldest.since >= oldest_allowed:
+                return
+            known.forget_oldest()

@@ -32,7 +32,7 @@ STREAMED_MESSAGES = 8192
 TOKENS = 4096
 
 
-class MachineFace:
+class MachineEndpoint:
     """Connects one `MachineService` with Zenoh. All of it runs in the loop, but what Zenoh's threads call.
 
     Args:
@@ -49,21 +49,25 @@ class MachineFace:
         self._encode = msgspec.msgpack.Encoder().encode
         self._decode_lines = MessageDecoder(StreamLines)
         self._decode_stop = MessageDecoder(EstopRequest)
-        self._unreadable = DefectLog(log)
+        self._refused = DefectLog(log)
         self._events: Publication = session.recoverable_publisher(keys.event, event_qos())
         self._acks: dict[str, Publication] = {}
         self._rpc: RpcServer | None = None
         self._telemetry: asyncio.Task[None] | None = None
 
     @classmethod
-    async def open(cls, machine: str, options: NetworkOptions) -> MachineFace:
-        """Opens the sessions; nothing is answered before `serve`.
+    async def open(cls, machine: str, options: NetworkOptions, instance: str) -> MachineEndpoint:
+        """Open the sessions; nothing is answered before `serve`.
+
+        Args:
+            instance: this start of the server, and the Zenoh id of the session that speaks for it: so clients
+                know what comes from it.
 
         Raises:
             ServiceError: MC521, MC522.
         """
         session = await ZenohSession.open(
-            configuration(options, listen=options.listen, connect=options.connect)
+            configuration(options, listen=options.listen, connect=options.connect, zenoh_id=instance)
         )
         emergency = None
         if options.connect or options.emergency_listen:
@@ -112,18 +116,22 @@ class MachineFace:
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
         tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)
         stops: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stop, service), limit=64)
+        strays: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stray, service), limit=64)
 
         def stop(sample: zenoh.Sample) -> None:
-            # in Zenoh's thread: the executor is told before the loop comes round
-            service.port.emergency_stop()
-            stops.push(sample)
+            # in Zenoh's thread: the executor knows before the loop comes round
+            if keys.is_stop(str(sample.key_expr)):
+                service.port.emergency_stop()
+                stops.push(sample)
+            else:
+                strays.push(sample)
 
         session.subscribe(keys.emergency_stop, stop)
         if self._emergency is not None:
             self._emergency.subscribe(keys.emergency_stop, stop)
         session.watch_tokens(keys.client("*"), tokens.push)
-        session.subscribe(keys.lines_in("*"), lines.push)
-        session.queryable(keys.rpc("*"), queries.push)
+        session.subscribe(keys.lines_in("*", "*"), lines.push)
+        session.queryable(keys.rpc("*", "*"), queries.push)
         session.queryable(keys.info, queries.push)
         self._telemetry = asyncio.ensure_future(Telemetry(session, keys, service).run())
         session.token(keys.live(service.options.instance))
@@ -140,27 +148,43 @@ class MachineFace:
         await self._session.close()
 
     def _on_lines(self, service: MachineService, sample: zenoh.Sample) -> None:
-        program = str(sample.key_expr).rpartition("/")[2]
+        key = str(sample.key_expr)
+        stream = self.keys.stream_of(key)
+        if stream is None:
+            self._on_stray(service, sample)
+            return
+        client, program = stream
         try:
             message = self._decode_lines(sample.payload.to_bytes())
+            owner = service.program(program).client
+            if owner != client:
+                raise ServiceError("MC504", f"{program} belongs to {owner}", "open a program of your own")
         except ServiceError as error:
-            # an event for each would let a flood of them push every other event out of the memory
-            if self._unreadable.add(f"in/{program}: {error.message}"):
-                service.events.publish("warning", reason=error.code, program=program, message=error.message)
+            if error.code != "MC503":
+                self._warn(service, error.code, f"in/{client}/{program}: {error.message}")
             return
         service.stream(program, message.first, message.lines)
+
+    def _on_stray(self, service: MachineService, sample: zenoh.Sample) -> None:
+        """A put by a wildcard, such as ``mc/@v1/**``: it reaches every key, and so none is meant."""
+        self._warn(service, "MC502", f"a put on {sample.key_expr} was ignored: it names no one key")
+
+    def _warn(self, service: MachineService, code: str, message: str) -> None:
+        # an event for each would let a flood of them push every other event out of the memory
+        if self._refused.add(message):
+            service.events.publish("warning", reason=code, message=message)
 
     def _on_token(self, service: MachineService, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:
             service.client_gone(str(sample.key_expr).rpartition("/")[2])
 
     def _on_stop(self, service: MachineService, sample: zenoh.Sample) -> None:
-        reason = ""
+        request = EstopRequest()
         payload = sample.payload.to_bytes()
         if payload:
             try:
-                reason = self._decode_stop(payload).reason
+                request = self._decode_stop(payload)
             except ServiceError as error:
                 # whatever is put there stops the machine
-                self._unreadable.add(f"estop: {error.message}")
-        service.emergency_stop("", reason)
+                self._refused.add(f"estop: {error.message}")
+        service.emergency_stop(request.client, request.reason)

@@ -1,7 +1,8 @@
 """Keys of one machine in the Zenoh key space (docs/keyspace.md).
 
 ``@v1`` and ``@rpc`` are verbatim chunks: ``*`` and ``**`` never match them, so that a wide subscription or a
-wide query does not reach a machine by accident.
+wide query does not reach a machine by accident. What a client sends has its id in the key, so that the
+network's access rules can bind the id to a certificate or a user.
 """
 
 from __future__ import annotations
@@ -13,17 +14,13 @@ import msgspec
 VERSION_CHUNK = "@v1"
 _ROOT = f"mc/{VERSION_CHUNK}"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,62}")
-_WILD = re.compile(r"[*$]")
+_RPC = "@rpc"
+_EMERGENCY_STOP = "estop"
 
 
 def is_name(text: str) -> bool:
     """Whether ``text`` may stand as one chunk of a key: a machine, a program, a client or an instance."""
     return _NAME.fullmatch(text) is not None
-
-
-def is_wild(key_expression: str) -> bool:
-    """Whether a key expression can match more than one key."""
-    return _WILD.search(key_expression) is not None
 
 
 def all_machines() -> str:
@@ -41,6 +38,19 @@ def machine_of(key: str) -> str:
     if len(chunks) < 4 or chunks[0] != "mc" or chunks[1] != VERSION_CHUNK or not is_name(chunks[2]):
         raise ValueError(f"{key!r} is not a key of {_ROOT}/{{machine}}/…")
     return chunks[2]
+
+
+class Call(msgspec.Struct, frozen=True):
+    """What a query's key asks for.
+
+    Attributes:
+        client: who calls. method: what.
+        exact: the machine is named; False: a wildcard stands for it.
+    """
+
+    client: str
+    method: str
+    exact: bool
 
 
 class Keys(msgspec.Struct, frozen=True):
@@ -64,13 +74,13 @@ class Keys(msgspec.Struct, frozen=True):
     def info(self) -> str:
         return f"{self.root}/info"
 
-    def rpc(self, method: str) -> str:
-        """Key of one method; ``*`` for all of them."""
-        return f"{self.root}/@rpc/{method}"
+    def rpc(self, client: str, method: str) -> str:
+        """Key on which a client calls one method; ``*`` for all clients, or all methods."""
+        return f"{self.root}/{_RPC}/{client}/{method}"
 
-    def lines_in(self, program: str) -> str:
-        """Key that a client puts lines on; ``*`` for every program."""
-        return f"{self.root}/in/{program}"
+    def lines_in(self, client: str, program: str) -> str:
+        """Key that a client puts lines of its program on; ``*`` for every client, or program."""
+        return f"{self.root}/in/{client}/{program}"
 
     def ack(self, program: str) -> str:
         return f"{self.root}/ack/{program}"
@@ -92,7 +102,7 @@ class Keys(msgspec.Struct, frozen=True):
 
     @property
     def emergency_stop(self) -> str:
-        return f"{self.root}/estop"
+        return f"{self.root}/{_EMERGENCY_STOP}"
 
     def live(self, instance: str) -> str:
         """Key of the server's liveliness token; one instance is one start of the server."""
@@ -102,6 +112,26 @@ class Keys(msgspec.Struct, frozen=True):
         """Key of a client's liveliness token; ``*`` for all of them."""
         return f"{self.root}/client/{client}"
 
-    def last_chunk(self, key: str) -> str:
-        """What stands for ``{program}``, ``{method}``, ``{client}`` in a key of this machine."""
-        return key.rpartition("/")[2]
+    def call_of(self, key: str) -> Call | None:
+        """Client and method of a query's key expression; None: the key is wild in one of them.
+
+        The machine's chunk may be wild: whether the method allows for that is the caller's question.
+        """
+        prefix, _, rest = key.partition(f"/{_RPC}/")
+        client, _, method = rest.partition("/")
+        if not (is_name(client) and is_name(method)):
+            return None
+        return Call(client, method, exact=prefix == self.root)
+
+    def stream_of(self, key: str) -> tuple[str, str] | None:
+        """Client and program of the key of a put of lines; None: the key holds a wildcard."""
+        client, _, program = key.removeprefix(f"{self.root}/in/").partition("/")
+        return (client, program) if is_name(client) and is_name(program) else None
+
+    def is_stop(self, key: str) -> bool:
+        """Whether a put with this key expression asks for an emergency stop by name.
+
+        ``mc/@v1/*/estop`` does, for every machine at once; ``mc/@v1/**``, which matches the key too, does
+        not: nobody who writes that means to stop a site.
+        """
+        return key.rpartition("/")[2] == _EMERGENCY_STOP

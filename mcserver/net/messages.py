@@ -55,7 +55,6 @@ ENCODING = "application/msgpack"
 
 MAX_LINES_A_MESSAGE = 20_000
 
-ClientId = Annotated[str, Meta(pattern=r"^$|^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
 ProgramId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
 RequestId = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 LineNumber = Annotated[int, Meta(ge=1, le=2**53)]
@@ -81,15 +80,13 @@ class ErrorReply(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Request(msgspec.Struct, frozen=True, kw_only=True):
-    """What every request holds.
+    """What every request may hold. Who asks stands in the key, not here.
 
     Attributes:
-        client: the client's own id, the one of its liveliness token; needed by methods that change something.
         request: number that the client gives to this request; the same number again gets the same answer
             again. Needed by methods that change something.
     """
 
-    client: ClientId = ""
     request: RequestId | None = None
 
 
@@ -147,7 +144,7 @@ class SubmitReply(msgspec.Struct, frozen=True):
 
 
 class StreamLines(msgspec.Struct, frozen=True, array_like=True):
-    """Payload of ``in/{program}``, an array: ``[first line number, [lines]]``."""
+    """Payload of ``in/{client}/{program}``, an array: ``[first line number, [lines]]``."""
 
     first: LineNumber
     lines: Annotated[list[str], Meta(max_length=MAX_LINES_A_MESSAGE)]
@@ -207,9 +204,15 @@ class ResetRequest(Request, frozen=True, kw_only=True):
 
 
 class EstopRequest(Request, frozen=True, kw_only=True):
-    """Emergency stop by rpc, and payload of the key ``estop`` (where it may be empty)."""
+    """Emergency stop by rpc, and payload of the key ``estop`` (where it may be empty).
+
+    Attributes:
+        reason: for people.
+        client: on the key ``estop``, who stops, as it says itself; a call has it in its key.
+    """
 
     reason: Annotated[str, Meta(max_length=200)] = ""
+    client: Annotated[str, Meta(max_length=63)] = ""
 
 
 class CheckRequest(Request, frozen=True, kw_only=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -18,6 +19,10 @@ from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
 from mcserver.service.reports import wire_diagnostic
 from mcserver.service.service import MachineService
+
+log = logging.getLogger(__name__)
+
+Handler = Callable[[str, Any], Any]
 
 
 class Bench(Protocol):
@@ -49,7 +54,7 @@ class Methods:
 
     def table(self) -> dict[str, Method]:
         """All methods by name."""
-        changing: dict[str, tuple[type[wire.Request], Callable[[Any], Any]]] = {
+        changing: dict[str, tuple[type[wire.Request], Handler]] = {
             "open": (wire.OpenRequest, self.open),
             "submit": (wire.SubmitRequest, self.submit),
             "close": (wire.CloseRequest, self.close),
@@ -63,7 +68,7 @@ class Methods:
             "estop": (wire.EstopRequest, self.estop),
             "sdo_write": (drive_wire.SdoWriteRequest, self.sdo_write),
         }
-        reading: dict[str, tuple[type[wire.Request], Callable[[Any], Any]]] = {
+        reading: dict[str, tuple[type[wire.Request], Handler]] = {
             "status": (wire.StatusRequest, self.status),
             "programs": (wire.ProgramsRequest, self.programs),
             "events": (wire.EventsRequest, self.events),
@@ -77,9 +82,9 @@ class Methods:
             name: Method(request, call, False) for name, (request, call) in reading.items()
         }
 
-    async def open(self, request: wire.OpenRequest) -> wire.OpenReply:
+    async def open(self, client: str, request: wire.OpenRequest) -> wire.OpenReply:
         program = await self._service.open(
-            request.client,
+            client,
             name=request.name,
             axes=request.axes,
             on_disconnect=request.on_disconnect,
@@ -98,7 +103,7 @@ class Methods:
             instance=self._service.options.instance,
         )
 
-    def submit(self, request: wire.SubmitRequest) -> Deferred[wire.SubmitReply]:
+    def submit(self, client: str, request: wire.SubmitRequest) -> Deferred[wire.SubmitReply]:
         reply: Deferred[wire.SubmitReply] = Deferred()
 
         def answer(program: Program | None, error: Exception | None) -> None:
@@ -111,58 +116,68 @@ class Methods:
                 )
 
         self._service.submit(
-            request.client, request.program, request.first, request.lines, judge=request.judge
+            client, request.program, request.first, request.lines, judge=request.judge
         ).listen(answer)
         return reply
 
-    def close(self, request: wire.CloseRequest) -> wire.CloseReply:
-        program = self._service.close(request.client, request.program, request.last)
+    def close(self, client: str, request: wire.CloseRequest) -> wire.CloseReply:
+        program = self._service.close(client, request.program, request.last)
         return wire.CloseReply(program.program, program.queue.accepted, program.done, program.state)
 
-    def hold(self, request: wire.ProgramRequest) -> wire.Done:
-        return _done(self._service.hold(request.program))
+    def hold(self, client: str, request: wire.ProgramRequest) -> wire.Done:
+        held = self._service.hold(request.program)
+        self._record(client, "hold", request.program)
+        return _done(held)
 
-    def resume(self, request: wire.ProgramRequest) -> wire.Done:
-        return _done(self._service.resume(request.program))
+    def resume(self, client: str, request: wire.ProgramRequest) -> wire.Done:
+        resumed = self._service.resume(request.program)
+        self._record(client, "resume", request.program)
+        return _done(resumed)
 
-    def abort(self, request: wire.ProgramRequest) -> wire.Done:
-        return _done(self._service.abort(request.program, f"aborted by {request.client}"))
+    def abort(self, client: str, request: wire.ProgramRequest) -> wire.Done:
+        aborted = self._service.abort(request.program, f"aborted by {client}")
+        self._record(client, "abort", request.program)
+        return _done(aborted)
 
-    def step(self, request: wire.StepRequest) -> wire.Done:
-        return _done([self._service.step(request.client, request.program)])
+    def step(self, client: str, request: wire.StepRequest) -> wire.Done:
+        return _done([self._service.step(client, request.program)])
 
-    def override(self, request: wire.OverrideRequest) -> wire.OverrideReply:
+    def override(self, client: str, request: wire.OverrideRequest) -> wire.OverrideReply:
         programs = self._service.set_override(request.percent / 100.0, request.program)
+        self._record(client, "override", request.program, f"{request.percent:g} %")
         return wire.OverrideReply(request.percent, [program.program for program in programs])
 
-    async def jog(self, request: wire.JogRequest) -> wire.JogReply:
+    async def jog(self, client: str, request: wire.JogRequest) -> wire.JogReply:
         program = await self._jogging.jog(
-            request.client,
+            client,
             request.axis,
             distance=request.distance,
             velocity=request.velocity,
             hold_s=request.hold_s,
             program_id=request.program,
         )
+        if request.program is None:
+            self._record(client, "jog", program, f"axis {request.axis}")
         return wire.JogReply(program)
 
-    def reset(self, request: wire.ResetRequest) -> wire.Done:
+    def reset(self, client: str, request: wire.ResetRequest) -> wire.Done:
         self._service.reset(request.axes)
+        self._record(client, "reset")
         return wire.Done()
 
-    def estop(self, request: wire.EstopRequest) -> wire.Done:
-        self._service.emergency_stop(request.client, request.reason)
+    def estop(self, client: str, request: wire.EstopRequest) -> wire.Done:
+        self._service.emergency_stop(client, request.reason)
         return wire.Done()
 
-    def status(self, _request: wire.StatusRequest) -> wire.MachineStatus:
-        return machine_status(self._service, self._units, 0)
+    def status(self, _client: str, _request: wire.StatusRequest) -> wire.MachineStatus:
+        return machine_status(self._service, self._units)
 
-    async def programs(self, request: wire.ProgramsRequest) -> wire.ProgramsReply:
+    async def programs(self, _client: str, request: wire.ProgramsRequest) -> wire.ProgramsReply:
         return wire.ProgramsReply(
             await self._service.known(program_id=request.program, ended=request.ended, limit=request.limit)
         )
 
-    def events(self, request: wire.EventsRequest) -> wire.EventsReply:
+    def events(self, _client: str, request: wire.EventsRequest) -> wire.EventsReply:
         log = self._service.events
         return wire.EventsReply(
             instance=self._service.options.instance,
@@ -171,7 +186,7 @@ class Methods:
             events=log.since(request.since, request.limit),
         )
 
-    async def check(self, request: wire.CheckRequest) -> wire.CheckReply:
+    async def check(self, _client: str, request: wire.CheckRequest) -> wire.CheckReply:
         positions = None
         if request.positions is not None:
             positions = self._service.positions_si(request.positions)
@@ -179,20 +194,28 @@ class Methods:
         faulty = any(diagnostic.severity == "error" for diagnostic in found)
         return wire.CheckReply(not faulty, [wire_diagnostic(diagnostic) for diagnostic in found])
 
-    async def simulate(self, request: wire.SimulateRequest) -> dict[str, Any]:
+    async def simulate(self, _client: str, request: wire.SimulateRequest) -> dict[str, Any]:
         return await self._bench.simulate(request.text)
 
-    def drives(self, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
+    def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
         return drive_wire.DrivesReply(self._drives.drives())
 
-    async def sdo_read(self, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
+    async def sdo_read(self, _client: str, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
         return _sdo_reply(await self._drives.sdo_read(_target(request), request.type))
 
-    async def sdo_write(self, request: drive_wire.SdoWriteRequest) -> drive_wire.SdoReply:
-        return _sdo_reply(await self._drives.sdo_write(_target(request), request.type, request.value))
+    async def sdo_write(self, client: str, request: drive_wire.SdoWriteRequest) -> drive_wire.SdoReply:
+        reply = _sdo_reply(await self._drives.sdo_write(_target(request), request.type, request.value))
+        where = f"axis {request.axis}" if request.axis is not None else f"node {request.node}"
+        self._record(client, "sdo_write", None, f"{where} {request.index:04X}h.{request.subindex}")
+        return reply
 
-    def info(self, _request: wire.Request) -> wire.Info:
+    def info(self, _client: str, _request: wire.Request) -> wire.Info:
         return machine_info(self._service, list(self.table()))
+
+    def _record(self, client: str, method: str, program: str | None = None, detail: str = "") -> None:
+        """Say who did what: an event, and a line of the log that outlives the events."""
+        log.info("%s: %s %s %s", client, method, program or "the machine", detail)
+        self._service.events.publish("command", client=client, program=program, reason=method, message=detail)
 
 
 def _target(request: drive_wire.SdoReadRequest) -> SdoTarget:

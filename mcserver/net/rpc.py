@@ -6,6 +6,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -15,8 +16,9 @@ from mcserver.errors import McError, ProgramRejected, ServiceError
 from mcserver.net.answers import Answer, AnswerMemory
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
-from mcserver.net.keys import Keys, is_wild
+from mcserver.net.keys import Call, Keys
 from mcserver.net.messages import ENCODING, ErrorReply, Request
+from mcserver.net.replies import Outgoing, ReplySender
 from mcserver.service.deferred import Deferred
 from mcserver.service.refusals import Refused
 from mcserver.service.reports import wire_diagnostic
@@ -24,7 +26,8 @@ from mcserver.service.reports import wire_diagnostic
 log = logging.getLogger(__name__)
 
 IN_FLIGHT = 512
-LARGE_REPLY_BYTES = 32 * 1024
+INFO_LANES = 4
+_RPC_CHUNK = "/@rpc/"
 
 Settle = Callable[[object, BaseException | None], None]
 
@@ -34,12 +37,13 @@ class Method(msgspec.Struct, frozen=True):
 
     Attributes:
         request: the message's type, a `Request`.
-        call: gives the reply's message, at once, as a `Deferred` or as an awaitable; errors as `McError`.
+        call: takes the client's id and the request; gives the reply's message, at once, as a `Deferred` or
+            as an awaitable; errors as `McError`.
         changes: whether it changes anything: then it is idempotent by request number, and takes no wildcard.
     """
 
     request: type[Request]
-    call: Callable[[Any], Any]
+    call: Callable[[str, Any], Any]
     changes: bool
 
 
@@ -67,7 +71,7 @@ def encode_error(error: BaseException) -> bytes:
 
 
 class RpcServer:
-    """Answers queries on ``@rpc/*`` and ``info``. All of it runs in the loop.
+    """Answers queries on ``@rpc/{client}/{method}`` and ``info``; only replies leave from other threads.
 
     Args:
         keys: of this machine.
@@ -79,8 +83,11 @@ class RpcServer:
         self._methods = methods
         self._encode = msgspec.msgpack.Encoder().encode
         self._decoders = {name: MessageDecoder(method.request) for name, method in methods.items()}
-        self._own_keys = {(keys.info if name == "info" else keys.rpc(name)): name for name in methods}
+        # asked for on a key of its own, which no client id is part of
+        self._info = Call("", "info", exact=False)
         self._answers = AnswerMemory(time.monotonic)
+        self._replies = ReplySender()
+        self._info_lane = 0
         self._under_way = 0
         self._defects = DefectLog(log)
         self._tasks: set[asyncio.Task[None]] = set()
@@ -88,37 +95,46 @@ class RpcServer:
     def on_query(self, query: zenoh.Query) -> None:
         """One query; it is dropped once it is answered."""
         key = str(query.key_expr)
-        name = self._own_keys.get(key) or key.rpartition("/")[2]
+        call = self._info if _RPC_CHUNK not in key else self._keys.call_of(key)
         try:
-            self._carry_out(query, name, self._method(key, name))
+            if call is None:
+                raise Refused(
+                    "MC502",
+                    f"{key!r} names neither one client nor one method",
+                    f"ask {self._keys.rpc('{client}', '{method}')} with both written out",
+                    key=key,
+                )
+            self._carry_out(query, call, self._method(key, call))
         except Exception as error:
-            self._send(query, name, self._failed(name, error))
+            self._send(query, call or self._info, self._failed(key, error))
 
     async def close(self) -> None:
-        """Cancels what is still being worked on."""
+        """Cancel what is still being worked on."""
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        self._replies.close()
 
-    def _method(self, key: str, name: str) -> Method:
-        method = self._methods.get(name)
-        exact = key in self._own_keys
-        if method is not None and (exact or (is_wild(key) and not method.changes)):
-            return method
-        if is_wild(key):
+    def _method(self, key: str, call: Call) -> Method:
+        method = self._methods.get(call.method)
+        if method is None:
+            raise Refused(
+                "MC501", f"there is no method {call.method!r}", "see `methods`", methods=sorted(self._methods)
+            )
+        if method.changes and not call.exact:
             raise Refused(
                 "MC502",
                 f"{key!r} holds a wildcard: that is for methods that change nothing",
-                f"ask {self._keys.rpc('status' if method is None else name)} alone",
+                f"ask {self._keys.rpc(call.client, call.method)} alone",
                 key=key,
             )
-        raise Refused("MC501", f"there is no method {name!r}", "see `methods`", methods=sorted(self._methods))
+        return method
 
-    def _carry_out(self, query: zenoh.Query, name: str, method: Method) -> None:
-        request = self._decode(query, name)
+    def _carry_out(self, query: zenoh.Query, call: Call, method: Method) -> None:
+        request = self._decode(query, call.method)
 
         def answer(result: Answer) -> None:
-            self._send(query, name, result)
+            self._send(query, call, result)
 
         if self._under_way >= IN_FLIGHT:
             raise Refused(
@@ -126,27 +142,27 @@ class RpcServer:
             )
         remembered = method.changes
         if remembered:
-            if not request.client or request.request is None:
+            if request.request is None:
                 raise ServiceError(
-                    "MC506", f"{name} needs `client` and `request`", "give your id and a new number"
+                    "MC506", f"{call.method} needs `request`", "number your requests, each new one anew"
                 )
             number = request.request
-            if not self._answers.begin(request.client, number, name, answer):
+            if not self._answers.begin(call.client, number, call.method, answer):
                 return
         finish: Callable[[Answer], None] = answer
         if remembered:
 
             def finish(result: Answer) -> None:
-                self._answers.finish(request.client, number, result)
+                self._answers.finish(call.client, number, result)
 
         self._under_way += 1
 
         def settle(reply: object, error: BaseException | None) -> None:
             self._under_way -= 1
-            finish(Answer(True, self._encode(reply)) if error is None else self._failed(name, error))
+            finish(Answer(True, self._encode(reply)) if error is None else self._failed(call.method, error))
 
         try:
-            reply = method.call(request)
+            reply = method.call(call.client, request)
         except Exception as error:
             settle(None, error)
             return
@@ -180,15 +196,19 @@ class RpcServer:
             self._defects.add(f"method {name} failed: {error}", error)
         return Answer(False, encode_error(error))
 
-    def _send(self, query: zenoh.Query, name: str, answer: Answer) -> None:
-        if len(answer.payload) > LARGE_REPLY_BYTES:
-            # a slow link would hold the loop until it has room
-            asyncio.get_running_loop().run_in_executor(None, self._reply, query, name, answer)
-        else:
-            self._reply(query, name, answer)
+    def _send(self, query: zenoh.Query, call: Call, answer: Answer) -> None:
+        caller = call.client
+        if call is self._info:
+            # nobody knows who asks: some lanes for all, so that one that is stuck leaves the others
+            self._info_lane = (self._info_lane + 1) % INFO_LANES
+            caller = f"info/{self._info_lane}"
+        self._replies.push(
+            caller,
+            Outgoing(len(answer.payload), partial(self._reply, query, call, answer), query.drop),
+        )
 
-    def _reply(self, query: zenoh.Query, name: str, answer: Answer) -> None:
-        key = self._keys.info if name == "info" else self._keys.rpc(name)
+    def _reply(self, query: zenoh.Query, call: Call, answer: Answer) -> None:
+        key = self._keys.info if call is self._info else self._keys.rpc(call.client, call.method)
         try:
             with query:
                 if answer.ok:
@@ -197,4 +217,4 @@ class RpcServer:
                     query.reply_err(answer.payload, encoding=ENCODING)
         except zenoh.ZError as error:
             # the client went away, or asked by a key that this reply does not match
-            log.info("no answer to %s could be sent: %s", name, error)
+            log.info("no answer to %s could be sent: %s", call.method, error)

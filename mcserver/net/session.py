@@ -77,7 +77,12 @@ class MatchedPublication:
 
 
 def configuration(
-    options: NetworkOptions, *, listen: Sequence[str], connect: Sequence[str], mode: str = "peer"
+    options: NetworkOptions,
+    *,
+    listen: Sequence[str],
+    connect: Sequence[str],
+    mode: str = "peer",
+    zenoh_id: str | None = None,
 ) -> zenoh.Config:
     """Zenoh's configuration for a session of the server.
 
@@ -103,6 +108,8 @@ def configuration(
         # … and a client that takes no answer for this long loses its link
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
     }
+    if zenoh_id is not None:
+        settings["id"] = zenoh_id
     if any(endpoint.rpartition(":")[2].partition("#")[0] == "0" for endpoint in listen):
         # the only way to learn which port was taken
         settings["adminspace/enabled"] = True

@@ -63,7 +63,7 @@ class EdgeUnits:
         return rows
 
 
-def machine_status(service: MachineService, units: EdgeUnits, seq: int) -> MachineStatus:
+def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
     """The whole machine now."""
     snapshot = service.port.snapshot()
     service.refresh_faults(dict(zip(units.index, snapshot.states, strict=True)))
@@ -76,7 +76,6 @@ def machine_status(service: MachineService, units: EdgeUnits, seq: int) -> Machi
         state=list(snapshot.states),
     )
     return MachineStatus(
-        seq=seq,
         t=snapshot.time,
         wall=service.port.epoch + snapshot.time,
         instance=service.options.instance,

@@ -36,7 +36,6 @@ class Telemetry:
     def __init__(self, session: ZenohSession, keys: Keys, service: MachineService) -> None:
         self._service = service
         self._units = EdgeUnits(service.machine)
-        self._state_seq = 0
         self._encode = msgspec.msgpack.Encoder().encode
         self._batch = session.matched_publisher(keys.telemetry_batch, batch_qos())
         self._state = session.matched_publisher(keys.telemetry_state, state_qos())
@@ -67,8 +66,7 @@ class Telemetry:
     def _publish_state(self) -> None:
         if not self._state.wanted:
             return
-        self._state_seq += 1
-        self._state.put(self._encode(machine_status(self._service, self._units, self._state_seq)))
+        self._state.put(self._encode(machine_status(self._service, self._units)))
 
     def _publish_cycles(self) -> None:
         whole = self._batch.wanted

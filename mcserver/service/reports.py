@@ -50,6 +50,7 @@ EventKind = Literal[
     "estop",
     "reset",
     "override",
+    "command",
     "client.gone",
     CanopenEventKind,
 ]
@@ -156,12 +157,11 @@ class MachineStatus(msgspec.Struct, frozen=True):
     """Payload of ``tele/state`` and reply of ``status``.
 
     Attributes:
-        seq: counts the messages of this instance. t: executor time [s]. wall: Unix time of ``t`` [s].
+        t: executor time [s]. wall: Unix time of ``t`` [s].
         override: machine-wide feed override [%].
         late_cycles: cycles that began too late, since the start.
     """
 
-    seq: int
     t: float
     wall: float
     instance: str

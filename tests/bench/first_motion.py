@@ -55,7 +55,7 @@ def measure() -> list[Figure]:
         subscriber = reached.session.declare_subscriber(
             f"mc/@v1/{reached.machine}/tele/batch", lambda sample: watcher.take(sample.payload.to_bytes())
         )
-        opened = reached.ask("@rpc/open", client="bench", request=1)
+        opened = reached.ask("@rpc/bench/open", request=1)
         taken = []
         lines = ["G1010 P0", "G94", "F6000"]
         for number in range(1, LINES + len(lines) + 1):
@@ -64,8 +64,7 @@ def measure() -> list[Figure]:
             watcher.arm()
             start = time.time()
             reached.ask(
-                "@rpc/submit",
-                client="bench",
+                "@rpc/bench/submit",
                 request=1 + number,
                 program=opened["program"],
                 first=number,

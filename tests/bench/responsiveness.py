@@ -22,7 +22,7 @@ def measure() -> list[Figure]:
     A raw get has nothing of the server in it but the load that it puts on the computer.
     """
     with raw_session() as raw, server() as reached, tempfile.TemporaryDirectory() as folder:
-        key = f"mc/@v1/{reached.machine}/@rpc/status"
+        key = f"mc/@v1/{reached.machine}/@rpc/bench/status"
         idle = latencies(reached.session, key, [b""] * CALLS)
         raw_idle = latencies(raw, RAW_KEY, [b""] * CALLS)
         program = Path(folder, "curve.gcode")

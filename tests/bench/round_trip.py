@@ -23,7 +23,7 @@ def measure() -> list[Figure]:
     """Raw gets, status calls and submitted lines, each in the same way from the same kind of session."""
     raw = raw_latencies()
     with server() as reached:
-        key = f"mc/@v1/{reached.machine}/@rpc/status"
+        key = f"mc/@v1/{reached.machine}/@rpc/bench/status"
         status = latencies(reached.session, key, [b""] * CALLS)
         submit = submitted(reached)
     figures = []
@@ -45,11 +45,10 @@ def measure() -> list[Figure]:
 
 def submitted(reached: Server) -> list[float]:
     """One line a call, each with a number of its own."""
-    opened = reached.ask("@rpc/open", client="bench", request=1)
+    opened = reached.ask("@rpc/bench/open", request=1)
     requests = [
         msgspec.msgpack.encode(
             {
-                "client": "bench",
                 "request": 1 + n,
                 "program": opened["program"],
                 "first": n,
@@ -58,7 +57,7 @@ def submitted(reached: Server) -> list[float]:
         )
         for n in range(1, CALLS + 1)
     ]
-    return latencies(reached.session, f"mc/@v1/{reached.machine}/@rpc/submit", requests)
+    return latencies(reached.session, f"mc/@v1/{reached.machine}/@rpc/bench/submit", requests)
 
 
 def raw_latencies() -> list[float]:

@@ -59,7 +59,6 @@ class FakeServer(FakeMethods):
         self._ids = itertools.count(1)
         self._instances = itertools.count(1)
         self._seq = itertools.count(0)
-        self._states = itertools.count(0)
         self._cycle = 0
         self._changed = threading.Condition(self._lock)
 
@@ -77,9 +76,10 @@ class FakeServer(FakeMethods):
         }
         for key, value in settings.items():
             config.insert_json5(key, json.dumps(value))
+        self.instance = self.instance or f"6740b2f8a{next(self._instances):05x}"
+        config.insert_json5("id", json.dumps(self.instance))
         session = zenoh.open(config)
         self._session = session
-        self.instance = f"i{next(self._instances)}"
         if not self.endpoint:
             for reply in session.get(f"@/{session.zid()}/*", timeout=2.0):
                 if reply.ok is not None:
@@ -95,9 +95,8 @@ class FakeServer(FakeMethods):
         )
         live = session.liveliness()
         self._declared = [
-            session.declare_queryable(f"{root}/@rpc/*", here(self._on_query, indirect=False)),
-            session.declare_queryable(f"{root}/info", here(self._on_query, indirect=False)),
-            session.declare_subscriber(f"{root}/in/*", here(self._on_lines, indirect=False)),
+            session.declare_queryable(f"{root}/@rpc/*/*", here(self._on_query, indirect=False)),
+            session.declare_subscriber(f"{root}/in/*/*", here(self._on_lines, indirect=False)),
             session.declare_subscriber(f"{root}/estop", here(self._on_estop, indirect=False)),
             live.declare_subscriber(
                 f"{root}/client/*",
@@ -125,6 +124,7 @@ class FakeServer(FakeMethods):
             self._answers.clear()
             self._seq = itertools.count(0)
             self.events = []
+        self.instance = ""
         self.start()
 
     def declare_another(self, name: str) -> None:
@@ -134,10 +134,8 @@ class FakeServer(FakeMethods):
 
     def lose_link(self) -> None:
         """The link goes and comes again; the server itself has not noticed and its programs live."""
-        instance = self.instance
         self.go_away()
         self.start()
-        self.instance = instance
 
     def wait_until(self, condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
         """Blocks until the condition holds after something has happened; fails after the time."""
@@ -189,14 +187,15 @@ class FakeServer(FakeMethods):
 
     def _on_query(self, query: zenoh.Query) -> None:
         with self._changed, query:
-            method = str(query.key_expr).rpartition("/")[2]
+            client, method = str(query.key_expr).split("/")[-2:]
             self.asked[method] += 1
             self._changed.notify_all()
             if self._lost(f"query:{method}"):
                 return
             payload = query.payload
             request = msgpack.unpackb(payload.to_bytes()) if payload is not None else {}
-            number = (request.get("client", ""), request.get("request", 0))
+            request["client"] = client
+            number = (client, request.get("request", 0))
             answer = self._answers.get(number)
             if answer is None:
                 self.calls[method] += 1
@@ -371,7 +370,6 @@ class FakeServer(FakeMethods):
     def _status(self) -> dict[str, Any]:
         count = self.axis_count
         return {
-            "seq": next(self._states),
             "t": 1.0,
             "wall": 2.0,
             "instance": self.instance,

@@ -156,7 +156,7 @@ async def test_every_line_twice_runs_once_and_is_acknowledged_again(
                 assert reply["accepted"] == first + 7
             else:
                 seen = len(acks.all)
-                wire.put(f"in/{program}", [first, chunk])
+                wire.put(wire.lines_key(program), [first, chunk])
                 await acknowledged(acks, seen, first + 7)
     await wire.call("close", program=program, last=40)
     await acks.first(lambda ack: ack["state"] == "finished")
@@ -180,7 +180,7 @@ async def test_a_gap_is_refused_with_the_number_expected(wire: WireClient) -> No
         await wire.call("submit", program=program, first=4, lines=["G01 [11]1"])
     assert refused.value.code == "MC505"
     assert refused.value.body["details"]["expected"] == 3
-    wire.put(f"in/{program}", [7, ["G01 [11]1"]])
+    wire.put(wire.lines_key(program), [7, ["G01 [11]1"]])
     ack = await acks.first(lambda ack: ack.get("expected"))
     assert (ack["expected"], ack["accepted"]) == (3, 2)
     with pytest.raises(ErrorAnswer) as refused:

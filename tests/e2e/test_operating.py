@@ -161,20 +161,20 @@ async def test_emergency_stop_latches_and_faults_the_program_until_reset(machine
         ("jog", {"axis": 0, "distance": 5.0}),
     ],
 )
-@pytest.mark.parametrize("pattern", ["mc/@v1/*/@rpc/{}", "mc/@v1/**/@rpc/{}"])
+@pytest.mark.parametrize("pattern", ["mc/@v1/*/@rpc/anyone/{}", "mc/@v1/**/@rpc/anyone/{}"])
 async def test_a_wildcard_that_would_change_machines_is_refused(
     wire: WireClient, machine: Machine, method: str, fields: dict[str, object], pattern: str
 ) -> None:
     before = await machine.status()
     with pytest.raises(ErrorAnswer) as refused:
-        await wire.ask(pattern.format(method), {"client": wire.client, "request": 77, **fields})
+        await wire.ask(pattern.format(method), {"request": 77, **fields})
     assert refused.value.code == "MC502"
     after = await machine.status()
     assert (after.state, after.override, after.programs) == ("ready", 100.0, before.programs)
 
 
 async def test_a_wildcard_may_ask(wire: WireClient) -> None:
-    (status,) = await wire.ask("mc/@v1/*/@rpc/status")
+    (status,) = await wire.ask("mc/@v1/*/@rpc/anyone/status")
     assert status["state"] == "ready"
 
 

@@ -75,10 +75,18 @@ class WireClient:
 
     async def call(self, method: str, *, request: int | None = None, **fields: object) -> Any:
         """One remote call with this client's id."""
-        body = {"client": self.client, "request": request or next(self._numbers), **fields}
-        answers = await self.ask(f"@rpc/{method}", body)
+        body = {"request": request or next(self._numbers), **fields}
+        answers = await self.ask(self.method(method), body)
         assert len(answers) == 1, f"{method}: {len(answers)} answers"
         return answers[0]
+
+    def method(self, name: str) -> str:
+        """This client's key of a method."""
+        return f"@rpc/{self.client}/{name}"
+
+    def lines_key(self, program: str) -> str:
+        """This client's key for lines of a program."""
+        return f"in/{self.client}/{program}"
 
     def put(self, key: str, payload: object) -> None:
         self.session.put(f"{self.root}/{key}", msgspec.msgpack.encode(payload))
@@ -104,6 +112,9 @@ class Messages:
         self._news = asyncio.Event()
 
     def push(self, sample: zenoh.Sample) -> None:
+        if "*" in str(sample.key_expr):
+            # somebody's put by a wildcard reaches every subscriber
+            return
         self.all.append(msgspec.msgpack.decode(sample.payload.to_bytes()))
         self._loop.call_soon_threadsafe(self._news.set)
 

@@ -72,6 +72,31 @@ def test_answers_are_bounded_by_count_and_by_bytes() -> None:
     assert not ask(memory, 99, got)
 
 
+def test_the_requests_of_one_client_make_no_other_client_s_answer_go() -> None:
+    memory, got = AnswerMemory(Clock(), limit=10), list[Answer]()
+    memory.begin("victim", 1, "jog", got.append)
+    memory.finish("victim", 1, Answer(True, b"moved"))
+    for request in range(5000):
+        ask(memory, request, got)
+        memory.finish("hmi", request, Answer(True, b"x"))
+    assert not memory.begin("victim", 1, "jog", got.append)
+    assert got[-1] == Answer(True, b"moved")
+
+
+def test_a_client_too_many_is_refused_until_an_old_one_s_answers_have_aged() -> None:
+    clock = Clock()
+    memory, got = AnswerMemory(clock, clients=3, age_s=10.0), list[Answer]()
+    for name in ("a", "b", "c"):
+        memory.begin(name, 1, "jog", got.append)
+        memory.finish(name, 1, Answer(True, b"x"))
+    with pytest.raises(ServiceError) as refused:
+        memory.begin("d", 1, "jog", got.append)
+    assert refused.value.code == "MC508"
+    clock.now = 10.5
+    assert memory.begin("d", 1, "jog", got.append)
+    assert len(memory) == 1
+
+
 def test_a_request_under_way_is_never_forgotten() -> None:
     memory, got = AnswerMemory(Clock(), limit=3), list[Answer]()
     ask(memory, 0, got)

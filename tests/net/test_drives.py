@@ -139,9 +139,7 @@ async def test_a_drive_s_abort_code_is_in_the_details(client: WireClient) -> Non
 
 async def test_a_write_takes_no_wildcard(client: WireClient, told: ToldDrives) -> None:
     with pytest.raises(ErrorAnswer) as refused:
-        await client.ask(
-            "mc/@v1/*/@rpc/sdo_write", {"client": "t", "request": 1, "axis": 1, "index": 1, "value": 1}
-        )
+        await client.ask("mc/@v1/*/@rpc/t/sdo_write", {"request": 1, "axis": 1, "index": 1, "value": 1})
     assert refused.value.code == "MC502"
     assert told.asked == []
 

@@ -13,18 +13,18 @@ from mcserver.errors import ServiceError
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
 from mcserver.net.inbox import Inbox
-from mcserver.net.messages import EstopRequest, JogRequest, OverrideRequest, Request, StreamLines
+from mcserver.net.messages import EstopRequest, JogRequest, OpenRequest, OverrideRequest, StreamLines
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 
-INVALID_UTF8 = b"\x81\xa6client\xa2\xff\xfe"
+INVALID_UTF8 = b"\x83\xa4name\xa2\xff\xfe\xa6reason\xa2\xff\xfe\xa7program\xa2\xff\xfe"
 NESTED = b"\x81\xa1a" * 3000 + b"\xc0"
 HUGE = b"\xdd\xff\xff\xff\xff"
 GARBAGE = [INVALID_UTF8, NESTED, HUGE, b"\xc1", b"\xdb\xff\xff\xff\xff", b"\xa3abc", b"\xff" * 4096]
 
 
 @pytest.mark.parametrize("payload", GARBAGE)
-@pytest.mark.parametrize("kind", [Request, StreamLines, EstopRequest])
+@pytest.mark.parametrize("kind", [OpenRequest, StreamLines, EstopRequest])
 def test_whatever_the_bytes_are_the_decoder_raises_mc500(kind: type[msgspec.Struct], payload: bytes) -> None:
     with pytest.raises(ServiceError) as refused:
         MessageDecoder(kind)(payload)
@@ -41,7 +41,7 @@ def test_numbers_that_pass_every_bound_are_refused(number: float) -> None:
 @pytest.mark.parametrize("payload", GARBAGE)
 async def test_a_call_with_garbage_is_answered_with_mc500(client: WireClient, payload: bytes) -> None:
     with pytest.raises(ErrorAnswer) as refused:
-        await client.ask_raw("@rpc/status", payload)
+        await client.ask_raw(client.method("programs"), payload)
     assert refused.value.code == "MC500"
 
 
@@ -50,8 +50,10 @@ async def test_garbage_by_the_hundred_delays_no_call(rig: Rig, client: WireClien
     program = (await client.call("open"))["program"]
     for _ in range(100):
         for payload in (INVALID_UTF8, NESTED):
-            stranger.session.get(f"{stranger.root}/@rpc/status", lambda _: None, payload=payload)
-            stranger.session.put(f"{stranger.root}/in/{program}", payload)
+            stranger.session.get(
+                f"{stranger.root}/{stranger.method('programs')}", lambda _: None, payload=payload
+            )
+            stranger.session.put(f"{stranger.root}/{stranger.lines_key(program)}", payload)
     assert (await client.call("hold", program=program))["programs"] == [program]
     assert (await client.call("submit", program=program, first=1, lines=["G90"]))["accepted"] == 1
     await client.call("abort", program=program)
@@ -61,8 +63,8 @@ async def test_garbage_by_the_hundred_delays_no_call(rig: Rig, client: WireClien
 async def test_unreadable_lines_give_one_warning_and_not_one_each(client: WireClient) -> None:
     program = (await client.call("open"))["program"]
     for _ in range(20):
-        client.session.put(f"{client.root}/in/{program}", INVALID_UTF8)
-    client.put(f"in/{program}", [1, ["G90"]])
+        client.session.put(f"{client.root}/{client.lines_key(program)}", INVALID_UTF8)
+    client.put(client.lines_key(program), [1, ["G90"]])
     async with asyncio.timeout(5.0):
         while (await client.call("programs", program=program))["programs"][0]["accepted"] < 1:
             await asyncio.sleep(0)
@@ -81,12 +83,10 @@ async def test_an_emergency_stop_with_garbage_is_a_whole_emergency_stop(
     assert (await client.call("status"))["state"] == "estop"
 
 
-@pytest.mark.parametrize("body", [{"client": "tester"}, {"request": 4}, {"client": "", "request": 4}])
-async def test_a_change_without_client_or_number_is_refused(
-    client: WireClient, body: dict[str, object]
-) -> None:
+@pytest.mark.parametrize("body", [{}, {"request": None}, {"client": "tester"}])
+async def test_a_change_without_a_number_is_refused(client: WireClient, body: dict[str, object]) -> None:
     with pytest.raises(ErrorAnswer) as refused:
-        await client.ask("@rpc/abort", body)
+        await client.ask(client.method("abort"), body)
     assert refused.value.code == "MC506"
 
 
@@ -118,3 +118,56 @@ def test_a_flood_of_defects_is_logged_once_a_period(caplog: pytest.LogCaptureFix
         defects.add("bad")
     assert [record.message for record in caplog.records] == ["bad", "bad (and 99 more since the last report)"]
     assert defects.count == 101
+
+
+async def test_nobody_puts_lines_into_a_program_of_another_client(rig: Rig, client: WireClient) -> None:
+    program = (await client.call("open"))["program"]
+    stranger = WireClient(rig.endpoint, "bench", "stranger")
+    events = client.subscribe("event")
+    stranger.put(f"in/stranger/{program}", [1, ["G01 X666"]])
+    refused = await events.first(lambda event: event["kind"] == "warning")
+    assert refused["reason"] == "MC504"
+    assert (await client.call("submit", program=program, first=1, lines=["G90"]))["accepted"] == 1
+    assert rig.pipelines.made[program].executed == [(1, "G90")]
+    await stranger.close()
+
+
+@pytest.mark.parametrize("key", ["mc/@v1/**", "mc/@v1/*/**", "mc/@v1/bench/*", "mc/@v1/bench/in/**"])
+async def test_a_put_by_a_wildcard_moves_and_stops_nothing(rig: Rig, client: WireClient, key: str) -> None:
+    program = (await client.call("open"))["program"]
+    events = client.subscribe("event")
+    await client.call("status")
+    client.session.put(key, msgspec.msgpack.encode([1, ["G01 X666"]]))
+    refused = await events.first(lambda event: event["kind"] == "warning")
+    assert refused["reason"] == "MC502"
+    assert ("emergency_stop",) not in rig.port.calls
+    assert (await client.call("programs", program=program))["programs"][0]["accepted"] == 0
+
+
+async def test_a_stop_of_every_machine_by_its_name_stops_this_one(rig: Rig, client: WireClient) -> None:
+    events = client.subscribe("event")
+    await client.call("status")
+    client.session.put("mc/@v1/*/estop", msgspec.msgpack.encode({"client": "panel", "reason": "fire"}))
+    stop = await events.first(lambda event: event["kind"] == "estop")
+    assert (stop["client"], stop["reason"]) == ("panel", "fire")
+
+
+async def test_who_gave_a_command_is_in_the_events(client: WireClient) -> None:
+    events = client.subscribe("event")
+    program = (await client.call("open"))["program"]
+    await client.call("hold", program=program)
+    await client.call("override", percent=50.0)
+    command = await events.first(lambda event: event.get("reason") == "override")
+    assert (command["kind"], command["client"], command["message"]) == ("command", "tester", "50 %")
+    held = await events.first(lambda event: event.get("reason") == "hold")
+    assert held["program"] == program
+
+
+async def test_another_client_s_numbers_cannot_be_used_up(rig: Rig, client: WireClient) -> None:
+    stranger = WireClient(rig.endpoint, "bench", "stranger")
+    for number in range(1, 20):
+        await stranger.ask(
+            "@rpc/stranger/override", {"request": number, "percent": 100.0, "client": "tester"}
+        )
+    assert (await client.call("open", request=5))["program"]
+    await stranger.close()

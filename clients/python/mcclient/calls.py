@@ -34,14 +34,12 @@ class Caller:
     Args:
         link: the session.
         keys: of the machine.
-        client: this client's id.
         presence: whether the server is there.
     """
 
-    def __init__(self, link: Link, keys: Keys, client: str, presence: Presence) -> None:
+    def __init__(self, link: Link, keys: Keys, presence: Presence) -> None:
         self._link = link
         self._keys = keys
-        self._client = client
         self._presence = presence
         self._numbers = itertools.count(1)
 
@@ -66,7 +64,7 @@ class Caller:
             NobodyAnswers: MC530 nobody is there, MC532 (`NoAnswerInTime`) somebody is, and does not answer.
             RequestRefused: the server's error reply.
         """
-        payload = encode({"client": self._client, "request": next(self._numbers), **(fields or {})})
+        payload = encode({"request": next(self._numbers), **(fields or {})})
         key = self._keys.rpc(method)
         clock = asyncio.get_running_loop().time
         deadline = clock() + deadline_s

@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 import asyncio
+import secrets
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mcclient.calls import Caller
-from mcclient.errors import MotionError, NobodyAnswers, SeveralMachines
-from mcclient.keys import ALL_MACHINES, Keys, machine_and_instance
+from mcclient.errors import ConfigurationError, MotionError, NobodyAnswers, SeveralMachines
+from mcclient.keys import ALL_MACHINES, Keys, is_name, live_key, machine_and_instance
 from mcclient.presence import Presence
-from mcclient.transport import Link, endpoints_of
+from mcclient.transport import Link, endpoints_of, user_of
 from mcclient.types import Info
 from mcclient.wire import decode
 
 CONNECT_S = 3.0
 LOOK_AGAIN_S = 0.05
+
+
+def new_client_id(name: str, user: str = "") -> str:
+    """A client id that nobody else has: ``user.name-random``, so that access rules know the user by it.
+
+    Raises:
+        ConfigurationError: MC537 it cannot be part of a key.
+    """
+    client = (f"{user}." if user else "") + f"{name}-{secrets.token_hex(6)}"
+    if not is_name(client):
+        raise ConfigurationError(
+            "MC537", f"{client!r} is no client id", "names have letters, digits, '-', '_' and '.', 63 at most"
+        )
+    return client
 
 
 async def machines(link: Link, key: str = ALL_MACHINES, *, timeout_s: float) -> list[str]:
@@ -31,7 +46,7 @@ async def find_machine(link: Link, name: str | None, *, timeout_s: float) -> str
         NobodyAnswers: MC530 none comes within the time.
         SeveralMachines: MC531 none is named and more than one is there.
     """
-    key = Keys(name).live if name else ALL_MACHINES
+    key = live_key(name) if name else ALL_MACHINES
     clock = asyncio.get_running_loop().time
     until = clock() + timeout_s
     # Only queries: beside a subscription to the same tokens, or just after its end, Zenoh answers a query
@@ -67,8 +82,12 @@ async def list_machines(
     link = await Link.open(endpoints_of(connect), timeout_s=timeout_s, config_file=config_file)
     try:
         found: list[tuple[str, Info | MotionError]] = []
-        for name in await machines(link, timeout_s=timeout_s):
-            caller = Caller(link, Keys(name), "", Presence(name))
+        live = await link.live_keys(ALL_MACHINES, timeout_s=timeout_s)
+        client = new_client_id("list", user_of(config_file))
+        for name in sorted({machine_and_instance(key)[0] for key in live}):
+            presence = Presence(name, live)
+            link.believe(presence.is_server)
+            caller = Caller(link, Keys(name, client), presence)
             try:
                 found.append((name, decode(Info, await caller.call("info", deadline_s=timeout_s))))
             except MotionError as error:

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import zenoh
 
-from mcclient.discovery import find_machine
+from mcclient.discovery import find_machine, new_client_id
 from mcclient.errors import MotionError, NoAnswerInTime
-from mcclient.keys import Keys
-from mcclient.transport import Arrived, Link
+from mcclient.keys import Keys, live_key
+from mcclient.presence import Presence
+from mcclient.transport import Arrived, Link, user_of
 from mcclient.wire import encode, unpack
 
 REPEAT_S = 0.05
@@ -23,7 +24,7 @@ async def emergency_stop(
     machine: str | None = None,
     connect: tuple[str, ...] = (),
     *,
-    client: str = "",
+    client: str = "estop",
     reason: str = "",
     timeout_s: float = 5.0,
     config_file: Path | None = None,
@@ -38,13 +39,16 @@ async def emergency_stop(
     link = await Link.open(connect, timeout_s=timeout_s, config_file=config_file)
     try:
         name = await find_machine(link, machine, timeout_s=timeout_s)
-        await send_until_confirmed(link, Keys(name), client=client, reason=reason, timeout_s=timeout_s)
+        presence = Presence(name, await link.live_keys(live_key(name), timeout_s=timeout_s))
+        link.believe(presence.is_server)
+        keys = Keys(name, new_client_id(client, user_of(config_file)))
+        await send_until_confirmed(link, keys, reason=reason, timeout_s=timeout_s)
     finally:
         await link.close()
     return name
 
 
-async def send_until_confirmed(link: Link, keys: Keys, *, client: str, reason: str, timeout_s: float) -> None:
+async def send_until_confirmed(link: Link, keys: Keys, *, reason: str, timeout_s: float) -> None:
     """Puts the stop again and again until an event or a state says that it is latched.
 
     Raises:
@@ -64,7 +68,7 @@ async def send_until_confirmed(link: Link, keys: Keys, *, client: str, reason: s
         link.subscribe(keys.event, on_event, limit=256),
         link.subscribe(keys.state, on_state, limit=4),
     ]
-    payload = encode({"client": client, "reason": reason[:200]})
+    payload = encode({"client": keys.client, "reason": reason[:200]})
     clock = asyncio.get_running_loop().time
     deadline = clock() + timeout_s
     try:

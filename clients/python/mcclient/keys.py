@@ -13,35 +13,48 @@ ALL_MACHINES = "mc/@v1/*/live/*"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,62}")
 
 
+def is_name(text: str) -> bool:
+    """Whether ``text`` may stand as one chunk of a key: a machine, a program, a client."""
+    return _NAME.fullmatch(text) is not None
+
+
 def machine_and_instance(live_key: str) -> tuple[str, str]:
     """Of a server's liveliness token ``mc/@v1/{machine}/live/{instance}``."""
     chunks = live_key.split("/")
     return chunks[2], chunks[4]
 
 
+def live_key(machine: str) -> str:
+    """Key expression of the liveliness tokens of one machine's servers.
+
+    Raises:
+        ConfigurationError: MC537 it is no name of a machine.
+    """
+    if not is_name(machine):
+        raise ConfigurationError(
+            "MC537",
+            f"{machine!r} is no name of a machine",
+            "names have letters, digits, '-', '_' and '.', 63 at most",
+        )
+    return f"mc/@v1/{machine}/live/*"
+
+
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """All keys of one machine."""
+    """All keys of one machine, as one client uses them.
+
+    Attributes:
+        machine: its name. client: this client's id, a part of every key that it calls or sends lines on.
+    """
 
     machine: str
-
-    def __post_init__(self) -> None:
-        if _NAME.fullmatch(self.machine) is None:
-            raise ConfigurationError(
-                "MC537",
-                f"{self.machine!r} is no name of a machine",
-                "names have letters, digits, '-', '_' and '.'",
-            )
-
-    @property
-    def info(self) -> str:
-        return f"mc/@v1/{self.machine}/info"
+    client: str
 
     def rpc(self, method: str) -> str:
-        return self.info if method == "info" else f"mc/@v1/{self.machine}/@rpc/{method}"
+        return f"mc/@v1/{self.machine}/@rpc/{self.client}/{method}"
 
     def lines_in(self, program: str) -> str:
-        return f"mc/@v1/{self.machine}/in/{program}"
+        return f"mc/@v1/{self.machine}/in/{self.client}/{program}"
 
     def ack(self, program: str) -> str:
         return f"mc/@v1/{self.machine}/ack/{program}"
@@ -64,7 +77,9 @@ class Keys:
 
     @property
     def live(self) -> str:
-        return f"mc/@v1/{self.machine}/live/*"
+        return live_key(self.machine)
 
-    def client(self, client: str) -> str:
-        return f"mc/@v1/{self.machine}/client/{client}"
+    @property
+    def token(self) -> str:
+        """Of this client's liveliness token."""
+        return f"mc/@v1/{self.machine}/client/{self.client}"

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import os
-import secrets
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from mcclient.calls import DEADLINE_S, Caller
-from mcclient.discovery import CONNECT_S, find_machine
+from mcclient.discovery import CONNECT_S, find_machine, new_client_id
 from mcclient.drives import DriveCalls
 from mcclient.errors import ProtocolError
 from mcclient.estop import send_until_confirmed
 from mcclient.events import open_events
 from mcclient.feed import Feed, Queue
-from mcclient.keys import PROTOCOL_VERSION, Keys
+from mcclient.keys import PROTOCOL_VERSION, Keys, live_key
 from mcclient.presence import Presence
 from mcclient.program import Program
 from mcclient.reports import Report, open_reports
 from mcclient.starting import Starting
 from mcclient.stream import LineStream
 from mcclient.telemetry import InfoHolder, Samples, open_samples, open_states
-from mcclient.transport import Link, Subscription, endpoints_of
+from mcclient.transport import Link, Subscription, endpoints_of, user_of
 from mcclient.types import (
     CheckResult,
     Event,
@@ -49,11 +48,9 @@ class Machine(DriveCalls):
         client: this client's id.
     """
 
-    def __init__(
-        self, link: Link, keys: Keys, client: str, presence: Presence, caller: Caller, patience_s: float
-    ) -> None:
+    def __init__(self, link: Link, keys: Keys, presence: Presence, caller: Caller, patience_s: float) -> None:
         self.name = keys.machine
-        self.client = client
+        self.client = keys.client
         self._link = link
         self._keys = keys
         self._presence = presence
@@ -82,7 +79,7 @@ class Machine(DriveCalls):
             name: the machine's; None: the environment's MC_MACHINE, else the only one that is there.
             connect: Zenoh endpoints of a server or router, such as ``tcp/10.0.0.5:7447``; None: MC_CONNECT,
                 else this computer.
-            client: what the client's id begins with.
+            client: what the client's id begins with, behind the user whom ``config_file`` names.
             timeout_s: how long to look for the machine.
             patience_s: how long a program waits for a server that has gone away.
             config_file: a Zenoh configuration (JSON5), for TLS and passwords.
@@ -91,13 +88,12 @@ class Machine(DriveCalls):
             NobodyAnswers: MC530. SeveralMachines: MC531. ConfigurationError: MC537. ProtocolError: MC533.
         """
         named = name or os.environ.get("MC_MACHINE") or None
-        client_id = f"{client}-{secrets.token_hex(6)}"
         endpoints = endpoints_of(connect)
         return Starting(
             lambda: cls._open(
                 named,
                 endpoints,
-                client_id,
+                client,
                 timeout_s=timeout_s,
                 patience_s=patience_s,
                 config_file=config_file,
@@ -116,13 +112,15 @@ class Machine(DriveCalls):
         config_file: Path | None,
     ) -> Machine:
         if name is not None:
-            # a name that cannot be one is told before anything is waited for
-            Keys(name)
+            # a name that cannot be one is refused before anything is waited for
+            live_key(name)
+        client_id = new_client_id(client, user_of(config_file))
         link = await Link.open(endpoints, timeout_s=timeout_s, config_file=config_file)
         try:
-            keys = Keys(await find_machine(link, name, timeout_s=timeout_s))
+            keys = Keys(await find_machine(link, name, timeout_s=timeout_s), client_id)
             presence = Presence(keys.machine)
-            machine = cls(link, keys, client, presence, Caller(link, keys, client, presence), patience_s)
+            link.believe(presence.is_server)
+            machine = cls(link, keys, presence, Caller(link, keys, presence), patience_s)
             await machine._begin(timeout_s)
         except BaseException:
             await link.close()
@@ -131,6 +129,7 @@ class Machine(DriveCalls):
 
     async def _begin(self, timeout_s: float) -> None:
         self._watch = self._link.watch_tokens(self._keys.live, self._presence.on_token)
+        await self._presence.wait_online(timeout_s)
         info = await self.refresh_info(deadline_s=max(timeout_s, DEADLINE_S))
         if info.protocol and PROTOCOL_VERSION not in info.protocol:
             raise ProtocolError(
@@ -256,7 +255,7 @@ class Machine(DriveCalls):
     async def _open_program(self, request: dict[str, Any]) -> Program:
         if not self._token_declared:
             # before the first program: the server ends programs whose token has gone
-            self._link.declare_token(self._keys.client(self.client))
+            self._link.declare_token(self._keys.token)
             self._token_declared = True
         opened = decode(OpenedProgram, await self._caller.call("open", request))
         stream = LineStream(
@@ -331,9 +330,7 @@ class Machine(DriveCalls):
         Raises:
             NoAnswerInTime: MC532.
         """
-        await send_until_confirmed(
-            self._link, self._keys, client=self.client, reason=reason, timeout_s=timeout_s
-        )
+        await send_until_confirmed(self._link, self._keys, reason=reason, timeout_s=timeout_s)
 
     async def _order(self, method: str, program: str | None) -> list[str]:
         reply = await self._caller.call(method, {"program": program})

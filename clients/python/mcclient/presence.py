@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from mcclient.keys import machine_and_instance
 from mcclient.transport import Arrived
@@ -12,11 +12,18 @@ OnReturn = Callable[[str], None]
 
 
 class Presence:
-    """Instances of one machine's server that are alive; the one that came last counts."""
+    """Instances of one machine's server that are alive; one is believed as long as it is.
 
-    def __init__(self, machine: str) -> None:
+    The instance is the server's Zenoh id, so that whatever comes from another session is known by it.
+    """
+
+    def __init__(self, machine: str, live_keys: Iterable[str] = ()) -> None:
         self._machine = machine
         self._alive: dict[str, None] = {}
+        for key in live_keys:
+            name, instance = machine_and_instance(key)
+            if name == machine:
+                self._alive[instance] = None
         self._changed = asyncio.Event()
         self._on_return: list[OnReturn] = []
 
@@ -26,8 +33,12 @@ class Presence:
 
     @property
     def instance(self) -> str | None:
-        """The newest instance that is alive."""
-        return next(reversed(self._alive), None)
+        """The instance that has been alive for longest: another of the same name is not the one asked."""
+        return next(iter(self._alive), None)
+
+    def is_server(self, source: str | None) -> bool:
+        """Whether what came from this Zenoh id came from the server; nothing is believed while it is away."""
+        return source is not None and source == self.instance
 
     def on_return(self, call: OnReturn) -> None:
         """``call`` is called with the instance whenever a token comes: at a start, and after a lost link."""
@@ -38,11 +49,16 @@ class Presence:
         machine, instance = machine_and_instance(arrived.key)
         if machine != self._machine:
             return
-        self._alive.pop(instance, None)
-        if not arrived.gone:
+        before = self.instance
+        if arrived.gone:
+            self._alive.pop(instance, None)
+        else:
             self._alive[instance] = None
+        now = self.instance
+        # at a start, after a lost link, and where the instance beside an ended one takes its place
+        if now is not None and (now != before or (instance == now and not arrived.gone)):
             for call in self._on_return:
-                call(instance)
+                call(now)
         self._changed.set()
 
     async def wait_for_change(self, timeout_s: float) -> None:

@@ -6,6 +6,7 @@ import asyncio
 import json
 import logging
 import os
+import re
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ import zenoh
 
 from mcclient.errors import ConfigurationError, NobodyAnswers
 from mcclient.inbox import Inbox
+from mcclient.keys import is_name
 from mcclient.wire import ENCODING
 
 log = logging.getLogger(__name__)
@@ -26,12 +28,18 @@ LEASE_MS = 2000
 REPLIES_LIMIT = 8192
 # below this a put is a copy into a batch; above it may have to wait for the link, which the loop must not
 LARGE_PUT_BYTES = 8 * 1024
+# Zenoh's errors name places in its own sources: "… at /home/…/net/runtime.rs:123."
+_SOURCE_PLACE = re.compile(r"\s*(?:\(?\bat\s+)?\S*/\S+\.rs:\d+(?::\d+)?\.?\)?")
 RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5}
 
 
 @dataclass(frozen=True, slots=True)
 class Arrived:
-    """A sample: its key, its payload, and whether it tells that the key (a liveliness token) has gone."""
+    """A sample.
+
+    Attributes:
+        gone: the key (a liveliness token) has gone.
+    """
 
     key: str
     payload: bytes
@@ -48,6 +56,8 @@ class Reply:
 
 
 Deliver = Callable[[Arrived], None]
+# whether what comes from the session with this Zenoh id is believed; None: Zenoh does not say where from
+Trust = Callable[[str | None], bool]
 
 
 def endpoints_of(connect: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -104,10 +114,15 @@ def configuration(endpoints: tuple[str, ...], timeout_s: float, config_file: Pat
         for key, value in settings.items():
             config.insert_json5(key, json.dumps(value))
     except (zenoh.ZError, OSError) as error:
-        raise ConfigurationError(
-            "MC537", f"Zenoh refuses the configuration: {error}", "endpoints look like tcp/127.0.0.1:7447"
-        ) from error
+        raise refused_configuration(error) from error
     return config
+
+
+class _Trusted:
+    """Whose replies and samples are taken: everybody's until a machine is chosen."""
+
+    def __init__(self) -> None:
+        self.accepts: Trust = lambda _: True
 
 
 class Link:
@@ -118,6 +133,7 @@ class Link:
         self._loop = loop
         self._replies: Inbox[Callable[[], None]] = Inbox(loop, lambda act: act(), limit=REPLIES_LIMIT)
         self._declared: list[Any] = []
+        self._trust = _Trusted()
         self.closed = False
 
     @classmethod
@@ -143,6 +159,14 @@ class Link:
             ) from error
         return cls(session, asyncio.get_running_loop())
 
+    def believe(self, trust: Trust) -> None:
+        """Take replies and samples only from the sessions that ``trust`` accepts; tokens from all.
+
+        Anybody whom the network's access rules let may publish on a machine's keys: a sample's source is the
+        session that gave it its time stamp, a reply's the one that replied.
+        """
+        self._trust.accepts = trust
+
     async def query(
         self,
         key: str,
@@ -155,7 +179,11 @@ class Link:
         gathered: list[Reply] = []
         finished: asyncio.Future[None] = self._loop.create_future()
 
+        trust = self._trust
+
         def on_reply(reply: zenoh.Reply) -> None:
+            if not trust.accepts(_replier(reply)):
+                return
             if reply.ok is not None:
                 one = Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), True)
             elif reply.err is not None and str(reply.err.encoding) == ENCODING:
@@ -243,7 +271,7 @@ class Link:
         kept.
         """
         inbox = Inbox(self._loop, deliver, limit=limit)
-        subscriber = self._session.declare_subscriber(key, _callback(inbox))
+        subscriber = self._session.declare_subscriber(key, _samples(inbox, self._trust))
         return Subscription(inbox, subscriber.undeclare)
 
     def subscribe_recovering(self, key: str, deliver: Deliver, *, limit: int) -> Subscription:
@@ -255,7 +283,7 @@ class Link:
             subscriber: Any = zenoh.ext.declare_advanced_subscriber(
                 self._session,
                 key,
-                _callback(inbox),
+                _samples(inbox, self._trust),
                 recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
             )
         except (zenoh.ZError, AttributeError) as error:
@@ -267,7 +295,7 @@ class Link:
     def watch_tokens(self, key: str, deliver: Deliver, *, limit: int = 4096) -> Subscription:
         """As liveliness tokens come and go, those already there too."""
         inbox = Inbox(self._loop, deliver, limit=limit)
-        subscriber = self._session.liveliness().declare_subscriber(key, _callback(inbox), history=True)
+        subscriber = self._session.liveliness().declare_subscriber(key, _tokens(inbox), history=True)
         return Subscription(inbox, subscriber.undeclare)
 
     def declare_token(self, key: str) -> None:
@@ -300,10 +328,61 @@ class Link:
             log.warning("Zenoh did not close within %s s", CLOSE_LIMIT_S)
 
 
-def _callback(inbox: Inbox[Arrived]) -> zenoh.handlers.Callback[zenoh.Sample]:
-    def on_sample(sample: zenoh.Sample) -> None:
-        inbox.push(
-            Arrived(str(sample.key_expr), sample.payload.to_bytes(), sample.kind == zenoh.SampleKind.DELETE)
+def user_of(config_file: Path | None) -> str:
+    """Who the access rules know this client as: ``metadata.user`` of a Zenoh configuration; empty: nobody.
+
+    Raises:
+        ConfigurationError: MC537 the file is no Zenoh configuration, or the name cannot be part of a key.
+    """
+    if config_file is None:
+        return ""
+    try:
+        written = zenoh.Config.from_file(config_file).get_json("metadata")
+    except (zenoh.ZError, OSError) as error:
+        raise refused_configuration(error) from error
+    metadata = json.loads(written)
+    user = metadata.get("user", "") if isinstance(metadata, dict) else ""
+    if user and not (isinstance(user, str) and is_name(user) and "." not in user):
+        raise ConfigurationError(
+            "MC537",
+            f"{config_file}: {user!r} is no name of a user",
+            "metadata.user has letters, digits, '-' and '_'",
         )
+    return str(user)
+
+
+def refused_configuration(error: Exception) -> ConfigurationError:
+    """Zenoh's refusal, without the places in its own sources."""
+    return ConfigurationError(
+        "MC537", f"Zenoh refuses the configuration: {plain(error)}", "endpoints look like tcp/127.0.0.1:7447"
+    )
+
+
+def plain(error: Exception) -> str:
+    """What an error of Zenoh says, without paths of its sources."""
+    return _SOURCE_PLACE.sub("", str(error)).strip().rstrip(".")
+
+
+def _source(sample: zenoh.Sample) -> str | None:
+    return None if sample.timestamp is None else str(sample.timestamp.get_id())
+
+
+def _replier(reply: zenoh.Reply) -> str | None:
+    return None if reply.replier_id is None else str(reply.replier_id.zid)
+
+
+def _samples(inbox: Inbox[Arrived], trust: _Trusted) -> zenoh.handlers.Callback[zenoh.Sample]:
+    """A callback for what only the server says; it holds no session, which Zenoh would keep open for it."""
+
+    def on_sample(sample: zenoh.Sample) -> None:
+        if trust.accepts(_source(sample)):
+            inbox.push(Arrived(str(sample.key_expr), sample.payload.to_bytes(), False))
+
+    return zenoh.handlers.Callback(on_sample, indirect=False)
+
+
+def _tokens(inbox: Inbox[Arrived]) -> zenoh.handlers.Callback[zenoh.Sample]:
+    def on_sample(sample: zenoh.Sample) -> None:
+        inbox.push(Arrived(str(sample.key_expr), b"", sample.kind == zenoh.SampleKind.DELETE))
 
     return zenoh.handlers.Callback(on_sample, indirect=False)

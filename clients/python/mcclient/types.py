@@ -122,7 +122,6 @@ class MachineStatus:
     reset.
     """
 
-    seq: int
     t: float
     wall: float
     instance: str

@@ -1,0 +1,148 @@
+"""Replies on their way out: a caller that takes none of them holds up nobody else's.
+
+A reply blocks while its caller's link is full, up to the time after which Zenoh closes that link. So replies
+never leave from the loop: a few threads send them, and each caller has at most one of these at a time.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections import deque
+from collections.abc import Callable
+
+import msgspec
+
+log = logging.getLogger(__name__)
+
+# more callers than this would have to be stuck at the same moment for another one to wait
+SENDERS = 16
+CALLER_REPLIES = 256
+# the largest replies (a simulation of a long program) are some MiB
+CALLER_BYTES = 32 * 1024 * 1024
+TOTAL_BYTES = 128 * 1024 * 1024
+
+Send = Callable[[], None]
+
+
+class Outgoing(msgspec.Struct, frozen=True):
+    """One reply that waits.
+
+    Attributes:
+        size: of its payload [bytes]. send: sends it; may block. drop: gives it up; does not block.
+    """
+
+    size: int
+    send: Send
+    drop: Send
+
+
+class _Lane(msgspec.Struct):
+    """One caller's replies, in order; the first one is being sent."""
+
+    replies: deque[Outgoing]
+    size: int = 0
+
+
+class ReplySender:
+    """Sends replies from threads of its own, those of one caller in order.
+
+    Args:
+        senders: how many replies may be blocked before one of another caller waits. Threads start as they
+            are needed.
+        caller_replies, caller_bytes: what may wait for one caller; a reply beyond it is dropped, and its
+            caller asks again.
+
+    Attributes:
+        dropped: replies given up so far.
+    """
+
+    def __init__(
+        self,
+        *,
+        senders: int = SENDERS,
+        caller_replies: int = CALLER_REPLIES,
+        caller_bytes: int = CALLER_BYTES,
+        total_bytes: int = TOTAL_BYTES,
+    ) -> None:
+        self.dropped = 0
+        self._senders = senders
+        self._caller_replies = caller_replies
+        self._caller_bytes = caller_bytes
+        self._total_bytes = total_bytes
+        self._lock = threading.Lock()
+        self._lanes: dict[str, _Lane] = {}
+        self._ready: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._threads = 0
+        self._idle = 0
+        self._size = 0
+        self._closed = False
+
+    def push(self, caller: str, reply: Outgoing) -> None:
+        """Queue a reply; from any thread, without blocking."""
+        with self._lock:
+            taken = self._take(caller, reply)
+        if not taken:
+            self.dropped += 1
+            reply.drop()
+
+    def close(self) -> None:
+        """Take no more; a thread that is blocked ends when its link does."""
+        with self._lock:
+            self._closed = True
+            waiting = [reply for lane in self._lanes.values() for reply in list(lane.replies)[1:]]
+            for lane in self._lanes.values():
+                while len(lane.replies) > 1:
+                    lane.replies.pop()
+            for _ in range(self._threads):
+                self._ready.put(None)
+        for reply in waiting:
+            reply.drop()
+
+    def _take(self, caller: str, reply: Outgoing) -> bool:
+        lane = self._lanes.get(caller)
+        if self._closed or self._size + reply.size > self._total_bytes:
+            return False
+        if lane is None:
+            lane = self._lanes[caller] = _Lane(deque())
+        elif len(lane.replies) >= self._caller_replies or lane.size + reply.size > self._caller_bytes:
+            return False
+        lane.replies.append(reply)
+        lane.size += reply.size
+        self._size += reply.size
+        if len(lane.replies) == 1:
+            self._ready.put(caller)
+            if self._idle < self._ready.qsize() and self._threads < self._senders:
+                self._threads += 1
+                threading.Thread(target=self._run, name=f"reply-{self._threads}", daemon=True).start()
+        return True
+
+    def _run(self) -> None:
+        while True:
+            with self._lock:
+                self._idle += 1
+            caller = self._ready.get()
+            with self._lock:
+                self._idle -= 1
+            if caller is None:
+                return
+            with self._lock:
+                reply = self._lanes[caller].replies[0]
+            try:
+                reply.send()
+            except Exception:
+                log.exception("a reply to %s could not be sent", caller)
+            self._sent(caller, reply)
+
+    def _sent(self, caller: str, reply: Outgoing) -> None:
+        with self._lock:
+            lane = self._lanes[caller]
+            lane.replies.popleft()
+            lane.size -= reply.size
+            self._size -= reply.size
+            if lane.replies:
+                # behind the other callers
+                self._ready.put(caller)
+            else:
+                del self._lanes[caller]
