@@ -21,8 +21,8 @@ from mcserver.errors import ServiceError
 from mcserver.executor.client import ExecutorProcess
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.compiling import COMPILING
+from mcserver.net.configuration import NetworkOptions
 from mcserver.net.endpoint import MachineEndpoint
-from mcserver.net.session import NetworkOptions
 from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.planner_messages import Planning
 from mcserver.processes import settle_collector
@@ -141,7 +141,7 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
             port = ExecutorPort(machine, executor)
             _, face = await stack.enter_async_context(running(machine, options, port, planning, drives))
             if options.on_ready is not None:
-                options.on_ready(await face.endpoints() or list(options.network.listen))
+                options.on_ready(await face.endpoints())
             await _until_stopped(stopping, port)
     except Stopped:
         return

@@ -24,7 +24,10 @@ def run(
     listen: Annotated[
         list[str] | None,
         typer.Option(
-            "--listen", metavar="E", help="Zenoh endpoint to listen on; port 0 takes a free one. Repeatable."
+            "--listen",
+            metavar="E",
+            help="Zenoh endpoint to listen on; port 0 takes a free one. Repeatable. "
+            "Default: tcp/127.0.0.1:7447.",
         ),
     ] = None,
     connect: Annotated[
@@ -52,7 +55,7 @@ def run(
     """Run the server, until Ctrl-C or SIGTERM, which stop every axis in a controlled way."""
     described = named(load_machine(machine), name)
     build_kinematics(described)
-    from mcserver.net.session import DEFAULT_LISTEN, NetworkOptions
+    from mcserver.net.configuration import NetworkOptions
     from mcserver.server import ServerOptions, serve
 
     if zenoh is not None and not zenoh.is_file():
@@ -62,7 +65,7 @@ def run(
     narrate_logs(verbose)
     options = ServerOptions(
         network=NetworkOptions(
-            listen=tuple(listen) if listen else DEFAULT_LISTEN,
+            listen=tuple(listen) if listen else None,
             connect=tuple(connect or ()),
             config_file=zenoh,
         ),

@@ -11,6 +11,14 @@ import zenoh
 
 from mcserver.canopen.views import DriveAccess, NoDrives
 from mcserver.errors import ServiceError
+from mcserver.net.configuration import (
+    NetworkOptions,
+    Reach,
+    emergency_configuration,
+    has_free_port,
+    main_configuration,
+    reach,
+)
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
 from mcserver.net.inbox import Inbox
@@ -19,7 +27,7 @@ from mcserver.net.messages import EstopRequest, StreamLines
 from mcserver.net.methods import Bench, Methods
 from mcserver.net.qos import ack_qos, event_qos
 from mcserver.net.rpc import RpcServer
-from mcserver.net.session import NetworkOptions, Publication, ZenohSession, configuration
+from mcserver.net.session import Publication, ZenohSession
 from mcserver.net.telemetry import Telemetry
 from mcserver.service.jog import Jogging
 from mcserver.service.reports import ENDED, Ack, Event
@@ -39,10 +47,14 @@ class MachineEndpoint:
         keys: of this machine.
         session: for everything but emergency stops from routers.
         emergency: a session for those alone, or None where nothing is connected to.
+        where: what is listened on and connected to.
     """
 
-    def __init__(self, keys: Keys, session: ZenohSession, emergency: ZenohSession | None) -> None:
+    def __init__(
+        self, keys: Keys, session: ZenohSession, emergency: ZenohSession | None, where: Reach
+    ) -> None:
         self.keys = keys
+        self._where = where
         self._session = session
         self._emergency = emergency
         self._loop = asyncio.get_running_loop()
@@ -66,20 +78,22 @@ class MachineEndpoint:
         Raises:
             ServiceError: MC521, MC522.
         """
-        session = await ZenohSession.open(
-            configuration(options, listen=options.listen, connect=options.connect, zenoh_id=instance)
-        )
-        emergency = None
-        if options.connect or options.emergency_listen:
-            # a link of its own, so that no full queue of other messages is before it
-            emergency = await ZenohSession.open(
-                configuration(options, listen=options.emergency_listen, connect=options.connect)
-            )
-        return cls(Keys(machine), session, emergency)
+        where = reach(options)
+        main = main_configuration(options, where, instance)
+        beside = emergency_configuration(options, where)
+        session = await ZenohSession.open(main)
+        try:
+            emergency = await ZenohSession.open(beside) if beside is not None else None
+        except BaseException:
+            await session.close()
+            raise
+        return cls(Keys(machine), session, emergency, where)
 
     async def endpoints(self) -> list[str]:
-        """What it listens on, where a port 0 was asked for."""
-        return await self._session.endpoints()
+        """What it listens on, with the ports that were taken; where it only connects, that in words."""
+        if any(has_free_port(endpoint) for endpoint in self._where.listen):
+            return await self._session.endpoints()
+        return list(self._where.listen) or [f"nothing, connecting to {', '.join(self._where.connect)}"]
 
     # ------------------------------------------------------------ out
 

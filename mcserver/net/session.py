@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 import threading
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import msgspec
@@ -19,32 +17,12 @@ from mcserver.net.qos import Qos
 
 log = logging.getLogger(__name__)
 
-DEFAULT_LISTEN = ("tcp/127.0.0.1:7447",)
 CLOSE_LIMIT_S = 3.0
 EVENT_CACHE = 1000
 EVENT_HEARTBEAT_S = 0.5
-LEASE_MS = 2000
 
 OnSample = Callable[[zenoh.Sample], None]
 OnQuery = Callable[[zenoh.Query], None]
-
-
-class NetworkOptions(msgspec.Struct, frozen=True):
-    """How the server is reached.
-
-    Attributes:
-        listen: endpoints to listen on; a port 0 takes a free one.
-        connect: routers or peers to connect to, again and again until they are there.
-        emergency_listen: endpoints that the emergency stop's own session listens on.
-        multicast: scouting by multicast; off, so that a machine joins no network by accident.
-        config_file: a Zenoh configuration (JSON5) to start from, for TLS and access rules.
-    """
-
-    listen: tuple[str, ...] = DEFAULT_LISTEN
-    connect: tuple[str, ...] = ()
-    emergency_listen: tuple[str, ...] = ()
-    multicast: bool = False
-    config_file: Path | None = None
 
 
 class Publication(Protocol):
@@ -74,54 +52,6 @@ class MatchedPublication:
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
         self.wanted = status.matching
-
-
-def configuration(
-    options: NetworkOptions,
-    *,
-    listen: Sequence[str],
-    connect: Sequence[str],
-    mode: str = "peer",
-    zenoh_id: str | None = None,
-) -> zenoh.Config:
-    """Zenoh's configuration for a session of the server.
-
-    Raises:
-        ServiceError: MC521 the file or an endpoint is not a Zenoh configuration.
-    """
-    settings: dict[str, object] = {
-        "mode": mode,
-        "listen/endpoints": list(listen),
-        "connect/endpoints": list(connect),
-        # a router that is not there yet must not keep the machine from starting, nor stop it later
-        "connect/timeout_ms": 0,
-        "connect/exit_on_failure": False,
-        "connect/retry": {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 1.5},
-        "scouting/multicast/enabled": options.multicast,
-        # numbers and recovers events: the advanced publisher needs timestamps
-        "timestamping/enabled": True,
-        "transport/shared_memory/enabled": False,
-        "transport/link/tx/lease": LEASE_MS,
-        # a full queue costs the loop this long at most for what may be dropped …
-        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
-        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1000,
-        # … and a client that takes no answer for this long loses its link
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
-    }
-    if zenoh_id is not None:
-        settings["id"] = zenoh_id
-    if any(endpoint.rpartition(":")[2].partition("#")[0] == "0" for endpoint in listen):
-        # the only way to learn which port was taken
-        settings["adminspace/enabled"] = True
-    try:
-        config = zenoh.Config.from_file(options.config_file) if options.config_file else zenoh.Config()
-        for key, value in settings.items():
-            config.insert_json5(key, json.dumps(value))
-    except zenoh.ZError as error:
-        raise ServiceError(
-            "MC521", f"Zenoh refuses the configuration: {error}", "endpoints look like tcp/127.0.0.1:7447"
-        ) from error
-    return config
 
 
 class ZenohSession:

@@ -11,7 +11,7 @@ FOOT = ToolPose(number=3, position=(-159.0, -400.0, 12.3456), orientation=(-8.91
 
 
 def shown(*tools: ToolPose) -> str:
-    status = MachineStatus(0, 0.0, 0.0, "i", "ready", AxesStatus(), tools=tools)
+    status = MachineStatus(0.0, 0.0, "i", "ready", AxesStatus(), tools=tools)
     console = Console(width=100, color_system=None)
     with console.capture() as capture:
         console.print(machine_view("dog", INFO, status))

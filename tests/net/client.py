@@ -30,7 +30,13 @@ class WireClient:
         endpoint: of the server. machine: its name. client: this client's id.
     """
 
-    def __init__(self, endpoint: str, machine: str, client: str = "tester") -> None:
+    def __init__(
+        self,
+        endpoint: str,
+        machine: str,
+        client: str = "tester",
+        loop: asyncio.AbstractEventLoop | None = None,
+    ) -> None:
         config = zenoh.Config()
         for key, value in {
             "mode": "client",
@@ -43,7 +49,7 @@ class WireClient:
         self.root = f"mc/@v1/{machine}"
         self.client = client
         self._numbers = itertools.count(1)
-        self._loop = asyncio.get_running_loop()
+        self._loop = loop or asyncio.get_running_loop()
 
     async def ask(self, key: str, payload: object = None) -> list[Any]:
         """All replies to one query; raises the first error."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.net.session import NetworkOptions
+from mcserver.net.configuration import NetworkOptions
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
 from tests.net.client import WireClient

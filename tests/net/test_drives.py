@@ -12,7 +12,7 @@ from mcserver.canopen.booted_drives import CanDrives
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.canopen.views import DriveInfo, SdoTarget, SdoValue, Value
-from mcserver.net.session import NetworkOptions
+from mcserver.net.configuration import NetworkOptions
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
 from tests.net.client import ErrorAnswer, WireClient

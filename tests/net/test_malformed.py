@@ -144,7 +144,7 @@ async def test_a_put_by_a_wildcard_moves_and_stops_nothing(rig: Rig, client: Wir
     assert (await client.call("programs", program=program))["programs"][0]["accepted"] == 0
 
 
-async def test_a_stop_of_every_machine_by_its_name_stops_this_one(rig: Rig, client: WireClient) -> None:
+async def test_a_stop_of_every_machine_by_its_name_stops_this_one(client: WireClient) -> None:
     events = client.subscribe("event")
     await client.call("status")
     client.session.put("mc/@v1/*/estop", msgspec.msgpack.encode({"client": "panel", "reason": "fire"}))

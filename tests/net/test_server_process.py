@@ -37,7 +37,7 @@ SERVER = """
 import asyncio, sys
 from pathlib import Path
 from mcserver.machine.machine_file import load_machine
-from mcserver.net.session import NetworkOptions
+from mcserver.net.configuration import NetworkOptions
 from mcserver.server import ServerOptions, serve
 
 asyncio.run(serve(load_machine(sys.argv[1]), ServerOptions(

@@ -9,7 +9,7 @@ import pytest
 
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
-from mcserver.net.session import NetworkOptions
+from mcserver.net.configuration import NetworkOptions
 from mcserver.net.status import EdgeUnits
 from mcserver.server import ServerOptions, running
 from tests.net.client import WireClient

@@ -22,7 +22,7 @@ from websockets.typing import Subprotocol
 from mcserver.cli.exit_codes import NobodyAnswers, UsageFault
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
-from mcserver.net.session import NetworkOptions
+from mcserver.net.configuration import NetworkOptions
 from mcserver.server import ServerOptions, running
 from mcserver.simulation.simulation import simulate
 from mcserver.view.follower import Follower, positions_of
