@@ -12,10 +12,14 @@ Code ranges::
 The error tree::
 
     McError
+     +-- UsageFault            an argument that cannot be meant as it stands (exit code 2)
+     +-- NobodyAnswers         no server where one was expected (exit code 5)
      +-- ConfigurationError    a machine file that does not fit (exit code 3)
      +-- ProgramRejected       a program with faults, nothing of the line moved (exit code 4)
+     |    +-- RejectedLines    the same for lines sent to a running program, with its numbers
      +-- RuntimeFault          the job failed while running (exit code 1)
      +-- ServiceError          a request that the service refuses
+          +-- Refused          the same, with the values that its code promises
 """
 
 from __future__ import annotations
@@ -80,12 +84,28 @@ class McError(Exception):
         self.hint = hint
 
 
+class UsageFault(McError):
+    """An argument that cannot be meant as it stands: a missing file, an unknown suffix (exit code 2)."""
+
+
+class NobodyAnswers(McError):
+    """No server where one was expected (exit code 5)."""
+
+
 class ConfigurationError(McError):
     """A machine file or option that does not fit."""
 
 
 class ServiceError(McError):
     """A request that the service refuses; the state is as it was before."""
+
+
+class Refused(ServiceError):
+    """A request that the service refuses, with the values that its code promises (docs/keyspace.md)."""
+
+    def __init__(self, code: str, message: str, hint: str = "", **details: object) -> None:
+        super().__init__(code, message, hint)
+        self.details = details
 
 
 class RuntimeFault(McError):
@@ -111,3 +131,11 @@ class ProgramRejected(McError):
         self.diagnostics = tuple(diagnostics)
         first = self.diagnostics[0]
         super().__init__(first.code, first.message, first.hint)
+
+
+class RejectedLines(ProgramRejected):
+    """Lines sent to a running program were taken up to a faulty one; ``details`` has the numbers."""
+
+    def __init__(self, diagnostics: Iterable[Diagnostic], **details: object) -> None:
+        super().__init__(diagnostics)
+        self.details = details

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 
 import msgspec
 
-# New objects between two looks of the collector.
+# New objects between two runs of the collector: few pauses, and cycles of garbage are rare.
 YOUNG_OBJECTS = 20_000
 
 
 def start_child(module: str, start: msgspec.Struct, descriptors: Sequence[int]) -> subprocess.Popen[bytes]:
-    """Starts ``python -m module`` with ``start`` as MessagePack on its standard input.
+    """Start ``python -m module`` with ``start`` as MessagePack on its standard input.
 
     It has nothing of this process in it but the file ``descriptors``, under the same numbers.
     """
@@ -33,7 +33,10 @@ def start_child(module: str, start: msgspec.Struct, descriptors: Sequence[int]) 
     return process
 
 
-def settle_collector() -> None:
-    """What is here now stays: thousands of values a second need not look through it again."""
+def freeze_heap() -> None:
+    """Exempt what is on the heap now from garbage collection, and collect seldom.
+
+    For a process that runs for long and makes thousands of values a second.
+    """
     gc.freeze()
     gc.set_threshold(YOUNG_OBJECTS, 10, 10)

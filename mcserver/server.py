@@ -11,12 +11,14 @@ import signal
 import sys
 import time
 from collections.abc import AsyncIterator, Callable
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from mcserver.canopen.booted_drives import CanDrives, booted
 from mcserver.canopen.canopen_errors import Stopped
+from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.errors import ServiceError
 from mcserver.executor.client import ExecutorProcess
 from mcserver.machine.machine_file import Machine
@@ -25,13 +27,14 @@ from mcserver.net.configuration import NetworkOptions
 from mcserver.net.endpoint import MachineEndpoint
 from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.planner_messages import Planning
-from mcserver.processes import settle_collector
+from mcserver.processes import freeze_heap
+from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.jog import Jogging
 from mcserver.service.motion_port import MotionPort
+from mcserver.service.program_table import ServiceOptions
 from mcserver.service.service import MachineService
-from mcserver.service.service_options import ServiceOptions
-from mcserver.simulation.program_checker import OfflineWorker
+from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)
 
@@ -63,6 +66,11 @@ def default_journal(machine: str) -> Path:
         return Path(service_folder.partition(":")[0]) / f"{machine}.db"
     state = os.environ.get("XDG_STATE_HOME")
     return (Path(state) if state else Path.home() / ".local" / "state") / "mcserver" / f"{machine}.db"
+
+
+def publish_drive_event(events: EventLog, event: CanopenEvent) -> None:
+    """Publish what happened to a drive on a CAN bus besides the cycle."""
+    events.publish(event.kind, axis=event.axis, reason=event.code, message=event.message)
 
 
 @contextlib.asynccontextmanager
@@ -99,12 +107,12 @@ async def running(
             on_event=face.publish_event,
         )
         stack.push_async_callback(service.stop)
-        offline = OfflineWorker(machine)
-        stack.callback(offline.close)
+        checker = ProgramChecker(machine)
+        stack.callback(checker.close)
         service.start()
         if drives is not None:
-            stack.enter_context(drives.told_to(service.events))
-        face.serve(service, Jogging(service), offline, None if drives is None else drives.access)
+            stack.enter_context(drives.published(partial(publish_drive_event, service.events)))
+        face.serve(service, Jogging(service), checker, None if drives is None else drives.access)
         yield service, face
 
 
@@ -119,7 +127,7 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
     """
     options = options or ServerOptions()
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    settle_collector()
+    freeze_heap()
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -16,14 +16,14 @@ from mcserver.canopen.settings import uses_can
 from mcserver.canopen.views import DriveAccess, NoDrives
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
-from mcserver.net.inbox import Inbox
-from mcserver.service.event_log import EventLog
 
 if TYPE_CHECKING:
     from mcserver.canopen.access import OperatorAccess
     from mcserver.canopen.service import CanopenService
 
 EVENTS_WAITING = 256
+
+OnEvent = Callable[[CanopenEvent], None]
 
 
 class CanDrives:
@@ -35,30 +35,31 @@ class CanDrives:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.access: DriveAccess = NoDrives()
-        self._events: Inbox[CanopenEvent] = Inbox(loop, self._publish, limit=EVENTS_WAITING)
-        self._early: deque[CanopenEvent] = deque(maxlen=EVENTS_WAITING)
-        self._log: EventLog | None = None
+        self._loop = loop
+        # the oldest go where nobody takes them
+        self._waiting: deque[CanopenEvent] = deque(maxlen=EVENTS_WAITING)
+        self._publish: OnEvent | None = None
 
     def on_event(self, event: CanopenEvent) -> None:
-        """From any thread."""
-        self._events.push(event)
+        """Publish an event, or keep it until somebody listens; from any thread."""
+        self._waiting.append(event)
+        # the loop is closed when the server has ended
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(self._drain)
 
-    def _publish(self, event: CanopenEvent) -> None:
-        if self._log is None:
-            self._early.append(event)
-            return
-        self._log.publish(event.kind, axis=event.axis, reason=event.code, message=event.message)
+    def _drain(self) -> None:
+        while self._publish is not None and self._waiting:
+            self._publish(self._waiting.popleft())
 
     @contextlib.contextmanager
-    def told_to(self, log: EventLog) -> Iterator[None]:
-        """Events, those of the boot-up first, go into ``log`` inside the block."""
-        self._log = log
-        while self._early:
-            self._publish(self._early.popleft())
+    def published(self, publish: OnEvent) -> Iterator[None]:
+        """Hand events, those of the boot-up first, to ``publish`` inside the block, in the loop."""
+        self._publish = publish
+        self._drain()
         try:
             yield
         finally:
-            self._log = None
+            self._publish = None
 
 
 @contextlib.asynccontextmanager

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import dataclass
 
 from mcserver.can.pdo_layout import Mode
 from mcserver.drives.cia402.scaling import scaling_objects
+from mcserver.errors import Diagnostic
 from mcserver.machine.drive_section import CAN_KINDS
 from mcserver.machine.machine_file import Axis, Machine
 
@@ -73,3 +75,19 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
         command_timeout_ms=drive.command_timeout_ms,
         sdo_writes=tuple(tuple(write) for write in drive.sdo_writes),
     )
+
+
+def find_drive_faults(machine: Machine) -> list[Diagnostic]:
+    """Check CiA 402 drives against their EDS files and the cycle.
+
+    Errors MC008 and MC552: the machine cannot be run. Warnings MC022. Nothing where the packages for drives
+    on a CAN bus are missing, which `mcserver.machine.plausibility.find_doubts` says.
+    """
+    if importlib.util.find_spec("canopen") is None or importlib.util.find_spec("can") is None:
+        return []
+    if not any(axis.drive.kind in CAN_KINDS for axis in machine.axes):
+        return []
+    # only such machines need these packages
+    from mcserver.canopen.machine_file_check import check_drives
+
+    return check_drives(machine)

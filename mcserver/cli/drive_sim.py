@@ -15,9 +15,9 @@ import typer
 
 from mcserver.can.address import split_host_port
 from mcserver.cli.console import narration, results, show_error
-from mcserver.cli.exit_codes import ExitCode, UsageFault
+from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import MachineOption
-from mcserver.errors import ConfigurationError, RuntimeFault
+from mcserver.errors import ConfigurationError, RuntimeFault, UsageFault
 from mcserver.machine.drive_section import CAN_KINDS
 from mcserver.machine.machine_file import Machine, load_machine
 

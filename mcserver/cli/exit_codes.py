@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import enum
 
-from mcserver.errors import ConfigurationError, McError, ProgramRejected
+from mcserver.errors import ConfigurationError, McError, NobodyAnswers, ProgramRejected, UsageFault
 
 
 class ExitCode(enum.IntEnum):
@@ -32,16 +32,8 @@ class ExitCode(enum.IntEnum):
     NOBODY_ANSWERS = 5
 
 
-class UsageFault(McError):
-    """An argument that cannot be meant as it stands: a missing file, an unknown suffix (exit code 2)."""
-
-
 class OutputFault(McError):
     """A result that could not be written (exit code 1)."""
-
-
-class NobodyAnswers(McError):
-    """No server where one was expected (exit code 5)."""
 
 
 def exit_code_of(error: McError) -> ExitCode:

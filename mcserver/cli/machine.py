@@ -9,12 +9,13 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from mcserver.canopen.settings import find_drive_faults
 from mcserver.cli.console import json_answer_on_error, narration, results, show_diagnostics, write_json
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption
 from mcserver.machine.bus_load import bus_loads
 from mcserver.machine.machine_file import BUILT_IN, Axis, Machine, builtin_text, load_machine
-from mcserver.machine.plausibility import axis_name, find_doubts, find_drive_faults, find_tool_faults
+from mcserver.machine.plausibility import axis_name, find_doubts, find_tool_faults
 
 
 def build_app() -> typer.Typer:

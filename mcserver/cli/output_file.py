@@ -8,7 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
-from mcserver.cli.exit_codes import OutputFault, UsageFault
+from mcserver.cli.exit_codes import OutputFault
+from mcserver.errors import UsageFault
 
 
 def check_output(path: str, suffixes: tuple[str, ...]) -> str:

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import BinaryIO
 
-from mcserver.cli.exit_codes import UsageFault
+from mcserver.errors import UsageFault
 
 MAX_PROGRAM_BYTES = 512 * 1024 * 1024
 STDIN = "-"

@@ -21,13 +21,13 @@ from mcserver.cli.console import (
     show_diagnostics,
     write_json,
 )
-from mcserver.cli.exit_codes import ExitCode, UsageFault
+from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption
 from mcserver.cli.program_text import load_program
 from mcserver.cli.rejection import reject
 from mcserver.cli.simulate import live_progress
 from mcserver.cli.simulation_report import diagnostics_of
-from mcserver.errors import ConfigurationError
+from mcserver.errors import ConfigurationError, UsageFault
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 

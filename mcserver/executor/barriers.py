@@ -191,7 +191,7 @@ class DrivesDone:
 
 
 class Paused:
-    """M00, M01 and single line: until the counter of requests grows."""
+    """M00 and M01: until the counter of resumptions grows."""
 
     def __init__(self, seen: int) -> None:
         self.seen = seen

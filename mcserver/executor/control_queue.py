@@ -38,14 +38,12 @@ class ControlQueue:
         self._playback = playback
         self._waiting: deque[Control] = deque()
         self._stops: deque[float] = deque()
-        self._line_stops: deque[float] = deque()
         self.open(0)
 
     def open(self, base: int) -> None:
         """Begins with entry number ``base``."""
         self._waiting.clear()
         self._stops.clear()
-        self._line_stops.clear()
         self._decoded = base
         self._open = 0
         self._end = -1.0
@@ -65,9 +63,7 @@ class ControlQueue:
         """The next entry has been reached."""
         control = self._waiting.popleft()
         self._ring.free_controls(self._decoded - len(self._waiting))
-        if control.kind is ControlKind.LINE_END:
-            _leave(self._line_stops, control.u + NEAR_U)
-        elif control.kind in WAITING:
+        if control.kind in WAITING:
             _leave(self._stops, control.u + NEAR_U)
 
     def decode(self, u: float) -> None:
@@ -85,14 +81,12 @@ class ControlQueue:
             elif kind is ControlKind.END:
                 self._open &= ~control.axes
                 self._end = control.u
-            elif self._open and kind is ControlKind.LINE_END:
-                self._line_stops.append(control.u)
             elif self._open and kind in WAITING:
                 self._stops.append(control.u)
             self.last_u = control.u
         self._decoded = number
 
-    def edge(self, u: float, single_line: bool) -> tuple[float | None, bool]:
+    def edge(self, u: float) -> tuple[float | None, bool]:
         """Before which u the motion under way has to be able to stop, and whether more rows would move that
         on.
 
@@ -103,10 +97,10 @@ class ControlQueue:
         last = self._playback.last_u
         if (self._open or last < self._end - 1.0 + NEAR_U) and not self._playback.rests_at_end:
             edge, dry = last, True
-        for stops in (self._stops, self._line_stops) if single_line else (self._stops,):
-            _leave(stops, u - NEAR_U)
-            if stops and (edge is None or stops[0] < edge):
-                edge, dry = stops[0], False
+        stops = self._stops
+        _leave(stops, u - NEAR_U)
+        if stops and (edge is None or stops[0] < edge):
+            edge, dry = stops[0], False
         return edge, dry
 
 

@@ -23,7 +23,6 @@ from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import hold_position
 from mcserver.executor.independent import TrajectoryError
-from mcserver.executor.shm.feedback import SlotState
 from mcserver.motion.canonical import AxisOperation
 
 if TYPE_CHECKING:
@@ -57,21 +56,11 @@ def _line_start(slot: ProgramSlot, control: Control, left: float, _waited: bool)
     return None
 
 
-def _line_end(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
-    if waited:
-        slot.step_seen = slot.orders.step if slot.orders is not None else 0
-        return None
+def _line_end(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
     if slot.line == control.line:
         slot.line = 0
     slot.cycle.emit(EventKind.LINE_END, slot.index, control.line, left)
-    orders = slot.orders
-    if orders is None or not orders.single_line or slot.state is SlotState.STOPPING:
-        return None
-    if orders.step != slot.step_seen:
-        slot.step_seen = orders.step
-        return None
-    slot.cycle.emit(EventKind.PAUSED, slot.index, control.line, left)
-    return Paused(orders.step)
+    return None
 
 
 def _check_lease(slot: ProgramSlot, axes: int) -> None:

@@ -39,7 +39,6 @@ class ProgramSlot:
         index: of the slot. axes: mask of the columns that the program may move.
         u: on the program's time axis [cycles]. running: a program is played, or being stopped.
         line: of the line under way, 0 for none. shown_line: the line that set this cycle's row.
-        step_seen: steps of single-line mode that were used up.
     """
 
     def __init__(self, index: int, ring: ProgramRing, cycle: Cycle) -> None:
@@ -59,7 +58,6 @@ class ProgramSlot:
         self.shown_line = 0
         self.generation = 0
         self.orders: SlotOrders | None = None
-        self.step_seen = 0
         self._begin(0)
 
     def _begin(self, base: int) -> None:
@@ -102,7 +100,6 @@ class ProgramSlot:
         self.generation = orders.generation
         self.u = 0.0
         self.line = self.shown_line = 0
-        self.step_seen = 0
         self.orders = None
         self.state = SlotState.RUNNING
 
@@ -130,12 +127,8 @@ class ProgramSlot:
         if orders.abort != (seen.abort if seen else 0):
             self.stop(SlotState.STOPPED)
         barrier = self.barrier
-        if isinstance(barrier, Paused):
-            control = self.pending
-            single = control is not None and control.kind is ControlKind.LINE_END
-            requests = orders.step if single else orders.resume
-            if requests != barrier.seen or (single and not orders.single_line):
-                barrier.passed = True
+        if isinstance(barrier, Paused) and orders.resume != barrier.seen:
+            barrier.passed = True
 
     def _wanted(self, most: float) -> float:
         if self._hold or self._state is SlotState.STOPPING:
@@ -321,9 +314,6 @@ class ProgramSlot:
 
     # ------------------------------------------------------------------ how far and how fast
 
-    def _edge(self) -> tuple[float | None, bool]:
-        return self._queue.edge(self.u, self.orders is not None and self.orders.single_line)
-
     def _too_dry(self, edge: float | None, dry: bool) -> bool:
         """Whether a motion that stands had better stand on until more rows come."""
         if edge is None or not dry or edge - self.u >= START_ROWS:
@@ -348,7 +338,7 @@ class ProgramSlot:
                 before = wanted
         else:
             wanted = self._wanted(2.0)
-            edge, dry = self._edge()
+            edge, dry = self._queue.edge(self.u)
             limit = wanted
             if self._too_dry(edge, dry):
                 ramp.jump(0.0)
@@ -378,7 +368,7 @@ class ProgramSlot:
         last = playback.last_u
         if not playback.active:
             return max(self.u, min(goal, max(self._queue.last_u, last)))
-        edge, dry = self._edge()
+        edge, dry = self._queue.edge(self.u)
         if edge is None:
             return max(self.u, min(goal, max(self._queue.last_u, last)))
         if self._too_dry(edge, dry):

@@ -39,22 +39,6 @@ def find_doubts(machine: Machine) -> list[Diagnostic]:
     return doubts
 
 
-def find_drive_faults(machine: Machine) -> list[Diagnostic]:
-    """What does not fit between CiA 402 drives, their EDS files and the cycle.
-
-    Errors MC008 and MC552: the machine cannot be run. Warnings MC022. Nothing where the packages for drives
-    on a CAN bus are missing, which `find_doubts` tells.
-    """
-    if importlib.util.find_spec("canopen") is None or importlib.util.find_spec("can") is None:
-        return []
-    if not any(axis.drive.kind in CAN_KINDS for axis in machine.axes):
-        return []
-    # only such machines need these packages
-    from mcserver.canopen.machine_file_check import check_drives
-
-    return check_drives(machine)
-
-
 def find_tool_faults(machine: Machine) -> list[Diagnostic]:
     """Everything that does not fit between the machine's tools, its axes and its URDF (MC301).
 

@@ -26,7 +26,7 @@ Handler = Callable[[str, Any], Any]
 
 
 class Bench(Protocol):
-    """Runs whole programs beside the service: `mcserver.simulation.program_checker.OfflineWorker`."""
+    """Runs whole programs beside the service: `mcserver.simulation.program_checker.ProgramChecker`."""
 
     async def check(self, text: str, positions: dict[int, float] | None) -> list[Diagnostic]:
         """Every fault of a text; ``positions`` are in SI."""
@@ -104,25 +104,18 @@ class Methods:
         )
 
     def submit(self, client: str, request: wire.SubmitRequest) -> Deferred[wire.SubmitReply]:
-        reply: Deferred[wire.SubmitReply] = Deferred()
-
-        def answer(program: Program | None, error: Exception | None) -> None:
-            if program is None:
-                assert error is not None
-                reply.fail(error)
-            else:
-                reply.resolve(
-                    wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
-                )
-
-        self._service.submit(
+        taken = self._service.submit(
             client, request.program, request.first, request.lines, judge=request.judge
-        ).listen(answer)
-        return reply
+        )
+        return taken.then(
+            lambda program: wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
+        )
 
-    def close(self, client: str, request: wire.CloseRequest) -> wire.CloseReply:
-        program = self._service.close(client, request.program, request.last)
-        return wire.CloseReply(program.program, program.queue.accepted, program.done, program.state)
+    def close(self, client: str, request: wire.CloseRequest) -> Deferred[wire.CloseReply]:
+        closed = self._service.close(client, request.program, request.last)
+        return closed.then(
+            lambda program: wire.CloseReply(program.program, program.journaled, program.done, program.state)
+        )
 
     def hold(self, client: str, request: wire.ProgramRequest) -> wire.Done:
         held = self._service.hold(request.program)

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import zenoh
 
-from mcserver.errors import McError, ProgramRejected, ServiceError
+from mcserver.errors import McError, ProgramRejected, Refused, ServiceError
 from mcserver.net.answers import Answer, AnswerMemory
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
@@ -20,7 +20,6 @@ from mcserver.net.keys import Call, Keys
 from mcserver.net.messages import ENCODING, ErrorReply, Request
 from mcserver.net.replies import Outgoing, ReplySender
 from mcserver.service.deferred import Deferred
-from mcserver.service.refusals import Refused
 from mcserver.service.reports import wire_diagnostic
 
 log = logging.getLogger(__name__)

@@ -23,12 +23,11 @@ from mcserver.net.messages import (
     ToolInfo,
     ToolPose,
 )
-from mcserver.planning.planner_messages import MAX_LINE_LENGTH
-from mcserver.service.intake import OPEN_PROGRAMS
+from mcserver.planning.line_buffer import MAX_LINE_LENGTH
 from mcserver.service.leases import EXECUTOR_SLOTS
 from mcserver.service.line_queue import QUEUE_LINES
 from mcserver.service.motion_port import Cycles
-from mcserver.service.service import MachineService
+from mcserver.service.service import OPEN_PROGRAMS, MachineService
 from mcserver.simulation.tool_poses import ToolPoses
 
 TELEMETRY_FIELDS = ("setpoint", "position", "velocity", "torque")

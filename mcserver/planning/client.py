@@ -2,18 +2,19 @@
 
 Planning is a lot of Python, and who computes in a process keeps its other threads waiting: beside it the
 service's loop would answer late. So it has an interpreter for itself. It writes to the executor through the
-memory that they share; orders and outcomes go through a connection. When the process ends by itself, its
-programs are stopped on their paths, and another one is started.
+memory that they share; commands and events go through a socket that the loop itself reads and writes. When
+the process ends by itself, its programs are stopped on their paths, and another one is started.
 """
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import enum
 import logging
-import multiprocessing
-import queue
+import select
+import socket
 import subprocess
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -22,28 +23,36 @@ import msgspec
 
 from mcserver.errors import RuntimeFault
 from mcserver.executor.client import ExecutorProcess
+from mcserver.executor.view import ExecutorView
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.compiling import PATIENCE_S
-from mcserver.planning.planner_messages import Broken, Deliver, Orders, Outcome, PlannerStart
+from mcserver.planning.message_pipe import MessagePipe
+from mcserver.planning.planner_messages import (
+    OnPlannerEvents,
+    PlannerCommand,
+    PlannerEvent,
+    PlannerFailed,
+    PlannerStart,
+)
 from mcserver.processes import start_child
-from mcserver.service.executor_view import ExecutorView
 
 log = logging.getLogger(__name__)
 
 # The first start after an installation compiles the planner's loops.
 START_TIMEOUT_S = 300.0
 STOP_TIMEOUT_S = 3.0
-# So often within a minute it is started again; then something is wrong that another start does not mend.
+# So often within a minute it is started again; then something is wrong that another start does not cure.
 MOST_STARTS = 3
 STARTS_WITHIN_S = 60.0
 
 
 class PlannerChild:
-    """The process and the connection to it."""
+    """The process and the pipe to it."""
 
     def __init__(self, machine: Machine, executor: ExecutorProcess) -> None:
-        self.connection, theirs = multiprocessing.Pipe()
+        ours, theirs = socket.socketpair()
+        self.pipe = MessagePipe(ours)
         with theirs:
             start = PlannerStart(machine, executor.memory, executor.slots, theirs.fileno())
             self.process: subprocess.Popen[bytes] = start_child(
@@ -51,39 +60,41 @@ class PlannerChild:
             )
 
     def wait(self, on_patience: Callable[[], None]) -> None:
-        """Until it is ready; ``on_patience`` is called once where that takes long.
+        """Wait until it is ready; ``on_patience`` is called once where that takes long.
 
         Raises:
             RuntimeFault: MC436 it ended, or did not come up in time.
         """
+        poller = select.poll()
+        poller.register(self.pipe, select.POLLIN)
         deadline = time.monotonic() + START_TIMEOUT_S
-        told = False
-        while not self.connection.poll(PATIENCE_S):
+        patient = False
+        while not poller.poll(1000.0 * PATIENCE_S):
             if time.monotonic() > deadline:
                 self.kill()
-                break
-            if not told:
-                told = True
+            elif not patient:
+                patient = True
                 on_patience()
         try:
-            self.connection.recv_bytes()
-        except (EOFError, OSError):
+            self.pipe.receive()
+        except EOFError:
+            self.pipe.close()
             raise RuntimeFault(
                 "MC436", f"the planner's process {self.ending()}", "see what it wrote to standard error"
             ) from None
 
     def ending(self) -> str:
-        """How it ended; waits for that."""
+        """Wait for its end and say how it ended."""
         try:
             code = self.process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
-            self.process.kill()
+            self.kill()
             return "closed its connection"
         return f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
 
     def stop(self) -> None:
-        """Closes the connection, at which it ends, or is made to."""
-        self.connection.close()
+        """Close the pipe, at which it ends, or is made to."""
+        self.pipe.close()
         try:
             self.process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
@@ -94,93 +105,140 @@ class PlannerChild:
         self.process.wait()
 
 
+class ConnectionPhase(enum.Enum):
+    """Phase of the connection to a planner's process."""
+
+    CONNECTED = "connected"
+    REPLACING = "replacing"  # it has ended and another one is being started; commands wait
+    ENDED = "ended"  # stopped, or given up: commands go nowhere
+
+
 class PlannerProcess:
-    """`mcserver.planning.planner_messages.Planner` in a process of its own.
+    """`mcserver.planning.planner_messages.PlannerClient` with a process; belongs to the loop.
 
     Args:
-        child: is ready. start_again: starts another one, for when it has ended.
-        deliver: takes what happened, in order; called in a thread.
+        child: is ready. start_again: starts another one, for when it has ended; called in a thread.
+        on_events: takes what happened, in order.
 
     Attributes:
-        seen: when it was last heard of [s of `time.monotonic`].
+        last_seen: when it was last heard of [s of `time.monotonic`].
     """
 
     def __init__(
-        self, child: PlannerChild, start_again: Callable[[], PlannerChild], deliver: Deliver
+        self, child: PlannerChild, start_again: Callable[[], PlannerChild], on_events: OnPlannerEvents
     ) -> None:
-        self._child = child
         self._start_again = start_again
-        self._deliver = deliver
-        self._outbox: queue.SimpleQueue[Orders | None] = queue.SimpleQueue()
-        # held while an order is sent, and while one process takes the place of another
-        self._sending = threading.Lock()
+        self._on_events = on_events
+        self._loop = asyncio.get_running_loop()
+        self._encode = msgspec.msgpack.Encoder().encode
+        self._decode = msgspec.msgpack.Decoder(list[PlannerEvent]).decode
+        self._child = child
+        self._phase = ConnectionPhase.REPLACING
+        # while there is no process to send to
+        self._unsent: list[PlannerCommand] = []
+        self._writing = False
         self._starts: deque[float] = deque(maxlen=MOST_STARTS)
-        self._stopping = threading.Event()
-        self.seen = time.monotonic()
-        self._threads = [
-            threading.Thread(target=self._send, name="planner orders", daemon=True),
-            threading.Thread(target=self._receive, name="planner outcomes", daemon=True),
-        ]
+        self._replacing: asyncio.Task[None] | None = None
+        self._stopping = False
+        self._ended = asyncio.Event()
+        self.last_seen = time.monotonic()
 
     def start(self) -> None:
-        self.seen = time.monotonic()
-        for thread in self._threads:
-            thread.start()
+        self.last_seen = time.monotonic()
+        self._connect(self._child)
 
-    def order(self, order: Orders) -> None:
-        """From any thread. What waits is bounded by the credit that the service gives to clients."""
-        self._outbox.put(order)
+    def send(self, command: PlannerCommand) -> None:
+        """Send a command behind those before it. What waits is bounded by the credit given to clients."""
+        if self._phase is ConnectionPhase.CONNECTED:
+            self._send(self._encode(command))
+        elif self._phase is ConnectionPhase.REPLACING:
+            self._unsent.append(command)
 
-    def stop(self) -> None:
-        self._stopping.set()
-        self._outbox.put(None)
-        # the planner may be about to tell something: it is heard until it closes its end
-        for thread in self._threads:
-            if thread.is_alive():
-                thread.join(STOP_TIMEOUT_S)
-        self._child.stop()
+    async def stop(self) -> None:
+        """End the process; it is heard until it closes its end."""
+        self._stopping = True
+        if self._phase is ConnectionPhase.CONNECTED:
+            self._send(b"")
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._ended.wait(), STOP_TIMEOUT_S)
+            self._disconnect(ConnectionPhase.ENDED)
+        if self._replacing is not None:
+            await self._replacing
+        await asyncio.to_thread(self._child.stop)
 
-    def _send(self) -> None:
-        encode = msgspec.msgpack.Encoder().encode
-        while (order := self._outbox.get()) is not None:
-            # an order to one that has ended is lost with its programs, which are told so
-            with self._sending, contextlib.suppress(OSError):
-                self._child.connection.send_bytes(encode(order))
-        with self._sending, contextlib.suppress(OSError):
-            self._child.connection.send_bytes(b"")
+    def _connect(self, child: PlannerChild) -> None:
+        self._child = child
+        self._phase = ConnectionPhase.CONNECTED
+        self._loop.add_reader(child.pipe.fileno(), self._receive)
+        unsent, self._unsent = self._unsent, []
+        for command in unsent:
+            self.send(command)
+
+    def _disconnect(self, phase: ConnectionPhase) -> None:
+        if self._phase is ConnectionPhase.CONNECTED:
+            self._loop.remove_reader(self._child.pipe.fileno())
+            self._loop.remove_writer(self._child.pipe.fileno())
+            self._writing = False
+        self._phase = phase
+
+    def _send(self, message: bytes) -> None:
+        # a command to one that has ended is lost with its programs; its end is noticed by reading
+        with contextlib.suppress(OSError):
+            self._child.pipe.send(message)
+        self._watch_writing()
+
+    def _flush(self) -> None:
+        with contextlib.suppress(OSError):
+            self._child.pipe.flush()
+        self._watch_writing()
+
+    def _watch_writing(self) -> None:
+        pipe = self._child.pipe
+        if pipe.blocked == self._writing:
+            return
+        self._writing = pipe.blocked
+        if self._writing:
+            self._loop.add_writer(pipe.fileno(), self._flush)
+        else:
+            self._loop.remove_writer(pipe.fileno())
 
     def _receive(self) -> None:
-        decoder = msgspec.msgpack.Decoder(list[Outcome])
-        while True:
-            try:
-                outcomes = decoder.decode(self._child.connection.recv_bytes())
-            except (EOFError, OSError):
-                if self._stopping.is_set() or not self._replace():
-                    return
-                continue
-            self.seen = time.monotonic()
-            if outcomes:
-                self._deliver(outcomes)
+        try:
+            messages = self._child.pipe.receive()
+        except EOFError:
+            self._ended.set()
+            self._disconnect(ConnectionPhase.ENDED if self._stopping else ConnectionPhase.REPLACING)
+            if not self._stopping:
+                self._replacing = self._loop.create_task(self._replace(self._child))
+            return
+        self.last_seen = time.monotonic()
+        for message in messages:
+            events = self._decode(message)
+            if events:
+                self._on_events(events)
 
-    def _replace(self) -> bool:
-        """Tells that the process has ended and starts another one; False where that is given up."""
-        ending = self._child.ending()
+    async def _replace(self, child: PlannerChild) -> None:
+        """Stop the programs of a process that has ended, and start another process."""
+        ending = await asyncio.to_thread(child.ending)
+        child.pipe.close()
         log.error("the planner's process %s", ending)
-        self._deliver([Broken("", f"its process {ending}")])
+        # what was sent meanwhile is of programs that end now
+        self._unsent.clear()
+        self._on_events([PlannerFailed("", f"its process {ending}")])
         now = time.monotonic()
         if len(self._starts) == MOST_STARTS and now - self._starts[0] < STARTS_WITHIN_S:
             log.error("the planner's process is not started again; the executor will stop the machine")
-            return False
+            self._phase = ConnectionPhase.ENDED
+            return
         self._starts.append(now)
         try:
-            child = self._start_again()
+            self._child = await asyncio.to_thread(self._start_again)
         except (OSError, RuntimeError):
             log.exception("the planner's process cannot be started again")
-            return False
-        with self._sending:
-            self._child.connection.close()
-            self._child = child
-        return True
+            self._phase = ConnectionPhase.ENDED
+            return
+        if not self._stopping:
+            self._connect(self._child)
 
 
 class ProcessPlanning:
@@ -197,19 +255,19 @@ class ProcessPlanning:
         self._child = self._launch()
 
     def wait(self, on_patience: Callable[[], None]) -> None:
-        """Until it is ready; ``on_patience`` is called once where that takes long.
+        """Wait until it is ready; ``on_patience`` is called once where that takes long.
 
         Raises:
             RuntimeFault: MC436 it ended, or did not come up in time.
         """
         self._child.wait(on_patience)
 
-    def planner(self, deliver: Deliver) -> PlannerProcess:
-        """The planner. Waited for before."""
-        return PlannerProcess(self._child, self._launch, deliver)
+    def planner(self, on_events: OnPlannerEvents) -> PlannerProcess:
+        """Make the planner's client, in the loop; `wait` comes before."""
+        return PlannerProcess(self._child, self._launch, on_events)
 
     def modal_before(self, lines: Sequence[str]) -> ModalState:
-        """Modal state after lines that are only read; from any thread.
+        """Read lines without moving anything, for the modal state behind them; from any thread.
 
         Raises:
             ProgramRejected: one of them has a fault.
@@ -227,7 +285,7 @@ class ProcessPlanning:
         ).modal
 
     def close(self) -> None:
-        """Ends the process that was started first, where no planner has taken it over and ended it."""
+        """End the process that was started first, where no planner has taken it over and ended it."""
         if not self.closed:
             self._child.stop()
 

@@ -1,7 +1,8 @@
-"""What the service tells the planner, and what it hears of it; all of it can pass between processes."""
+"""Commands of the service to the planner, and the planner's events; all of it passes between processes."""
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
@@ -11,17 +12,14 @@ from mcserver.errors import Diagnostic
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
-from mcserver.planning.pipeline_reports import Report
-
-MAX_LINE_LENGTH = 8192
 
 
 class PlannerStart(msgspec.Struct, frozen=True):
-    """What the planner's process is told at its start.
+    """Start a planner's process: its standard input.
 
     Attributes:
         memory: descriptor of the executor's memory. slots: of the executor.
-        connection: descriptor of the connection to the server.
+        connection: descriptor of the stream socket to the server.
     """
 
     machine: Machine
@@ -30,8 +28,11 @@ class PlannerStart(msgspec.Struct, frozen=True):
     connection: int
 
 
+# ---------------------------------------------------------------- commands
+
+
 class PipelineRequest(msgspec.Struct, frozen=True):
-    """What a pipeline is made of.
+    """Parameters of a program's pipeline.
 
     Attributes:
         axes: that the program may name. modal: state to start with; None: a program's own beginning.
@@ -43,42 +44,94 @@ class PipelineRequest(msgspec.Struct, frozen=True):
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):
-    """A program has its lease: it runs in ``slot``, which has been opened for it."""
+    """Plan a program, which has its lease, into an executor's slot that has been opened for it."""
 
     request: PipelineRequest
     slot: int
     step: bool
 
+    @property
+    def program(self) -> str:
+        return self.request.program
+
 
 class Lines(msgspec.Struct, frozen=True, tag=True):
-    """Journaled lines of a program; ``asked``: by a call, whose reply tells more than an acknowledgement."""
+    """Take journaled lines ``first``, ``first + 1``, …; those of an earlier ``epoch`` do not count."""
 
     program: str
     epoch: int
     first: int
     lines: Sequence[str]
-    asked: bool
 
 
-class Order(msgspec.Struct, frozen=True, tag=True):
-    """``close``, ``step``, ``halt`` (plans no further, it is being stopped) or ``drop`` (forgets it)."""
+class CloseProgram(msgspec.Struct, frozen=True, tag=True):
+    """Finish the program behind the lines sent before."""
 
     program: str
-    what: str
 
 
-Orders = Begin | Lines | Order
+class StepLine(msgspec.Struct, frozen=True, tag=True):
+    """Release the next line of a program in single-line mode."""
+
+    program: str
+
+
+class HaltProgram(msgspec.Struct, frozen=True, tag=True):
+    """Plan no further: the executor is stopping the program."""
+
+    program: str
+
+
+class DropProgram(msgspec.Struct, frozen=True, tag=True):
+    """Forget the program: it has ended."""
+
+    program: str
+
+
+PlannerCommand = Begin | Lines | CloseProgram | StepLine | HaltProgram | DropProgram
+
+
+# ---------------------------------------------------------------- events
+
+
+class ReportKind(enum.Enum):
+    """Kinds of a pipeline's reports."""
+
+    PLANNED = "planned"  # the line is being planned: `requested_s`, `feed_length` are known
+    SOLVED = "solved"  # inverse kinematics has solved the line: `planning_s`
+    BOUND = "bound"  # a limit has stretched the line: `bound_by`
+    REJECTED = "rejected"  # a fault in the line; nothing of it moves, nothing after it is read
+    FINISHED = "finished"  # all that was submitted has been handed over, the end of the program included
+
+
+class Report(msgspec.Struct, frozen=True):
+    """One report of a pipeline about a line.
+
+    Attributes:
+        requested_s: time that the line asks for [s], or None.
+        bound_by: the limit that stretched it, such as ``axis 2 acceleration``, or None.
+        feed_length: linear length of its G01-G03 commands [m].
+        planning_s: time that inverse kinematics took [s].
+    """
+
+    kind: ReportKind
+    line: int
+    requested_s: float | None = None
+    bound_by: str | None = None
+    feed_length: float = 0.0
+    planning_s: float = 0.0
+    diagnostics: tuple[Diagnostic, ...] = ()
 
 
 class Consumed(msgspec.Struct, frozen=True, tag=True):
-    """Lines through ``through`` are in the pipeline: their place in the queue is free."""
+    """The interpreter has read lines through ``through``: their place in the line buffer is free."""
 
     program: str
     through: int
 
 
-class Rejected(msgspec.Struct, frozen=True, tag=True):
-    """A line is faulty. ``final``: found while planning, the program ends there."""
+class LineRejected(msgspec.Struct, frozen=True, tag=True):
+    """A line is faulty. ``final``: the program ends there; else the same number is expected, corrected."""
 
     program: str
     epoch: int
@@ -88,53 +141,55 @@ class Rejected(msgspec.Struct, frozen=True, tag=True):
 
 
 class Planned(msgspec.Struct, frozen=True, tag=True):
-    """Lines that now have a time; ``reports`` in order."""
+    """Lines now have a time; ``reports`` in order."""
 
     program: str
     reports: Sequence[Report]
 
 
-class Judged(msgspec.Struct, frozen=True, tag=True):
-    """Lines through ``through`` are right and planned; what is planned ends at ``end_u`` [cycles]."""
+class Validated(msgspec.Struct, frozen=True, tag=True):
+    """Lines through ``through`` are free of faults and planned; the plan ends at ``end_u`` [cycles]."""
 
     program: str
     through: int
     end_u: float
 
 
-class Happened(msgspec.Struct, frozen=True, tag=True):
+class ExecutorEvents(msgspec.Struct, frozen=True, tag=True):
     """Events of the executor, in order."""
 
     events: Sequence[ExecutorEvent]
 
 
-class Broken(msgspec.Struct, frozen=True, tag=True):
-    """The planner made a mistake, or is gone; a program has to be stopped, all of them without a name."""
+class PlannerFailed(msgspec.Struct, frozen=True, tag=True):
+    """The planner failed with a program, which has to be stopped; without a name, with all of them."""
 
     program: str
     message: str
 
 
-Outcome = Consumed | Rejected | Planned | Judged | Happened | Broken
+PlannerEvent = Consumed | LineRejected | Planned | Validated | ExecutorEvents | PlannerFailed
 
-Deliver = Callable[[list[Outcome]], None]
+OnPlannerEvents = Callable[[Sequence[PlannerEvent]], None]
 
 
-class Planner(Protocol):
-    """Plans the programs of one machine: `mcserver.planning.planner_thread.PlannerThread` in this process,
-    `mcserver.planning.client.PlannerProcess` in one of its own."""
+# ---------------------------------------------------------------- who plans
+
+
+class PlannerClient(Protocol):
+    """The service's end of a planner, in the loop: `mcserver.planning.client.PlannerProcess`, or one in this
+    process in tests."""
 
     @property
-    def seen(self) -> float:
+    def last_seen(self) -> float:
         """When it was last at work [s of `time.monotonic`]."""
 
     def start(self) -> None: ...
 
-    def order(self, order: Orders) -> None:
-        """From any thread."""
+    def send(self, command: PlannerCommand) -> None:
+        """Send a command behind those before it; never waits."""
 
-    def stop(self) -> None:
-        """Blocks until it has ended."""
+    async def stop(self) -> None: ...
 
 
 class Planning(Protocol):
@@ -143,5 +198,5 @@ class Planning(Protocol):
     def modal_before(self, lines: Sequence[str]) -> ModalState:
         """Modal state after lines that are only read; from any thread. Raises ProgramRejected."""
 
-    def planner(self, deliver: Deliver) -> Planner:
-        """A planner that hands over what happened, in order, in a thread of its own."""
+    def planner(self, on_events: OnPlannerEvents) -> PlannerClient:
+        """Make a planner that hands over its events in the loop, in order."""

@@ -1,73 +1,153 @@
 """The planner's process: ``python -m mcserver.planning.process``, with its machine on standard input.
 
-It plans, so that the service's loop has an interpreter of its own. Its main thread takes orders, the
-planner's thread plans and tells what happened. It ends with the server, whose end of the connection closes.
+It plans, so that the service's loop has an interpreter of its own. One thread: it takes commands, lets the
+planner do a piece of work, and sends what happened. It ends with the server, whose end of the pipe closes.
 """
 
 from __future__ import annotations
 
 import gc
 import os
+import select
 import signal
+import socket
 import sys
-from multiprocessing.connection import Connection
+import time
 
 import msgspec
 
-from mcserver.executor.shm.shared_memory import map_block
+from mcserver.executor.entries import ExecutorEvent, MotionSink
+from mcserver.executor.shm.feedback import FeedbackState
+from mcserver.executor.shm.shared_memory import SharedParts, map_block
+from mcserver.executor.view import ExecutorView, SlotView
+from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.warm_up import warm_up
-from mcserver.planning.pipeline_factory import PipelineFactory
-from mcserver.planning.planner_messages import Orders, Outcome, PlannerStart
-from mcserver.planning.planner_port import SharedPlannerPort
-from mcserver.planning.planner_thread import PlannerThread
-from mcserver.processes import settle_collector
+from mcserver.planning.line_buffer import LineBuffer
+from mcserver.planning.message_pipe import MessagePipe
+from mcserver.planning.pipeline import FaultRule, Pipeline
+from mcserver.planning.planner import Planner
+from mcserver.planning.planner_messages import PipelineRequest, PlannerCommand, PlannerStart
+from mcserver.processes import freeze_heap
 
 NICE = 5
 # At least this often the server hears that the planner is at work [s].
 PULSE_S = 0.5
 
 
+class SharedPlannerPort:
+    """`mcserver.planning.planner.PlannerPort` over the memory that the executor shares.
+
+    Args:
+        machine: its axes. parts: of an executor that has run a cycle.
+
+    Attributes:
+        view: of the executor's newest cycle.
+    """
+
+    def __init__(self, machine: Machine, parts: SharedParts) -> None:
+        self._parts = parts
+        self.view = ExecutorView(machine, self._feedback)
+
+    def poll_events(self) -> list[ExecutorEvent]:
+        return self._parts.events.take()
+
+    def slots(self) -> list[SlotView]:
+        return self.view.slots()
+
+    def sink(self, slot: int) -> MotionSink:
+        ring = self._parts.rings[slot]
+        # the server has told the executor where the program begins in it; only this side's notes are of the
+        # program before
+        ring.restart()
+        return ring
+
+    def _feedback(self) -> FeedbackState:
+        state = self._parts.feedback.latest()
+        if state is None:
+            raise RuntimeError("no cycle has passed yet")
+        return state
+
+
+class PipelineFactory:
+    """Make the pipelines of one machine's programs.
+
+    Args:
+        machine: its axes and tools.
+        view: of the axes, for where a program starts.
+
+    Raises:
+        ConfigurationError: the model of a tool does not fit.
+    """
+
+    def __init__(self, machine: Machine, view: ExecutorView) -> None:
+        self._machine = machine
+        self._view = view
+        self._kinematics = build_kinematics(machine)
+
+    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> Pipeline:
+        """Make the pipeline of a program that begins now."""
+        return Pipeline(
+            self._machine,
+            sink,
+            lines=lines,
+            kinematics=self._kinematics,
+            positions=self._view.positions(),
+            energized=self._view.energized(),
+            lease=request.axes,
+            modal=request.modal,
+            on_fault=FaultRule.RETRY,
+        )
+
+
+def run(pipe: MessagePipe, planner: Planner) -> None:
+    """Plan until an empty message comes or the other end closes."""
+    decode = msgspec.msgpack.Decoder(PlannerCommand).decode
+    encode = msgspec.msgpack.Encoder().encode
+    poller = select.poll()
+    poller.register(pipe, select.POLLIN)
+    pulse = time.monotonic()
+    try:
+        while True:
+            poller.modify(pipe, select.POLLIN | (select.POLLOUT if pipe.blocked else 0))
+            for _, ready in poller.poll(1000.0 * planner.pause_s):
+                if ready & select.POLLOUT:
+                    pipe.flush()
+                if ready & ~select.POLLOUT:
+                    for message in pipe.receive():
+                        if not message:
+                            return
+                        planner.handle(decode(message))
+            events = planner.turn()
+            now = time.monotonic()
+            if events or now - pulse >= PULSE_S:
+                pulse = now
+                pipe.send(encode(events))
+    except (EOFError, OSError):
+        # the server is gone; the executor stops the machine by itself
+        return
+
+
 def main() -> int:
-    """Runs until the server says that there is no more, or is gone."""
+    """Run until the server says that there is no more, or is gone."""
     start = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=PlannerStart)
     # it is the server that ends this process, in order
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    connection: Connection = Connection(start.connection)
+    pipe = MessagePipe(socket.socket(fileno=start.connection))
     parts = map_block(start.memory, start.machine, start.slots)
     os.close(start.memory)
     warm_up()
     # it works ahead of the motion and can wait a moment; whoever calls the server is waiting now
     os.nice(NICE)
-    encode = msgspec.msgpack.Encoder().encode
-
-    def deliver(outcomes: list[Outcome]) -> None:
-        try:
-            connection.send_bytes(encode(outcomes))
-        except OSError:
-            # nobody is left to hear it; the main thread ends the process
-            return
-
     port = SharedPlannerPort(start.machine, parts)
-    planner = PlannerThread(port, PipelineFactory(start.machine, port), deliver, pulse_s=PULSE_S)
+    planner = Planner(port, PipelineFactory(start.machine, port.view), time.monotonic)
     gc.collect()
-    settle_collector()
-    deliver([])
-    take_orders(connection, planner)
+    freeze_heap()
+    pipe.send(msgspec.msgpack.encode([]))
+    run(pipe, planner)
+    pipe.close()
     return 0
-
-
-def take_orders(connection: Connection, planner: PlannerThread) -> None:
-    """Hands orders to the planner until an empty one comes or the connection closes."""
-    decoder = msgspec.msgpack.Decoder(Orders)
-    planner.start()
-    try:
-        while order := connection.recv_bytes():
-            planner.order(decoder.decode(order))
-    except (EOFError, OSError):
-        return
-    finally:
-        planner.stop()
 
 
 if __name__ == "__main__":

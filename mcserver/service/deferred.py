@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
+U = TypeVar("U")
 
 
 class Deferred(Generic[T]):
@@ -38,6 +39,19 @@ class Deferred(Generic[T]):
             listener(*self._outcome)
         else:
             self._listener = listener
+
+    def then(self, convert: Callable[[T], U]) -> Deferred[U]:
+        """The same with another value; an error stays as it is."""
+        converted: Deferred[U] = Deferred()
+
+        def settle(value: T | None, error: Exception | None) -> None:
+            if error is not None:
+                converted.fail(error)
+            else:
+                converted.resolve(convert(value))  # type: ignore[arg-type]
+
+        self.listen(settle)
+        return converted
 
     def __await__(self) -> Generator[Any, None, T]:
         future: asyncio.Future[T] = asyncio.get_running_loop().create_future()

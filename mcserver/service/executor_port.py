@@ -7,9 +7,9 @@ from typing import Protocol
 
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.executor.view import ExecutorView, SlotView
 from mcserver.machine.machine_file import Machine
-from mcserver.service.executor_view import ExecutorView
-from mcserver.service.motion_port import Cycles, SlotView, Snapshot
+from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
 
 _STATES: tuple[AxisState, ...] = (
@@ -47,7 +47,7 @@ class ExecutorFaces(Protocol):
     def stop(self) -> object: ...
 
 
-class ExecutorPort(ExecutorView):
+class ExecutorPort:
     """One machine's executor.
 
     Args:
@@ -56,7 +56,8 @@ class ExecutorPort(ExecutorView):
     """
 
     def __init__(self, machine: Machine, executor: ExecutorFaces) -> None:
-        super().__init__(machine, lambda: executor.feedback)
+        self._view = ExecutorView(machine, lambda: executor.feedback)
+        self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
         self._executor = executor
         self._closing = threading.Lock()
 
@@ -69,6 +70,9 @@ class ExecutorPort(ExecutorView):
 
     def beat(self) -> None:
         self._executor.beat()
+
+    def slots(self) -> list[SlotView]:
+        return self._view.slots()
 
     def hold(self, slot: int) -> None:
         self._executor.mailbox.set_hold(True, slot)

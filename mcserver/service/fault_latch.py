@@ -1,14 +1,31 @@
-"""Faults that stay until the reset, or until no axis has them latched any more."""
+"""The executor's faults in words, and the latch that keeps them until the reset."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
+from mcserver.executor.entries import ExecutorEvent
+from mcserver.executor.fault_codes import remedy_of
 from mcserver.service.reports import AxisState, Fault
 
 LATCHED_FAULTS = 64
 # feedback may show the latch a moment after the event
 FAULT_SHOWN_S = 0.5
+
+
+def fault_of(event: ExecutorEvent, program: str | None) -> Fault:
+    """Put an event of kind FAULT into words."""
+    axis = event.axis if event.axis >= 0 else None
+    message, hint = remedy_of(event.code, event.axis, event.values)
+    return Fault(
+        code=f"MC{event.code}",
+        message=message,
+        hint=hint,
+        axis=axis,
+        line=event.line,
+        program=program,
+        t=event.time,
+    )
 
 
 class FaultLatch:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import asyncio
 import math
 
+from mcserver.errors import Refused
 from mcserver.machine.machine_file import Axis
 from mcserver.service.program import Program
-from mcserver.service.refusals import Refused
 from mcserver.service.service import MachineService
 
 DEFAULT_HOLD_S = 0.5

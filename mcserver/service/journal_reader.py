@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from mcserver.service.refusals import Refused
+from mcserver.errors import Refused
 from mcserver.service.reports import Fault, LineReport, ProgramStatus
 
 _COLUMNS = (

@@ -1,7 +1,4 @@
-"""The executor as the service sees it: what it can be told and what it tells.
-
-One implementation drives a real executor process, one a virtual clock; tests bring their own.
-"""
+"""The executor as the service sees it; tests bring one of their own."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.executor.entries import ExecutorEvent, MotionSink
+from mcserver.executor.view import SlotView
 from mcserver.service.reports import AxisState
 
 Array = NDArray[np.float64]
@@ -34,13 +31,6 @@ class Cycles(msgspec.Struct, frozen=True):
     torque: Array
 
 
-class SlotView(msgspec.Struct, frozen=True):
-    """One executor slot: where its program is on its time axis, and how fast that passes."""
-
-    u: float
-    rate: float
-
-
 class Snapshot(msgspec.Struct, frozen=True):
     """The machine in its newest cycle, in SI; arrays of shape (K,)."""
 
@@ -52,19 +42,6 @@ class Snapshot(msgspec.Struct, frozen=True):
     states: Sequence[AxisState]
     slots: Sequence[SlotView]
     late_cycles: int
-
-
-class PlannerPort(Protocol):
-    """The executor as the planner sees it; all of it belongs to the planner's thread."""
-
-    def poll_events(self) -> list[ExecutorEvent]:
-        """Events since the last call, in order."""
-
-    def slots(self) -> Sequence[SlotView]:
-        """Where every slot's program is now."""
-
-    def sink(self, slot: int) -> MotionSink:
-        """Where a program that begins in the slot puts its rows and control entries."""
 
 
 class MotionPort(Protocol):

@@ -6,8 +6,6 @@ from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
 
-import msgspec
-
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.service.deferred import Deferred
 from mcserver.service.line_queue import LineQueue
@@ -28,13 +26,7 @@ class Verdict(IntEnum):
 
     TAKEN = 0
     REJECTED = 1
-
-
-class Reached(msgspec.Struct, frozen=True):
-    """What the journal holds once it has written this far: lines through ``done`` have ended."""
-
-    program: str
-    done: int
+    NOT_JOURNALED = 2  # the journal cannot be written now
 
 
 class Program:
@@ -71,7 +63,7 @@ class Program:
         # counts rejections: what the planner says about lines of an earlier epoch no longer matters
         self.epoch = 0
         self.journaled = start_line - 1
-        self.judged = start_line - 1
+        self.validated = start_line - 1
         self.progress = LineProgress(start_line)
         # where what has been planned ends on the executor's time axis of this program [cycles]
         self.planned_end_u: float | None = None
@@ -87,11 +79,10 @@ class Program:
         self.ended_at: float | None = None
         self.ended_as: ProgramState = "finished"
         self.reason = ""
-        # what the client was last told
-        self.told_credit = queue.limit
-        self.told_started = 0
-        self.told_done = start_line - 1
-        self.told_accepted = start_line - 1
+        self.last_reported_credit = queue.limit
+        self.last_reported_started = 0
+        self.last_reported_done = start_line - 1
+        self.last_reported_accepted = start_line - 1
         self._waiting: deque[tuple[int, Deferred[Verdict]]] = deque()
         self._waiting_for_journal: deque[tuple[int, Deferred[Verdict]]] = deque()
 
@@ -110,13 +101,13 @@ class Program:
 
     def ack(self, expected: int = 0) -> Ack:
         """The cumulative acknowledgement; ``expected`` answers a gap."""
-        self.told_credit = self.credit
+        self.last_reported_credit = self.credit
         return Ack(
             program=self.program,
             accepted=self.journaled,
             # an end is told once it is in the journal, which the program's own end is a part of
             done=self.done if self.ended else min(self.done, self.recorded),
-            credit=self.told_credit,
+            credit=self.last_reported_credit,
             state=self.state,
             rejected=self.rejected,
             diagnostics=self.diagnostics,
@@ -156,19 +147,19 @@ class Program:
             ended_at=self.ended_at,
         )
 
-    def wait_for(self, through: int, verdict: Deferred[Verdict], *, judged: bool) -> None:
-        """``verdict`` comes once lines through this number are journaled and, if asked for, ``judged``."""
-        (self._waiting if judged else self._waiting_for_journal).append((through, verdict))
+    def wait_for(self, through: int, verdict: Deferred[Verdict], *, validated: bool) -> None:
+        """Give ``verdict`` once lines through this number are journaled and, if asked for, ``validated``."""
+        (self._waiting if validated else self._waiting_for_journal).append((through, verdict))
         self.settle()
 
     def settle(self) -> None:
-        """Tells those whose lines are journaled and, where the program runs, judged."""
-        judged = self.journaled
-        while self._waiting_for_journal and self._waiting_for_journal[0][0] <= judged:
+        """Answer those whose lines are journaled and, where the program runs, validated."""
+        through = self.journaled
+        while self._waiting_for_journal and self._waiting_for_journal[0][0] <= through:
             self._waiting_for_journal.popleft()[1].resolve(Verdict.TAKEN)
         if self.state not in ("queued", "ending") and not self.step and not self.ended:
-            judged = min(judged, self.judged)
-        while self._waiting and self._waiting[0][0] <= judged:
+            through = min(through, self.validated)
+        while self._waiting and self._waiting[0][0] <= through:
             self._waiting.popleft()[1].resolve(Verdict.TAKEN)
 
     def reject(self, line: int, diagnostics: list[WireDiagnostic]) -> None:
@@ -178,12 +169,23 @@ class Program:
         self.diagnostics = diagnostics
         self.queue.reject(line)
         self.journaled = min(self.journaled, line - 1)
-        self.judged = max(self.judged, line - 1)
+        self.validated = max(self.validated, line - 1)
         self.settle()
         self.dismiss(Verdict.REJECTED)
 
     def dismiss(self, verdict: Verdict) -> None:
-        """Answers all that still wait."""
+        """Answer all that still wait."""
         for waiting in (self._waiting, self._waiting_for_journal):
             while waiting:
                 waiting.popleft()[1].resolve(verdict)
+
+    def dismiss_unjournaled(self) -> None:
+        """Answer those whose lines cannot be journaled now; the numbers stay taken."""
+        for waiting in (self._waiting, self._waiting_for_journal):
+            # numbers grow, but a repeated message waits for older ones
+            kept = [each for each in waiting if each[0] <= self.journaled]
+            refused = [each for each in waiting if each[0] > self.journaled]
+            waiting.clear()
+            waiting.extend(kept)
+            for _, verdict in refused:
+                verdict.resolve(Verdict.NOT_JOURNALED)

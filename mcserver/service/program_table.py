@@ -1,49 +1,71 @@
 """The programs of one machine and what moves them on: journal, leases, planner, executor events.
 
-Everything here runs in the asyncio loop, but the two methods that take what other threads hand over.
+Everything here runs in the asyncio loop, but `ProgramTable._call_soon`.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
 from mcserver.planning.planner_messages import (
     Begin,
-    Broken,
+    CloseProgram,
     Consumed,
-    Deliver,
-    Happened,
-    Judged,
+    DropProgram,
+    ExecutorEvents,
+    HaltProgram,
+    LineRejected,
     Lines,
-    Order,
-    Outcome,
+    OnPlannerEvents,
     PipelineRequest,
     Planned,
-    Planner,
-    Rejected,
+    PlannerClient,
+    PlannerEvent,
+    PlannerFailed,
+    Validated,
 )
 from mcserver.service.acknowledgements import AckSender
 from mcserver.service.event_log import EventLog
-from mcserver.service.fault_latch import FaultLatch
-from mcserver.service.fault_texts import fault_of
+from mcserver.service.fault_latch import FaultLatch, fault_of
 from mcserver.service.heartbeat import Heartbeat
 from mcserver.service.journal import Journal
+from mcserver.service.journal_file import JournalConnection, open_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.motion_port import MotionPort
-from mcserver.service.program import Program, Reached, Verdict
+from mcserver.service.program import Program, Verdict
 from mcserver.service.reports import Ack, Event, Fault, ProgramState, wire_diagnostic
 from mcserver.service.reports import EventKind as Kind
-from mcserver.service.service_options import ServiceOptions
 
 log = logging.getLogger(__name__)
 
 ENDED_PROGRAMS = 100
 TICK_S = 0.02
+
+
+class ServiceOptions(msgspec.Struct, frozen=True):
+    """Options of one start.
+
+    Attributes:
+        journal: the journal's file.
+        instance: id of this start.
+        clock: Unix time [s].
+        connect: opens the journal's file.
+    """
+
+    journal: Path
+    instance: str
+    clock: Callable[[], float] = time.time
+    connect: Callable[[Path], JournalConnection] = open_journal
 
 
 class ProgramTable:
@@ -58,7 +80,7 @@ class ProgramTable:
     def __init__(
         self,
         port: MotionPort,
-        planner: Callable[[Deliver], Planner],
+        planner: Callable[[OnPlannerEvents], PlannerClient],
         options: ServiceOptions,
         *,
         on_ack: Callable[[Ack], None],
@@ -76,10 +98,13 @@ class ProgramTable:
         self._moved: set[str] = set()
         self._tick_scheduled = False
         self.journal = Journal(
-            options.journal, on_commit=self._from_journal, on_failure=self._from_failed_journal
+            options.journal,
+            call_soon=self._call_soon,
+            on_failure=self._journal_state,
+            connect=options.connect,
         )
-        self.planner = planner(self._from_planner)
-        self.heartbeat = Heartbeat(port.beat, lambda: self.planner.seen)
+        self.planner = planner(self._planner_events)
+        self.heartbeat = Heartbeat(port.beat, lambda: self.planner.last_seen)
 
     def now(self) -> float:
         """Executor time [s]."""
@@ -111,12 +136,9 @@ class ProgramTable:
         if program.rejected:
             program.rejected = 0
             program.diagnostics = []
-        tag = Lines(program.program, program.epoch, first, lines, asked)
-        if asked and self.journal.lines_at_once(program.program, first, lines):
-            self.planner.order(tag)
-            self._journaled([tag])
-        else:
-            self.journal.lines(program.program, first, lines, tag)
+        command = Lines(program.program, program.epoch, first, lines)
+        committed = partial(self._lines_committed, program, command, asked)
+        self.journal.lines(program.program, first, lines, committed, urgent=asked)
 
     def close(self, program: Program) -> None:
         """No more lines; what is there runs to its end."""
@@ -124,7 +146,7 @@ class ProgramTable:
             return
         program.closed = True
         # through the journal, so that it comes to the planner behind the lines accepted
-        self.journal.after(Order(program.program, "close"))
+        self.journal.after(partial(self.planner.send, CloseProgram(program.program)))
         self.publish("program.closed", program)
 
     def stop(self, program: Program, as_state: ProgramState, reason: str, fault: Fault | None = None) -> None:
@@ -140,7 +162,7 @@ class ProgramTable:
             return
         program.state = "ending"
         program.dismiss(Verdict.TAKEN)
-        self.planner.order(Order(program.program, "halt"))
+        self.planner.send(HaltProgram(program.program))
         self.port.abort(program.slot)
         self.acks.acknowledge(program)
 
@@ -158,7 +180,7 @@ class ProgramTable:
             # here, so that no hold or abort can reach the executor before it
             self.port.begin(grant.slot, grant.axes, ratio=program.override, held=program.held)
             request = PipelineRequest(program.program, grant.axes, program.modal)
-            self.planner.order(Begin(request, grant.slot, program.step))
+            self.planner.send(Begin(request, grant.slot, program.step))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
             self.publish("program.started", program)
@@ -178,7 +200,7 @@ class ProgramTable:
             program.done,
             program.fault,
             program.ended_at,
-            Order(program.program, "drop"),
+            partial(self.planner.send, DropProgram(program.program)),
         )
         self.publish("program.ended", program, line=program.done, fault=program.fault, reason=program.reason)
         self.acks.acknowledge(program)
@@ -189,80 +211,85 @@ class ProgramTable:
         for key in ended[: max(0, len(ended) - ENDED_PROGRAMS)]:
             del self.programs[key]
 
-    # ------------------------------------------------------------ from the threads
+    # ------------------------------------------------------------ from the journal
 
-    def _from_journal(self, tags: list[object]) -> None:
-        # in the writer thread: the planner gets its lines by the shortest way
-        for tag in tags:
-            if isinstance(tag, Lines | Order):
-                self.planner.order(tag)
-        self._call(self._journaled, tags)
-
-    def _from_failed_journal(self, reason: str) -> None:
-        self._call(self._journal_failed, reason)
-
-    def _from_planner(self, outcomes: list[Outcome]) -> None:
-        self._call(self._take_outcomes, outcomes)
-
-    def _call(self, function: Callable[..., None], value: object) -> None:
+    def _call_soon(self, function: Callable[[], None]) -> None:
+        """In the journal's thread: runs ``function`` in the loop."""
         try:
-            self._loop.call_soon_threadsafe(function, value)
+            self._loop.call_soon_threadsafe(function)
         except RuntimeError:
             log.debug("the loop is closed")
 
-    def _journaled(self, tags: list[object]) -> None:
-        if self.journal_failure:
-            self.journal_failure = ""
-            self.events.publish("warning", reason="MC519", message="the journal can be written again")
-        for tag in tags:
-            program = self.programs.get(tag.program) if isinstance(tag, Lines | Reached) else None
-            if program is None:
-                continue
-            if isinstance(tag, Reached):
-                program.recorded = max(program.recorded, tag.done)
-                self.acks.acknowledge(program)
-            elif isinstance(tag, Lines) and tag.epoch == program.epoch:
-                program.journaled = tag.first + len(tag.lines) - 1
-                program.settle()
-                if tag.asked:
-                    self._has_moved(program)
-                else:
-                    self.acks.acknowledge(program)
+    def _lines_committed(self, program: Program, command: Lines, asked: bool) -> None:
+        if command.epoch != program.epoch:
+            # a line before them was rejected meanwhile
+            return
+        if not program.ended:
+            self.planner.send(command)
+        program.journaled = command.first + len(command.lines) - 1
+        program.settle()
+        if asked:
+            # the reply says more than an acknowledgement
+            self._has_moved(program)
+        else:
+            self.acks.acknowledge(program)
 
-    def _journal_failed(self, reason: str) -> None:
-        if self.journal_failure != reason:
-            self.journal_failure = reason
-            self.events.publish("warning", reason="MC519", message=f"the journal cannot be written: {reason}")
+    def _progress_committed(self, program: Program, done: int) -> None:
+        program.recorded = max(program.recorded, done)
+        self.acks.acknowledge(program)
 
-    def _take_outcomes(self, outcomes: list[Outcome]) -> None:
-        for outcome in outcomes:
-            if isinstance(outcome, Happened):
-                for event in outcome.events:
-                    self._executor_event(event)
+    def _journal_state(self, failure: str) -> None:
+        if self.journal_failure == failure:
+            return
+        self.journal_failure = failure
+        if failure:
+            log.error("the journal cannot be written: %s", failure)
+            self.events.publish(
+                "warning", reason="MC519", message=f"the journal cannot be written: {failure}"
+            )
+            for program in self.programs.values():
+                program.dismiss_unjournaled()
+            return
+        log.warning("the journal can be written again")
+        self.events.publish("warning", reason="MC519", message="the journal can be written again")
+        for program in self.programs.values():
+            if not program.ended:
+                # what it did meanwhile is not in there yet
+                program.last_reported_done = -1
+                self._has_moved(program)
+
+    # ------------------------------------------------------------ from the planner
+
+    def _planner_events(self, events: Sequence[PlannerEvent]) -> None:
+        for event in events:
+            if isinstance(event, ExecutorEvents):
+                for each in event.events:
+                    self._executor_event(each)
                 continue
-            if isinstance(outcome, Broken):
-                self._broken(outcome)
+            if isinstance(event, PlannerFailed):
+                self._planner_failed(event)
                 continue
-            program = self.programs.get(outcome.program)
+            program = self.programs.get(event.program)
             if program is None or program.ended:
                 continue
-            if isinstance(outcome, Consumed):
-                self._consumed(program, outcome)
-            elif isinstance(outcome, Planned):
-                program.progress.planned(outcome.reports)
-            elif isinstance(outcome, Judged):
-                self._judged(program, outcome)
-            elif isinstance(outcome, Rejected):
-                self._rejected(program, outcome)
+            match event:
+                case Consumed():
+                    self._consumed(program, event)
+                case Planned():
+                    program.progress.planned(event.reports)
+                case Validated():
+                    self._validated(program, event)
+                case LineRejected():
+                    self._line_rejected(program, event)
 
-    def _broken(self, outcome: Broken) -> None:
+    def _planner_failed(self, event: PlannerFailed) -> None:
         """Stops the program that the planner failed with, or all of them."""
         for program in list(self.programs.values()):
-            if program.ended or outcome.program not in ("", program.program):
+            if program.ended or event.program not in ("", program.program):
                 continue
             fault = Fault(
                 code="MC516",
-                message=f"the planner failed: {outcome.message}",
+                message=f"the planner failed: {event.message}",
                 hint="this is a defect of the server; its log tells more. Open the program again",
                 program=program.program,
                 line=program.progress.started,
@@ -270,30 +297,30 @@ class ProgramTable:
             )
             self.stop(program, "faulted", fault.message, fault)
 
-    def _consumed(self, program: Program, outcome: Consumed) -> None:
-        if outcome.through > program.queue.accepted:
+    def _consumed(self, program: Program, event: Consumed) -> None:
+        if event.through > program.queue.accepted:
             # of lines before a rejection
             return
-        program.queue.consume(outcome.through)
+        program.queue.consume(event.through)
         limit = program.queue.limit
-        if program.told_credit < limit // 4 and program.credit > limit // 2:
+        if program.last_reported_credit < limit // 4 and program.credit > limit // 2:
             self.acks.acknowledge(program)
 
-    def _judged(self, program: Program, outcome: Judged) -> None:
-        program.judged = max(program.judged, outcome.through)
-        program.planned_end_u = outcome.end_u
-        program.progress.planned_through(outcome.through)
+    def _validated(self, program: Program, event: Validated) -> None:
+        program.validated = max(program.validated, event.through)
+        program.planned_end_u = event.end_u
+        program.progress.planned_through(event.through)
         program.settle()
         self._has_moved(program)
 
-    def _rejected(self, program: Program, outcome: Rejected) -> None:
-        if outcome.epoch != program.epoch:
+    def _line_rejected(self, program: Program, event: LineRejected) -> None:
+        if event.epoch != program.epoch:
             return
-        diagnostics = [wire_diagnostic(diagnostic) for diagnostic in outcome.diagnostics]
-        program.reject(outcome.line, diagnostics)
-        self.journal.rejected(program.program, outcome.line)
-        self.publish("line.rejected", program, line=outcome.line, diagnostics=diagnostics)
-        if outcome.final or program.closed:
+        diagnostics = [wire_diagnostic(diagnostic) for diagnostic in event.diagnostics]
+        program.reject(event.line, diagnostics)
+        self.journal.rejected(program.program, event.line)
+        self.publish("line.rejected", program, line=event.line, diagnostics=diagnostics)
+        if event.final or program.closed:
             program.closed = True
             program.ended_as = "rejected"
         self.acks.acknowledge(program)
@@ -320,7 +347,7 @@ class ProgramTable:
             self.enter(program, "paused")
             self.publish("program.paused", program, line=event.line)
         elif event.kind is EventKind.FINISHED:
-            program.progress.finished(program.judged)
+            program.progress.finished(program.validated)
             self._end(program, program.ended_as)
         elif event.kind is EventKind.STOPPED:
             self._end(program, "aborted" if program.ended_as == "finished" else program.ended_as)
@@ -328,9 +355,9 @@ class ProgramTable:
     def _fault(self, event: ExecutorEvent, program: Program | None) -> None:
         fault = fault_of(event, None if program is None else program.program)
         if event.code in WARNINGS:
-            told = f"{fault.message}: {fault.hint}"
+            message = f"{fault.message}: {fault.hint}"
             where = {"program": fault.program, "line": fault.line, "axis": fault.axis}
-            self.events.publish("warning", reason=fault.code, message=told, **where)
+            self.events.publish("warning", reason=fault.code, message=message, **where)
             return
         if event.code == FaultCode.EMERGENCY_STOP:
             # latched and told by whoever asked for it
@@ -381,15 +408,20 @@ class ProgramTable:
         """Tells, at most once a tick, which lines have begun and ended."""
         progress = program.progress
         ended = progress.take_ended()
-        begun = progress.started > program.told_started
-        done = program.done > program.told_done or program.journaled > program.told_accepted
+        begun = progress.started > program.last_reported_started
+        done = (
+            program.done != program.last_reported_done or program.journaled > program.last_reported_accepted
+        )
         if not (ended or begun or done):
             return
         if begun:
             self.publish("lines.started", program, line=progress.started)
         if ended:
             self.publish("lines.ended", program, lines=ended)
-        program.told_started, program.told_done = progress.started, program.done
-        program.told_accepted = program.journaled
-        self.journal.progress(program.program, progress.started, program.done, ended)
-        self.journal.after(Reached(program.program, program.done))
+        program.last_reported_started, program.last_reported_done = progress.started, program.done
+        program.last_reported_accepted = program.journaled
+        if self.journal_failure:
+            # what gathers before a journal that cannot be written is bounded; the next progress says it all
+            return
+        committed = partial(self._progress_committed, program, program.done)
+        self.journal.progress(program.program, progress.started, program.done, ended, committed)

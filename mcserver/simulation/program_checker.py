@@ -17,9 +17,8 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
-from mcserver.errors import Diagnostic
+from mcserver.errors import Diagnostic, Refused
 from mcserver.machine.machine_file import Machine
-from mcserver.service.refusals import Refused
 
 T = TypeVar("T")
 
@@ -27,7 +26,7 @@ WAITING = 4
 LIMIT_S = 300.0
 
 
-class OfflineWorker:
+class ProgramChecker:
     """One worker process, started when it is first needed; a few requests wait for it in order.
 
     Args:

@@ -16,7 +16,8 @@ from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.text.source import split_lines
 from mcserver.machine.machine_file import Machine
-from mcserver.planning.pipeline import Pipeline, ReportKind
+from mcserver.planning.pipeline import Pipeline
+from mcserver.planning.planner_messages import ReportKind
 from mcserver.simulation.recorder import Recorded, Recorder
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from mcserver.units import MM
@@ -125,7 +126,8 @@ class _Run:
         self._pipeline = Pipeline(
             machine, self._executor.sink(SLOT), positions=positions, kinematics=kinematics, clock=clock
         )
-        self._next = 0
+        self._pipeline.lines.put(1, self._lines)
+        self._pipeline.lines.closed = True
         self._records: dict[int, LineRecord] = {}
         self._order: list[LineRecord] = []
         self._feed_length = 0.0
@@ -139,9 +141,8 @@ class _Run:
     def run(self, warnings: list[Diagnostic]) -> Simulation:
         idle = 0
         while not self._finished and not self._failed:
-            self._supply()
             while self._pipeline.pump():
-                self._supply()
+                continue
             self._take_reports()
             cycles = self._burst()
             self._executor.step(cycles)
@@ -164,17 +165,6 @@ class _Run:
         return any(fault.severity == "error" for fault in self._faults)
 
     # ------------------------------------------------------------------ the run
-
-    def _supply(self) -> None:
-        """Gives lines to the planner as far as they fit, and says when there are no more."""
-        pipeline = self._pipeline
-        room = pipeline.credit
-        while room > 0 and self._next < len(self._lines):
-            pipeline.submit(self._next + 1, self._lines[self._next])
-            self._next += 1
-            room -= 1
-        if self._next == len(self._lines):
-            pipeline.close()
 
     def _burst(self) -> int:
         """Cycles up to which nothing can run dry: motion that is handed over is played before the next

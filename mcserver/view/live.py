@@ -11,8 +11,7 @@ from typing import Self
 
 import zenoh
 
-from mcserver.cli.exit_codes import NobodyAnswers, UsageFault
-from mcserver.errors import ServiceError
+from mcserver.errors import NobodyAnswers, ServiceError, UsageFault
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.keys import Keys
 from mcserver.net.messages import MachineStatus

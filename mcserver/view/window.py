@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mcserver.cli.exit_codes import UsageFault
+from mcserver.errors import UsageFault
 from mcserver.view.body import Body
 from mcserver.view.solids import Array, Colour
 from mcserver.view.stage import Stage

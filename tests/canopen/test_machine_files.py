@@ -10,12 +10,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from mcserver.canopen.settings import find_drive_faults
 from mcserver.cli.app import run_command_line
 from mcserver.doctor import State
 from mcserver.doctor.can import CanFacts, CanInterface
 from mcserver.doctor.machine import BusFacts, judge_buses
 from mcserver.machine.machine_file import Machine, load_machine
-from mcserver.machine.plausibility import find_drive_faults
 from tests.canopen.rig import RunningHub, machine_on
 from tests.cli.command import ROOT
 

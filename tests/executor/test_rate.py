@@ -243,39 +243,6 @@ def test_an_abort_stops_on_the_path_drops_the_rest_and_holds() -> None:
         assert np.abs(rig.acceleration(column)).max() <= 1.02 * ACCELERATION
 
 
-def test_single_line_mode_stops_at_each_line_even_where_lines_flow_into_each_other() -> None:
-    rig = Rig(machine())
-    program = rig.program
-    program.capture()
-    position, velocity = trapezoid(0.4, 0.4, ACCELERATION)
-    points, slopes = np.outer(position, [1.0, 0.0]), np.outer(velocity, [1.0, 0.0])
-    program.start_line(1)
-    program.control(ControlKind.BEGIN, axes=3)
-    program.rows(points[:500], slopes[:500], 3)
-    program.u = 500.4
-    program.end_line()
-    program.start_line(2)
-    program.u = 500.0
-    program.rows(points[500:], slopes[500:], 3)
-    program.control(ControlKind.END, axes=3)
-    program.end_line()
-    program.finish()
-    rig.step(10)
-    rig.executor.mailbox.set_single_line(True, 0)
-    rig.run_until(EventKind.PAUSED)
-    rig.step(200)
-    boundary = position[499] + 0.4 * (position[500] - position[499])
-    assert rig.setpoint[-1, 0] == pytest.approx(boundary, abs=1e-6)
-    assert rig.executor.feedback.slots[0].state is SlotState.PAUSED
-    rig.executor.mailbox.step(0)
-    rig.run_until(EventKind.PAUSED)
-    assert rig.setpoint[-1, 0] == pytest.approx(0.4, abs=1e-12)
-    rig.executor.mailbox.step(0)
-    rig.run()
-    assert len(rig.of(EventKind.LINE_END)) == 2
-    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION
-
-
 def test_a_pause_waits_for_resume() -> None:
     rig = Rig(machine())
     program = rig.program

@@ -1,4 +1,4 @@
-"""Orders to the planner and outcomes of it pass between processes; one that does not come up is told of."""
+"""Commands to the planner and its events pass between processes; a process that fails is reported."""
 
 from __future__ import annotations
 
@@ -13,20 +13,24 @@ from mcserver.executor.client import ExecutorProcess
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.planning.client import PlannerChild, ProcessPlanning
-from mcserver.planning.pipeline_reports import Report, ReportKind
 from mcserver.planning.planner_messages import (
     Begin,
-    Broken,
+    CloseProgram,
     Consumed,
-    Happened,
-    Judged,
+    DropProgram,
+    ExecutorEvents,
+    HaltProgram,
+    LineRejected,
     Lines,
-    Order,
-    Orders,
-    Outcome,
     PipelineRequest,
     Planned,
-    Rejected,
+    PlannerCommand,
+    PlannerEvent,
+    PlannerFailed,
+    Report,
+    ReportKind,
+    StepLine,
+    Validated,
 )
 from tests.service.fakes import three_axes
 
@@ -34,36 +38,39 @@ FAULT = Diagnostic("MC104", "too far", line=3, column=5, end_column=9, tool=3, r
 
 
 @pytest.mark.parametrize(
-    "order",
+    "command",
     [
         Begin(PipelineRequest("a-1", frozenset({0, 63})), 7, True),
         Begin(PipelineRequest("a-1", frozenset(), ModalState(inch=True, tool=3, feed=None)), 0, False),
-        Lines("a-1", 2, 100_000, ["G01 X1", "(ä) G04 P0", ""], True),
-        Order("a-1", "halt"),
+        Lines("a-1", 2, 100_000, ["G01 X1", "(ä) G04 P0", ""]),
+        CloseProgram("a-1"),
+        StepLine("a-1"),
+        HaltProgram("a-1"),
+        DropProgram("a-1"),
     ],
 )
-def test_an_order_arrives_as_it_was_sent(order: Orders) -> None:
-    assert msgspec.msgpack.decode(msgspec.msgpack.encode(order), type=Orders) == order
+def test_a_command_arrives_as_it_was_sent(command: PlannerCommand) -> None:
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(command), type=PlannerCommand) == command
 
 
-def test_outcomes_arrive_as_they_were_sent_and_in_order() -> None:
-    sent: list[Outcome] = [
+def test_events_arrive_as_they_were_sent_and_in_order() -> None:
+    sent: list[PlannerEvent] = [
         Consumed("a-1", 4096),
-        Rejected("a-1", 1, 3, (FAULT,), True),
+        LineRejected("a-1", 1, 3, (FAULT,), True),
         Planned(
             "a-1", [Report(ReportKind.PLANNED, 1, 0.1), Report(ReportKind.BOUND, 2, bound_by="axis 1 jerk")]
         ),
-        Judged("a-1", 5, 1234.5),
-        Happened(
+        Validated("a-1", 5, 1234.5),
+        ExecutorEvents(
             [
                 ExecutorEvent(EventKind.LINE_END, 0, 12, 0.1234567890123),
                 ExecutorEvent(EventKind.FAULT, -1, 0, 2.0, 410, 3, values=(math.inf, -0.5)),
                 ExecutorEvent(EventKind.SETTLED, 1, 0, 2.0, token=9, values=(1.0, 2.0, 3.0)),
             ]
         ),
-        Broken("", "its process was ended by signal 9"),
+        PlannerFailed("", "its process was ended by signal 9"),
     ]
-    assert msgspec.msgpack.decode(msgspec.msgpack.encode(sent), type=list[Outcome]) == sent
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(sent), type=list[PlannerEvent]) == sent
 
 
 @pytest.fixture

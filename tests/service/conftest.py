@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from mcserver.service.program_table import ServiceOptions
 from mcserver.service.reports import Ack, Event
 from mcserver.service.service import MachineService
-from mcserver.service.service_options import ServiceOptions
 from tests.service.fakes import FakePipelines, FakePort, three_axes
 
 LIMIT_S = 5.0
@@ -19,7 +20,7 @@ LIMIT_S = 5.0
 class Bench:
     """A service, its fakes, and what it has said."""
 
-    def __init__(self, journal: Path, instance: str = "one") -> None:
+    def __init__(self, journal: Path, instance: str = "one", **options: Any) -> None:
         self.machine = three_axes()
         self.port = FakePort(self.machine)
         self.pipelines = FakePipelines(self.port)
@@ -30,7 +31,7 @@ class Bench:
             self.machine,
             self.port,
             self.pipelines,
-            ServiceOptions(journal=journal, instance=instance),
+            ServiceOptions(journal=journal, instance=instance, **options),
             on_ack=self._on_ack,
             on_event=self._on_event,
         )

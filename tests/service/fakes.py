@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 from collections import deque
@@ -12,12 +13,19 @@ import numpy as np
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.view import SlotView
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine, parse_machine
-from mcserver.planning.pipeline_reports import Report, ReportKind
-from mcserver.planning.planner_messages import Deliver, PipelineRequest
-from mcserver.planning.planner_thread import PlannerThread
-from mcserver.service.motion_port import Cycles, SlotView, Snapshot
+from mcserver.planning.line_buffer import LineBuffer
+from mcserver.planning.planner import Planner
+from mcserver.planning.planner_messages import (
+    OnPlannerEvents,
+    PipelineRequest,
+    PlannerCommand,
+    Report,
+    ReportKind,
+)
+from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
 
 THREE_AXES = """
@@ -171,44 +179,39 @@ class FakePipeline:
     found faulty while planning and ends the program; ``crash`` is a defect; anything else takes no time.
     """
 
-    def __init__(self, request: PipelineRequest, sink: FakeSink, gate: threading.Event) -> None:
+    def __init__(
+        self, request: PipelineRequest, lines: LineBuffer, sink: FakeSink, gate: threading.Event
+    ) -> None:
         self.request = request
+        self.lines = lines
         self.executed: list[tuple[int, str]] = []
         self.planned_line = 0
         self._port, self._slot = sink.port, sink.slot
         self._gate = gate
-        self._queue: deque[tuple[int, str]] = deque()
+        self._held: tuple[int, str] | None = None
         self._reports: list[Report] = []
-        self._closed = False
         self._ended = False
-
-    @property
-    def credit(self) -> int:
-        return 0 if self._closed else 1000 - len(self._queue)
-
-    def submit(self, number: int, text: str) -> None:
-        self._queue.append((number, text))
-
-    def close(self) -> None:
-        self._closed = True
 
     def pump(self, u: float | None = None) -> bool:
         assert u is not None
         if self._ended:
             return False
         worked = False
-        while self._queue:
-            number, text = self._queue[0]
+        while self._held is not None or self.lines.ready:
+            try:
+                number, text = self._held or self.lines.take()
+            except ProgramRejected as rejected:
+                self._reject(rejected.diagnostics[0])
+                return True
+            self._held = None
             if text == "wait" and not self._gate.is_set():
+                self._held = number, text
                 return worked
-            self._queue.popleft()
             if text == "crash":
                 raise RuntimeError("a defect")
             if text in ("bad", "fatal"):
-                fault = Diagnostic(code="MC101", message=f"{text} line", line=number, column=1)
-                self._reports.append(Report(ReportKind.REJECTED, number, diagnostics=(fault,)))
-                self._queue.clear()
-                self._closed = self._closed or text == "fatal"
+                self.lines.closed |= text == "fatal"
+                self._reject(Diagnostic(code="MC101", message=f"{text} line", line=number, column=1))
                 return True
             worked = True
             self.executed.append((number, text))
@@ -217,10 +220,14 @@ class FakePipeline:
                 self._port.happen(EventKind.LINE_START, self._slot, number)
                 self._port.happen(EventKind.LINE_END, self._slot, number)
             self.planned_line = number
-        if self._closed:
+        if self.lines.closed and not self.lines:
             self._ended = True
             self._port.happen(EventKind.FINISHED, self._slot)
         return worked
+
+    def _reject(self, fault: Diagnostic) -> None:
+        self._reports.append(Report(ReportKind.REJECTED, fault.line, diagnostics=(fault,)))
+        self.lines.clear()
 
     def on_event(self, event: ExecutorEvent) -> None:
         assert event.program == self._slot
@@ -234,6 +241,34 @@ class FakePipeline:
         return 1000.0
 
 
+class LoopPlanner:
+    """Runs a planner in the loop, in turn with all else that runs there."""
+
+    def __init__(self, planner: Planner, on_events: OnPlannerEvents) -> None:
+        self.last_seen = time.monotonic()
+        self._planner = planner
+        self._on_events = on_events
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+
+    def start(self) -> None:
+        self._turn()
+
+    def send(self, command: PlannerCommand) -> None:
+        self._planner.handle(command)
+
+    async def stop(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _turn(self) -> None:
+        self.last_seen = time.monotonic()
+        events = self._planner.turn()
+        if events:
+            self._on_events(events)
+        self._timer = self._loop.call_later(self._planner.pause_s, self._turn)
+
+
 class FakePipelines:
     """Plans in this process; keeps the pipelines that it makes for the test to look at."""
 
@@ -243,19 +278,19 @@ class FakePipelines:
         self.gate = threading.Event()
         self.failure: Exception | None = None
 
-    def planner(self, deliver: Deliver) -> PlannerThread:
-        return PlannerThread(self.port, self, deliver)
+    def planner(self, on_events: OnPlannerEvents) -> LoopPlanner:
+        return LoopPlanner(Planner(self.port, self, time.monotonic), on_events)
 
     def modal_before(self, lines: Sequence[str]) -> ModalState:
         if "bad" in lines:
             raise ProgramRejected([Diagnostic(code="MC101", message="bad line", line=lines.index("bad") + 1)])
         return ModalState(inch="G20" in lines, incremental="G91" in lines)
 
-    def make(self, request: PipelineRequest, sink: MotionSink) -> FakePipeline:
+    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> FakePipeline:
         if self.failure is not None:
             raise self.failure
         assert isinstance(sink, FakeSink)
-        pipeline = self.made[request.program] = FakePipeline(request, sink, self.gate)
+        pipeline = self.made[request.program] = FakePipeline(request, lines, sink, self.gate)
         return pipeline
 
 

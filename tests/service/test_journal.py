@@ -8,67 +8,69 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from mcserver.errors import ServiceError
-from mcserver.service.journal import Journal, JournalBounds, open_journal, prune
+from mcserver.service.journal import Journal
+from mcserver.service.journal_file import JournalBounds, open_journal, prune
 from mcserver.service.journal_reader import read_lines_before, read_programs, read_reports
 from mcserver.service.reports import Fault, LineReport
 
 LIMIT_S = 5.0
 
 CRASHING = """
-import sys, threading
+import queue, sys
+from functools import partial
 from pathlib import Path
 from mcserver.service.journal import Journal
 
-written = threading.Event()
-
-def committed(tags):
-    print(*tags, flush=True)
-    if "written" in tags:
-        written.set()
-
-journal = Journal(Path(sys.argv[1]), on_commit=committed, on_failure=print)
+calls = queue.SimpleQueue()
+journal = Journal(Path(sys.argv[1]), call_soon=calls.put, on_failure=print)
 journal.server_started("crashed", 1.0)
 journal.program_opened("p-1", instance="crashed", client="hmi", name="demo", axes=[0, 1], start_line=1,
                        on_disconnect="stop", resume_of=None, at=2.0)
 line = 0
 while True:
     line += 1
-    if line % 3 == 0 and journal.lines_at_once("p-1", line, [f"G01 X{line}"]):
-        committed([f"line{line}"])
-    else:
-        journal.lines("p-1", line, [f"G01 X{line}"], f"line{line}")
+    committed = partial(print, f"line{line}", flush=True)
+    journal.lines("p-1", line, [f"G01 X{line}"], committed, urgent=line % 3 == 0)
     if line % 7 == 0:
         journal.progress("p-1", line - 2, line - 3)
     if line % 50 == 0:
-        written.clear()
-        journal.after("written")
-        written.wait()
+        written = []
+        journal.after(partial(written.append, True))
+        while not written:
+            calls.get()()
 """
 
 
 class Kept:
-    """A journal and the tags that it has handed back."""
+    """A journal, owned by the test's thread, and the names of what it has committed."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.tags: queue.SimpleQueue[object] = queue.SimpleQueue()
-        self.failures: queue.SimpleQueue[str] = queue.SimpleQueue()
-        self.journal = Journal(path, on_commit=self._committed, on_failure=self.failures.put)
+        self.committed: list[str] = []
+        self.failures: list[str] = []
+        self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self.journal = Journal(path, call_soon=self._calls.put, on_failure=self.failures.append)
 
-    def _committed(self, tags: list[object]) -> None:
-        for tag in tags:
-            self.tags.put(tag)
+    def named(self, name: str) -> Callable[[], None]:
+        """A callback that notes the name."""
+        return partial(self.committed.append, name)
+
+    def turn(self) -> None:
+        """Waits for one call of the writer's thread and makes it."""
+        self._calls.get(timeout=LIMIT_S)()
 
     def settle(self) -> None:
         """Waits until everything written so far is committed."""
-        self.journal.after("settled")
-        while self.tags.get(timeout=LIMIT_S) != "settled":
-            pass
+        settled: list[bool] = []
+        self.journal.after(partial(settled.append, True))
+        while not settled:
+            self.turn()
 
     def open(self, program: str, *, start_line: int = 1, before: list[str] | None = None) -> None:
         self.journal.program_opened(
@@ -121,26 +123,42 @@ def test_lines_behind_a_rejected_one_do_not_count(make: Callable[[], Kept]) -> N
     assert program.accepted == 3
 
 
-def test_lines_committed_at_once_are_there_when_the_call_returns(make: Callable[[], Kept]) -> None:
+def test_urgent_lines_are_there_when_the_call_returns(make: Callable[[], Kept]) -> None:
     kept = make()
     kept.open("p")
     kept.settle()
-    assert kept.journal.lines_at_once("p", 1, ["one"])
+    kept.journal.lines("p", 1, ["one"], kept.named("one"), urgent=True)
+    assert kept.committed == ["one"]
     assert read_lines_before(kept.path, "p", 2) == ["one"]
 
 
-def test_lines_do_not_overtake_those_that_wait_for_the_thread(make: Callable[[], Kept]) -> None:
+def test_urgent_lines_do_not_overtake_those_that_wait_for_the_thread(make: Callable[[], Kept]) -> None:
     kept = make()
     kept.open("p")
     kept.settle()
     blocker = sqlite3.connect(kept.path, isolation_level=None)
     blocker.execute("BEGIN IMMEDIATE")
-    kept.journal.lines("p", 1, ["one"])
-    assert not kept.journal.lines_at_once("p", 2, ["two"])
+    kept.journal.lines("p", 1, ["one"], kept.named("one"))
+    kept.journal.lines("p", 2, ["two"], kept.named("two"), urgent=True)
+    assert kept.committed == []
     blocker.execute("ROLLBACK")
     blocker.close()
     kept.settle()
-    assert read_lines_before(kept.path, "p", 2) == ["one"]
+    assert kept.committed == ["one", "two"]
+    assert read_lines_before(kept.path, "p", 3) == ["one", "two"]
+
+
+def test_urgent_lines_do_not_overtake_callbacks_that_have_not_run(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.settle()
+    kept.journal.lines("p", 1, ["one"], kept.named("one"))
+    while not read_programs(kept.path, limit=1)[0].accepted:
+        continue
+    kept.journal.lines("p", 2, ["two"], kept.named("two"), urgent=True)
+    assert kept.committed == []
+    kept.settle()
+    assert kept.committed == ["one", "two"]
 
 
 def test_lines_with_any_character_come_back_as_they_were(make: Callable[[], Kept]) -> None:
@@ -211,13 +229,12 @@ def test_a_killed_process_loses_nothing_that_was_committed(tmp_path: Path) -> No
         assert process.stdout is not None
         seen = 0
         for text in process.stdout:
-            lines = [int(tag[4:]) for tag in text.split() if tag.startswith("line")]
-            seen = max([seen, *lines])
+            seen = max(seen, int(text.strip().removeprefix("line")))
             if seen > 2000:
                 break
         process.send_signal(signal.SIGKILL)
         for text in process.stdout:
-            seen = max([seen, *(int(tag[4:]) for tag in text.split() if tag.startswith("line"))])
+            seen = max(seen, int(text.strip().removeprefix("line")))
     (program,) = read_programs(path, limit=5)
     assert program.state == "interrupted"
     assert program.accepted >= seen
@@ -232,12 +249,15 @@ def test_a_journal_that_cannot_be_written_commits_once_it_can(make: Callable[[],
     blocker = sqlite3.connect(kept.path, isolation_level=None)
     blocker.execute("PRAGMA busy_timeout=0")
     blocker.execute("BEGIN EXCLUSIVE")
-    kept.journal.lines("p", 1, ["one"], "first")
-    assert "locked" in kept.failures.get(timeout=10.0)
-    assert kept.tags.empty()
+    kept.journal.lines("p", 1, ["one"], kept.named("first"))
+    kept.turn()
+    assert "locked" in kept.failures[0]
+    assert not kept.committed
     blocker.execute("ROLLBACK")
     blocker.close()
-    assert kept.tags.get(timeout=10.0) == "first"
+    while not kept.committed:
+        kept.turn()
+    assert kept.failures[-1] == ""
 
 
 def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcserver.planning.pipeline_reports import Report, ReportKind
+from mcserver.planning.planner_messages import Report, ReportKind
 from mcserver.service.progress import LineProgress
 
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
+import sqlite3
+from collections.abc import AsyncIterator
+from pathlib import Path
+
 import pytest
 
-from mcserver.errors import ServiceError
+from mcserver.errors import RejectedLines, ServiceError
 from mcserver.executor.entries import EventKind
 from mcserver.gcode.semantics.modal import ModalState
-from mcserver.service.refusals import RejectedLines
-from tests.service.conftest import Bench
+from mcserver.service.journal_file import open_journal
+from tests.service.conftest import LIMIT_S, Bench
 from tests.service.fakes import executed_lines
 
 
@@ -315,3 +320,83 @@ async def test_too_long_a_line_is_rejected_like_a_faulty_one(bench: Bench) -> No
     with pytest.raises(RejectedLines) as rejected:
         await bench.service.submit("hmi", program.program, 1, ["G01 " + "X" * 9000])
     assert rejected.value.code == "MC513"
+
+
+class FullDisk:
+    """A journal's connection to a disk that can be full."""
+
+    def __init__(self, path: Path) -> None:
+        self.full = False
+        self._connection = open_journal(path)
+
+    def execute(self, statement: str, parameters: tuple[object, ...] = ()) -> object:
+        if self.full:
+            raise sqlite3.OperationalError("database or disk is full")
+        return self._connection.execute(statement, parameters)
+
+    def __enter__(self) -> None:
+        self._connection.__enter__()
+
+    def __exit__(self, *failure: object) -> None:
+        self._connection.__exit__(*failure)
+
+    def close(self) -> None:
+        self._connection.close()
+
+
+@pytest.fixture
+async def full_disk(tmp_path: Path) -> AsyncIterator[tuple[Bench, FullDisk]]:
+    disks: list[FullDisk] = []
+
+    def connect(path: Path) -> FullDisk:
+        disks.append(FullDisk(path))
+        return disks[-1]
+
+    made = Bench(tmp_path / "journal.db", connect=connect)
+    made.service.start()
+    yield made, disks[0]
+    disks[0].full = False
+    await made.service.stop()
+
+
+async def test_with_a_full_disk_the_next_submit_is_refused_and_not_left_waiting(
+    full_disk: tuple[Bench, FullDisk], caplog: pytest.LogCaptureFixture
+) -> None:
+    bench, disk = full_disk
+    program = await bench.service.open("hmi")
+    await bench.service.submit("hmi", program.program, 1, ["move"])
+    disk.full = True
+    async with asyncio.timeout(LIMIT_S):
+        for lines in (["move"], ["move"], ["move", "move"]):
+            with pytest.raises(ServiceError) as refused:
+                await bench.service.submit("hmi", program.program, 2, lines)
+            assert refused.value.code == "MC519"
+        with pytest.raises(ServiceError) as refused:
+            bench.service.close("hmi", program.program)
+        assert refused.value.code == "MC519"
+        with pytest.raises(ServiceError) as refused:
+            await bench.service.open("hmi")
+        assert refused.value.code == "MC519"
+    assert program.journaled == 1
+    assert "cannot be written" in caplog.text
+    assert executed_lines(bench.pipelines, program.program) == [1]
+
+
+async def test_what_was_refused_with_a_full_disk_runs_once_when_there_is_room(
+    full_disk: tuple[Bench, FullDisk],
+) -> None:
+    bench, disk = full_disk
+    program = await bench.service.open("hmi")
+    await bench.service.submit("hmi", program.program, 1, ["move"])
+    disk.full = True
+    with pytest.raises(ServiceError):
+        await bench.service.submit("hmi", program.program, 2, ["move"])
+    bench.service.stream(program.program, 3, ["move"])
+    disk.full = False
+    await bench.until(lambda: program.journaled >= 2)
+    taken = await bench.service.submit("hmi", program.program, 2, ["move", "move"])
+    assert taken.journaled == 3
+    closed = await bench.service.close("hmi", program.program)
+    assert closed.journaled == 3
+    await bench.until_acked(program.program, state="finished", done=3)
+    assert executed_lines(bench.pipelines, program.program) == [1, 2, 3]

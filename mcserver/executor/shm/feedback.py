@@ -47,7 +47,7 @@ class SlotState(enum.IntEnum):
     IDLE = 0  # never opened
     RUNNING = 1
     HELD = 2  # at standstill by feed hold, or by an override of 0
-    PAUSED = 3  # M00, M01 or single line: until resumed or stepped
+    PAUSED = 3  # M00, M01: until resumed
     STARVED = 4  # at standstill inside a motion whose rows have not come
     STOPPING = 5
     STOPPED = 6  # aborted; axes hold

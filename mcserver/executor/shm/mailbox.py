@@ -16,8 +16,7 @@ SLOTS = 8
 _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _EXECUTOR_BEAT = range(9)
 _EXECUTOR_STATE, _QUIT, _EPOCH = 9, 10, 11
 _HEAD = 16
-_S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_STEP, _S_SINGLE, _S_GENERATION = range(7)
-_S_AXES, _S_ROWS, _S_CONTROLS = 7, 8, 9
+_S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_GENERATION, _S_AXES, _S_ROWS, _S_CONTROLS = range(8)
 _SLOT = 16
 
 OVERRIDE_MAX = 2.0
@@ -32,8 +31,6 @@ class SlotOrders:
     hold: bool
     abort: int
     resume: int
-    step: int
-    single_line: bool
     generation: int
     axes: int
     rows_base: int
@@ -122,10 +119,9 @@ class CommandMailbox:
             words[at + _S_AXES] = _signed(axes_mask)
             words[at + _S_ROWS], words[at + _S_CONTROLS] = base
             words[at + _S_HOLD] = int(hold)
-            words[at + _S_SINGLE] = 0
             # requests count from the program's beginning, so that none made for another one is taken for its
             # own
-            words[at + _S_ABORT] = words[at + _S_RESUME] = words[at + _S_STEP] = 0
+            words[at + _S_ABORT] = words[at + _S_RESUME] = 0
             self._numbers[at + _S_OVERRIDE] = _bounded(override)
             words[at + _S_GENERATION] += 1
             words[_CHANGES] += 1
@@ -140,10 +136,6 @@ class CommandMailbox:
         """Feed hold, or its end; of all programs without ``slot``."""
         self._set(_HOLD if slot is None else self._of(slot) + _S_HOLD, int(hold))
 
-    def set_single_line(self, single: bool, slot: int) -> None:
-        """Whether the program stops after each line until `step`."""
-        self._set(self._of(slot) + _S_SINGLE, int(single))
-
     def abort(self, slot: int) -> None:
         """Stops a program along its path and drops what is left of it."""
         self._count(self._of(slot) + _S_ABORT)
@@ -152,10 +144,6 @@ class CommandMailbox:
         """Ends feed hold of a slot, M00 and M01."""
         self.set_hold(False, slot)
         self._count(self._of(slot) + _S_RESUME)
-
-    def step(self, slot: int) -> None:
-        """Lets the next line run in single-line mode."""
-        self._count(self._of(slot) + _S_STEP)
 
     def stop(self) -> None:
         """Aborts every program and stops every axis within its limits; axes stay energized."""
@@ -242,8 +230,6 @@ class CommandMailbox:
             hold=words[at + _S_HOLD] != 0,
             abort=words[at + _S_ABORT],
             resume=words[at + _S_RESUME],
-            step=words[at + _S_STEP],
-            single_line=words[at + _S_SINGLE] != 0,
             generation=generation,
             axes=words[at + _S_AXES] & _ALL,
             rows_base=words[at + _S_ROWS],

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import msgspec
 import numpy as np
 
 from mcserver.executor.shm.feedback import AxisCondition, FeedbackState
 from mcserver.machine.machine_file import Machine
-from mcserver.service.motion_port import SlotView
 
 ENERGIZED = frozenset(
     {
@@ -21,8 +21,15 @@ ENERGIZED = frozenset(
 )
 
 
+class SlotView(msgspec.Struct, frozen=True):
+    """One executor slot: where its program is on its time axis, and how fast that passes."""
+
+    u: float
+    rate: float
+
+
 class ExecutorView:
-    """Of one machine.
+    """Programs and axes of one machine.
 
     Args:
         machine: its axes, in the order of the executor's columns.

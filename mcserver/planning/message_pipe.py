@@ -1,0 +1,83 @@
+"""Messages over a stream socket between two processes; neither side ever waits for the other."""
+
+from __future__ import annotations
+
+import socket
+import struct
+
+# Bytes taken from the socket in one go; what remains is taken in the next.
+READ_BYTES = 1 << 18
+_LENGTH = struct.Struct("<I")
+
+
+class MessagePipe:
+    """One end. What the socket does not take at once is kept here, and sent by `flush`.
+
+    Args:
+        end: connected; belongs to the pipe from now on.
+    """
+
+    def __init__(self, end: socket.socket) -> None:
+        end.setblocking(False)
+        self._socket = end
+        self._received = bytearray()
+        self._unsent = bytearray()
+
+    def fileno(self) -> int:
+        """Descriptor to select or poll."""
+        return self._socket.fileno()
+
+    @property
+    def blocked(self) -> bool:
+        """Whether something waits to be sent."""
+        return bool(self._unsent)
+
+    def send(self, payload: bytes) -> None:
+        """Send a message behind those before it.
+
+        Raises:
+            OSError: the other end is gone.
+        """
+        self._unsent += _LENGTH.pack(len(payload))
+        self._unsent += payload
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what waits, as far as the socket takes it. Raises OSError as `send`."""
+        try:
+            while self._unsent:
+                sent = self._socket.send(self._unsent)
+                del self._unsent[:sent]
+        except BlockingIOError:
+            return
+
+    def receive(self) -> list[bytes]:
+        """Take the messages that have come, in order; a bounded number of bytes a call.
+
+        Raises:
+            EOFError: the other end has closed, or is gone; all messages before have been taken.
+        """
+        try:
+            part = self._socket.recv(READ_BYTES)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise EOFError from error
+        if not part:
+            raise EOFError
+        received = self._received
+        received += part
+        messages, at = [], 0
+        while len(received) - at >= _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(received, at)
+            if len(received) - at - _LENGTH.size < length:
+                break
+            at += _LENGTH.size
+            messages.append(bytes(received[at : at + length]))
+            at += length
+        del received[:at]
+        return messages
+
+    def close(self) -> None:
+        """Close this end; the other one reads to the end of what was sent."""
+        self._socket.close()
