@@ -61,7 +61,7 @@ def test_asking_twice_or_for_nothing_is_a_mistake(axes: list[int]) -> None:
         table.request("a", axes)
 
 
-@settings(max_examples=60)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.booleans(), st.frozensets(st.integers(0, 5), min_size=1)), max_size=40))
 def test_leases_never_overlap_and_everyone_is_served_at_last(
     steps: list[tuple[bool, frozenset[int]]],
