@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
-from mcserver.executor.playback.rate import RateRamp, Slopes
+from mcserver.executor.playback.rate import RateAccelerationLimits, RateRamp
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.machine.machine_file import Axis, Machine
 
@@ -174,9 +174,9 @@ class IndependentMotions:
                 mask |= 1 << motion.column
         return mask
 
-    def slopes(self, slot: int, rate: float) -> Slopes:
+    def slopes(self, slot: int, rate: float) -> RateAccelerationLimits:
         """How fast the rate of a slot's position motions may fall and rise [1/s]."""
-        slopes = Slopes()
+        slopes = RateAccelerationLimits()
         for motion in self._motions.values():
             if motion.slot != slot or motion.kind is not MotionKind.POSITION:
                 continue

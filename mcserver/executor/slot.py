@@ -17,7 +17,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import NEAR_U, Playback
 from mcserver.executor.playback.rate import RateRamp
-from mcserver.executor.playback.rate_limits import Pace
+from mcserver.executor.playback.rate_limits import RateLimiter
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
@@ -47,7 +47,7 @@ class ProgramSlot:
         self.ring = ring
         self.playback = Playback(ring, cycle.row, cycle.bank.masks, cycle.machine)
         self._queue = ControlQueue(ring, self.playback)
-        self._pace = Pace(ring, self.playback, cycle.machine)
+        self._rate_limiter = RateLimiter(ring, self.playback, cycle.machine)
         self.ramp = RateRamp(cycle.cycle_s)
         self.rapid_ramp = RateRamp(cycle.cycle_s)
         self.axes = 0
@@ -345,12 +345,12 @@ class ProgramSlot:
                 limit = before = 0.0
             elif edge is not None or wanted > 1.0:
                 self.playback.seek(self.u)
-                limit = self._pace.fastest(self.u, ramp, wanted, edge)
+                limit = self._rate_limiter.fastest(self.u, ramp, wanted, edge)
             if before != limit and self.playback.unmoved(self.u):
                 before = min(limit, 1.0)
                 ramp.jump(before)
             elif before != limit:
-                ramp.step(limit, self._pace.slopes(self.u, before))
+                ramp.step(limit, self._rate_limiter.slopes(self.u, before))
             self._note_starved(dry, wanted)
         self._held = (self._hold or self._override <= 0.0) and ramp.rate <= STANDSTILL
         return 0.5 * (before + ramp.rate)

@@ -1,4 +1,4 @@
-"""What planning says of a segment: which limit stretched it, or that no time law was found."""
+"""What planning reports of a segment: the limit that stretched it, or that no velocity profile exists."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Bound:
-    """What stretched a segment: column and kind of limit."""
+    """The limit that stretched a segment: machine column and kind of limit."""
 
     column: int
     kind: str
 
 
 class PlanningError(Exception):
-    """No time law was found that keeps the limits: the line is refused rather than moved wrongly."""
+    """No velocity profile keeps the limits: the line is refused rather than moved wrongly."""
 
     def __init__(self, line: int) -> None:
         super().__init__(f"no time law for line {line}")

@@ -1,4 +1,4 @@
-"""What a line of G-code means, in SI: the seam between the dialect and motion.
+"""Canonical motion, in SI: what a line of G-code means, and the seam between dialect and motion.
 
 The interpreter of `mcserver.gcode` gives one of these for each line that does something; the planner
 turns it into setpoints. Plain frozen values that a test can compare.
@@ -98,8 +98,8 @@ class MotionLine(msgspec.Struct, frozen=True):
 
 
 class PlainRun(msgspec.Struct, frozen=True, eq=False):
-    """Lines of a single G01 each that follow one another and name the same axes: the same as so many
-    `MotionLine`, in columns, so that a long run costs no object a line.
+    """Consecutive lines of one G01 each over the same axes, in columns: the same as that many `MotionLine`,
+    without an object a line.
 
     Attributes:
         lines: shape (n,), numbers of the lines in the file or program, increasing.
@@ -126,11 +126,11 @@ class PlainRun(msgspec.Struct, frozen=True, eq=False):
 
     @property
     def line(self) -> int:
-        """The first of its lines."""
+        """Number of the first line."""
         return int(self.lines[0])
 
     def motion_lines(self) -> list[MotionLine]:
-        """The same, an object a line."""
+        """Return the lines as objects."""
         points = [tuple(point) for point in self.points.tolist()]
         speeds = [None] * len(self) if self.speeds is None else self.speeds.tolist()
         found = []
@@ -177,8 +177,9 @@ Canonical = MotionLine | AxisLine | PauseLine | EndLine
 
 
 def requested_of(line: MotionLine) -> float | None:
-    """Requested time of a line [s] (interfaces.md): that of its longest group; None where none asks
-    for a time."""
+    """Return the requested time of a line [s], that of its longest group; None where none requests a time
+    (interfaces.md).
+    """
     times = [
         group.requested if isinstance(group, FeedGroup) else group.seconds
         for group in line.groups

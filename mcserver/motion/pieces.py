@@ -1,4 +1,4 @@
-"""What planning gives besides rows: marks of lines, and which columns rows drive."""
+"""Output of the planner besides rows: marks of lines, and the columns that rows drive."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Activation(msgspec.Struct, frozen=True):
 
 
 class Deactivation(msgspec.Struct, frozen=True):
-    """Rows have stopped to drive the columns of ``mask`` at u; ``position`` (K,) is where they stay."""
+    """Rows no longer drive the columns of ``mask`` from u on; ``position`` (K,) is where they stay."""
 
     u: float
     line: int

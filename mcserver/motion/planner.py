@@ -1,6 +1,6 @@
 """The planner of one program: feed groups in, setpoint rows out, with a window that always ends at rest.
 
-The window holds segments that flow into each other. Its time law always comes to rest at its end. A
+The window holds segments that flow into each other. Its velocity profile always comes to rest at its end. A
 stretch is committed from the window's beginning up to a moment without acceleration that lies before
 that stop; what is left starts there at the speed reached, and is planned anew as more lines arrive. So
 the motion can always stop on the path, and never stops where more lines are there in time.
@@ -20,9 +20,9 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, place, segment_of
+from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
 from mcserver.motion.lookahead.lookahead import Lookahead
-from mcserver.motion.lookahead.parallel_groups import side_by_side
+from mcserver.motion.lookahead.parallel_groups import sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
@@ -61,8 +61,8 @@ class MotionPlanner:
 
     @property
     def pending(self) -> int:
-        """Segments in the window."""
-        return len(self._window.nodes)
+        """Number of segments in the window."""
+        return len(self._window.table)
 
     @property
     def full(self) -> bool:
@@ -75,12 +75,12 @@ class MotionPlanner:
     @property
     def moving(self) -> bool:
         """Whether what has been committed ends with a speed."""
-        return bool(self._window.nodes) and self._window.entry > 0.0
+        return bool(self._window.table) and self._window.entry > 0.0
 
     @property
     def end_u(self) -> float:
         """Where all that is in the window ends [cycles]."""
-        if not self._window.nodes:
+        if not self._window.table:
             return self.u
         try:
             return self.u + self._solved().phases.duration / self._cycle
@@ -88,13 +88,13 @@ class MotionPlanner:
             return self.u
 
     def segment(self, group: FeedGroup, line: int) -> Segment:
-        """The segment of a group; the commanded position moves on to its end."""
+        """Return the segment of a group; the commanded position advances to its end."""
         segment = segment_of(group, line, self._slots, self._linear)
-        place(segment, self.position)
+        anchor(segment, self.position)
         return segment
 
     def append(self, segment: Segment, *, from_rest: bool = False, tolerance: float = 0.0) -> None:
-        """Adds a segment that travels to the window.
+        """Append a segment that travels to the window.
 
         Args:
             from_rest: the motion stops before it.
@@ -104,12 +104,13 @@ class MotionPlanner:
         segment.active = self._active
         self._plan = None
         segment.tolerance = 0.0 if from_rest else tolerance
-        if segment.tolerance > 0.0 and self._window.nodes and self._round(segment):
+        if segment.tolerance > 0.0 and self._window.table and self._round(segment):
             return
         self._window.append(segment, from_rest=from_rest)
 
     def append_run(self, run: PlainRun, *, from_rest: bool = False) -> bool:
-        """Adds a run of plain lines whose corners stay; False, and nothing done, where one does not travel.
+        """Append a run of G01 lines whose corners stay; return False, with nothing done, where one does not
+        travel.
 
         The commanded position moves on to its end.
         """
@@ -123,16 +124,16 @@ class MotionPlanner:
         return True
 
     def _round(self, segment: Segment) -> bool:
-        """Rounds the corner before ``segment``, if that is faster; False where the corner stays."""
-        nodes = self._window.nodes
-        before = nodes.segments[-1]
+        """Round the corner before ``segment``, if that is faster; return False where the corner stays."""
+        table = self._window.table
+        before = table.segments[-1]
         if not before.closes:
             return False
         found = best_blend(self._window, segment, self._limits)
         if found is None:
             return False
-        untouched = nodes.mark()
-        nodes.replace(-1, found.before)
+        untouched = table.snapshot()
+        table.replace(-1, found.before)
         for part in (found.first, found.second, found.after):
             part.active = self._active
             self._window.append(part)
@@ -142,13 +143,13 @@ class MotionPlanner:
             try:
                 self._plan = self._window.plan()
             except PlanningError:
-                nodes.go_back(untouched)
+                table.restore(untouched)
                 return False
             self._reserve = None
         return True
 
     def _solved(self) -> PlannedRun:
-        """The time law of all that is in the window.
+        """Return the velocity profile of all that is in the window.
 
         Raises:
             PlanningError: there is none, and lines have come since the last one was found.
@@ -157,8 +158,8 @@ class MotionPlanner:
             try:
                 self._plan = self._window.plan()
             except PlanningError:
-                # the stop in reserve is a time law too, if nothing has come behind it
-                if self._reserve is None or self._reserve.window < len(self._window.nodes):
+                # the stop in reserve is a velocity profile too, if nothing has come behind it
+                if self._reserve is None or self._reserve.window < len(self._window.table):
                     raise
                 self._plan = self._reserve
         return self._plan
@@ -166,12 +167,12 @@ class MotionPlanner:
     # ------------------------------------------------------------------ committing
 
     def commit(self, want: float = math.inf) -> Iterator[Piece] | None:
-        """Commits up to ``want`` [cycles] or a little more, but not the stop at the window's end.
+        """Commit up to ``want`` [cycles] or a little more, but not the stop at the window's end.
 
         Returns:
             The output, to be taken in full before the next call; None where only the stop is left.
         """
-        if not self._window.nodes:
+        if not self._window.table:
             return None
         try:
             plan = self._solved()
@@ -183,31 +184,31 @@ class MotionPlanner:
             # window has to grow before the next one
             self._left = self.pending
             return None
-        nodes = self._window.nodes
+        table = self._window.table
         moment = plan.at_end(moment)
         rest = plan.after(moment)
-        nodes.drop(int(plan.nodes[len(plan.segments) - len(rest.segments)]))
+        table.drop(int(plan.window_index[len(plan.segments) - len(rest.segments)]))
         first = rest.segments[0]
-        if first.begin > nodes.segments[0].begin:
+        if first.begin > table.segments[0].begin:
             # what is left of a segment under way
-            nodes.replace(0, dataclasses.replace(nodes.segments[0], begin=first.begin, opens=False))
+            table.replace(0, dataclasses.replace(table.segments[0], begin=first.begin, opens=False))
         self._reserve = rest
         self._window.entry = max(float(rest.phases.velocity[0]), 0.0)
-        self._left = max(len(nodes), WINDOW // 2)
+        self._left = max(len(table), WINDOW // 2)
         origin, self.u = self.u, self.u + moment / self._cycle
         self._plan = None
         return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
 
     def _fall_back(self) -> Iterator[Piece]:
-        """Commits the stop that was planned before the last segments came; they go on from there.
+        """Commit the stop that was planned before the last segments came; they go on from there.
 
         Raises:
             PlanningError: there is none: the motion stands, and its first segment cannot be planned.
         """
         plan = self._reserve
         if plan is None:
-            raise PlanningError(self._window.nodes.segments[0].line)
-        self._window.nodes.drop(plan.window)
+            raise PlanningError(self._window.table.segments[0].line)
+        self._window.table.drop(plan.window)
         self._window.entry = 0.0
         self._reserve = None
         self._plan = None
@@ -215,8 +216,8 @@ class MotionPlanner:
         return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)
 
     def close(self) -> Iterator[Piece]:
-        """Commits all that is in the window, its stop included."""
-        if not self._window.nodes:
+        """Commit all that is in the window, its stop included."""
+        if not self._window.table:
             return iter(())
         try:
             plan = self._solved()
@@ -243,7 +244,7 @@ class MotionPlanner:
         yield Deactivation(float(whole_cycle(end)), last.line, mask, tuple(position.tolist()))
 
     def _output(self, plan: PlannedRun, origin: float, last: int, until: float) -> Iterator[Piece]:
-        """Rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s].
+        """Yield rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s].
 
         Each piece of rows comes behind the marks that stand before its last row; marks are in order of u.
         """
@@ -272,7 +273,7 @@ class MotionPlanner:
     def _marks(
         self, plan: PlannedRun, origin: float, until: float, latest: float
     ) -> Iterator[tuple[int, Piece]]:
-        """What happens before ``until`` [s], each with the last row that stands before it.
+        """Yield what happens before ``until`` [s], each with the last row that stands before it.
 
         Where the run closes, rounding must not put a mark behind its last row, ``latest``.
         """
@@ -299,8 +300,9 @@ class MotionPlanner:
                     yield row, LineMark(places[index + 1], segment.line, ends=True)
 
     def _moment(self, plan: PlannedRun, want: float) -> float:
-        """A moment without acceleration at or after ``want`` [s], before the stop begins; 0: there is
-        none."""
+        """Return a time with zero acceleration at or after ``want`` [s], before the stop begins; 0
+        without one.
+        """
         safe = self._stop_begins(plan)
         if want >= safe:
             return safe
@@ -325,8 +327,9 @@ class MotionPlanner:
         return moment
 
     def _stop_begins(self, plan: PlannedRun) -> float:
-        """The last moment without acceleration before the stop at the end [s]; 0 where the run is one
-        such stop."""
+        """Return the last time with zero acceleration before the stop at the end [s]; 0 where the run is
+        one such stop.
+        """
         if plan.segments[-1].duration is not None:
             # one profile from its entry to rest: nothing of it is settled before the next line is known
             return float(plan.times[-2])
@@ -350,28 +353,28 @@ class MotionPlanner:
     # ------------------------------------------------------------------ with an empty window
 
     def rest(self, cycles: float) -> None:
-        """Lets time pass without motion."""
+        """Let time pass without motion."""
         self.u += cycles
 
     def to_whole_cycle(self) -> None:
-        """Moves on to a whole cycle, where waits stand."""
+        """Advance to a whole cycle, where waits stand."""
         self.u = float(whole_cycle(self.u))
 
     def together(
         self, groups: list[FeedGroup], line: int
     ) -> tuple[Iterator[Piece], list[PlannedRun | None], float]:
-        """Groups that start together, each with a time law of its own from rest to rest (D-32).
+        """Plan groups that start together, each with a velocity profile of its own from rest to rest (D-32).
 
         Returns:
-            The output, which ends with the longest group, the groups' time laws (None: no travel), and
-            where the longest one ends on the program's time axis [cycles].
+            The output, which ends with the longest group, the groups' velocity profiles (None: no travel),
+            and where the longest one ends on the program's time axis [cycles].
         """
         base = self.position.copy()
         runs: list[PlannedRun | None] = []
         mask = 0
         for group in groups:
             segment = segment_of(group, line, self._slots, self._linear)
-            place(segment, self.position)
+            anchor(segment, self.position)
             segment.active = segment.mask
             mask |= segment.mask
             if segment.travels:
@@ -385,4 +388,4 @@ class MotionPlanner:
             origin + max((run.phases.duration for run in runs if run is not None), default=0.0) / self._cycle
         )
         self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
-        return side_by_side(runs, base, origin, whole_cycle(end), line, mask, self._cycle), runs, end
+        return sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle), runs, end

@@ -10,12 +10,12 @@ from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.geometry.blend import straight_blend
 from mcserver.motion.geometry.blend_choice import HANDLE, TOLERANCE_SHARES, best_blend
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
-from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, place, segment_of
+from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
 from mcserver.motion.kernels.compiled import compiles
 from mcserver.motion.lookahead.lookahead import Lookahead
-from mcserver.motion.lookahead.path_limits import Level
+from mcserver.motion.lookahead.path_limits import AccelerationLimit
 from mcserver.motion.profile.setpoint_sampling import sample
-from mcserver.motion.profile.speed_ramps import fastest
+from mcserver.motion.profile.speed_ramps import min_time_profiles
 from mcserver.motion.profile.velocity_profile import join
 
 _SLOTS = {0: 0, 1: 1}
@@ -57,7 +57,7 @@ def warm_up() -> None:
     window.enter_fast()
     window.entry = 0.0
     sample(window.plan(), 0.0, 1, 10, limits.cycle)
-    quickest = fastest(0.01, 0.0, 0.0, [Level(0.1, 1.0, 10.0)])
+    quickest = min_time_profiles(0.01, 0.0, 0.0, [AccelerationLimit(0.1, 1.0, 10.0)])
     assert quickest is not None
     join(quickest).time_at(np.array([0.0, 0.01]))
     _round_corners(limits)
@@ -65,7 +65,7 @@ def warm_up() -> None:
 
 def _segment(group: FeedGroup, line: int, position: Array) -> Segment:
     segment = segment_of(group, line, _SLOTS, np.ones(len(position), np.bool_))
-    place(segment, position)
+    anchor(segment, position)
     return segment
 
 
@@ -85,7 +85,7 @@ def _round_corners(limits: AxisLimits) -> None:
         best_blend(window, after, limits)
         # whichever way round the corner is the best one, all of them are called
         if after.straight:
-            assert straight_blend(window.nodes.segments[-1], after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
+            assert straight_blend(window.table.segments[-1], after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
         window.append(after)
         run = window.plan()
         assert run.timed.any()

@@ -200,7 +200,7 @@ class Pipeline:
                         Diagnostic(
                             code="MC290",
                             line=error.line,
-                            message="no time law keeps all limits on this line",
+                            message="no velocity profile keeps all limits on this line",
                             hint="give the line a lower F, or stop before it with G09 on the line above",
                         )
                     ]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mcserver.motion.geometry.blend import Blend, blend
 from mcserver.motion.geometry.curves import Array, Curve
-from mcserver.motion.geometry.segment import Segment, place, segment_of
+from mcserver.motion.geometry.segment import Segment, anchor, segment_of
 from tests.motion.measure import (
     acceleration_ratio,
     farthest_from_path,
@@ -33,7 +33,7 @@ def segment(curve: Curve, line: int, base: Array, feed: float = 0.1) -> Segment:
     made = segment_of(
         at_speed(feed, curve), line, {axis: axis for axis in range(WIDTH)}, np.ones(WIDTH, np.bool_)
     )
-    place(made, base.copy())
+    anchor(made, base.copy())
     made.active = made.mask
     return made
 
@@ -66,7 +66,7 @@ def dense_path(parts: list[Segment], count: int = 200) -> Array:
     return np.concatenate([part.sample(np.linspace(part.begin, part.finish, count))[0] for part in parts])
 
 
-def farthest(points: Array, path: Array) -> float:
+def max_distance_to_polyline(points: Array, path: Array) -> float:
     """Largest distance of points from the nearest of densely sampled ones, less half their spacing."""
     gap = np.sqrt(((points[:, None, :] - path[None, :, :]) ** 2).sum(axis=2))
     return float(gap.min(axis=1).max())
@@ -93,8 +93,8 @@ def test_a_blend_is_within_the_tolerance_in_either_direction(
         float(np.linalg.norm(np.diff(path, axis=0), axis=1).max()) for path in (rounded, left, right)
     )
     allowed = math.hypot(tolerance, spacing)
-    assert farthest(rounded, programmed) <= allowed
-    assert farthest(programmed, rounded) <= allowed
+    assert max_distance_to_polyline(rounded, programmed) <= allowed
+    assert max_distance_to_polyline(programmed, rounded) <= allowed
 
 
 @given(corners(), TOLERANCES)
@@ -147,7 +147,7 @@ def test_a_line_with_a_time_of_its_own_is_not_trimmed() -> None:
         {axis: axis for axis in range(WIDTH)},
         np.ones(WIDTH, np.bool_),
     )
-    place(timed, np.array([0.1, 0.0, 0.0]))
+    anchor(timed, np.array([0.1, 0.0, 0.0]))
     assert made_of(there, timed, 1e-3) is None
 
 

@@ -87,7 +87,7 @@ def test_a_rest_that_cannot_be_planned_anew_is_driven_as_it_was_planned(
 
     def only_from_rest(window: Lookahead) -> PlannedRun:
         if window.entry > 0.0:
-            raise PlanningError(window.nodes.segments[0].line)
+            raise PlanningError(window.table.segments[0].line)
         return planned(window)
 
     monkeypatch.setattr(Lookahead, "plan", only_from_rest)

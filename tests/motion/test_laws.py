@@ -73,8 +73,8 @@ def test_rounded_corners_keep_every_limit_and_the_tolerance(program: Program) ->
     assert farthest_from_path(motion) <= tolerance
     fastest = max(axis.max_acceleration / axis.type.si_per_unit * MM for axis in program.machine.axes)
     # rows are points of the commanded path: between two of them it bows by a·dt²/8, about a vertex by a·dt²/4
-    bow = np.sqrt(len(program.machine.axes)) * fastest * motion.cycle**2 / 4.0
-    assert path_missed_by(motion) <= tolerance + bow
+    chord_error = np.sqrt(len(program.machine.axes)) * fastest * motion.cycle**2 / 4.0
+    assert path_missed_by(motion) <= tolerance + chord_error
 
 
 @given(programs())

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mcserver.motion.kernels.ramp_kernels import change_distance, change_time, reachable_speed
-from mcserver.motion.lookahead.path_limits import Level
-from mcserver.motion.profile.speed_ramps import exactly, fastest, ramp
+from mcserver.motion.kernels.ramp_kernels import ramp_distance, ramp_time, reachable_speed
+from mcserver.motion.lookahead.path_limits import AccelerationLimit
+from mcserver.motion.profile.speed_ramps import min_time_profiles, profiles_in_time, ramp
 from mcserver.motion.profile.velocity_profile import (
     Phases,
     Profile,
@@ -55,7 +55,9 @@ def test_a_duration_that_is_long_enough_is_kept_exactly(
 ) -> None:
     wanted = slower * (1.0 + 1e-9) * rest_to_rest(distance, velocity, acceleration, jerk) + 1e-9
     assume(wanted < A_DAY)
-    made = exactly(ProfileSolver(), distance, 0.0, 0.0, [Level(velocity, acceleration, jerk)], wanted)
+    made = profiles_in_time(
+        ProfileSolver(), distance, 0.0, 0.0, [AccelerationLimit(velocity, acceleration, jerk)], wanted
+    )
     assert made is not None
     assert sum(part.duration for part in made) == pytest.approx(wanted, rel=1e-9, abs=1e-6)
     # over hours the solver's own rounding grows to nanometres; the end itself is exact in `Phases`
@@ -154,8 +156,8 @@ def test_a_ramp_is_the_quickest_change_of_speed(
     assume(start != end)
     made = ramp(start * velocity, end * velocity, acceleration, jerk)
     low, high = sorted((start * velocity, end * velocity))
-    assert made.duration == pytest.approx(change_time(low, high, acceleration, jerk))
-    assert made.positions[-1] == pytest.approx(change_distance(low, high, acceleration, jerk))
+    assert made.duration == pytest.approx(ramp_time(low, high, acceleration, jerk))
+    assert made.positions[-1] == pytest.approx(ramp_distance(low, high, acceleration, jerk))
     assert made.velocities[-1] == pytest.approx(end * velocity)
     assert made.peak_acceleration <= acceleration * (1.0 + 1e-12)
 
@@ -167,22 +169,26 @@ def test_the_reachable_speed_is_reached_in_the_distance_and_no_more(
 ) -> None:
     speed = reachable_speed(low * cap, distance, acceleration, jerk, cap)
     assert low * cap <= speed <= cap
-    assert change_distance(low * cap, speed, acceleration, jerk) <= distance * (1.0 + 1e-6)
+    assert ramp_distance(low * cap, speed, acceleration, jerk) <= distance * (1.0 + 1e-6)
     if speed < cap:
-        beyond = change_distance(low * cap, speed * (1.0 + 1e-6) + 1e-12, acceleration, jerk)
+        beyond = ramp_distance(low * cap, speed * (1.0 + 1e-6) + 1e-12, acceleration, jerk)
         assert beyond >= distance * (1.0 - 1e-6)
 
 
 LADDERS = st.sampled_from(
     [
-        [Level(0.2, 2.0, math.inf)],
-        [Level(0.1, 2.0, 100.0), Level(0.15, 1.0, 50.0), Level(0.2, 0.2, 20.0)],
+        [AccelerationLimit(0.2, 2.0, math.inf)],
         [
-            Level(0.09, 9.0, 1e4),
-            Level(0.13, 7.0, 9e3),
-            Level(0.16, 5.0, 7e3),
-            Level(0.18, 3.0, 5e3),
-            Level(0.2, 0.3, 1e3),
+            AccelerationLimit(0.1, 2.0, 100.0),
+            AccelerationLimit(0.15, 1.0, 50.0),
+            AccelerationLimit(0.2, 0.2, 20.0),
+        ],
+        [
+            AccelerationLimit(0.09, 9.0, 1e4),
+            AccelerationLimit(0.13, 7.0, 9e3),
+            AccelerationLimit(0.16, 5.0, 7e3),
+            AccelerationLimit(0.18, 3.0, 5e3),
+            AccelerationLimit(0.2, 0.3, 1e3),
         ],
     ]
 )
@@ -194,11 +200,11 @@ LADDERS = st.sampled_from(
 def test_round_numbers_at_the_borders_between_kinds_of_profiles_are_solved(
     velocity: float, acceleration: float, jerk: float
 ) -> None:
-    borders = {2.0 * change_distance(0.0, velocity, acceleration, jerk)}
+    borders = {2.0 * ramp_distance(0.0, velocity, acceleration, jerk)}
     if math.isfinite(jerk):
         borders.add(2.0 * acceleration**3 / jerk**2)
     for distance in [*sorted(borders), 1e-5, 0.001, 0.01, 0.02, 0.04, 0.05, 0.1]:
-        made = fastest(distance, 0.0, 0.0, [Level(velocity, acceleration, jerk)])
+        made = min_time_profiles(distance, 0.0, 0.0, [AccelerationLimit(velocity, acceleration, jerk)])
         assert made is not None
         least = rest_to_rest(distance, velocity, acceleration, jerk)
         assert sum(part.duration for part in made) == pytest.approx(least, rel=1e-6)
@@ -207,13 +213,13 @@ def test_round_numbers_at_the_borders_between_kinds_of_profiles_are_solved(
 
 @given(LADDERS, DISTANCES)
 @law(60)
-def test_a_ladder_is_climbed_within_its_rungs(ladder: list[Level], distance: float) -> None:
-    made = fastest(distance, 0.0, 0.0, ladder)
+def test_a_ladder_is_climbed_within_its_rungs(limit_table: list[AccelerationLimit], distance: float) -> None:
+    made = min_time_profiles(distance, 0.0, 0.0, limit_table)
     assert made is not None
     assert sum(part.positions[-1] for part in made) == pytest.approx(distance, rel=1e-9)
     for part in made:
-        level = next(level for level in ladder if part.peak_velocity <= level.velocity * (1.0 + 1e-9))
-        assert part.peak_acceleration <= level.acceleration * (1.0 + 1e-9)
+        row = next(row for row in limit_table if part.peak_velocity <= row.velocity * (1.0 + 1e-9))
+        assert part.peak_acceleration <= row.acceleration * (1.0 + 1e-9)
     for before, after in itertools.pairwise(made):
         assert after.velocities[0] == pytest.approx(before.velocities[-1], rel=1e-9)
 
@@ -221,11 +227,11 @@ def test_a_ladder_is_climbed_within_its_rungs(ladder: list[Level], distance: flo
 @given(LADDERS, DISTANCES, st.sampled_from([1.0, 1.001, 1.2, 3.0, 50.0]))
 @law(60)
 def test_a_ladder_keeps_every_duration_from_the_quickest_on(
-    ladder: list[Level], distance: float, slower: float
+    limit_table: list[AccelerationLimit], distance: float, slower: float
 ) -> None:
-    quickest = fastest(distance, 0.0, 0.0, ladder)
+    quickest = min_time_profiles(distance, 0.0, 0.0, limit_table)
     assert quickest is not None
     wanted = slower * sum(part.duration for part in quickest) + 1e-9
-    made = exactly(ProfileSolver(), distance, 0.0, 0.0, ladder, wanted)
+    made = profiles_in_time(ProfileSolver(), distance, 0.0, 0.0, limit_table, wanted)
     assert made is not None
     assert sum(part.duration for part in made) == pytest.approx(wanted, abs=1e-6)

@@ -10,8 +10,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mcserver.motion.kernels.corner_trajectory import ways_at
-from mcserver.motion.kernels.min_time_trajectories import HALVINGS, PHASES, quickest_ways
+from mcserver.motion.kernels.corner_trajectory import evaluate_trajectories
+from mcserver.motion.kernels.min_time_trajectories import HALVINGS, PHASES, min_time_trajectories
 from mcserver.motion.profile.velocity_profile import ProfileSolver
 from tests.motion.test_laws import law
 
@@ -50,28 +50,30 @@ def courses(draw: st.DrawFn) -> tuple[Array, Array, float]:
 @law(300)
 def test_ways_keep_the_limits_and_meet_both_states(made: tuple[Array, Array, float], cruising: bool) -> None:
     states, limits, time = made
-    ways = np.empty((len(states), PHASES, 5))
-    found = quickest_ways(states, limits, time, cruising, ways)
+    trajectories = np.empty((len(states), PHASES, 5))
+    found = min_time_trajectories(states, limits, time, cruising, trajectories)
     if cruising and math.isinf(found):
         return
     assert found <= time
     at = np.empty((4, 2, len(states)))
-    ways_at(ways, np.array([0.0, found]), at)
+    evaluate_trajectories(trajectories, np.array([0.0, found]), at)
     speed = np.abs(states[:, 1:3]).max(axis=1) + limits[0] * found
     assert at[0, 0] == pytest.approx(np.zeros(len(states)), abs=1e-12)
     assert at[0, 1] == pytest.approx(states[:, 0], abs=1e-12)
     # the rest of a bisection is spread over the way
     assert (np.abs(at[1] - states[:, 1:3].T) <= 1e-6 * speed).all()
     for k, (most, jerk) in enumerate(limits.T):
-        lasts = np.append(ways[k, 1:, 0], found) - ways[k, :, 0]
+        lasts = np.append(trajectories[k, 1:, 0], found) - trajectories[k, :, 0]
         assert (lasts >= -1e-15).all()
-        last = ways[k, :, 3] + lasts * ways[k, :, 4]
+        last = trajectories[k, :, 3] + lasts * trajectories[k, :, 4]
         real = lasts > 1e-12
-        assert np.abs(np.concatenate((ways[k, real, 3], last[real]))).max(initial=0.0) <= most * (1.0 + 1e-9)
+        assert np.abs(np.concatenate((trajectories[k, real, 3], last[real]))).max(initial=0.0) <= most * (
+            1.0 + 1e-9
+        )
         if math.isfinite(jerk):
-            assert np.abs(ways[k, real, 4]).max(initial=0.0) <= jerk * (1.0 + 1e-6)
+            assert np.abs(trajectories[k, real, 4]).max(initial=0.0) <= jerk * (1.0 + 1e-6)
             # acceleration goes on where one phase meets the next
-            ends = np.append(ways[k, real, 3], states[k, 4])
+            ends = np.append(trajectories[k, real, 3], states[k, 4])
             assert ends[1:] == pytest.approx(last[real], abs=1e-6 * (most + jerk * found))
             assert ends[0] == pytest.approx(states[k, 3], abs=1e-6 * (most + jerk * found))
 
@@ -89,30 +91,34 @@ def test_one_axis_is_as_quick_as_can_be(
     # at speed there may be no way that takes much longer, from rest to rest there is one for any time
     longest = best.duration * (4.0 if v0 == v1 == 0.0 else 1.0 + 1e-6)
     states = np.array([[travel, v0, v1, 0.0, 0.0]])
-    found = quickest_ways(states, np.array([[most], [jerk]]), longest, False, np.empty((1, PHASES, 5)))
+    found = min_time_trajectories(
+        states, np.array([[most], [jerk]]), longest, False, np.empty((1, PHASES, 5))
+    )
     assume(v0 == v1 == 0.0 or math.isfinite(found))
     assert found <= best.duration * (1.0 + 1e-6) + longest / 2.0**HALVINGS
     assert found >= best.duration * (1.0 - 1e-6)
 
 
 def test_there_may_be_no_way_in_the_time() -> None:
-    ways = np.empty((1, PHASES, 5))
+    trajectories = np.empty((1, PHASES, 5))
     limits = np.array([[1.0], [math.inf]])
-    assert math.isinf(quickest_ways(np.array([[1.0, 0.0, 0.0, 0.0, 0.0]]), limits, 1.9, False, ways))
-    assert quickest_ways(np.array([[1.0, 0.0, 0.0, 0.0, 0.0]]), limits, 2.1, False, ways) == pytest.approx(
-        2.0, abs=3e-4
+    assert math.isinf(
+        min_time_trajectories(np.array([[1.0, 0.0, 0.0, 0.0, 0.0]]), limits, 1.9, False, trajectories)
     )
+    assert min_time_trajectories(
+        np.array([[1.0, 0.0, 0.0, 0.0, 0.0]]), limits, 2.1, False, trajectories
+    ) == pytest.approx(2.0, abs=3e-4)
 
 
 def test_an_axis_with_plenty_of_time_does_not_run_back() -> None:
     """From rest to 1 m/s by 1 m/s² takes 1 s, while another axis needs 1.6 s."""
     states = np.array([[0.5, 0.0, 1.0, 0.0, 0.0], [1.1, 1.0, 0.0, 0.0, 0.0]])
-    ways = np.empty((2, PHASES, 5))
+    trajectories = np.empty((2, PHASES, 5))
     limits = np.array([[1.0, 1.0], [math.inf, math.inf]])
-    found = quickest_ways(states, limits, 4.0, True, ways)
+    found = min_time_trajectories(states, limits, 4.0, True, trajectories)
     assert found == pytest.approx(1.6, abs=1e-3)
     at = np.empty((4, 200, 2))
-    ways_at(ways, np.linspace(0.0, found, 200), at)
+    evaluate_trajectories(trajectories, np.linspace(0.0, found, 200), at)
     assert at[0, :, 0].min() >= -1e-6
     assert at[1].min() >= -1e-6
     assert at[1].max() <= 1.0 + 1e-6

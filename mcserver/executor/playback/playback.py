@@ -55,7 +55,7 @@ class Playback:
         self.open(0)
 
     def open(self, base: int) -> None:
-        """Begins with row number ``base``."""
+        """Begin with row number ``base``."""
         self.first = base
         self.following = base
         self.active = 0
@@ -84,7 +84,7 @@ class Playback:
         return float(self._u_cells[(written - 1) % self._ring.rows])
 
     def seek(self, u: float) -> None:
-        """Lets the row at or before u be the current one, and frees those before it."""
+        """Let the row at or before u be the current one, and frees those before it."""
         ring, cells = self._ring, self._u_cells
         number, written, rows = self.following, ring.rows_written, ring.rows
         bound = u + NEAR_U
@@ -96,7 +96,7 @@ class Playback:
             ring.free_rows(max(self.first, number - 1))
 
     def drop(self) -> None:
-        """Frees all rows: nothing more of this program is played."""
+        """Free all rows: nothing more of this program is played."""
         self.first = self.following = self._ring.rows_written
         self._ring.free_rows(self.following)
         self.active = self._fresh = 0
@@ -104,7 +104,7 @@ class Playback:
     # ------------------------------------------------------------------ beginning and ending
 
     def begin(self, mask: int, u: float) -> None:
-        """Rows drive these columns from u on, from where their setpoints are."""
+        """Return the rows drive these columns from u on, from where their setpoints are."""
         self.active |= mask
         self._fresh |= mask
         self._unchecked |= mask
@@ -114,7 +114,8 @@ class Playback:
         self._begun = u
 
     def end(self, mask: int, u: float, final: tuple[float, ...] | None) -> None:
-        """Rows have ended: the columns hold ``final``, else their last row, at or right after u."""
+        """Return the rows have ended: the columns hold ``final``, else their last row, at or right after
+        u."""
         mask &= self.active
         self.seek(u)
         bools = self._masks.bools(mask)
@@ -139,7 +140,7 @@ class Playback:
             self.first = self.following
 
     def leave(self, mask: int) -> None:
-        """Columns are not driven any more; their setpoints stay."""
+        """Return the columns are not driven any more; their setpoints stay."""
         mask &= self.active
         self._row.velocity[self._masks.bools(mask)] = 0.0
         self.active &= ~mask
@@ -175,7 +176,7 @@ class Playback:
         return self.active != 0 and self._fresh == self.active
 
     def unmoved(self, u: float) -> bool:
-        """Whether the motion stands at its very beginning."""
+        """Return whether the motion stands at its very beginning."""
         return self.at_start and u <= self._begun + NEAR_U
 
     @property
@@ -196,7 +197,7 @@ class Playback:
     # ------------------------------------------------------------------ playing
 
     def play(self, u: float, rate: float) -> None:
-        """Setpoints of the active columns at u; ``rate`` scales their velocities."""
+        """Return the setpoints of the active columns at u; ``rate`` scales their velocities."""
         self.seek(u)
         number = self.following - 1
         if number >= self.first:

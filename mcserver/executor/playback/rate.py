@@ -18,7 +18,7 @@ FLOOR_SHARE = 0.01
 NEAR = 1e-9
 
 
-class Slopes:
+class RateAccelerationLimits:
     """Largest slopes at which the rate may fall and rise so that |r²·q'' + r'·q'| stays within every axis's
     limit.
 
@@ -33,7 +33,7 @@ class Slopes:
         self.up = up
 
     def limit(self, speed: float, along: float, acceleration: float) -> None:
-        """Takes one axis into account.
+        """Take one axis into account.
 
         Args:
             speed: |q'| [m/s, rad/s]. along: r²·q'' in the direction of motion, negative where it brakes.
@@ -79,7 +79,7 @@ class RateRamp:
         self.rate = self.before = rate
         self.slope = 0.0
 
-    def step(self, target: float, slopes: Slopes) -> None:
+    def step(self, target: float, slopes: RateAccelerationLimits) -> None:
         """One cycle: the slope is limited, and builds up and fades within `SMOOTHING_S`."""
         cycle = self._cycle
         error = target - self.rate

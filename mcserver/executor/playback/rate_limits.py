@@ -10,12 +10,18 @@ import numpy as np
 
 from mcserver.executor.headroom import CAP, FULL, HALF, OWN, SLOPE_MAX
 from mcserver.executor.playback.playback import NEAR_U, Playback
-from mcserver.executor.playback.rate import FLOOR_SHARE, SMOOTHING_S, USED_SHARE, RateRamp, Slopes
+from mcserver.executor.playback.rate import (
+    FLOOR_SHARE,
+    SMOOTHING_S,
+    USED_SHARE,
+    RateAccelerationLimits,
+    RateRamp,
+)
 from mcserver.executor.shm.rings import ProgramRing, scalar_view
 from mcserver.machine.machine_file import Machine
 
 
-class Pace:
+class RateLimiter:
     """Looks at the rows ahead of a playback; see `mcserver.executor.headroom`."""
 
     def __init__(self, ring: ProgramRing, playback: Playback, machine: Machine) -> None:
@@ -28,13 +34,13 @@ class Pace:
         self._u_cells = scalar_view(ring.row_u)
         self._cells = scalar_view(ring.headroom)
 
-    def slopes(self, u: float, rate: float) -> Slopes:
+    def slopes(self, u: float, rate: float) -> RateAccelerationLimits:
         """How fast the rate may change over the rows that u passes in the next cycle."""
         ring, playback = self._ring, self._playback
         before = max(playback.following - 1, playback.first)
         last = ring.rows_written - 1
         if last < playback.first:
-            return Slopes()
+            return RateAccelerationLimits()
         passed = 2
         if before < playback.following:
             passed += int(u - self._u_cells[before % ring.rows] + rate - NEAR_U)
@@ -46,7 +52,7 @@ class Pace:
         speed = np.abs(velocity).max(axis=0) + 1e-30
         down = (np.maximum(self._room + along.min(axis=0), self._floor) / speed).min()
         up = (np.maximum(self._room - along.max(axis=0), self._floor) / speed).min()
-        return Slopes(min(float(down), SLOPE_MAX), min(float(up), SLOPE_MAX))
+        return RateAccelerationLimits(min(float(down), SLOPE_MAX), min(float(up), SLOPE_MAX))
 
     def fastest(self, u: float, ramp: RateRamp, target: float, edge: float | None) -> float:
         """The greatest rate, up to ``target``, from which u can still stop before ``edge`` and keep all
@@ -94,7 +100,7 @@ class Pace:
         return math.sqrt(lag * lag + max(min(w, most), 0.0)) - lag
 
     def _row_before(self, u: float) -> tuple[int, float]:
-        """Number of the last row at or before u, and the share of the way to the next one."""
+        """Return the number of the last row at or before u, and the share of the way to the next one."""
         ring, playback = self._ring, self._playback
         last = ring.rows_written - 1
         base = max(playback.following - 1, playback.first)
@@ -113,7 +119,8 @@ class Pace:
         return here + part * (there - here)
 
     def _least(self, first: int, last: int, *, near: bool) -> float:
-        """Least w that rows allow: by themselves, or (not ``near``) plus the sum that stands at them."""
+        """Return the least w that rows allow: by themselves, or (not ``near``) plus the sum that stands at
+        them."""
         ring = self._ring
         low, high = first % ring.rows, last % ring.rows
         slices = [slice(low, high + 1)] if low <= high else [slice(low, ring.rows), slice(0, high + 1)]

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array, PolynomialCurve, SampledCurve
 from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
 from mcserver.motion.kernels.junctions import length_of
-from mcserver.motion.kernels.polynomials import PLACES, half_of, polynomial_samples, power_basis
+from mcserver.motion.kernels.polynomials import SAMPLES, polynomial_samples, power_basis, restrict_polynomial
 from mcserver.motion.kernels.straight_corner import (
     Corner,
-    best_reach,
+    best_blend_distance,
     distance_from_corner,
-    farthest,
+    max_distance_to_polyline,
     quintic,
 )
 
@@ -31,12 +31,12 @@ from mcserver.motion.kernels.straight_corner import (
 SHARE = 0.49
 # Tangents that nearly oppose each other cannot be rounded: the curve would turn on the spot.
 REVERSAL = -0.95
-_S = np.linspace(0.0, 1.0, PLACES)
+_S = np.linspace(0.0, 1.0, SAMPLES)
 
 
 @dataclass(frozen=True)
 class Blend:
-    """Two segments with the rounded corner between them, which belongs half to each line."""
+    """Two segments and the rounded corner between them, half of which belongs to each line."""
 
     before: Segment
     first: Segment
@@ -47,7 +47,7 @@ class Blend:
 def blend(
     before: Segment, after: Segment, tolerance: float, per_axis: Array, handle_share: float
 ) -> Blend | None:
-    """Rounds the corner between two segments, or None where that is not possible.
+    """Round the corner between two segments; return None where that is not possible.
 
     Args:
         tolerance: largest distance from the programmed path [m].
@@ -63,31 +63,33 @@ def blend(
         return None
     longest = SHARE * min(before.extent, after.extent)
     # the corner of two lines is missed by 0.22 to 0.3 d |t2 - t1|
-    miss = 0.22 * float(np.linalg.norm((t2 - t1) * per_axis))
-    distance = min(longest, tolerance / miss) if miss > 0.0 else longest
+    deviation_per_distance = 0.22 * float(np.linalg.norm((t2 - t1) * per_axis))
+    distance = min(longest, tolerance / deviation_per_distance) if deviation_per_distance > 0.0 else longest
     cosine = float(t1 @ t2)
     handle = _handle(handle_share, cosine)
     for _ in range(40):
-        made = _make(before, after, distance, handle, per_axis)
+        made = _fit(before, after, distance, handle, per_axis)
         if made is None:
             return None
-        found, error = made
+        rounded, error = made
         if error <= tolerance:
             break
         distance *= max(0.5, 0.97 * min(1.0, tolerance / error))
     else:
         return None
-    return found
+    return rounded
 
 
 def can_be_rounded(segment: Segment) -> bool:
-    """Lines and arcs under G94; tool paths keep their pose, G93 lines their time."""
+    """Return whether a segment's corners may be rounded: lines and arcs under G94; tool paths keep their
+    pose, G93 lines their time.
+    """
     return segment.duration is None and not any(
         isinstance(curve, SampledCurve | PolynomialCurve) for curve in segment.curves
     )
 
 
-def _make(
+def _fit(
     before: Segment, after: Segment, distance: float, handle: float, per_axis: Array
 ) -> tuple[Blend, float] | None:
     leave = before.finish - distance / before.scale
@@ -114,7 +116,7 @@ def _make(
     weight = per_axis[columns]
     error = deviation(
         PolynomialCurve((), power[:, columns], 0.0).position(_S) * weight,
-        programmed_points(before, after, leave, join)[:, columns] * weight,
+        sample_programmed_path(before, after, leave, join)[:, columns] * weight,
         straight=before.straight and after.straight,
     )
     made = _between(before, after, leave, join, power)
@@ -123,7 +125,7 @@ def _make(
 
 @dataclass(frozen=True)
 class _Side:
-    """The line that half of a blend belongs to.
+    """The line to which half of a blend belongs.
 
     Attributes:
         mask, base: of the blend. length: |dp/ds| of the line where it meets the blend.
@@ -136,7 +138,9 @@ class _Side:
 
 
 def _between(before: Segment, after: Segment, leave: float, join: float, power: Array) -> Blend | None:
-    """Two segments trimmed at s = ``leave`` and ``join``, and between them the curve of ``power``."""
+    """Return two segments trimmed at s = ``leave`` and ``join``, with the curve of ``power`` between
+    them.
+    """
     mask = before.mask | after.mask
     columns = columns_of(mask)
     width = len(before.base)
@@ -149,16 +153,14 @@ def _between(before: Segment, after: Segment, leave: float, join: float, power: 
     first.opens = False
     second.closes = False
     return Blend(
-        dataclasses.replace(
-            before, finish=leave, last=before_slope[0], bend_last=before_bend[0], closes=False
-        ),
+        dataclasses.replace(before, finish=leave, last=before_slope[0], d2q_end=before_bend[0], closes=False),
         first,
         second,
         dataclasses.replace(
             after,
             begin=join,
             first=after_slope[0],
-            bend_first=after_bend[0],
+            d2q_start=after_bend[0],
             opens=False,
             tolerance=0.0,
         ),
@@ -173,7 +175,7 @@ def straight_blend(
     limits: AxisLimits,
     gain: float,
 ) -> Blend | None:
-    """Rounds the corner of two straight segments with the share of the tolerance that is quickest.
+    """Round the corner of two straight segments with the share of the tolerance that takes least time.
 
     Args:
         gain: what the corner, if it is a stop, takes less than the lines to it and from it [s].
@@ -190,15 +192,20 @@ def straight_blend(
         return None
     power = np.empty((6, len(t1)))
     quintic(t1, t2, _handle(handle_share, cosine), power)
-    miss = distance_from_corner(t1, t2, power, limits.weights)
+    deviation_per_distance = distance_from_corner(t1, t2, power, limits.weights)
     left, right = end * (before.finish - before.begin), begin * (after.finish - after.begin)
     longest = SHARE * min(left, right)
     reaches = np.array(
-        [longest if miss <= 0.0 else min(longest, share * after.tolerance / miss) for share in shares]
+        [
+            longest
+            if deviation_per_distance <= 0.0
+            else min(longest, share * after.tolerance / deviation_per_distance)
+            for share in shares
+        ]
     )
     feeds = np.array([before.feed * end, after.feed * begin])
     corner = Corner(before.first, after.first, feeds, limits.rows, limits.cycle)
-    reach = best_reach(corner, left, right, power, reaches, gain)
+    reach = best_blend_distance(corner, left, right, power, reaches, gain)
     if reach <= 0.0:
         return None
     power *= reach
@@ -207,7 +214,9 @@ def straight_blend(
 
 
 def _handle(share: float, cosine: float) -> float:
-    """Share of d for a Bezier handle; 0.4 spaces the points of a straight one evenly: dp/ds is steady."""
+    """Return the share of d for a Bezier handle: 0.4 spaces the points of a straight blend evenly, so
+    that dp/ds is constant.
+    """
     return share + 0.13 * min(cosine, 0.0)
 
 
@@ -216,7 +225,7 @@ def _moved(segment: Segment, width: int) -> Array:
 
 
 def _at(segment: Segment, s: float, width: int) -> tuple[Array, Array, Array]:
-    """Position, unit tangent and curvature (both with respect to length) at one s."""
+    """Return position, unit tangent and curvature (both by arc length) at one s."""
     at = np.array([s])
     position = segment.sample(at)[0][0]
     slope, bend, _ = segment.derivatives(at, width)
@@ -225,28 +234,29 @@ def _at(segment: Segment, s: float, width: int) -> tuple[Array, Array, Array]:
 
 
 def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> Segment | None:
-    """Half of a blend, from ``low`` on, as a segment; None where it nearly stands still somewhere.
+    """Return half of a blend, from ``low`` on, as a segment; None where the curve nearly stands still
+    somewhere.
 
     Args:
         power: coefficients in all columns, shape (n, K), constant first. columns: those that move.
     """
     part = np.empty_like(power)
-    half_of(power, low, 0.5, part)
-    rows = np.zeros((PLACES, 5 * power.shape[1] + 2))
-    speeds = np.empty(PLACES)
+    restrict_polynomial(power, low, 0.5, part)
+    rows = np.zeros((SAMPLES, 5 * power.shape[1] + 2))
+    speeds = np.empty(SAMPLES)
     polynomial_samples(part, 1.0, rows, speeds)
     if speeds.min() <= 1e-3 * speeds.max():
         return None
     # the path speed of the line it belongs to is kept where the parameter runs fastest
     feed = side.segment.feed * side.length / float(speeds.max())
-    if not side.segment.paced_alone:
-        counted = PolynomialCurve((), part[:, side.segment.paced], 0.0).derivatives(_S)[0]
-        feed = min(feed, side.segment.pace / max(float(np.linalg.norm(counted, axis=1).max()), 1e-300))
+    if not side.segment.only_feed_columns:
+        counted = PolynomialCurve((), part[:, side.segment.feed_columns], 0.0).derivatives(_S)[0]
+        feed = min(feed, side.segment.feed_speed / max(float(np.linalg.norm(counted, axis=1).max()), 1e-300))
     orders = np.arange(len(part), dtype=np.float64)
     curve = PolynomialCurve(
         axes=tuple(columns.tolist()),
         coefficients=part[:, columns],
-        length=float(np.trapezoid(speeds, dx=1.0 / (PLACES - 1))),
+        length=float(np.trapezoid(speeds, dx=1.0 / (SAMPLES - 1))),
     )
     return dataclasses.replace(
         side.segment,
@@ -257,8 +267,8 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
         requested=0.0,
         first=part[1].copy(),
         last=orders @ part,
-        bend_first=2.0 * part[2],
-        bend_last=(orders * (orders - 1.0)) @ part,
+        d2q_start=2.0 * part[2],
+        d2q_end=(orders * (orders - 1.0)) @ part,
         scale=float(speeds[0]),
         begin=0.0,
         finish=1.0,
@@ -270,8 +280,10 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
     )
 
 
-def programmed_points(before: Segment, after: Segment, leave: float, join: float) -> Array:
-    """The path between two places about a vertex, which stands in the middle, shape (33, width)."""
+def sample_programmed_path(before: Segment, after: Segment, leave: float, join: float) -> Array:
+    """Return the programmed path between two points about a vertex, which is in the middle, shape (33,
+    width).
+    """
     width = len(before.base)
     first = before.sample(np.linspace(leave, before.finish, 17))[0]
     second = after.sample(np.linspace(after.begin, join, 17))[0]
@@ -282,18 +294,24 @@ def programmed_points(before: Segment, after: Segment, leave: float, join: float
 
 
 def deviation(rounded: Array, programmed: Array, *, straight: bool) -> float:
-    """Largest distance between two paths about a corner, in either direction [m].
+    """Return the largest distance between two paths about a corner, in either direction [m].
 
     Args:
         rounded, programmed: weighted points, shape (n, K). straight: what was programmed is two lines.
     """
     # sampling an arc by 16 chords misses its bow by this much
-    bow = 0.0 if straight else bow_of(programmed)
-    return max(farthest(rounded, programmed), farthest(programmed, rounded)) * 1.001 + bow
+    chord_error = 0.0 if straight else chord_error_of(programmed)
+    return (
+        max(max_distance_to_polyline(rounded, programmed), max_distance_to_polyline(programmed, rounded))
+        * 1.001
+        + chord_error
+    )
 
 
-def bow_of(points: Array) -> float:
-    """What a polyline through evenly spaced points of arcs misses of them; the vertex is in the middle."""
+def chord_error_of(points: Array) -> float:
+    """Return the chord error (sagitta) of a polyline through evenly spaced points of arcs; the vertex is
+    in the middle.
+    """
     second = points[2:] - 2.0 * points[1:-1] + points[:-2]
     corner = len(points) // 2 - 1
     second[corner] = 0.0

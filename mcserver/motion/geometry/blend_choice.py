@@ -1,4 +1,4 @@
-"""Which rounding of a corner is quickest, judged by the same time laws that will drive it."""
+"""Choice of a corner blend, judged by the velocity profiles that will drive it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import math
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.blend import Blend, blend, straight_blend
 from mcserver.motion.geometry.segment import AxisLimits, Segment
-from mcserver.motion.kernels.groups import TOP
-from mcserver.motion.kernels.straight_corner import BETTER, FASTER, may_win
+from mcserver.motion.kernels.straight_corner import BETTER, FASTER, is_worthwhile
 from mcserver.motion.lookahead.lookahead import Lookahead
 
 # Shape, and shares of the tolerance that are tried for a rounded corner: what is left of it is for rows that
@@ -19,14 +18,14 @@ TOLERANCE_SHARES = (0.85, 0.3)
 
 
 def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend | None:
-    """The blend that passes the corner after the window's last segment soonest, if any beats the
-    corner itself. ``after.tolerance`` says how far it may be rounded.
+    """Return the blend that passes the corner after the window's last segment soonest, None where the
+    corner itself is as fast. ``after.tolerance`` is the path tolerance.
     """
-    before = window.nodes.segments[-1]
+    before = window.table.segments[-1]
     speed = window.joint_speed(after)
-    if speed >= min(float(window.nodes.numbers[-1, TOP]), after.feed * after.scale):
+    if speed >= min(float(window.table.columns.segment_vmax[-1]), after.feed * after.scale):
         return None
-    if before.straight and after.straight and before.paced_alone and after.paced_alone:
+    if before.straight and after.straight and before.only_feed_columns and after.only_feed_columns:
         found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
         if found is not None and speed <= 0.0:
             gain = _gain_in_time(limits, before, after)
@@ -45,7 +44,7 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
             continue
         parts = [found.before, found.first, found.second, found.after]
         slow, top = _time(limits, parts, fast=False)
-        if not may_win(speed, from_rest, slow, top, fastest):
+        if not is_worthwhile(speed, from_rest, slow, top, fastest):
             continue
         if speed > 0.0:
             best, fastest = found, top
@@ -57,8 +56,8 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
 
 
 def _gain_in_time(limits: AxisLimits, before: Segment, after: Segment) -> float:
-    """What two segments take less, from rest to rest, if the stop between them is passed in a time of its
-    own [s].
+    """Return the time that a time-domain blend saves at the stop between two segments, from rest to rest
+    [s].
     """
     window = Lookahead(limits)
     window.append(dataclasses.replace(before))
@@ -69,11 +68,11 @@ def _gain_in_time(limits: AxisLimits, before: Segment, after: Segment) -> float:
     except PlanningError:
         return 0.0
     corner = run.phases.rows[run.timed, 0]
-    return 2.0 * behind.corner.reach - float(corner[0]) if len(corner) and behind.corner else 0.0
+    return 2.0 * behind.corner.blend_time - float(corner[0]) if len(corner) and behind.corner else 0.0
 
 
 def _time(limits: AxisLimits, parts: list[Segment], *, fast: bool) -> tuple[float, float]:
-    """How long the parts take to rest, and the greatest speed on those in the middle.
+    """Return the time of the parts from entry to rest [s], and the greatest speed on those in the middle.
 
     Args:
         fast: from the speed that the first one could have, not from rest.
@@ -81,7 +80,7 @@ def _time(limits: AxisLimits, parts: list[Segment], *, fast: bool) -> tuple[floa
     window = Lookahead(limits)
     for part in parts:
         window.append(dataclasses.replace(part))
-    top = float(window.nodes.numbers[1:-1, TOP].min(initial=math.inf))
+    top = float(window.table.columns.segment_vmax[1:-1].min(initial=math.inf))
     if fast:
         window.enter_fast()
     try:

@@ -33,7 +33,7 @@ class Curve(Protocol):
         """dp/ds, d²p/ds², d³p/ds³, each of shape (len(s), len(axes))."""
 
     def bounds(self) -> tuple[Array, Array]:
-        """Least and greatest position of each axis on the whole curve, shape (len(axes),) each."""
+        """Return the least and greatest position of each axis on the whole curve, shape (len(axes),) each."""
 
 
 class LineCurve(msgspec.Struct, frozen=True):
@@ -220,7 +220,7 @@ class PolynomialCurve(msgspec.Struct, frozen=True):
 
 
 def span_of(points: Array) -> tuple[Array, Array]:
-    """Least and greatest of points (n, K) in each axis, shape (K,)."""
+    """Return the least and greatest of points (n, K) in each axis, shape (K,)."""
     low: Array = points.min(axis=0)
     high: Array = points.max(axis=0)
     return low, high

@@ -1,4 +1,4 @@
-"""One piece of path for the planner: the curves of a group that share one fraction s, in machine columns."""
+"""A piece of path for the planner: the curves of a group that share one fraction s, in machine columns."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class AxisLimits:
 
     @cached_property
     def rows(self) -> Array:
-        """The three of them, shape (3, K)."""
+        """Velocity, acceleration and jerk limits, shape (3, K)."""
         return np.array([self.velocity, self.acceleration, self.jerk])
 
     @classmethod
@@ -53,19 +53,19 @@ class AxisLimits:
 
 
 @dataclass(frozen=True, slots=True)
-class KnownCorner:
-    """How far a corner about a stop reaches to either side, 0 where none is worth it, and the room that there
-    was: as far as half of the lines, and until the ramps end [s].
+class KnownBlend:
+    """What the last plan found for the stop before a segment: the blend time to either side, 0 where none
+    is worth it, and the room there was, as far as half of the lines and until the ramps end [s].
     """
 
-    reach: float
-    longest: float
-    ramps: float
+    blend_time: float
+    max_blend_time: float
+    ramp_time: float
 
 
 @dataclass(slots=True)
 class Segment:
-    """A piece of path with a request of time.
+    """A piece of path with its requested time or speed.
 
     Attributes:
         line: G-code line.
@@ -74,10 +74,10 @@ class Segment:
         mask: bit mask over all columns.
         duration: T under G93 [s], else None.
         feed: greatest ds/dt under G94 [1/s], infinite under G93: speed / length of the reference curve.
-        pace, paced: that speed [m/s or rad/s], and the columns that it counts (D-30).
+        feed_speed, feed_columns: that speed [m/s or rad/s], and the columns that it counts (D-30).
         requested: [s].
         first, last: dp/ds at s = 0 and 1, shape (K,); zero where an axis has no part.
-        bend_first, bend_last: d²p/ds² there.
+        d2q_start, d2q_end: d²p/ds² there.
         scale: length of the tangent that the coordinate σ is measured in; set along a run [m or rad].
         begin, finish: fractions between which the segment is passed: 0 and 1 but for one that is under way or
             has a rounded corner.
@@ -99,8 +99,8 @@ class Segment:
     requested: float
     first: Array
     last: Array
-    bend_first: Array
-    bend_last: Array
+    d2q_start: Array
+    d2q_end: Array
     scale: float
     begin: float = 0.0
     finish: float = 1.0
@@ -110,25 +110,25 @@ class Segment:
     opens: bool = True
     closes: bool = True
     straight: bool = False
-    pace: float = math.inf
-    paced: NDArray[np.intp] = field(default_factory=lambda: _NO_COLUMNS)
+    feed_speed: float = math.inf
+    feed_columns: NDArray[np.intp] = field(default_factory=lambda: _NO_COLUMNS)
     tolerance: float = 0.0
-    corner: KnownCorner | None = None
+    corner: KnownBlend | None = None
 
     @property
-    def paced_alone(self) -> bool:
-        """Whether nothing moves but what its path speed counts."""
-        counted: int = sum(1 << column for column in self.paced.tolist())
+    def only_feed_columns(self) -> bool:
+        """Whether only columns move that the path speed counts."""
+        counted: int = sum(1 << column for column in self.feed_columns.tolist())
         return self.mask == counted
 
     @property
-    def in_parts(self) -> bool:
-        """Whether it is planned in parts if it is long: lines without a time of their own."""
+    def may_be_split(self) -> bool:
+        """Whether it is planned in zones if it is long: lines without a T of their own."""
         return self.straight and self.duration is None
 
     @property
     def extent(self) -> float:
-        """Length of what is left of it along σ."""
+        """Length of its remaining part along σ."""
         return self.scale * (self.finish - self.begin)
 
     @property
@@ -136,7 +136,7 @@ class Segment:
         return self.scale > NO_TRAVEL
 
     def sample(self, s: Array) -> tuple[Array, Array]:
-        """Position and dp/ds in all columns, shape (len(s), K); other columns rest at ``base``."""
+        """Return the position and dp/ds in all columns, shape (len(s), K); other columns rest at ``base``."""
         if self.straight:
             return self._sample_line(s)
         position = np.tile(self.base, (len(s), 1))
@@ -170,35 +170,35 @@ _END = _ENDS[1:]
 
 
 def segment_of(group: FeedGroup, line: int, slots: dict[int, int], linear: NDArray[np.bool_]) -> Segment:
-    """The segment of a feed group.
+    """Return the segment of a feed group.
 
     Args:
         slots: columns of axis numbers. linear: which of the machine's columns are, shape (K,).
     """
     width = len(linear)
     columns = tuple(np.array([slots[axis] for axis in curve.axes], dtype=np.intp) for curve in group.curves)
-    first, last, bend_first, bend_last = np.zeros((4, width))
+    first, last, d2q_start, d2q_end = np.zeros((4, width))
     mask = 0
     straight = True
     for curve, where in zip(group.curves, columns, strict=True):
         for axis in curve.axes:
             mask |= 1 << slots[axis]
         if isinstance(curve, LineCurve):
-            travel = np.subtract(curve.end, curve.start)
-            first[where] = travel
-            last[where] = travel
+            displacement = np.subtract(curve.end, curve.start)
+            first[where] = displacement
+            last[where] = displacement
         else:
             straight = False
             slope, bend, _ = curve.derivatives(_ENDS)
             first[where], last[where] = slope
-            bend_first[where], bend_last[where] = bend
+            d2q_start[where], d2q_end[where] = bend
     scale = math.sqrt(float(first @ first))
-    feed = pace = math.inf
-    paced = columns[group.reference]
-    if linear[paced].any():
-        paced = paced[linear[paced]]
+    feed = feed_speed = math.inf
+    feed_columns = columns[group.reference]
+    if linear[feed_columns].any():
+        feed_columns = feed_columns[linear[feed_columns]]
     if group.speed is not None:
-        pace = group.speed
+        feed_speed = group.speed
         length = group.curves[group.reference].length
         feed = (
             group.speed / length
@@ -215,18 +215,18 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], linear: NDArr
         requested=group.requested,
         first=first,
         last=last,
-        bend_first=bend_first,
-        bend_last=bend_last,
+        d2q_start=d2q_start,
+        d2q_end=d2q_end,
         scale=scale,
         straight=straight,
-        pace=pace,
-        paced=paced,
+        feed_speed=feed_speed,
+        feed_columns=feed_columns,
     )
 
 
 @dataclass(frozen=True)
 class StraightRun:
-    """A run of plain lines in all columns of the machine: n straight segments on end.
+    """A run of G01 lines in all columns of the machine: n straight segments on end.
 
     Attributes:
         points: shape (n+1, K), where each segment starts and the last one ends. travels: shape (n, K).
@@ -242,7 +242,9 @@ class StraightRun:
 
     @classmethod
     def of(cls, run: PlainRun, slots: dict[int, int], position: Array) -> StraightRun | None:
-        """The segments from a ``position`` of all columns, shape (K,); None where a line does not travel."""
+        """Return the segments from a ``position`` of all columns, shape (K,); None where a line does not
+        travel.
+        """
         columns = [slots[axis] for axis in run.axes]
         points = np.tile(position, (len(run) + 1, 1))
         points[:, columns] = run.points
@@ -259,21 +261,21 @@ class StraightRun:
         return cls(run, sum(1 << column for column in columns), points, travels, scales, feeds)
 
     @property
-    def asked(self) -> Array:
-        """Feed [1/s], time and T (NaN: none) of each [s], shape (n, 3)."""
+    def timing(self) -> Array:
+        """Feed [1/s], requested time and T (NaN without one) of each segment [s], shape (n, 3)."""
         requested = self.run.requested
         duration = requested if self.run.speeds is None else np.full(len(requested), math.nan)
         return np.column_stack((self.feeds, requested, duration))
 
     def segments(self, scales: list[float], active: int) -> Iterator[Segment]:
-        """The segments, with coordinates scaled so."""
+        """Yield the segments, with coordinates scaled by ``scales``."""
         still = np.zeros(len(self.points[0]))
         requested = self.run.requested.tolist()
         timed = self.run.speeds is None
         for index, (line, feed, scale) in enumerate(
             zip(self.run.lines.tolist(), self.feeds.tolist(), scales, strict=True)
         ):
-            travel = self.travels[index]
+            displacement = self.travels[index]
             yield Segment(
                 line=line,
                 curves=(),
@@ -282,10 +284,10 @@ class StraightRun:
                 duration=requested[index] if timed else None,
                 feed=feed,
                 requested=requested[index],
-                first=travel,
-                last=travel,
-                bend_first=still,
-                bend_last=still,
+                first=displacement,
+                last=displacement,
+                d2q_start=still,
+                d2q_end=still,
                 scale=scale,
                 base=self.points[index],
                 end=self.points[index + 1],
@@ -294,8 +296,8 @@ class StraightRun:
             )
 
 
-def place(segment: Segment, position: Array) -> None:
-    """Puts a segment where the machine stands, and moves ``position`` (K,) on to its end."""
+def anchor(segment: Segment, position: Array) -> None:
+    """Anchor a segment at the commanded position, and advance ``position`` (K,) to its end."""
     segment.base = position.copy()
     for curve, columns in zip(segment.curves, segment.columns, strict=True):
         if isinstance(curve, LineCurve):
@@ -308,5 +310,5 @@ def place(segment: Segment, position: Array) -> None:
 
 
 def columns_of(mask: int) -> NDArray[np.intp]:
-    """Columns whose bit is set."""
+    """Return the columns whose bit is set."""
     return np.array([bit for bit in range(mask.bit_length()) if mask >> bit & 1], dtype=np.intp)

@@ -1,4 +1,5 @@
-"""Corners at which a path would stop, passed within the tolerance in a time of their own.
+"""Time-domain corner blends: corners at which a path would stop, passed within the tolerance by trajectories
+in time.
 
 About a stop the motion along the path loses all of its speed and gains it again. Between a moment x before
 the stop and one x behind it the axes may leave the path: each goes the quickest way from its state at the one
@@ -17,21 +18,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.geometry.blend import bow_of, can_be_rounded, programmed_points
+from mcserver.motion.geometry.blend import can_be_rounded, chord_error_of, sample_programmed_path
 from mcserver.motion.geometry.curves import Array, span_of
-from mcserver.motion.geometry.segment import AxisLimits, KnownCorner, Segment, columns_of
-from mcserver.motion.kernels.corner_trajectory import PLACES, miss_of, ways_at
+from mcserver.motion.geometry.segment import AxisLimits, KnownBlend, Segment, columns_of
+from mcserver.motion.kernels.corner_trajectory import SAMPLES, evaluate_trajectories, path_deviation_of
 from mcserver.motion.kernels.junctions import length_of
-from mcserver.motion.kernels.min_time_trajectories import PHASES, quickest_ways
+from mcserver.motion.kernels.min_time_trajectories import PHASES, min_time_trajectories
 from mcserver.motion.profile.velocity_profile import Phases
 
 # A corner is worth its pieces if it saves this share of a cycle.
-WORTH = 0.1
+MIN_SAVING = 0.1
 # Corners that are tried for one at most; the share of the tolerance to aim at, and one near enough to stop
 # there; how the reach follows from that share, which grows with its second or third power, how far in one
 # step, and how far from what is known to be too short or too long; what of the lines is left out at first, in
 # tolerances.
-TRIALS = 10
+MAX_TRIALS = 10
 AIM, NEAR = 0.97, 0.92
 POWER, LEAST, MOST, ASIDE = 0.4, 0.4, 2.5, 0.3
 FAR = 4.0
@@ -42,8 +43,8 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class TimedCurve:
-    """Where K axes are in a time of their own; s is the share of that time that has passed.
+class TimeDomainCurve:
+    """Trajectories of K axes by time; s is the share of their duration that has passed.
 
     Attributes:
         axes: machine columns. duration: [s]. phases: of each axis, with constant jerk: when they begin,
@@ -63,23 +64,23 @@ class TimedCurve:
         return first * self.duration, second * self.duration**2, third * self.duration**3
 
     def bounds(self) -> tuple[Array, Array]:
-        return span_of(self.position(np.linspace(0.0, 1.0, PLACES)))
+        return span_of(self.position(np.linspace(0.0, 1.0, SAMPLES)))
 
     def _at(self, s: Array) -> tuple[Array, Array, Array, Array]:
-        """Position and its derivatives by time, shape (len(s), K)."""
+        """Return position and its derivatives by time, shape (len(s), K)."""
         found = np.empty((4, len(s), len(self.axes)))
-        ways_at(self.phases, np.asarray(s, dtype=float) * self.duration, found)
+        evaluate_trajectories(self.phases, np.asarray(s, dtype=float) * self.duration, found)
         return found[0], found[1], found[2], found[3]
 
 
 @dataclass(frozen=True)
-class TimedCorner:
-    """What stands in the place of a stop.
+class TimeDomainBlend:
+    """The blend that replaces a stop.
 
     Attributes:
-        leave, join: moments of the time law between which it stands [s], and σ and the shares of the two
-            segments there. duration: what it takes itself [s]. turn: the share of that at which it is nearest
-            to the vertex. parts: before that the first line's, then the second one's.
+        leave, join: moments of the velocity profile between which it stands [s], and σ and the shares of the
+            two segments there. duration: what it takes itself [s]. turn: the share of that at which it is
+            nearest to the vertex. parts: before that the first line's, then the second one's.
     """
 
     leave: float
@@ -94,7 +95,7 @@ class TimedCorner:
 
     @property
     def saved(self) -> float:
-        """[s]"""
+        """Time that it saves [s]."""
         return self.join - self.leave - self.duration
 
     @property
@@ -106,11 +107,12 @@ class TimedCorner:
 
 @dataclass(frozen=True)
 class Stop:
-    """A stop between two segments of a time law.
+    """A stop between two segments of a velocity profile.
 
     Attributes:
-        before, after: the segments. phases: the time law. moment: when it stands still [s]. begin, sigma: σ
-            where ``before`` begins, and at the stop. longest: how far a corner may reach to either side [s].
+        before, after: the segments. phases: the velocity profile. moment: when it stands still [s]. begin,
+        sigma: σ where ``before`` begins, and at the stop. max_blend_time: how far a corner may reach to
+            either side [s].
     """
 
     before: Segment
@@ -119,12 +121,14 @@ class Stop:
     moment: float
     begin: float
     sigma: float
-    longest: float
+    max_blend_time: float
 
 
 @dataclass(frozen=True)
 class _State:
-    """One end of a corner: share of the segment, σ, and place, velocity and acceleration of all columns."""
+    """One end of a blend: share of the segment, σ, and position, velocity and acceleration of all
+    columns.
+    """
 
     s: float
     sigma: float
@@ -133,103 +137,109 @@ class _State:
     acceleration: Array
 
 
-def is_timed(segment: Segment) -> bool:
-    """Whether it is part of a timed corner."""
-    return any(isinstance(curve, TimedCurve) for curve in segment.curves)
+def is_time_domain(segment: Segment) -> bool:
+    """Return whether a segment is part of a time-domain blend."""
+    return any(isinstance(curve, TimeDomainCurve) for curve in segment.curves)
 
 
-class TimedCorners:
-    """Finds them under the limits of a machine."""
+class TimeDomainBlends:
+    """Finds time-domain blends under the limits of a machine."""
 
     def __init__(self, limits: AxisLimits) -> None:
         self._limits = limits
 
-    def find(self, stop: Stop) -> TimedCorner | None:
-        """The corner that saves most time within ``stop.after.tolerance``; None where none saves any.
+    def find(self, stop: Stop) -> TimeDomainBlend | None:
+        """Return the blend that saves most time within ``stop.after.tolerance``; None where none saves any.
 
         What was found is noted in that segment: the next plan mostly has the same stop.
         """
         before, after = stop.before, stop.after
-        if not (can_be_rounded(before) and can_be_rounded(after)) or not stop.longest > 0.0:
+        if not (can_be_rounded(before) and can_be_rounded(after)) or not stop.max_blend_time > 0.0:
             return None
-        ramps = _ramps(stop)
+        ramp_time = _shorter_ramp_time(stop)
         known = after.corner
         if (
             known is not None
-            and math.isclose(known.longest, stop.longest)
-            and math.isclose(known.ramps, ramps)
+            and math.isclose(known.max_blend_time, stop.max_blend_time)
+            and math.isclose(known.ramp_time, ramp_time)
         ):
-            if known.reach <= 0.0:
+            if known.blend_time <= 0.0:
                 return None
-            found, miss = self._try(stop, min(known.reach, stop.longest))
-            if found is not None and miss <= after.tolerance:
+            found, deviation = self._try(stop, min(known.blend_time, stop.max_blend_time))
+            if found is not None and deviation <= after.tolerance:
                 return found
-        best = self._search(stop, ramps)
-        if best is not None and best.saved < WORTH * self._limits.cycle:
+        best = self._search(stop, ramp_time)
+        if best is not None and best.saved < MIN_SAVING * self._limits.cycle:
             best = None
-        after.corner = KnownCorner(0.0 if best is None else stop.moment - best.leave, stop.longest, ramps)
+        after.corner = KnownBlend(
+            0.0 if best is None else stop.moment - best.leave, stop.max_blend_time, ramp_time
+        )
         return best
 
-    def _search(self, stop: Stop, ramps: float) -> TimedCorner | None:
-        """The longest corner within the tolerance: what is saved and what is missed grow with its reach."""
-        best: TimedCorner | None = None
+    def _search(self, stop: Stop, ramp_time: float) -> TimeDomainBlend | None:
+        """Return the longest blend within the tolerance: time saved and path deviation both grow with the
+        blend time.
+        """
+        best: TimeDomainBlend | None = None
         good, bad = 0.0, math.inf
-        reach = min(self._guess(stop, ramps), stop.longest)
-        if not reach > 0.0:
+        blend_time = min(self._initial_blend_time(stop, ramp_time), stop.max_blend_time)
+        if not blend_time > 0.0:
             return None
-        for _ in range(TRIALS):
-            corner, miss = self._try(stop, reach)
-            share = miss / stop.after.tolerance
+        for _ in range(MAX_TRIALS):
+            corner, deviation = self._try(stop, blend_time)
+            share = deviation / stop.after.tolerance
             if share <= 1.0:
-                good, best = reach, corner or best
-                if share >= NEAR or reach >= stop.longest:
+                good, best = blend_time, corner or best
+                if share >= NEAR or blend_time >= stop.max_blend_time:
                     break
             else:
-                bad = reach
-            reach *= min(max((AIM / max(share, 1e-6)) ** POWER, LEAST), MOST)
+                bad = blend_time
+            blend_time *= min(max((AIM / max(share, 1e-6)) ** POWER, LEAST), MOST)
             if math.isfinite(bad):
                 aside = ASIDE * (bad - good)
-                reach = min(max(reach, good + aside), bad - aside)
-            reach = min(reach, stop.longest)
+                blend_time = min(max(blend_time, good + aside), bad - aside)
+            blend_time = min(blend_time, stop.max_blend_time)
         return best
 
-    def _guess(self, stop: Stop, ramps: float) -> float:
-        """A reach that is some tenths to some times the right one."""
+    def _initial_blend_time(self, stop: Stop, ramp_time: float) -> float:
+        """Return a first blend time, some tenths to some times the right one."""
         weights = self._limits.weights
-        leave = _state(stop.phases, stop.moment - ramps, stop.before, stop.begin)
-        join = _state(stop.phases, stop.moment + ramps, stop.after, stop.sigma)
+        leave = _state(stop.phases, stop.moment - ramp_time, stop.before, stop.begin)
+        join = _state(stop.phases, stop.moment + ramp_time, stop.after, stop.sigma)
         vertex = stop.after.base
         far = min(float(np.linalg.norm((each.position - vertex) * weights)) for each in (leave, join))
         wanted = FAR * stop.after.tolerance
         if wanted < far:
-            return ramps * math.sqrt(wanted / far)
+            return ramp_time * math.sqrt(wanted / far)
         speed = max(float(np.linalg.norm(each.velocity * weights)) for each in (leave, join))
-        return ramps + (wanted - far) / max(speed, 1e-9)
+        return ramp_time + (wanted - far) / max(speed, 1e-9)
 
-    def _try(self, stop: Stop, reach: float) -> tuple[TimedCorner | None, float]:
-        """The corner between two moments ``reach`` [s] about a stop, and its largest distance from the
-        programmed path [m]; None: it saves nothing. The distance is infinite where none may be driven.
+    def _try(self, stop: Stop, blend_time: float) -> tuple[TimeDomainBlend | None, float]:
+        """Return the blend within ``blend_time`` [s] to either side of a stop, None where it saves
+        nothing, and its path deviation [m], infinite where it may not be driven.
         """
         before, after = stop.before, stop.after
-        leave = _state(stop.phases, stop.moment - reach, before, stop.begin)
-        join = _state(stop.phases, stop.moment + reach, after, stop.sigma)
+        leave = _state(stop.phases, stop.moment - blend_time, before, stop.begin)
+        join = _state(stop.phases, stop.moment + blend_time, after, stop.sigma)
         columns = columns_of(before.mask | after.mask)
-        best, miss = None, 0.0
+        best, deviation = None, 0.0
         for cruising in (False, True):
-            curve = self._curve(leave, join, columns, reach, cruising=cruising)
+            curve = self._curve(leave, join, columns, blend_time, cruising=cruising)
             if curve is None:
                 # nothing is saved, but a longer corner might
                 continue
-            miss, turn = self._miss(stop, leave, join, curve)
-            if math.isfinite(miss):
-                best = _corner(stop, reach, leave, join, curve, turn)
+            deviation, turn = self._path_deviation(stop, leave, join, curve)
+            if math.isfinite(deviation):
+                best = _corner(stop, blend_time, leave, join, curve, turn)
                 break
-        return best, miss
+        return best, deviation
 
     def _curve(
-        self, leave: _State, join: _State, columns: NDArray[np.intp], reach: float, *, cruising: bool
-    ) -> TimedCurve | None:
-        """The quickest way from one state to the other; None: there is none that is quicker than the stop."""
+        self, leave: _State, join: _State, columns: NDArray[np.intp], blend_time: float, *, cruising: bool
+    ) -> TimeDomainCurve | None:
+        """Return the minimum-time trajectories from one state to the other; None where none beats the
+        stop.
+        """
         limits = self._limits
         here = leave.position[columns]
         states = np.column_stack(
@@ -242,49 +252,51 @@ class TimedCorners:
             )
         )
         most = np.maximum(limits.acceleration[columns], np.abs(states[:, 3:]).max(axis=1))
-        ways = np.empty((len(columns), PHASES, 5))
+        trajectories = np.empty((len(columns), PHASES, 5))
         bounds = np.stack((most, limits.jerk[columns]))
-        duration = quickest_ways(states, bounds, 2.0 * reach, cruising, ways)
-        if not duration < 2.0 * reach:
+        duration = min_time_trajectories(states, bounds, 2.0 * blend_time, cruising, trajectories)
+        if not duration < 2.0 * blend_time:
             return None
-        ways[:, :, 1] += here[:, None]
-        return TimedCurve(tuple(columns.tolist()), duration, ways)
+        trajectories[:, :, 1] += here[:, None]
+        return TimeDomainCurve(tuple(columns.tolist()), duration, trajectories)
 
-    def _miss(self, stop: Stop, leave: _State, join: _State, curve: TimedCurve) -> tuple[float, float]:
-        """Largest distance from the programmed path [m], infinite where it may not be driven, and the share
-        of the time at which it is nearest to the vertex.
+    def _path_deviation(
+        self, stop: Stop, leave: _State, join: _State, curve: TimeDomainCurve
+    ) -> tuple[float, float]:
+        """Return the path deviation [m], infinite where the curve may not be driven, and the share of its
+        time at which it is nearest to the vertex.
         """
         before, after = stop.before, stop.after
         columns = np.array(curve.axes, dtype=np.intp)
         if before.straight and after.straight:
-            bow = 0.0
+            chord_error = 0.0
             programmed = np.stack((leave.position, after.base, join.position))[:, columns]
         else:
-            programmed = programmed_points(before, after, leave.s, join.s)[:, columns]
-            bow = bow_of(programmed)
+            programmed = sample_programmed_path(before, after, leave.s, join.s)[:, columns]
+            chord_error = chord_error_of(programmed)
             if _length_of_points(programmed) < CHORDS * (join.sigma - leave.sigma):
                 return math.inf, 0.5
         speeds = np.stack((leave.velocity, join.velocity))
         slower = math.sqrt(float((speeds * speeds).sum(axis=1).max()))
         lines = ((before, before.last), (after, after.first))
-        caps = [(min(line.feed * length_of(tangent), slower), line.pace) for line, tangent in lines]
-        paced = [np.isin(columns, line.paced) for line, _ in lines]
-        found: tuple[float, float] = miss_of(
+        caps = [(min(line.feed * length_of(tangent), slower), line.feed_speed) for line, tangent in lines]
+        feed_columns = [np.isin(columns, line.feed_columns) for line, _ in lines]
+        found: tuple[float, float] = path_deviation_of(
             curve.phases,
             curve.duration,
             np.ascontiguousarray(programmed),
-            bow,
+            chord_error,
             self._limits.weights[columns],
             np.abs(speeds[:, columns]).max(axis=0),
             np.array(caps),
-            np.array(paced, dtype=float),
+            np.array(feed_columns, dtype=float),
             self._limits.cycle,
         )
         return found
 
 
-def _ramps(stop: Stop) -> float:
-    """How long the shorter of the ramps to the stop and from it lasts [s]."""
+def _shorter_ramp_time(stop: Stop) -> float:
+    """Return the duration of the shorter one of the ramps to a stop and from it [s]."""
     phases = stop.phases
     at = int(np.searchsorted(phases.start, stop.moment - ROUNDING))
     low = high = at
@@ -297,19 +309,19 @@ def _ramps(stop: Stop) -> float:
 
 
 def _rise(phases: Phases, index: int) -> float:
-    """Mean acceleration of a phase."""
+    """Return the mean acceleration of a phase."""
     last, _, _, acceleration, jerk = phases.rows[index].tolist()
     return float(acceleration + 0.5 * jerk * last)
 
 
 def _length_of_points(points: Array) -> float:
-    """Length of a polyline, shape (n, K)."""
+    """Return the length of a polyline, shape (n, K)."""
     steps = np.diff(points, axis=0)
     return float(np.sqrt((steps * steps).sum(axis=1)).sum())
 
 
 def _state(phases: Phases, moment: float, segment: Segment, begin: float) -> _State:
-    """Where a time law is on a segment that begins at σ = ``begin``."""
+    """Return the state of a velocity profile on a segment that begins at σ = ``begin``."""
     sigma, speed, acceleration = phases.state(moment)
     s = segment.begin + (sigma - begin) / segment.scale
     rate, change = speed / segment.scale, acceleration / segment.scale
@@ -328,8 +340,8 @@ def _state(phases: Phases, moment: float, segment: Segment, begin: float) -> _St
 
 
 def _corner(
-    stop: Stop, reach: float, leave: _State, join: _State, curve: TimedCurve, turn: float
-) -> TimedCorner:
+    stop: Stop, blend_time: float, leave: _State, join: _State, curve: TimeDomainCurve, turn: float
+) -> TimeDomainBlend:
     columns = np.array(curve.axes, dtype=np.intp)
     mask = stop.before.mask | stop.after.mask
     base = stop.after.base
@@ -352,9 +364,9 @@ def _corner(
             tolerance=0.0,
         )
 
-    return TimedCorner(
-        leave=stop.moment - reach,
-        join=stop.moment + reach,
+    return TimeDomainBlend(
+        leave=stop.moment - blend_time,
+        join=stop.moment + blend_time,
         sigma_leave=leave.sigma,
         sigma_join=join.sigma,
         leave_s=leave.s,

@@ -1,4 +1,4 @@
-"""Keys that save time: where parts of a stretch leave better or worse limits than the whole."""
+"""Knots that save time: where parts of a stretch have better or worse limits than the whole."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.ramp_kernels import (
-    MOST_MOVES,
-    MOST_RUNGS,
+    MAX_MOVES,
+    MAX_TABLE_ROWS,
     MOVE,
-    duration_of,
-    fastest_moves,
-    reachable,
+    duration_of_moves,
+    min_time_moves,
+    reachable_speed_by_table,
 )
-from mcserver.motion.kernels.sample_limits import SLACK, Run, make_ladder, weakest
+from mcserver.motion.kernels.sample_limits import SLACK, Run, make_limit_table, min_limits
 
-# A part that leaves less than this share of a stretch's best acceleration or jerk may get keys of its own.
-WEAK = 0.7
+# A part that leaves less than this share of a stretch's best acceleration or jerk may get knots of its own.
+BOTTLENECK = 0.7
 
 
 @compiled
@@ -28,25 +28,28 @@ def mark_plateau(
     left: int,
     right: int,
     edges: Array,
-    caps: Array,
-    weak: Array,
+    junction_vmax: Array,
+    free_at_vmax: Array,
     moves: Array,
     count: int,
-    found: NDArray[np.bool_],
+    marked: NDArray[np.bool_],
 ) -> None:
-    """Marks nodes passed at constant top speed whose outer sides have better limits than the whole."""
+    """Mark nodes passed at constant top speed whose outer sides have better limits than the whole."""
     top = 0.0
     for index in range(count):
         top = max(top, moves[index, 0], moves[index, 1])
-    place = edges[left]
+    position = edges[left]
     first = last = math.nan
     for index in range(count):
         if moves[index, 0] == moves[index, 1] and moves[index, 0] >= top * (1.0 - 1e-12):
-            first, last = place, place + moves[index, 4]
-        place += moves[index, 4]
+            first, last = position, position + moves[index, 4]
+        position += moves[index, 4]
     if math.isnan(first):
         return
-    if max(weak[left, 0], weak[right - 1, 0]) <= 1.1 * weakest(weak, left, right)[0]:
+    if (
+        max(free_at_vmax[left, 0], free_at_vmax[right - 1, 0])
+        <= 1.1 * min_limits(free_at_vmax, left, right)[0]
+    ):
         return
     low = high = -1
     for node in range(left + 1, right):
@@ -57,24 +60,28 @@ def mark_plateau(
     if low < 0:
         return
     for node in (low, high):
-        found[node] = True
-        caps[node] = min(caps[node], top)
+        marked[node] = True
+        junction_vmax[node] = min(junction_vmax[node], top)
 
 
 @compiled
 def _part_time(
-    distance: float, entry: float, exit_: float, ladder: Array, count: int, moves: Array, spare: Array
+    distance: float, entry: float, exit_: float, limit_table: Array, count: int, moves: Array, spare: Array
 ) -> float:
-    """How long a part of a stretch takes between two speeds [s]; infinite where they cannot be joined."""
-    found = fastest_moves(moves, spare, distance, entry, exit_, ladder, count)
-    return duration_of(moves, found) if found > 0 else math.inf
+    """Return the time of a part of a stretch between two speeds [s]; infinite where they cannot be
+    joined.
+    """
+    made = min_time_moves(moves, spare, distance, entry, exit_, limit_table, count)
+    return duration_of_moves(moves, made) if made > 0 else math.inf
 
 
 @compiled
-def _share(weak: Array, group: int, acceleration: float, jerk: float) -> float:
-    """What a group leaves at its top speed, as a share of these; of acceleration or jerk, the less."""
-    share: float = weak[group, 0] / acceleration
-    return share if math.isinf(jerk) else min(share, weak[group, 1] / jerk)
+def _share(free_at_vmax: Array, group: int, acceleration: float, jerk: float) -> float:
+    """Return the lower one of a group's acceleration and jerk at its top speed, as a share of the given
+    ones.
+    """
+    share: float = free_at_vmax[group, 0] / acceleration
+    return share if math.isinf(jerk) else min(share, free_at_vmax[group, 1] / jerk)
 
 
 @compiled
@@ -82,99 +89,110 @@ def _mark_part(
     run: Run,
     ends: tuple[int, int, int, int],
     edges: Array,
-    caps: Array,
+    junction_vmax: Array,
     speeds: Array,
-    lasts: float,
-    found: NDArray[np.bool_],
+    duration: float,
+    marked: NDArray[np.bool_],
 ) -> bool:
-    """Marks the ends of the middle part of a stretch, if keys there save time; whether they do.
+    """Mark the ends of the middle part of a stretch, if knots there save time; return whether they do.
 
     Args:
-        ends: of the three parts; the first and the last one may be empty. lasts: time as it is [s].
+        ends: of the three parts; the first and the last one may be empty. duration: time as it is [s].
     """
     left, low, high, right = ends
     # of what lies before the part, of the part, and of what lies behind it
-    ladders = np.empty((3, MOST_RUNGS, 3))
+    tables = np.empty((3, MAX_TABLE_ROWS, 3))
     sizes = np.zeros(3, np.intp)
     entry, exit_ = speeds[left], speeds[right]
     if low > left:
-        sizes[0] = make_ladder(run, left, low, entry, ladders[0])
+        sizes[0] = make_limit_table(run, left, low, entry, tables[0])
         ahead = (edges[low] - edges[left]) * (1.0 - 1e-9)
-        entry = reachable(entry, ahead, ladders[0], sizes[0], caps[low])
+        entry = reachable_speed_by_table(entry, ahead, tables[0], sizes[0], junction_vmax[low])
     if high < right:
-        sizes[2] = make_ladder(run, high, right, exit_, ladders[2])
+        sizes[2] = make_limit_table(run, high, right, exit_, tables[2])
         behind = (edges[right] - edges[high]) * (1.0 - 1e-9)
-        exit_ = reachable(exit_, behind, ladders[2], sizes[2], caps[high])
-    sizes[1] = make_ladder(run, low, high, min(entry, exit_), ladders[1])
+        exit_ = reachable_speed_by_table(exit_, behind, tables[2], sizes[2], junction_vmax[high])
+    sizes[1] = make_limit_table(run, low, high, min(entry, exit_), tables[1])
     inner = (edges[high] - edges[low]) * (1.0 - 1e-9)
     if exit_ > entry:
-        exit_ = reachable(entry, inner, ladders[1], sizes[1], exit_)
+        exit_ = reachable_speed_by_table(entry, inner, tables[1], sizes[1], exit_)
     else:
-        entry = reachable(exit_, inner, ladders[1], sizes[1], entry)
-    # a key inside is passed at a speed, and the speeds at the ends stay
-    enters = entry >= speeds[left] if low == left else 0.0 < entry <= caps[low] * SLACK
-    leaves = exit_ >= speeds[right] if high == right else 0.0 < exit_ <= caps[high] * SLACK
+        entry = reachable_speed_by_table(exit_, inner, tables[1], sizes[1], entry)
+    # a knot inside is passed at a speed, and the speeds at the ends stay
+    enters = entry >= speeds[left] if low == left else 0.0 < entry <= junction_vmax[low] * SLACK
+    leaves = exit_ >= speeds[right] if high == right else 0.0 < exit_ <= junction_vmax[high] * SLACK
     if not (enters and leaves):
         return False
-    moves, spare = np.empty((MOST_MOVES, MOVE)), np.empty((MOST_MOVES, MOVE))
+    moves, spare = np.empty((MAX_MOVES, MOVE)), np.empty((MAX_MOVES, MOVE))
     passed = (speeds[left], entry, exit_, speeds[right])
     total = 0.0
     for part in range(3):
         if ends[part + 1] > ends[part]:
             distance = edges[ends[part + 1]] - edges[ends[part]]
             total += _part_time(
-                distance, passed[part], passed[part + 1], ladders[part], sizes[part], moves, spare
+                distance, passed[part], passed[part + 1], tables[part], sizes[part], moves, spare
             )
-    if not total < lasts * (1.0 - 1e-9):
+    if not total < duration * (1.0 - 1e-9):
         return False
-    found[low] = found[low] or low > left
-    found[high] = found[high] or high < right
+    marked[low] = marked[low] or low > left
+    marked[high] = marked[high] or high < right
     return True
 
 
 @compiled
-def mark_weak(
+def mark_bottlenecks(
     run: Run,
     left: int,
     right: int,
     edges: Array,
-    caps: Array,
+    junction_vmax: Array,
     speeds: Array,
-    lasts: float,
-    found: NDArray[np.bool_],
+    duration: float,
+    marked: NDArray[np.bool_],
 ) -> None:
-    """Marks the ends of parts that leave little acceleration or jerk, where keys there save time.
+    """Mark the ends of bottlenecks, parts that leave little acceleration or jerk, where knots there save
+    time.
 
     One sharp bend that is passed near its top speed must not slow down the way to it and from it.
 
     Args:
-        lasts: time of the stretch as it is [s].
+        duration: time of the stretch as it is [s].
     """
     best = best_jerk = 0.0
     for group in range(left, right):
-        best, best_jerk = max(best, run.weak[group, 0]), max(best_jerk, run.weak[group, 1])
+        best, best_jerk = max(best, run.free_at_vmax[group, 0]), max(best_jerk, run.free_at_vmax[group, 1])
     low, least = left, math.inf
     for group in range(left, right):
-        share = _share(run.weak, group, best, best_jerk)
+        share = _share(run.free_at_vmax, group, best, best_jerk)
         if share < least:
             low, least = group, share
-    if least > WEAK:
+    if least > BOTTLENECK:
         return
     # what leaves little of its own at both ends, as near the vertices of long segments
     first, last = left, right
-    while first < right and _share(run.weak, first, run.rest[first, 0], run.rest[first, 1]) <= WEAK:
+    while (
+        first < right
+        and _share(run.free_at_vmax, first, run.free_at_rest[first, 0], run.free_at_rest[first, 1])
+        <= BOTTLENECK
+    ):
         first += 1
-    while last > first and _share(run.weak, last - 1, run.rest[last - 1, 0], run.rest[last - 1, 1]) <= WEAK:
+    while (
+        last > first
+        and _share(run.free_at_vmax, last - 1, run.free_at_rest[last - 1, 0], run.free_at_rest[last - 1, 1])
+        <= BOTTLENECK
+    ):
         last -= 1
     if first < last:
         for begin, end in ((first, last), (first, right), (left, last)):
             inside = begin > left or end < right
-            if inside and _mark_part(run, (left, begin, end, right), edges, caps, speeds, lasts, found):
+            if inside and _mark_part(
+                run, (left, begin, end, right), edges, junction_vmax, speeds, duration, marked
+            ):
                 return
     # the weakest of all
     high = low + 1
-    while low > left and _share(run.weak, low - 1, best, best_jerk) <= WEAK:
+    while low > left and _share(run.free_at_vmax, low - 1, best, best_jerk) <= BOTTLENECK:
         low -= 1
-    while high < right and _share(run.weak, high, best, best_jerk) <= WEAK:
+    while high < right and _share(run.free_at_vmax, high, best, best_jerk) <= BOTTLENECK:
         high += 1
-    _mark_part(run, (left, low, high, right), edges, caps, speeds, lasts, found)
+    _mark_part(run, (left, low, high, right), edges, junction_vmax, speeds, duration, marked)

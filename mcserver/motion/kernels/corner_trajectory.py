@@ -1,4 +1,4 @@
-"""Ways of the axes from one state to another about a corner: where they are, and how far from the path."""
+"""Trajectories of the axes about a corner: states by time, and deviation from the programmed path."""
 
 from __future__ import annotations
 
@@ -8,37 +8,37 @@ import numpy as np
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.straight_corner import farthest
+from mcserver.motion.kernels.straight_corner import max_distance_to_polyline
 
 # Places at which ways are looked at, evenly spaced in time, and at which their speeds are.
-PLACES = 65
-SPEEDS = 257
+SAMPLES = 65
+SPEED_SAMPLES = 257
 # What the farthest of a line's points may miss of the greatest distance, as a share of it.
 POINTS = 1.001
 # What rounding may add to a speed, and to a place [m].
 FASTER = 1.0 + 1e-6
 SLACK = 1e-9
 # Parts of each of two straight lines whose ends are looked at.
-STEPS = 12
+STEPS_PER_LINE = 12
 
 
 @compiled
-def ways_at(ways: Array, times: Array, found: Array) -> None:
-    """Writes position and its first three derivatives by time at moments [s].
+def evaluate_trajectories(trajectories: Array, times: Array, found: Array) -> None:
+    """Write position and its first three derivatives by time at given times [s].
 
     Args:
-        ways: phases of constant jerk of K axes: when they begin, position, velocity, acceleration and jerk
-            then, shape (K, n, 5). times: shape (m,). found: shape (4, m, K).
+        trajectories: phases of constant jerk of K axes: when they begin, position, velocity, acceleration and
+            jerk then, shape (K, n, 5). times: shape (m,). found: shape (4, m, K).
     """
-    for k in range(len(ways)):
+    for k in range(len(trajectories)):
         for i in range(len(times)):
             phase = 0
-            for n in range(1, ways.shape[1]):
-                if ways[k, n, 0] <= times[i]:
+            for n in range(1, trajectories.shape[1]):
+                if trajectories[k, n, 0] <= times[i]:
                     phase = n
-            x = times[i] - ways[k, phase, 0]
-            p, v = ways[k, phase, 1], ways[k, phase, 2]
-            a, j = ways[k, phase, 3], ways[k, phase, 4]
+            x = times[i] - trajectories[k, phase, 0]
+            p, v = trajectories[k, phase, 1], trajectories[k, phase, 2]
+            a, j = trajectories[k, phase, 3], trajectories[k, phase, 4]
             found[0, i, k] = p + x * (v + x * (a / 2.0 + x * j / 6.0))
             found[1, i, k] = v + x * (a + x * j / 2.0)
             found[2, i, k] = a + x * j
@@ -54,11 +54,11 @@ def _distance(position: Array, place: Array, weights: Array) -> float:
 
 
 @compiled
-def _span(phases: Array, duration: float) -> tuple[float, float, float]:
-    """Least and greatest position of one axis, and its greatest speed in either direction.
+def _extent(phases: Array, duration: float) -> tuple[float, float, float]:
+    """Return the least and greatest position of one axis, and its greatest speed in either direction.
 
     Args:
-        phases: of `ways_at`, shape (n, 5).
+        phases: of `evaluate_trajectories`, shape (n, 5).
     """
     low, high, fastest = math.inf, -math.inf, 0.0
     turns = np.empty(5)
@@ -84,45 +84,51 @@ def _span(phases: Array, duration: float) -> tuple[float, float, float]:
 
 
 @compiled
-def _strongest(ways: Array, weights: Array) -> float:
-    """Greatest acceleration that all axes may have together, weighted."""
+def _max_acceleration(trajectories: Array, weights: Array) -> float:
+    """Return an upper bound of the weighted acceleration of all axes together."""
     square = 0.0
-    for k in range(len(ways)):
+    for k in range(len(trajectories)):
         most = 0.0
-        for n in range(ways.shape[1]):
-            most = max(most, abs(ways[k, n, 3]))
-            if n + 1 < ways.shape[1]:
-                most = max(most, abs(ways[k, n, 3] + ways[k, n, 4] * (ways[k, n + 1, 0] - ways[k, n, 0])))
+        for n in range(trajectories.shape[1]):
+            most = max(most, abs(trajectories[k, n, 3]))
+            if n + 1 < trajectories.shape[1]:
+                most = max(
+                    most,
+                    abs(
+                        trajectories[k, n, 3]
+                        + trajectories[k, n, 4] * (trajectories[k, n + 1, 0] - trajectories[k, n, 0])
+                    ),
+                )
         square += (most * weights[k]) ** 2
     return math.sqrt(square)
 
 
 @compiled
-def _leaves(
-    ways: Array,
+def _exceeds(
+    trajectories: Array,
     times: Array,
     near: int,
     programmed: Array,
     fastest: Array,
-    caps: Array,
-    paced: Array,
+    speed_caps: Array,
+    feed_columns: Array,
     slack: float,
 ) -> bool:
-    """Whether an axis leaves the span of the programmed points or is faster than ``fastest``, or the path
-    than the cap of its part, before or after the moment ``near``.
+    """Return whether an axis leaves the span of the programmed points or passes ``fastest``, or the path
+    the speed cap of its part, before or after the time of index ``near``.
     """
     duration = times[-1]
     for k in range(len(fastest)):
-        low, high, speed = _span(ways[k], duration)
+        low, high, speed = _extent(trajectories[k], duration)
         if low < programmed[:, k].min() - slack or high > programmed[:, k].max() + slack:
             return True
         if speed > fastest[k] * FASTER + SLACK:
             return True
     # without jerk the path is fastest where an acceleration changes; with jerk many places come near enough
-    places = np.linspace(0.0, duration, SPEEDS)
-    moments = np.concatenate((places, times[near : near + 1], ways[:, :, 0].copy().reshape(-1)))
+    places = np.linspace(0.0, duration, SPEED_SAMPLES)
+    moments = np.concatenate((places, times[near : near + 1], trajectories[:, :, 0].copy().reshape(-1)))
     found = np.empty((4, len(moments), len(fastest)))
-    ways_at(ways, moments, found)
+    evaluate_trajectories(trajectories, moments, found)
     for i in range(len(moments)):
         # the moment between the two parts belongs to both
         for part in range(2):
@@ -131,70 +137,77 @@ def _leaves(
             square = counted = 0.0
             for k in range(len(fastest)):
                 square += found[1, i, k] ** 2
-                counted += paced[part, k] * found[1, i, k] ** 2
-            if math.sqrt(square) > caps[part, 0] * FASTER + SLACK:
+                counted += feed_columns[part, k] * found[1, i, k] ** 2
+            if math.sqrt(square) > speed_caps[part, 0] * FASTER + SLACK:
                 return True
-            if math.sqrt(counted) > caps[part, 1] * FASTER + SLACK:
+            if math.sqrt(counted) > speed_caps[part, 1] * FASTER + SLACK:
                 return True
     return False
 
 
 @compiled
-def miss_of(
-    ways: Array,
+def path_deviation_of(
+    trajectories: Array,
     duration: float,
     programmed: Array,
-    bow: float,
+    chord_error: float,
     weights: Array,
     fastest: Array,
-    caps: Array,
-    paced: Array,
+    speed_caps: Array,
+    feed_columns: Array,
     cycle: float,
 ) -> tuple[float, float]:
-    """Largest distance between ways and programmed path, in either direction, and from the vertex to the
-    nearest setpoint [m]; infinite: they may not be driven. And the share of the time at which they are
-    nearest to the vertex.
+    """Return the path deviation in either direction, and from the vertex to the nearest setpoint [m],
+    infinite where the trajectories may not be driven; and the share of their time at which they are nearest
+    to the vertex.
 
     Args:
         programmed: points of the path with the vertex in the middle, shape (m, K); of two straight lines the
-            ends and the vertex. bow: what a polyline through them misses of the path [m]. weights: of the
-            columns in the distance, shape (K,).
-        fastest: greatest speeds of the columns, shape (K,). caps: of all columns together, and of those
-            that a path speed counts, before and after they are nearest to the vertex, shape (2, 2). paced: 1
-            for the columns that it counts then, 0 for others, shape (2, K).
+            ends and the vertex. chord_error: what a polyline through them misses of the path [m]. weights: of
+            the columns in the distance, shape (K,).
+        fastest: greatest speeds of the columns, shape (K,). speed_caps: of all columns together, and of those
+            that a path speed counts, before and after they are nearest to the vertex, shape (2, 2).
+            feed_columns: 1 for the columns that it counts then, 0 for others, shape (2, K).
         cycle: between two setpoints [s].
     """
     count, middle = len(weights), len(programmed) // 2
-    times = np.empty(PLACES)
-    for i in range(PLACES):
-        times[i] = duration * i / (PLACES - 1)
-    found = np.empty((4, PLACES, count))
-    ways_at(ways, times, found)
+    times = np.empty(SAMPLES)
+    for i in range(SAMPLES):
+        times[i] = duration * i / (SAMPLES - 1)
+    found = np.empty((4, SAMPLES, count))
+    evaluate_trajectories(trajectories, times, found)
     vertex = programmed[middle]
     near = 1
-    for i in range(2, PLACES - 1):
+    for i in range(2, SAMPLES - 1):
         if _distance(found[0, i], vertex, weights) < _distance(found[0, near], vertex, weights):
             near = i
-    if _leaves(ways, times, near, programmed, fastest, caps, paced, SLACK + 2.0 * bow):
+    if _exceeds(
+        trajectories, times, near, programmed, fastest, speed_caps, feed_columns, SLACK + 2.0 * chord_error
+    ):
         return math.inf, 0.5
     # there is a setpoint within half a cycle of the nearest place
     rows = np.empty(2)
     rows[0] = max(times[near] - 0.5 * cycle, 0.0)
     rows[1] = min(times[near] + 0.5 * cycle, duration)
     beside = np.empty((4, 2, count))
-    ways_at(ways, rows, beside)
+    evaluate_trajectories(trajectories, rows, beside)
     worst = max(_distance(beside[0, 0], vertex, weights), _distance(beside[0, 1], vertex, weights))
     path, way = programmed * weights, found[0] * weights
     # ways leave their chords by a·dt²/8
-    between = _strongest(ways, weights) * (duration / (PLACES - 1)) ** 2 / 8.0
+    between = _max_acceleration(trajectories, weights) * (duration / (SAMPLES - 1)) ** 2 / 8.0
     # each part against its own line: where lines lie close, the other one is no excuse
     for part in range(2):
         line = path[: middle + 1] if part == 0 else path[middle:]
         own = way[: near + 1] if part == 0 else way[near:]
         points = line
         if len(line) == 2:
-            points = np.empty((STEPS + 1, count))
-            for i in range(STEPS + 1):
-                points[i] = line[0] + (line[1] - line[0]) * (i / STEPS)
-        worst = max(worst, max(farthest(own, line), farthest(points, own)) * POINTS + between + bow)
+            points = np.empty((STEPS_PER_LINE + 1, count))
+            for i in range(STEPS_PER_LINE + 1):
+                points[i] = line[0] + (line[1] - line[0]) * (i / STEPS_PER_LINE)
+        worst = max(
+            worst,
+            max(max_distance_to_polyline(own, line), max_distance_to_polyline(points, own)) * POINTS
+            + between
+            + chord_error,
+        )
     return worst, times[near] / duration

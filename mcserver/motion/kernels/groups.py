@@ -1,4 +1,4 @@
-"""Nodes of a run in columns, and the groups of segments, or parts of one, that are planned as one each."""
+"""Columns of a run's segments, and the groups of segments, or zones of one, that are planned as one each."""
 
 from __future__ import annotations
 
@@ -10,20 +10,11 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.parts import is_long, near_vertex, straight_limits
-from mcserver.motion.kernels.sample_limits import bind_joints, ease_short
+from mcserver.motion.kernels.parts import is_split, straight_limits, vertex_zone_length
+from mcserver.motion.kernels.sample_limits import limit_junctions, limit_short_segments
 
-# What is known of a segment, in numbers: its length along σ; the greatest speed at its start, from the joint
-# with the one before; the greatest speed on it, with the feed and by the axes alone; the feed along σ; the
-# time that is asked for, and T under G93 (NaN: none) [s]; how far a stop at its start may be rounded [m].
-EXTENT, CAP, TOP, SPEED, FEED, REQUESTED, DURATION, TOLERANCE = range(8)
-NUMBERS = 8
-# And in marks: the column and kind of limit that SPEED is by; one past its last sample, counted from the
-# first sample of all; whether a vertex's sample stands at its start and its end; which of its edges a plan
-# had to bind, of these bits: its start, where the vertex there ends to count, where that at its
-# end begins to.
-COLUMN, KIND, END, BEFORE, AFTER, KEY = range(6)
-MARKS = 6
+# Edges of a segment that a plan had to make knots, as bits: its start, the end of the vertex zone there, the
+# begin of the zone of the vertex at its end.
 START, LEFT, RIGHT = 1, 2, 4
 
 # Cycles that a group of segments may last, and how alike their speeds have to be.
@@ -33,32 +24,63 @@ SAME = 0.9
 DUST = 1e-9
 
 
-class Columns(NamedTuple):
-    """What is known of the n segments of a run.
+class SegmentColumns(NamedTuple):
+    """What is known of each of n segments by itself, shape (n,) each.
 
     Attributes:
-        numbers, marks: shapes (n, `NUMBERS`) and (n, `MARKS`). rows: their samples, of each segment its own,
-            then that of a vertex at its start, then that of one at its end.
-        dropped: samples that stood before the first one, and are gone. gone: what is gone of the first
-            segment, along σ.
+        length: along σ [m or rad]. junction_vmax: greatest speed at the start, by the junction with the
+            segment before [m/s or rad/s along σ]. segment_vmax: greatest speed on it, by its feed and the
+            axes.
+        axis_vmax: by the axes alone. feed: by its feed alone. requested: time asked for [s]. duration: T
+            under G93, NaN without one [s]. tolerance: how far a stop at its start may be rounded [m].
+        limit_column, limit_kind: the machine's column and the kind of limit that ``axis_vmax`` is by.
+        sample_end: one past its last sample, counted from the first sample of all.
+        vertex_before, vertex_after: 1 where a vertex's sample stands at its start, and at its end; else 0.
+        knot_edges: the edges that a plan had to make knots, of the bits `START`, `LEFT` and `RIGHT`.
     """
 
-    numbers: Array
-    marks: NDArray[np.intp]
-    rows: Array
+    length: Array
+    junction_vmax: Array
+    segment_vmax: Array
+    axis_vmax: Array
+    feed: Array
+    requested: Array
+    duration: Array
+    tolerance: Array
+    limit_column: NDArray[np.intp]
+    limit_kind: NDArray[np.intp]
+    sample_end: NDArray[np.intp]
+    vertex_before: NDArray[np.intp]
+    vertex_after: NDArray[np.intp]
+    knot_edges: NDArray[np.intp]
+
+
+class Segments(NamedTuple):
+    """The n segments of a run.
+
+    Attributes:
+        columns: what is known of each. samples: of each segment its own, then that of a vertex at its start,
+            then that of one at its end; rows of `mcserver.motion.kernels.sample_limits`, shape (m, 5 K + 2).
+        dropped: samples that stood before the first one, and are gone. passed: length of the first segment
+            that has been passed already, along σ.
+    """
+
+    columns: SegmentColumns
+    samples: Array
     dropped: int
-    gone: float
+    passed: float
 
 
 class Groups(NamedTuple):
-    """A run of n segments in g groups.
+    """The n segments of a run in g groups.
 
     Attributes:
         bounds: σ at the segments' starts and at the end, shape (n+1,). starts: the groups' first segments,
             shape (g,). bits: which of the edges of that segment a group starts at, shape (g,).
         edges: σ at their starts and at the end, shape (g+1,).
-        hard: greatest speeds at the groups' starts and at the end, shape (g+1,). caps: the same with the mean
-            speeds of timed segments at both of their ends (D-33). tops: greatest speeds on the groups, (g,).
+        junction_vmax_hard: greatest speeds at the groups' starts and at the end, shape (g+1,).
+        junction_vmax: the same with the mean speeds of timed segments at both of their ends (D-33).
+            segment_vmax: greatest speeds on the groups, (g,).
         rows: samples of the groups. offset: the groups' first samples, and one past the last, (g+1,).
     """
 
@@ -66,91 +88,102 @@ class Groups(NamedTuple):
     starts: NDArray[np.intp]
     bits: NDArray[np.intp]
     edges: Array
-    hard: Array
-    caps: Array
-    tops: Array
+    junction_vmax_hard: Array
+    junction_vmax: Array
+    segment_vmax: Array
     rows: Array
     offset: NDArray[np.intp]
 
 
 @compiled
-def _starts(nodes: Columns, caps: Array, tops: Array, cycle: float) -> NDArray[np.intp]:
-    """First segments of groups that are planned as one: short ones under nearly the same speed.
+def _group_starts(
+    segments: Segments, junction_vmax: Array, segment_vmax: Array, cycle: float
+) -> NDArray[np.intp]:
+    """Return the first segments of groups that are planned as one: short segments of nearly the same speed.
 
     A group is passed at the lowest of its caps; its segments together last few cycles, so hardly anything is
     lost, and a curve made of very short lines is planned in steps of milliseconds.
     """
-    numbers, marks = nodes.numbers, nodes.marks
-    count = len(tops)
+    columns = segments.columns
+    count = len(segment_vmax)
     starts = np.empty(count, np.intp)
     starts[0] = 0
     found = 1
     span = GROUP * cycle
-    low = high = tops[0]
-    length = numbers[0, EXTENT]
+    low = high = segment_vmax[0]
+    length = columns.length[0]
     for index in range(1, count):
-        least = min(low, caps[index], tops[index])
-        most = max(high, tops[index])
+        least = min(low, junction_vmax[index], segment_vmax[index])
+        most = max(high, segment_vmax[index])
         # a slow vertex at an end of the group would slow all of it; and what is left of a long segment stays
         # what it was when the motion on it was planned
         first = starts[found - 1]
-        slow = marks[first, BEFORE] != 0 and numbers[first, CAP] < SAME * most
-        slow = slow or (marks[index, AFTER] != 0 and caps[index + 1] < SAME * most)
+        slow = columns.vertex_before[first] != 0 and columns.junction_vmax[first] < SAME * most
+        slow = slow or (columns.vertex_after[index] != 0 and junction_vmax[index + 1] < SAME * most)
         alone = (
             slow
-            or (first == 0 and nodes.gone > 0.0)
-            or marks[index, KEY] & START != 0
-            or not math.isnan(numbers[index, DURATION])
-            or not math.isnan(numbers[first, DURATION])
+            or (first == 0 and segments.passed > 0.0)
+            or columns.knot_edges[index] & START != 0
+            or not math.isnan(columns.duration[index])
+            or not math.isnan(columns.duration[first])
             or least < SAME * most
-            or length + numbers[index, EXTENT] > span * least
+            or length + columns.length[index] > span * least
         )
         if alone:
             starts[found] = index
             found += 1
-            low = high = tops[index]
-            length = numbers[index, EXTENT]
+            low = high = segment_vmax[index]
+            length = columns.length[index]
         else:
             low, high = least, most
-            length += numbers[index, EXTENT]
+            length += columns.length[index]
     return starts[:found]
 
 
 @compiled
-def line_row(nodes: Columns, index: int) -> int:
-    """The one sample of a straight segment without a time of its own; -1: the segment is none."""
-    marks = nodes.marks
-    low = marks[index - 1, END] - nodes.dropped if index > 0 else 0
-    own = marks[index, END] - nodes.dropped - low - marks[index, BEFORE] - marks[index, AFTER]
-    return low if own == 1 and math.isnan(nodes.numbers[index, DURATION]) else -1
+def line_row(segments: Segments, index: int) -> int:
+    """Return the row of the one sample of a straight segment without a T of its own; -1 for any other
+    segment.
+    """
+    columns = segments.columns
+    low = columns.sample_end[index - 1] - segments.dropped if index > 0 else 0
+    own = (
+        columns.sample_end[index]
+        - segments.dropped
+        - low
+        - columns.vertex_before[index]
+        - columns.vertex_after[index]
+    )
+    return low if own == 1 and math.isnan(segments.columns.duration[index]) else -1
 
 
 @compiled
-def _cuts(
-    nodes: Columns, starts: NDArray[np.intp], tops: Array, limits: Array, cycle: float
+def _vertex_zones(
+    segments: Segments, starts: NDArray[np.intp], segment_vmax: Array, limits: Array, cycle: float
 ) -> tuple[NDArray[np.bool_], Array]:
-    """Which groups are a long segment, and where on it a vertex at its start ends to count and one at its end
-    begins to, from its start on along σ; shape (n,) and (n, 2)."""
-    numbers, marks = nodes.numbers, nodes.marks
+    """Return which groups are one long segment, shape (n,), and where on it, along σ, the zone of the
+    vertex at its start ends and that of the one at its end begins, shape (n, 2).
+    """
+    columns = segments.columns
     n = len(starts)
     long, cuts = np.zeros(n, np.bool_), np.zeros((n, 2))
     for group in range(n):
         first = starts[group]
-        last = starts[group + 1] if group + 1 < n else len(tops)
-        row = line_row(nodes, first)
-        if last - first > 1 or row < 0 or marks[first, BEFORE] + marks[first, AFTER] == 0:
+        last = starts[group + 1] if group + 1 < n else len(segment_vmax)
+        row = line_row(segments, first)
+        if last - first > 1 or row < 0 or columns.vertex_before[first] + columns.vertex_after[first] == 0:
             continue
-        acceleration, _ = straight_limits(nodes.rows[row], limits)
+        acceleration, _ = straight_limits(segments.samples[row], limits)
         before = after = fastest = 0.0
-        if marks[first, BEFORE] != 0:
-            fastest = min(numbers[first, CAP], tops[first])
-            before = near_vertex(fastest, acceleration, cycle)
-        if marks[first, AFTER] != 0:
-            speed = min(numbers[first + 1, CAP], tops[first])
-            after, fastest = near_vertex(speed, acceleration, cycle), max(fastest, speed)
+        if columns.vertex_before[first] != 0:
+            fastest = min(columns.junction_vmax[first], segment_vmax[first])
+            before = vertex_zone_length(fastest, acceleration, cycle)
+        if columns.vertex_after[first] != 0:
+            speed = min(columns.junction_vmax[first + 1], segment_vmax[first])
+            after, fastest = vertex_zone_length(speed, acceleration, cycle), max(fastest, speed)
         # what was in parts stays so while it is passed: its limits are those that the motion was planned with
-        extent, gone = numbers[first, EXTENT], nodes.gone if first == 0 else 0.0
-        long[group] = is_long(extent + gone, before, after, acceleration, fastest)
+        extent, gone = columns.length[first], segments.passed if first == 0 else 0.0
+        long[group] = is_split(extent + gone, before, after, acceleration, fastest)
         dust = DUST * (extent + gone)
         cuts[group, 0] = before - gone if before - gone > dust else 0.0
         cuts[group, 1] = extent - after if after > dust else extent
@@ -160,90 +193,99 @@ def _cuts(
 
 
 @compiled
-def _in_parts(groups: Groups, nodes: Columns, long: NDArray[np.bool_], cuts: Array) -> Groups:
-    """The groups with the long segments in up to three parts: near the vertex at the start, between, and near
-    the one at the end."""
+def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], cuts: Array) -> Groups:
+    """Split long segments into up to three zones: near the vertex at the start, between, and near the one
+    at the end.
+    """
     count = len(groups.starts)
     most = count + 2 * long.sum()
     starts, bits = np.empty(most, np.intp), np.empty(most, np.intp)
-    edges, hard, caps = np.empty(most + 1), np.empty(most + 1), np.empty(most + 1)
-    tops, offset = np.empty(most), np.zeros(most + 1, np.intp)
-    rows = np.empty((len(nodes.rows) + 2 * long.sum(), nodes.rows.shape[1]))
+    edges, junction_vmax_hard, junction_vmax = np.empty(most + 1), np.empty(most + 1), np.empty(most + 1)
+    segment_vmax, offset = np.empty(most), np.zeros(most + 1, np.intp)
+    rows = np.empty((len(segments.samples) + 2 * long.sum(), segments.samples.shape[1]))
     at = part = 0
     for group in range(count):
         low, high = groups.offset[group], groups.offset[group + 1]
-        begin, extent = groups.edges[group], nodes.numbers[groups.starts[group], EXTENT]
+        begin, extent = groups.edges[group], segments.columns.length[groups.starts[group]]
         places = (0.0, cuts[group, 0], cuts[group, 1], extent) if long[group] else (0.0, 0.0, 1.0, 1.0)
         for place in range(3):
             if places[place + 1] <= places[place]:
                 continue
             opens = places[place] <= 0.0
             starts[part], bits[part] = groups.starts[group], START if opens else (START, LEFT, RIGHT)[place]
-            tops[part] = groups.tops[group]
+            segment_vmax[part] = groups.segment_vmax[group]
             edges[part] = begin if opens else begin + places[place]
-            hard[part] = groups.hard[group] if opens else groups.tops[group]
-            caps[part] = groups.caps[group] if opens else groups.tops[group]
+            junction_vmax_hard[part] = (
+                groups.junction_vmax_hard[group] if opens else groups.segment_vmax[group]
+            )
+            junction_vmax[part] = groups.junction_vmax[group] if opens else groups.segment_vmax[group]
             for i in range(low, high):
                 # of a long one its own sample, that of the vertex at its start, and of the one at its end
                 if not long[group] or i == low or i == (low + 1, -1, high - 1)[place]:
-                    rows[at] = nodes.rows[i]
+                    rows[at] = segments.samples[i]
                     at += 1
             part += 1
             offset[part] = at
-    edges[part], hard[part], caps[part] = groups.edges[count], groups.hard[count], groups.caps[count]
+    edges[part], junction_vmax_hard[part], junction_vmax[part] = (
+        groups.edges[count],
+        groups.junction_vmax_hard[count],
+        groups.junction_vmax[count],
+    )
     return Groups(
         groups.bounds,
         starts[:part],
         bits[:part],
         edges[: part + 1],
-        hard[: part + 1],
-        caps[: part + 1],
-        tops[:part],
+        junction_vmax_hard[: part + 1],
+        junction_vmax[: part + 1],
+        segment_vmax[:part],
         rows[:at],
         offset[: part + 1],
     )
 
 
 @compiled
-def groups_of(nodes: Columns, entry: float, limits: Array, cycle: float) -> Groups:
-    """The groups of a run from the speed ``entry`` to rest."""
-    numbers, marks = nodes.numbers, nodes.marks
-    count = len(numbers)
+def group_segments(segments: Segments, entry: float, limits: Array, cycle: float) -> Groups:
+    """Return the groups of a run from the speed ``entry`` to rest."""
+    columns = segments.columns
+    count = len(columns.length)
     bounds = np.empty(count + 1)
     bounds[0] = 0.0
-    caps = np.empty(count + 1)
-    tops = np.empty(count)
+    junction_vmax = np.empty(count + 1)
+    segment_vmax = np.empty(count)
     for i in range(count):
-        bounds[i + 1] = bounds[i] + numbers[i, EXTENT]
-        caps[i], tops[i] = numbers[i, CAP], numbers[i, TOP]
-    caps[0], caps[count] = entry, 0.0
-    ease_short(bounds, caps, tops, cycle)
-    bind_joints(caps, tops)
-    starts = _starts(nodes, caps, tops, cycle)
+        bounds[i + 1] = bounds[i] + columns.length[i]
+        junction_vmax[i], segment_vmax[i] = columns.junction_vmax[i], columns.segment_vmax[i]
+    junction_vmax[0], junction_vmax[count] = entry, 0.0
+    limit_short_segments(bounds, junction_vmax, segment_vmax, cycle)
+    limit_junctions(junction_vmax, segment_vmax)
+    starts = _group_starts(segments, junction_vmax, segment_vmax, cycle)
     n = len(starts)
-    edges, hard = np.empty(n + 1), np.empty(n + 1)
-    group_tops = np.empty(n)
+    edges, junction_vmax_hard = np.empty(n + 1), np.empty(n + 1)
+    group_vmax = np.empty(n)
     offset = np.empty(n + 1, np.intp)
     offset[0] = 0
     for group in range(n):
         first = starts[group]
         last = starts[group + 1] if group + 1 < n else count
-        edges[group], hard[group] = bounds[first], caps[first]
-        top = tops[first]
+        edges[group], junction_vmax_hard[group] = bounds[first], junction_vmax[first]
+        top = segment_vmax[first]
         for i in range(first + 1, last):
-            top = min(top, tops[i], caps[i])
-        group_tops[group] = top
-        offset[group + 1] = marks[last - 1, END] - nodes.dropped
-    edges[n], hard[n] = bounds[count], 0.0
-    nominal = hard.copy()
+            top = min(top, segment_vmax[i], junction_vmax[i])
+        group_vmax[group] = top
+        offset[group + 1] = columns.sample_end[last - 1] - segments.dropped
+    edges[n], junction_vmax_hard[n] = bounds[count], 0.0
+    nominal = junction_vmax_hard.copy()
     for group in range(n):
-        duration = numbers[starts[group], DURATION]
+        duration = columns.duration[starts[group]]
         if not math.isnan(duration):
-            mean = numbers[starts[group], EXTENT] / duration
+            mean = columns.length[starts[group]] / duration
             for end in (group, group + 1):
                 if 0 < end < n:
                     nominal[end] = min(nominal[end], mean)
     bits = np.full(n, START, np.intp)
-    groups = Groups(bounds, starts, bits, edges, hard, nominal, group_tops, nodes.rows, offset)
-    long, cuts = _cuts(nodes, starts, tops, limits, cycle)
-    return _in_parts(groups, nodes, long, cuts) if long.any() else groups
+    groups = Groups(
+        bounds, starts, bits, edges, junction_vmax_hard, nominal, group_vmax, segments.samples, offset
+    )
+    long, cuts = _vertex_zones(segments, starts, segment_vmax, limits, cycle)
+    return _split_groups(groups, segments, long, cuts) if long.any() else groups

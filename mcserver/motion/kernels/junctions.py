@@ -1,4 +1,4 @@
-"""Straight samples, and the speed over the joint of two segments (D-35, D-36)."""
+"""Samples of straight segments, and the greatest speed over a junction (D-35, D-36)."""
 
 from __future__ import annotations
 
@@ -6,26 +6,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.groups import (
-    AFTER,
-    BEFORE,
-    CAP,
-    COLUMN,
-    DURATION,
-    END,
-    EXTENT,
-    FEED,
-    KEY,
-    KIND,
-    REQUESTED,
-    SPEED,
-    TOP,
-)
-from mcserver.motion.kernels.parts import is_long, near_vertex
+from mcserver.motion.kernels.groups import SegmentColumns
+from mcserver.motion.kernels.parts import is_split, vertex_zone_length
 from mcserver.motion.kernels.sample_limits import CURVATURE_SHARE, TINY, ripple
 
 # A vertex is passed in one cycle. Beside it half of the limit is left, where that is all that there is on the
@@ -39,23 +24,23 @@ CRAWL = 10.0
 _ONE_TANGENT = 1e-12
 
 
-class Before(NamedTuple):
+class PrecedingEnd(NamedTuple):
     """The end of the segment that others follow.
 
     Attributes:
-        last, bend: dp/ds and d²p/ds² there, shape (K,). scale: of its coordinate; 0: they start at rest.
-        in_parts: whether it is planned in parts if it is long.
+        last, d2q: dp/ds and d²p/ds² there, shape (K,). scale: of its coordinate; 0: they start at rest.
+        may_be_split: whether it is planned in parts if it is long.
     """
 
     last: Array
-    bend: Array
+    d2q: Array
     scale: float
-    in_parts: bool
+    may_be_split: bool
 
 
 @compiled
 def line_sample(travel: Array, scale: float, limits: Array, rows: Array) -> tuple[float, int]:
-    """Writes the one sample of a straight segment into ``rows`` (1, 5 K + 2), zeroed before.
+    """Write the one sample of a straight segment into ``rows`` (1, 5 K + 2), zeroed before.
 
     Returns:
         The greatest speed along it, and the column that binds it.
@@ -75,7 +60,7 @@ def line_sample(travel: Array, scale: float, limits: Array, rows: Array) -> tupl
 
 @compiled
 def length_of(vector: Array) -> float:
-    """Euclidean length of a vector (K,)."""
+    """Return the euclidean length of a vector (K,)."""
     total = 0.0
     for k in range(len(vector)):
         total += vector[k] * vector[k]
@@ -83,23 +68,23 @@ def length_of(vector: Array) -> float:
 
 
 @compiled
-def meet(
+def junction_vmax_of(
     last: Array,
-    bend_last: Array,
+    d2q_end: Array,
     before_scale: float,
     first: Array,
-    bend_first: Array,
+    d2q_start: Array,
     limits: Array,
     cycle: float,
-    in_parts: bool,
+    may_be_split: bool,
     samples: Array,
 ) -> tuple[float, float]:
-    """Speed over a joint, and what it asks of both sides.
+    """Return the greatest speed over a junction, and what it demands of both sides.
 
     Args:
-        last, bend_last: dp/ds and d²p/ds² at the end of the segment before, shape (K,). first, bend_first: at
+        last, d2q_end: dp/ds and d²p/ds² at the end of the segment before, shape (K,). first, d2q_start: at
             the start of the one after. before_scale: of the one before.
-        in_parts: whether both are planned in parts if they are long.
+        may_be_split: whether both are planned in parts if they are long.
         samples: shape (2, 5 K + 2), zeroed; written where the joint is passed with a bounded speed.
 
     Returns:
@@ -118,7 +103,7 @@ def meet(
         step = abs(t2 - t1)
         worst = max(worst, step / limits[1, k])
         turned += step * step
-        bent = max(bent, abs(bend_last[k]), abs(bend_first[k]))
+        bent = max(bent, abs(d2q_end[k]), abs(d2q_start[k]))
         crawl_limit = min(crawl_limit, limits[1, k] / max(abs(t1), abs(t2), TINY))
     speed = math.inf
     spacing = min(before_scale, scale)
@@ -129,8 +114,8 @@ def meet(
         dense /= math.sqrt(1.0 + ripple(min(1.0, spacing / (dense * cycle))))
         turn = math.sqrt(turned) * before_scale / end
         most = CURVATURE_SHARE * cycle / worst
-        reach = near_vertex(most, crawl_limit, cycle)
-        if in_parts and is_long(spacing, reach, reach, crawl_limit, most):
+        zone = vertex_zone_length(most, crawl_limit, cycle)
+        if may_be_split and is_split(spacing, zone, zone, crawl_limit, most):
             # what it takes holds near it only, so it may take nearly all
             speed = most
         if turn < POLYLINE_TURN and spacing < 10.0 * cycle * dense:
@@ -141,14 +126,14 @@ def meet(
             return 0.0, 0.0
     sharpest = 0.0
     for k in range(width):
-        b1, b2 = bend_last[k] / before_scale**2, bend_first[k] / scale**2
-        bend = max(abs(b1), abs(b2))
+        b1, b2 = d2q_end[k] / before_scale**2, d2q_start[k] / scale**2
+        d2q = max(abs(b1), abs(b2))
         if worst > _ONE_TANGENT and bent > 0.0:
             # beside a vertex the bend of an arc takes its part of the same axis's acceleration: the greatest
             # v with step·v + bend·v² ≤ acceleration
             step = abs(first[k] / scale - last[k] / before_scale) / (cycle * VERTEX_SHARE)
             share = CURVATURE_SHARE * limits[1, k]
-            speed = min(speed, 2.0 * share / max(step + math.sqrt(step * step + 4.0 * bend * share), TINY))
+            speed = min(speed, 2.0 * share / max(step + math.sqrt(step * step + 4.0 * d2q * share), TINY))
         sharpest = max(sharpest, abs(b2 - b1) / limits[2, k])
     if sharpest > 0.0:
         speed = min(speed, math.sqrt(VERTEX_SHARE * cycle / sharpest))
@@ -156,7 +141,7 @@ def meet(
         return speed, scale
     for k in range(width):
         t1, t2 = last[k] / before_scale, first[k] / scale
-        b1, b2 = bend_last[k] / before_scale**2, bend_first[k] / scale**2
+        b1, b2 = d2q_end[k] / before_scale**2, d2q_start[k] / scale**2
         for side in range(2):
             samples[side, k] = abs(t1) if side == 0 else abs(t2)
             samples[side, width + k] = max(abs(b1), abs(b2))
@@ -169,24 +154,22 @@ def meet(
 
 
 @compiled
-def meet_lines(
-    before: Before,
+def append_straight_junctions(
+    before: PrecedingEnd,
     travels: Array,
     scales: Array,
-    asked: Array,
+    timing: Array,
     limits: Array,
     cycle: float,
-    numbers: Array,
-    marks: NDArray[np.intp],
+    columns: SegmentColumns,
     rows: Array,
 ) -> tuple[int, bool]:
-    """As `line_sample` and `meet`, for n straight segments on end.
+    """Apply `line_sample` and `junction_vmax_of` to n straight segments on end.
 
     Args:
         before: what they follow. travels: shape (n, K). scales: their lengths, shape (n,).
-        asked: feed [1/s], time and T of each [s], shape (n, 3).
-        numbers, marks: of the nodes (see `mcserver.motion.kernels.groups`), shapes (n, `NUMBERS`) and
-            (n, `MARKS`); written, `END` from the first of ``rows`` on.
+        timing: feed [1/s], time and T of each [s], shape (n, 3).
+        columns: of the n segments, written, with ``sample_end`` counted from the first of ``rows``.
         rows: shape (3 n, 5 K + 2), zeroed; written: the samples of all.
 
     Returns:
@@ -194,15 +177,17 @@ def meet_lines(
     """
     still = np.zeros(travels.shape[1])
     vertex = np.zeros((2, rows.shape[1]))
-    at, last_scale, last_in_parts = 0, before.scale, before.in_parts
+    at, last_scale, last_in_parts = 0, before.scale, before.may_be_split
     leads = False
     for i in range(len(travels)):
         speed = scale = 0.0
-        in_parts = math.isnan(asked[i, 2])
-        last, bend = (travels[i - 1], still) if i > 0 else (before.last, before.bend)
+        may_be_split = math.isnan(timing[i, 2])
+        last, d2q = (travels[i - 1], still) if i > 0 else (before.last, before.d2q)
         if last_scale > 0.0:
-            parts = in_parts and last_in_parts
-            speed, scale = meet(last, bend, last_scale, travels[i], still, limits, cycle, parts, vertex)
+            parts = may_be_split and last_in_parts
+            speed, scale = junction_vmax_of(
+                last, d2q, last_scale, travels[i], still, limits, cycle, parts, vertex
+            )
         if not scale > 0.0:
             scale = scales[i]
         bounded = 0.0 < speed < math.inf
@@ -210,20 +195,20 @@ def meet_lines(
             rows[at] = vertex[0]
             at += 1
             if i > 0:
-                marks[i - 1, END] += 1
-                marks[i - 1, AFTER] = 1
+                columns.sample_end[i - 1] += 1
+                columns.vertex_after[i - 1] = 1
             else:
                 leads = True
-        top, marks[i, COLUMN] = line_sample(travels[i], scale, limits, rows[at : at + 1])
+        top, columns.limit_column[i] = line_sample(travels[i], scale, limits, rows[at : at + 1])
         at += 1
         if bounded:
             rows[at] = vertex[1]
             at += 1
-        feed = asked[i, 0] * scale
-        numbers[i, EXTENT], numbers[i, CAP] = scale, speed
-        numbers[i, SPEED], numbers[i, FEED], numbers[i, TOP] = top, feed, min(top, feed)
-        numbers[i, REQUESTED], numbers[i, DURATION] = asked[i, 1], asked[i, 2]
-        marks[i, KIND], marks[i, END], marks[i, KEY] = 0, at, 0
-        marks[i, BEFORE], marks[i, AFTER] = 1 if bounded else 0, 0
-        last_scale, last_in_parts = scale, in_parts
+        feed = timing[i, 0] * scale
+        columns.length[i], columns.junction_vmax[i] = scale, speed
+        columns.axis_vmax[i], columns.feed[i], columns.segment_vmax[i] = top, feed, min(top, feed)
+        columns.requested[i], columns.duration[i] = timing[i, 1], timing[i, 2]
+        columns.limit_kind[i], columns.sample_end[i], columns.knot_edges[i] = 0, at, 0
+        columns.vertex_before[i], columns.vertex_after[i] = 1 if bounded else 0, 0
+        last_scale, last_in_parts = scale, may_be_split
     return at, leads

@@ -1,7 +1,7 @@
-"""The keys of a run: the nodes at which acceleration is zero, found by the caps that bind.
+"""Zero-acceleration knots of a run, found from the speed limits that are exceeded without them.
 
-See `mcserver.motion.profile.profile_solver`. A run of n groups of segments has edges
-(n+1,) along σ, and its nodes caps (n+1,).
+See `mcserver.motion.profile.profile_solver`. A run of n groups of segments has edges (n+1,) along σ, and its
+nodes caps (n+1,).
 """
 
 from __future__ import annotations
@@ -13,76 +13,92 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.kernels.bottlenecks import mark_plateau, mark_weak
+from mcserver.motion.kernels.bottlenecks import mark_bottlenecks, mark_plateau
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.phases import PHASE, PHASES_A_MOVE, expand, speeds_at
+from mcserver.motion.kernels.phases import PHASE, PHASES_PER_MOVE, moves_to_phases, speeds_at
 from mcserver.motion.kernels.ramp_kernels import (
-    MOST_MOVES,
-    MOST_RUNGS,
+    MAX_MOVES,
+    MAX_TABLE_ROWS,
     MOVE,
-    duration_of,
-    fastest_moves,
-    reachable,
+    duration_of_moves,
+    min_time_moves,
+    reachable_speed_by_table,
 )
-from mcserver.motion.kernels.sample_limits import SLACK, Run, make_ladder, weakest
+from mcserver.motion.kernels.sample_limits import SLACK, Run, make_limit_table, min_limits
 
 # How a search ends.
 SOLVED, ENTRY_TOO_FAST, NOT_JOINED, TOO_MANY_ROUNDS = range(4)
 
 
-class Ladders(NamedTuple):
-    """The ladder of the stretch from each key to the next one on its right.
+class LimitTables(NamedTuple):
+    """The acceleration-limit table of the stretch from each knot to the next one on its right.
 
     Attributes:
-        rungs: shape (n+1, `MOST_RUNGS`, 3). sizes: how many there are. right: the key that they reach to.
+        rows: shape (n+1, `MAX_TABLE_ROWS`, 3). sizes: how many there are. right: the knot that they reach to.
     """
 
-    rungs: Array
+    rows: Array
     sizes: NDArray[np.intp]
     right: NDArray[np.intp]
 
 
-class Passes(NamedTuple):
-    """What was asked last about each key, forward and backward, and the answer.
+class ReachedSpeeds(NamedTuple):
+    """The last question about each knot, forward and backward, and its answer.
 
     Attributes:
-        asked: the other key, its speed, and the cap, shape (2, n+1, 3). answer: speeds, shape (2, n+1).
+        asked: the other knot, its speed, and the cap, shape (2, n+1, 3). answer: speeds, shape (2, n+1).
     """
 
     asked: Array
     answer: Array
 
 
-MOST_PHASES = MOST_MOVES * PHASES_A_MOVE
+MOST_PHASES = MAX_MOVES * PHASES_PER_MOVE
 
 
 @compiled
-def _stretch(
-    run: Run, ladders: Ladders, left: int, right: int, edges: Array, speeds: Array, moves: Array, spare: Array
+def _moves_between(
+    run: Run,
+    tables: LimitTables,
+    left: int,
+    right: int,
+    edges: Array,
+    speeds: Array,
+    moves: Array,
+    spare: Array,
 ) -> int:
-    """Moves between two keys as if no cap bound them between; 0: the speeds cannot be joined."""
+    """Write the moves between two knots as if no junction limited them; return their number, 0 where the
+    speeds cannot be joined.
+    """
     entry, exit_, distance = speeds[left], speeds[right], edges[right] - edges[left]
-    found = fastest_moves(moves, spare, distance, entry, exit_, ladders.rungs[left], ladders.sizes[left])
-    if found == 0:
+    made = min_time_moves(moves, spare, distance, entry, exit_, tables.rows[left], tables.sizes[left])
+    if made == 0:
         # the speeds were chosen for the weakest of the limits: with these they can be joined
         one = np.empty((1, 3))
-        one[0, 0] = max(entry, exit_, run.tops[left:right].min())
-        one[0, 1], one[0, 2] = weakest(run.weak, left, right)
-        found = fastest_moves(moves, spare, distance, entry, exit_, one, len(one))
-    return found
+        one[0, 0] = max(entry, exit_, run.segment_vmax[left:right].min())
+        one[0, 1], one[0, 2] = min_limits(run.free_at_vmax, left, right)
+        made = min_time_moves(moves, spare, distance, entry, exit_, one, len(one))
+    return made
 
 
 @compiled
-def _worst(
-    left: int, right: int, edges: Array, caps: Array, tops: Array, phases: Array, count: int, speeds: Array
+def _lowest_exceeded(
+    left: int,
+    right: int,
+    edges: Array,
+    junction_vmax: Array,
+    segment_vmax: Array,
+    phases: Array,
+    count: int,
+    speeds: Array,
 ) -> int:
-    """The node to bind: one at the lowest cap which the phases pass; −1: none."""
+    """Return the node to make a knot, one at the lowest limit that the phases exceed; −1 without one."""
     origin = edges[left]
     speeds_at(phases, count, edges, origin, left + 1, right, speeds)
     worst, lowest = -1, math.inf
     for node in range(left + 1, right):
-        if speeds[node] > caps[node] * SLACK and caps[node] < lowest:
-            worst, lowest = node, caps[node]
+        if speeds[node] > junction_vmax[node] * SLACK and junction_vmax[node] < lowest:
+            worst, lowest = node, junction_vmax[node]
     # speed rises to one peak and falls: elsewhere the greatest is at an end of a segment
     peak = 0
     for row in range(1, count):
@@ -96,28 +112,31 @@ def _worst(
         speed = max(speeds[group], speeds[group + 1])
         if group == where:
             speed = max(speed, phases[peak, 2])
-        if speed > tops[group] * SLACK and tops[group] < least:
-            segment, least = group, tops[group]
+        if speed > segment_vmax[group] * SLACK and segment_vmax[group] < least:
+            segment, least = group, segment_vmax[group]
     if segment >= 0 and least < lowest:
-        # a segment is bound by keys at both of its ends: the one that is not a key yet
+        # a segment is bound by knots at both of its ends: the one that is not a knot yet
         worst = segment if segment > left else segment + 1
     return worst
 
 
 @compiled
-def _surely_worst(left: int, right: int, caps: Array, tops: Array, least: float) -> int:
-    """The node that `_worst` gives, where that is clear without a profile; −1: it is not.
+def _surely_lowest_exceeded(
+    left: int, right: int, junction_vmax: Array, segment_vmax: Array, least: float
+) -> int:
+    """Return the node that `_lowest_exceeded` gives, where that is clear without a profile; −1 where it is
+    not.
 
     Speed rises to one peak and falls, so it is nowhere below ``least``, the lower of the speeds at the ends.
     """
     node, cap = -1, math.inf
     for other in range(left + 1, right):
-        if caps[other] < cap:
-            node, cap = other, caps[other]
-    segment, top = left, tops[left]
+        if junction_vmax[other] < cap:
+            node, cap = other, junction_vmax[other]
+    segment, top = left, segment_vmax[left]
     for other in range(left + 1, right):
-        if tops[other] < top:
-            segment, top = other, tops[other]
+        if segment_vmax[other] < top:
+            segment, top = other, segment_vmax[other]
     if min(cap, top) * SLACK >= least:
         return -1
     if top < cap:
@@ -126,147 +145,169 @@ def _surely_worst(left: int, right: int, caps: Array, tops: Array, least: float)
 
 
 @compiled
-def _speeds_at_keys(
+def _speeds_at_knots(
     run: Run,
-    keys: NDArray[np.intp],
+    knots: NDArray[np.intp],
     edges: Array,
-    caps: Array,
-    ladders: Ladders,
-    passes: Passes,
+    junction_vmax: Array,
+    tables: LimitTables,
+    reached: ReachedSpeeds,
     speeds: Array,
 ) -> None:
-    """Writes speeds at keys, each of which can be reached from its neighbours: by two passes."""
-    count = len(keys)
-    for key in keys:
-        speeds[key] = caps[key]
+    """Write speeds at knots that can be reached from both neighbours, by a forward and a backward pass."""
+    count = len(knots)
+    for knot in knots:
+        speeds[knot] = junction_vmax[knot]
     for index in range(count - 1):
-        left, right = keys[index], keys[index + 1]
-        if ladders.right[left] != right:
-            lower = min(caps[left], caps[right])
-            ladders.sizes[left] = make_ladder(run, left, right, lower, ladders.rungs[left])
-            ladders.right[left] = right
-    for way in range(2):
+        left, right = knots[index], knots[index + 1]
+        if tables.right[left] != right:
+            lower = min(junction_vmax[left], junction_vmax[right])
+            tables.sizes[left] = make_limit_table(run, left, right, lower, tables.rows[left])
+            tables.right[left] = right
+    for direction in range(2):
         for step in range(count - 1):
-            index = step if way == 0 else count - 2 - step
-            left, right = keys[index], keys[index + 1]
-            other, key = (left, right) if way == 0 else (right, left)
-            if speeds[key] <= speeds[other]:
+            index = step if direction == 0 else count - 2 - step
+            left, right = knots[index], knots[index + 1]
+            other, knot = (left, right) if direction == 0 else (right, left)
+            if speeds[knot] <= speeds[other]:
                 continue
-            question = passes.asked[way, key]
-            if question[0] != other or question[1] != speeds[other] or question[2] != speeds[key]:
-                question[0], question[1], question[2] = other, speeds[other], speeds[key]
+            question = reached.asked[direction, knot]
+            if question[0] != other or question[1] != speeds[other] or question[2] != speeds[knot]:
+                question[0], question[1], question[2] = other, speeds[other], speeds[knot]
                 distance = (edges[right] - edges[left]) * (1.0 - 1e-9)
-                passes.answer[way, key] = reachable(
-                    speeds[other], distance, ladders.rungs[left], ladders.sizes[left], speeds[key]
+                reached.answer[direction, knot] = reachable_speed_by_table(
+                    speeds[other], distance, tables.rows[left], tables.sizes[left], speeds[knot]
                 )
-            speeds[key] = passes.answer[way, key]
+            speeds[knot] = reached.answer[direction, knot]
 
 
 @compiled
-def _time_law(
-    run: Run, keys: NDArray[np.intp], edges: Array, timed: NDArray[np.bool_], ladders: Ladders, speeds: Array
+def _phases_between_knots(
+    run: Run,
+    knots: NDArray[np.intp],
+    edges: Array,
+    timed: NDArray[np.bool_],
+    tables: LimitTables,
+    speeds: Array,
 ) -> tuple[int, Array, NDArray[np.intp]]:
-    """The group whose stretch cannot be joined (−1: none), and the phases as `find_keys` gives them."""
-    moves, spare = np.empty((MOST_MOVES, MOVE)), np.empty((MOST_MOVES, MOVE))
-    firsts = np.full(len(keys) - 1, -1, np.intp)
+    """Return the group whose stretch cannot be joined (−1 without one), and the phases as `find_knots`
+    gives them.
+    """
+    moves, spare = np.empty((MAX_MOVES, MOVE)), np.empty((MAX_MOVES, MOVE))
+    firsts = np.full(len(knots) - 1, -1, np.intp)
     phases = np.empty((MOST_PHASES * len(firsts), PHASE))
     at = 0
     for index in range(len(firsts)):
-        left, right = keys[index], keys[index + 1]
+        left, right = knots[index], knots[index + 1]
         if timed[left]:
             continue
-        made = _stretch(run, ladders, left, right, edges, speeds, moves, spare)
+        made = _moves_between(run, tables, left, right, edges, speeds, moves, spare)
         if made == 0:
             return left, phases[:at], firsts
         firsts[index] = at
-        at = expand(moves, made, phases, at, edges[left])
+        at = moves_to_phases(moves, made, phases, at, edges[left])
     return -1, phases[:at], firsts
 
 
 @compiled
-def find_keys(
+def find_knots(
     run: Run,
     edges: Array,
-    caps: Array,
+    junction_vmax: Array,
     timed: NDArray[np.bool_],
-    is_key: NDArray[np.bool_],
+    is_knot: NDArray[np.bool_],
     entry: float,
-    plain: bool,
+    required_only: bool,
 ) -> tuple[int, int, NDArray[np.intp], Array, Array, NDArray[np.intp]]:
-    """Adds keys until no stretch between two of them passes a cap, and gives the stretches' phases.
+    """Add knots until no stretch between two of them exceeds a speed limit, and return the stretches'
+    phases.
 
-    Each round binds the lowest cap of each stretch that passes one. Timed groups stand between keys of their
-    own; their time laws are the caller's.
+    Each round binds the lowest cap of each stretch that passes one. Timed groups stand between knots of their
+    own; their velocity profiles are the caller's.
 
     Args:
-        caps: lowered where plateaus begin and end. timed: shape (n,). is_key: shape (n+1,), written.
-        entry: speed at the beginning. plain: no keys that only save time.
+        junction_vmax: lowered where plateaus begin and end. timed: shape (n,). is_knot: shape (n+1,),
+        written.
+        entry: speed at the beginning. required_only: no knots that only save time.
 
     Returns:
-        How it ended and the group that is to blame; the keys and their speeds, shape (k,) each; the phases of
-        all stretches without a time of their own with σ counted from the run's start, and for each stretch
+        How it ended and the group that is to blame; the knots and their speeds, shape (k,) each; the phases
+        of all stretches without a time of their own with σ counted from the run's start, and for each stretch
         its first phase (−1: timed), shape (k-1,).
     """
-    n = len(run.tops)
-    tops = run.tops
-    ladders = Ladders(np.empty((n + 1, MOST_RUNGS, 3)), np.zeros(n + 1, np.intp), np.full(n + 1, -1, np.intp))
-    passes = Passes(np.full((2, n + 1, 3), math.nan), np.zeros((2, n + 1)))
-    # stretches that pass no cap: the key at their right, and the speeds at both
+    n = len(run.segment_vmax)
+    segment_vmax = run.segment_vmax
+    tables = LimitTables(
+        np.empty((n + 1, MAX_TABLE_ROWS, 3)), np.zeros(n + 1, np.intp), np.full(n + 1, -1, np.intp)
+    )
+    reached = ReachedSpeeds(np.full((2, n + 1, 3), math.nan), np.zeros((2, n + 1)))
+    # stretches that pass no cap: the knot at their right, and the speeds at both
     settled = np.full((n + 1, 3), math.nan)
     split = np.zeros(n + 1, np.bool_)
-    found = np.zeros(n + 1, np.bool_)
-    moves, spare = np.empty((MOST_MOVES, MOVE)), np.empty((MOST_MOVES, MOVE))
+    new_knots = np.zeros(n + 1, np.bool_)
+    moves, spare = np.empty((MAX_MOVES, MOVE)), np.empty((MAX_MOVES, MOVE))
     phases = np.empty((MOST_PHASES, PHASE))
     node_speeds = np.zeros(n + 1)
     speeds = np.zeros(n + 1)
-    keys = np.nonzero(is_key)[0]
+    knots = np.nonzero(is_knot)[0]
     status, blamed = TOO_MANY_ROUNDS, 0
     for _ in range(4 * n + 8):
-        _speeds_at_keys(run, keys, edges, caps, ladders, passes, speeds)
+        _speeds_at_knots(run, knots, edges, junction_vmax, tables, reached, speeds)
         if speeds[0] < entry * (1.0 - 1e-9):
             # the speed that is already there cannot be brought down by the limits assumed here
             status = ENTRY_TOO_FAST
             break
-        found[:] = False
-        for index in range(len(keys) - 1):
-            left, right = keys[index], keys[index + 1]
+        new_knots[:] = False
+        for index in range(len(knots) - 1):
+            left, right = knots[index], knots[index + 1]
             start, end = speeds[left], speeds[right]
             if right - left == 1:
                 continue
             if settled[left, 0] == right and settled[left, 1] == start and settled[left, 2] == end:
                 continue
-            sure = _surely_worst(left, right, caps, tops, min(start, end))
+            sure = _surely_lowest_exceeded(left, right, junction_vmax, segment_vmax, min(start, end))
             if sure >= 0:
-                found[sure] = True
+                new_knots[sure] = True
                 continue
-            made = _stretch(run, ladders, left, right, edges, speeds, moves, spare)
+            made = _moves_between(run, tables, left, right, edges, speeds, moves, spare)
             if made == 0:
                 status, blamed = NOT_JOINED, left
                 break
-            written = expand(moves, made, phases, 0, 0.0)
+            written = moves_to_phases(moves, made, phases, 0, 0.0)
             node_speeds[left], node_speeds[right] = start, end
-            worst = _worst(left, right, edges, caps, tops, phases, written, node_speeds)
+            worst = _lowest_exceeded(
+                left, right, edges, junction_vmax, segment_vmax, phases, written, node_speeds
+            )
             if worst >= 0:
-                found[worst] = True
+                new_knots[worst] = True
             else:
                 if not (split[left] and split[right]):
-                    mark_plateau(left, right, edges, caps, run.weak, moves, made, found)
+                    mark_plateau(left, right, edges, junction_vmax, run.free_at_vmax, moves, made, new_knots)
                     split[left] = split[right] = True
                     for node in range(left + 1, right):
-                        split[node] = split[node] or found[node]
-                if not plain and not found[left + 1 : right].any():
-                    mark_weak(run, left, right, edges, caps, speeds, duration_of(moves, made), found)
+                        split[node] = split[node] or new_knots[node]
+                if not required_only and not new_knots[left + 1 : right].any():
+                    mark_bottlenecks(
+                        run,
+                        left,
+                        right,
+                        edges,
+                        junction_vmax,
+                        speeds,
+                        duration_of_moves(moves, made),
+                        new_knots,
+                    )
             settled[left, 0], settled[left, 1], settled[left, 2] = right, start, end
         if status == NOT_JOINED:
             break
-        if not found.any():
+        if not new_knots.any():
             status = SOLVED
             break
-        is_key |= found
-        keys = np.nonzero(is_key)[0]
+        is_knot |= new_knots
+        knots = np.nonzero(is_knot)[0]
     if status != SOLVED:
-        return status, blamed, keys, speeds[keys], phases[:0], keys[:0]
-    unjoined, law, firsts = _time_law(run, keys, edges, timed, ladders, speeds)
+        return status, blamed, knots, speeds[knots], phases[:0], knots[:0]
+    unjoined, law, firsts = _phases_between_knots(run, knots, edges, timed, tables, speeds)
     if unjoined >= 0:
         status, blamed = NOT_JOINED, unjoined
-    return status, blamed, keys, speeds[keys], law, firsts
+    return status, blamed, knots, speeds[knots], law, firsts

@@ -1,4 +1,5 @@
-"""The quickest way of several axes from one state to another, in one time, under acceleration and jerk.
+"""Minimum-time trajectories of several axes from state to state, synchronized, under acceleration and jerk
+limits.
 
 In a time T an axis has accelerations a(t) with the given ends, the given change of speed, and both limits: a
 convex set, so the distances that they cover fill an interval. Its ends are covered by the accelerations that
@@ -29,7 +30,7 @@ PHASES = 2 * KNOTS
 
 @compiled
 def _knots(c: float, time: float, a0: float, a1: float, most: float, jerk: float, knots: Array) -> float:
-    """Writes the course that rises to a line falling from ``c`` at t = 0, falls, and rises to its end.
+    """Write the course that rises to a line falling from ``c`` at t = 0, falls, and rises to its end.
 
     Returns its change of speed.
 
@@ -57,7 +58,7 @@ def _knots(c: float, time: float, a0: float, a1: float, most: float, jerk: float
 
 @compiled
 def _early(time: float, a0: float, a1: float, change: float, most: float, jerk: float, knots: Array) -> bool:
-    """Writes the course of acceleration that covers most in a time; False: none makes the change of speed.
+    """Write the course of acceleration that covers most in a time; False: none makes the change of speed.
 
     Args:
         a0, a1: at its ends, of no matter where jerk is not limited. change: of speed [m/s]. most, jerk: the
@@ -112,7 +113,7 @@ def _lasts(c: float, time: float, a0: float, a1: float, most: float, jerk: float
 
 @compiled
 def _covered(knots: Array, v0: float) -> float:
-    """Distance that a course covers from a speed."""
+    """Return the distance that a course covers from a speed."""
     distance, v = 0.0, v0
     for i in range(KNOTS - 1):
         x = knots[i + 1, 0] - knots[i, 0]
@@ -123,7 +124,7 @@ def _covered(knots: Array, v0: float) -> float:
 
 @compiled
 def _extremes(time: float, states: Array, most: float, jerk: float, soon: Array, late: Array) -> float:
-    """Writes the courses that cover most and least.
+    """Write the courses that cover most and least.
 
     Returns the latter's share in what covers the distance, NaN: none does.
 
@@ -136,17 +137,17 @@ def _extremes(time: float, states: Array, most: float, jerk: float, soon: Array,
     if not _early(time, -a0, -a1, v0 - v1, most, jerk, late):
         return math.nan
     late[:, 1] *= -1.0
-    farthest, nearest = _covered(soon, v0), _covered(late, v0)
+    max_distance_to_polyline, nearest = _covered(soon, v0), _covered(late, v0)
     slack = ROUNDING * (abs(v0) + abs(v1) + most * time) * time
-    if travel > farthest + slack or travel < nearest - slack:
+    if travel > max_distance_to_polyline + slack or travel < nearest - slack:
         return math.nan
-    span = farthest - nearest
-    return min(max((farthest - travel) / span, 0.0), 1.0) if span > slack else 0.5
+    span = max_distance_to_polyline - nearest
+    return min(max((max_distance_to_polyline - travel) / span, 0.0), 1.0) if span > slack else 0.5
 
 
 @compiled
 def _enough(time: float, states: Array, limits: Array, cruising: bool, soon: Array, late: Array) -> bool:
-    """Whether all axes get there in a time."""
+    """Return whether all axes get there in a time."""
     for k in range(len(states)):
         if cruising:
             if not _cruise(time, states[k], limits[0, k], limits[1, k], soon):
@@ -158,7 +159,7 @@ def _enough(time: float, states: Array, limits: Array, cruising: bool, soon: Arr
 
 @compiled
 def _ramp(v0: float, a0: float, v1: float, most: float, jerk: float, knots: Array) -> float:
-    """Writes the quickest course from a speed and an acceleration to a speed without any; how long it takes.
+    """Write the quickest course from a speed and an acceleration to a speed without any; how long it takes.
 
     Args:
         knots: times and accelerations, shape (4, 2).
@@ -182,7 +183,7 @@ def _ramp(v0: float, a0: float, v1: float, most: float, jerk: float, knots: Arra
 
 @compiled
 def _cruise(time: float, states: Array, most: float, jerk: float, knots: Array) -> bool:
-    """Writes a course that covers the distance at one speed, with a ramp to it and one from it; False:
+    """Write a course that covers the distance at one speed, with a ramp to it and one from it; False:
     there is none. The speed lies between those at its ends and 0.
     """
     travel, v0, v1, a0, a1 = states[0], states[1], states[2], states[3], states[4]
@@ -204,7 +205,7 @@ def _cruise(time: float, states: Array, most: float, jerk: float, knots: Array) 
 
 @compiled
 def _course(knots: Array, at: float) -> tuple[float, float]:
-    """Acceleration and jerk of a course at a moment that is no knot of it."""
+    """Return the acceleration and jerk of a course at a moment that is no knot of it."""
     i = 0
     while i < KNOTS - 2 and knots[i + 1, 0] <= at:
         i += 1
@@ -214,7 +215,9 @@ def _course(knots: Array, at: float) -> tuple[float, float]:
 
 
 @compiled
-def quickest_ways(states: Array, limits: Array, longest: float, cruising: bool, ways: Array) -> float:
+def min_time_trajectories(
+    states: Array, limits: Array, longest: float, cruising: bool, trajectories: Array
+) -> float:
     """The least time in which all axes get from state to state [s], infinite: not within ``longest``.
 
     Args:
@@ -222,7 +225,7 @@ def quickest_ways(states: Array, limits: Array, longest: float, cruising: bool, 
             (K, 5). limits: of acceleration and jerk, shape (2, K), of which jerk may be infinite.
         cruising: whether no axis may be faster than at its ends, nor turn round more often than it has to:
             the time is longer then.
-        ways: phases with constant jerk, written: when they begin, place from the start on, velocity,
+        trajectories: phases with constant jerk, written: when they begin, place from the start on, velocity,
             acceleration and jerk then, shape (K, PHASES, 5).
     """
     soon, late = np.empty((KNOTS, 2)), np.empty((KNOTS, 2))
@@ -252,12 +255,12 @@ def quickest_ways(states: Array, limits: Array, longest: float, cruising: bool, 
                 a_late, j_late = _course(late, middle)
                 j = (1.0 - share) * j_soon + share * j_late
                 a = (1.0 - share) * a_soon + share * a_late - 0.5 * lasts * j
-            ways[k, n, 0], ways[k, n, 1], ways[k, n, 2] = starts[n], p, v
-            ways[k, n, 3], ways[k, n, 4] = a, j
+            trajectories[k, n, 0], trajectories[k, n, 1], trajectories[k, n, 2] = starts[n], p, v
+            trajectories[k, n, 3], trajectories[k, n, 4] = a, j
             p += lasts * (v + lasts * (a / 2.0 + lasts * j / 6.0))
             v += lasts * (a + lasts * j / 2.0)
         # what rounding misses the target by is spread over the way
         gap = (states[k, 0] - p) / time
-        ways[k, :, 1] += gap * starts
-        ways[k, :, 2] += gap
+        trajectories[k, :, 1] += gap * starts
+        trajectories[k, :, 2] += gap
     return time

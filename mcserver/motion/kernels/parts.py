@@ -1,4 +1,4 @@
-"""Long segments in parts: what a vertex asks for holds near it only.
+"""Zones of long segments: what a vertex demands holds near it only.
 
 A second difference spreads a step of velocity over two cycles, a third one over three (D-36). Further away
 from the vertex all of the acceleration is there for the way along the path.
@@ -19,8 +19,9 @@ LONG, SLOW = 4.0, 2.0
 
 
 @compiled
-def near_vertex(speed: float, acceleration: float, cycle: float) -> float:
-    """How far from a vertex that is passed with at most ``speed`` it still takes its part [m or rad along σ].
+def vertex_zone_length(speed: float, acceleration: float, cycle: float) -> float:
+    """Return the distance from a vertex passed with at most ``speed`` within which its demand counts [m or
+    rad along σ].
 
     Args:
         acceleration: the greatest along the segment.
@@ -31,7 +32,7 @@ def near_vertex(speed: float, acceleration: float, cycle: float) -> float:
 
 @compiled
 def straight_limits(row: Array, limits: Array) -> tuple[float, float]:
-    """The greatest acceleration and jerk along a straight segment, from its one sample (5 K + 2,)."""
+    """Return the greatest acceleration and jerk along a straight segment, from its one sample (5 K + 2,)."""
     acceleration = jerk = math.inf
     for k in range(limits.shape[1]):
         if row[k] > 0.0:
@@ -41,8 +42,8 @@ def straight_limits(row: Array, limits: Array) -> tuple[float, float]:
 
 
 @compiled
-def is_long(length: float, before: float, after: float, acceleration: float, speed: float) -> bool:
-    """Whether a segment is planned in parts.
+def is_split(length: float, before: float, after: float, acceleration: float, speed: float) -> bool:
+    """Return whether a segment is planned in zones.
 
     Args:
         before, after: how far the vertices at its start and end reach; 0: there is none.

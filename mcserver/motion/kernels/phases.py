@@ -1,4 +1,4 @@
-"""Moves as phases of constant jerk, and when a time law passes a place.
+"""Moves as phases of constant jerk, and the times at which a velocity profile reaches positions.
 
 A phase is one row of `PHASE` numbers: how long it lasts [s], and the coordinate, speed, acceleration and jerk
 at its start.
@@ -13,15 +13,15 @@ from mcserver.motion.kernels.compiled import compiled
 
 PHASE = 5
 # A ramp has three phases.
-PHASES_A_MOVE = 3
+PHASES_PER_MOVE = 3
 
 
 @compiled
 def _phase(
-    phases: Array, at: int, time: float, place: float, speed: float, acceleration: float, jerk: float
+    phases: Array, at: int, time: float, position: float, speed: float, acceleration: float, jerk: float
 ) -> int:
     phases[at, 0] = time
-    phases[at, 1] = place
+    phases[at, 1] = position
     phases[at, 2] = speed
     phases[at, 3] = acceleration
     phases[at, 4] = jerk
@@ -29,8 +29,8 @@ def _phase(
 
 
 @compiled
-def expand(moves: Array, count: int, phases: Array, at: int, place: float) -> int:
-    """Writes the phases of moves from row ``at`` on; the coordinate begins at ``place``.
+def moves_to_phases(moves: Array, count: int, phases: Array, at: int, position: float) -> int:
+    """Write the phases of moves from row ``at`` on; the coordinate begins at ``position``.
 
     Returns:
         The row after the last one.
@@ -39,35 +39,35 @@ def expand(moves: Array, count: int, phases: Array, at: int, place: float) -> in
         start, end = moves[index, 0], moves[index, 1]
         length = moves[index, 4]
         if start == end:
-            at = _phase(phases, at, length / start, place, start, 0.0, 0.0)
-            place += length
+            at = _phase(phases, at, length / start, position, start, 0.0, 0.0)
+            position += length
             continue
         change = abs(end - start)
         sign = 1.0 if end > start else -1.0
         acceleration, jerk = moves[index, 2], moves[index, 3]
         if math.isinf(jerk):
-            at = _phase(phases, at, change / acceleration, place, start, sign * acceleration, 0.0)
-            place += length
+            at = _phase(phases, at, change / acceleration, position, start, sign * acceleration, 0.0)
+            position += length
             continue
         peak = min(acceleration, math.sqrt(change * jerk))
         rise = peak / jerk
         plateau = max(change / peak - rise, 0.0)
         a, j = sign * peak, sign * jerk
-        at = _phase(phases, at, rise, place, start, 0.0, j)
+        at = _phase(phases, at, rise, position, start, 0.0, j)
         speed = start + rise * a / 2.0
-        here = place + rise * (start + rise * a / 6.0)
+        here = position + rise * (start + rise * a / 6.0)
         if plateau > 0.0:
             at = _phase(phases, at, plateau, here, speed, a, 0.0)
             here += plateau * (speed + plateau * a / 2.0)
             speed += plateau * a
         at = _phase(phases, at, rise, here, speed, a, -j)
-        place += length
+        position += length
     return at
 
 
 @compiled
 def time_within(phases: Array, row: int, target: float) -> float:
-    """How long after the beginning of a phase the coordinate is at ``target``, which lies in it [s]."""
+    """Return the time within a phase at which the coordinate reaches ``target``, which lies in it [s]."""
     lasts: float = phases[row, 0]
     v: float = phases[row, 2]
     a: float = phases[row, 3]
@@ -100,10 +100,10 @@ def time_within(phases: Array, row: int, target: float) -> float:
 
 
 @compiled
-def times_of(
-    start: Array, duration: float, rows: Array, end: float, places: Array, tiny: float, times: Array
+def times_at_positions(
+    start: Array, duration: float, rows: Array, end: float, positions: Array, tiny: float, times: Array
 ) -> None:
-    """First times at which a time law reaches ``places``, which increase [s].
+    """Write the first times at which a velocity profile reaches ``positions``, which increase [s].
 
     Args:
         start: when each phase begins, shape (n,). rows: phases, shape (n, `PHASE`). end: the last coordinate.
@@ -111,8 +111,8 @@ def times_of(
         times: written, the shape of ``places``.
     """
     phase, last = 0, len(start) - 1
-    for index in range(len(places)):
-        target = places[index]
+    for index in range(len(positions)):
+        target = positions[index]
         if target >= end - tiny:
             times[index] = duration
         elif target <= rows[0, 1]:
@@ -125,12 +125,14 @@ def times_of(
 
 @compiled
 def speeds_at(
-    rows: Array, count: int, places: Array, offset: float, first: int, last: int, speeds: Array
+    rows: Array, count: int, positions: Array, offset: float, first: int, last: int, speeds: Array
 ) -> None:
-    """Speeds at ``places[first:last] - offset``, which increase, into ``speeds[first:last]``."""
+    """Write the speeds at ``positions[first:last] - offset``, which increase, into
+    ``speeds[first:last]``.
+    """
     phase = 0
     for index in range(first, last):
-        target = places[index] - offset
+        target = positions[index] - offset
         while phase < count - 1 and rows[phase + 1, 1] < target:
             phase += 1
         x = time_within(rows, phase, target)

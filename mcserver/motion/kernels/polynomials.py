@@ -1,4 +1,4 @@
-"""Samples of polynomial curves, and what limits speed on samples."""
+"""Samples of polynomial curves, and the speed limit on samples."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.sample_limits import CURVATURE_SHARE, JERK_SHARE, TINY
 
 # Places at which a polynomial is sampled.
-PLACES = 33
+SAMPLES = 33
 # What limits speed, as `limit_of` numbers it.
 KINDS = ("velocity", "acceleration", "jerk")
 
 
 @compiled
 def power_basis(points: Array, power: Array) -> None:
-    """Writes the coefficients, constant first, of the Bezier curve of six points; both of shape (6, K)."""
+    """Write the coefficients, constant first, of the Bezier curve of six points; both of shape (6, K)."""
     for k in range(points.shape[1]):
         p0, p1, p2 = points[0, k], points[1, k], points[2, k]
         p3, p4, p5 = points[3, k], points[4, k], points[5, k]
@@ -29,8 +29,8 @@ def power_basis(points: Array, power: Array) -> None:
 
 
 @compiled
-def half_of(power: Array, low: float, span: float, part: Array) -> None:
-    """Writes the polynomial over [low, low + span] as one over [0, 1].
+def restrict_polynomial(power: Array, low: float, span: float, part: Array) -> None:
+    """Write the polynomial over [low, low + span] as one over [0, 1].
 
     Args:
         power, part: coefficients, shape (n, K), constant first.
@@ -51,7 +51,7 @@ def half_of(power: Array, low: float, span: float, part: Array) -> None:
 
 @compiled
 def polynomial_samples(power: Array, scale: float, rows: Array, speeds: Array) -> None:
-    """Writes samples of a polynomial in σ = s·scale at evenly spaced s.
+    """Write samples of a polynomial in σ = s·scale at evenly spaced s.
 
     Args:
         rows: shape (n, 5 K + 2), zeroed before; written.
@@ -82,24 +82,26 @@ def polynomial_samples(power: Array, scale: float, rows: Array, speeds: Array) -
 
 @compiled
 def limit_of(rows: Array, limits: Array) -> tuple[float, int, int]:
-    """Greatest constant speed on samples (vertices not counted), which column binds it, how (`KINDS`)."""
+    """Return the greatest constant speed on samples (vertices not counted), the column that bounds it,
+    and the kind of limit (`KINDS`).
+    """
     width = limits.shape[1]
     best, column, kind = math.inf, 0, 0
     for k in range(width):
-        slope = bend = twist = 0.0
+        dq = d2q = d3q = 0.0
         for i in range(len(rows)):
-            slope = max(slope, rows[i, k])
-            bend = max(bend, rows[i, width + k])
-            twist = max(twist, rows[i, 2 * width + k])
-        by_velocity = limits[0, k] / max(slope, TINY)
+            dq = max(dq, rows[i, k])
+            d2q = max(d2q, rows[i, width + k])
+            d3q = max(d3q, rows[i, 2 * width + k])
+        by_velocity = limits[0, k] / max(dq, TINY)
         if by_velocity < best:
             best, column, kind = by_velocity, k, 0
-        if bend > 0.0:
-            by_bend = math.sqrt(CURVATURE_SHARE * limits[1, k] / bend)
-            if by_bend < best:
-                best, column, kind = by_bend, k, 1
-        if twist > 0.0:
-            by_twist = (JERK_SHARE * limits[2, k] / twist) ** (1.0 / 3.0)
-            if by_twist < best:
-                best, column, kind = by_twist, k, 2
+        if d2q > 0.0:
+            by_d2q = math.sqrt(CURVATURE_SHARE * limits[1, k] / d2q)
+            if by_d2q < best:
+                best, column, kind = by_d2q, k, 1
+        if d3q > 0.0:
+            by_d3q = (JERK_SHARE * limits[2, k] / d3q) ** (1.0 / 3.0)
+            if by_d3q < best:
+                best, column, kind = by_d3q, k, 2
     return best, column, kind

@@ -1,8 +1,8 @@
-"""Changes of speed with zero acceleration at both ends, and the quickest way over a distance made of them.
+"""Speed ramps with zero acceleration at both ends, and minimum-time sequences of them over a distance.
 
 A *move* is one row of `MOVE` numbers: speed at its start and end, acceleration and jerk that it may use, and
-its length. A move of equal speeds is a cruise. A *ladder* is an array (n, 3) of rungs: up to a speed these
-accelerations and jerks are free; speeds rise.
+its length. A move of equal speeds is a cruise. A *limit table* is an array (n, 3) of rows: up to a speed
+these accelerations and jerks are free; speeds rise.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
 MOVE = 5
-# Two ramps a rung at the most, three moves about the peak.
-MOST_RUNGS = 12
-MOST_MOVES = 2 * MOST_RUNGS + 4
+# Two ramps a row at the most, three moves about the peak.
+MAX_TABLE_ROWS = 12
+MAX_MOVES = 2 * MAX_TABLE_ROWS + 4
 # Distances below this are not motion [m or rad along the path]: far under any encoder's resolution.
 NO_DISTANCE = 1e-12
 # A speed found by iteration is exact to this share.
@@ -27,8 +27,10 @@ _ROUNDED = 1e-14
 
 
 @compiled
-def change_time(low: float, high: float, acceleration: float, jerk: float) -> float:
-    """Least time in which speed goes from ``low`` to ``high`` with zero acceleration at both ends [s]."""
+def ramp_time(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """Return the least time of a speed ramp from ``low`` to ``high`` with zero acceleration at both ends
+    [s].
+    """
     change = high - low
     if change <= 0.0:
         return 0.0
@@ -40,24 +42,26 @@ def change_time(low: float, high: float, acceleration: float, jerk: float) -> fl
 
 
 @compiled
-def change_distance(low: float, high: float, acceleration: float, jerk: float) -> float:
-    """The distance that such a change takes [m]: half way between the speeds, as it is symmetric."""
-    return (low + high) / 2.0 * change_time(low, high, acceleration, jerk)
+def ramp_distance(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """Return the distance of such a ramp [m]: its mean speed is half way between the ends, as it is
+    symmetric.
+    """
+    return (low + high) / 2.0 * ramp_time(low, high, acceleration, jerk)
 
 
 @compiled
 def _larger_root(b: float, c: float) -> float:
-    """The positive v with v² + b v = c, for b ≥ 0 and c ≥ 0, without cancellation."""
+    """Return the positive v with v² + b v = c, for b ≥ 0 and c ≥ 0, without cancellation."""
     return 2.0 * c / (b + math.sqrt(b * b + 4.0 * c)) if c > 0.0 else 0.0
 
 
 @compiled
 def reachable_speed(low: float, distance: float, acceleration: float, jerk: float, cap: float) -> float:
-    """Greatest speed ≤ ``cap`` reached from ``low`` within ``distance``, with zero acceleration at
+    """Return the greatest speed ≤ ``cap`` reached from ``low`` within ``distance``, with zero acceleration at
     both ends."""
     if cap <= low:
         return low
-    if change_distance(low, cap, acceleration, jerk) <= distance:
+    if ramp_distance(low, cap, acceleration, jerk) <= distance:
         return cap
     # with b = a²/j and a phase of constant acceleration: v² + b v = v0² + 2 a d - b v0, where b = 0 without
     # a jerk limit
@@ -81,28 +85,28 @@ def reachable_speed(low: float, distance: float, acceleration: float, jerk: floa
 
 @compiled
 def _choices(count: int) -> int:
-    """How many ways there are to use a ladder of ``count`` rungs."""
+    """Return the number of selections of a limit table's rows that are tried."""
     return 3 if count > 2 else 1
 
 
 @compiled
-def _rungs_of(choice: int, count: int) -> tuple[int, int]:
-    """The first rung and the step: all of them, every other one, the top one alone."""
+def _rows_of_choice(choice: int, count: int) -> tuple[int, int]:
+    """Return the first row and the step of a selection: all rows, every other one, the top row alone."""
     return (0, 1) if choice == 0 else (1, 2) if choice == 1 else (count - 1, 1)
 
 
 @compiled
-def _reach(
-    low: float, distance: float, ladder: Array, first: int, step: int, count: int, cap: float
+def _speed_by_rows(
+    low: float, distance: float, limit_table: Array, first: int, step: int, count: int, cap: float
 ) -> float:
     speed, left = low, distance
     for index in range(first, count, step):
-        if ladder[index, 0] <= speed:
+        if limit_table[index, 0] <= speed:
             continue
-        target = min(ladder[index, 0], cap)
-        need = change_distance(speed, target, ladder[index, 1], ladder[index, 2])
+        target = min(limit_table[index, 0], cap)
+        need = ramp_distance(speed, target, limit_table[index, 1], limit_table[index, 2])
         if need > left:
-            return reachable_speed(speed, left, ladder[index, 1], ladder[index, 2], target)
+            return reachable_speed(speed, left, limit_table[index, 1], limit_table[index, 2], target)
         speed, left = target, left - need
         if speed >= cap:
             break
@@ -110,12 +114,14 @@ def _reach(
 
 
 @compiled
-def reachable(low: float, distance: float, ladder: Array, count: int, cap: float) -> float:
-    """Greatest speed ≤ ``cap`` that `fastest` reaches from ``low`` within ``distance``."""
+def reachable_speed_by_table(
+    low: float, distance: float, limit_table: Array, count: int, cap: float
+) -> float:
+    """Return the greatest speed ≤ ``cap`` that `min_time_moves` reaches from ``low`` within ``distance``."""
     best = low
     for choice in range(_choices(count)):
-        first, step = _rungs_of(choice, count)
-        best = max(best, _reach(low, distance, ladder, first, step, count, cap))
+        first, step = _rows_of_choice(choice, count)
+        best = max(best, _speed_by_rows(low, distance, limit_table, first, step, count, cap))
     return best
 
 
@@ -125,7 +131,7 @@ def _put(moves: Array, at: int, start: float, end: float, acceleration: float, j
     moves[at, 1] = end
     moves[at, 2] = acceleration
     moves[at, 3] = jerk
-    moves[at, 4] = change_distance(min(start, end), max(start, end), acceleration, jerk)
+    moves[at, 4] = ramp_distance(min(start, end), max(start, end), acceleration, jerk)
     return at + 1
 
 
@@ -140,26 +146,26 @@ def _cruise(moves: Array, at: int, speed: float, length: float) -> int:
 
 
 @compiled
-def duration_of(moves: Array, count: int) -> float:
-    """How long moves take [s]."""
+def duration_of_moves(moves: Array, count: int) -> float:
+    """Return the duration of moves [s]."""
     total = 0.0
     for index in range(count):
         start, end = moves[index, 0], moves[index, 1]
         if start == end:
             total += moves[index, 4] / start
         else:
-            total += change_time(min(start, end), max(start, end), moves[index, 2], moves[index, 3])
+            total += ramp_time(min(start, end), max(start, end), moves[index, 2], moves[index, 3])
     return total
 
 
 @compiled
 def _peak_need(peak: float, entry: float, exit_: float, acceleration: float, jerk: float) -> float:
-    return change_distance(entry, peak, acceleration, jerk) + change_distance(exit_, peak, acceleration, jerk)
+    return ramp_distance(entry, peak, acceleration, jerk) + ramp_distance(exit_, peak, acceleration, jerk)
 
 
 @compiled
 def _slope(low: float, high: float, acceleration: float, jerk: float) -> float:
-    """How fast `change_distance` grows with ``high``."""
+    """Return the derivative of `ramp_distance` by ``high``."""
     change = high - low
     if change <= 0.0:
         return math.inf
@@ -175,7 +181,7 @@ def _slope(low: float, high: float, acceleration: float, jerk: float) -> float:
 def _peak(
     low: float, high: float, distance: float, entry: float, exit_: float, acceleration: float, jerk: float
 ) -> float:
-    """The greatest speed between ``low``, which can be reached, and ``high``, which cannot."""
+    """Return the greatest speed between ``low``, which can be reached, and ``high``, which cannot."""
     x = (low + high) / 2.0
     # Newton kept inside a bisection: the distance has an infinite slope where a ramp begins
     for _ in range(100):
@@ -196,7 +202,7 @@ def _peak(
 
 
 @compiled
-def over_a_peak(
+def peak_moves(
     moves: Array,
     at: int,
     distance: float,
@@ -206,7 +212,7 @@ def over_a_peak(
     acceleration: float,
     jerk: float,
 ) -> int:
-    """Up to the greatest speed ≤ ``top`` that the distance allows, along it, and down.
+    """Write a ramp up to the greatest speed ≤ ``top`` that the distance allows, a cruise, and a ramp down.
 
     With zero acceleration at both ends this is the quickest way.
 
@@ -214,7 +220,7 @@ def over_a_peak(
         How many moves there are now; −1 where the speeds cannot be joined over the distance.
     """
     low = max(entry, exit_)
-    if change_distance(min(entry, exit_), low, acceleration, jerk) > distance * (1.0 + 1e-12):
+    if ramp_distance(min(entry, exit_), low, acceleration, jerk) > distance * (1.0 + 1e-12):
         return -1
     need = _peak_need(top, entry, exit_, acceleration, jerk)
     if need > distance:
@@ -234,39 +240,37 @@ def over_a_peak(
 
 
 @compiled
-def _climb(
+def _table_moves(
     moves: Array,
     distance: float,
     entry: float,
     exit_: float,
-    ladder: Array,
+    limit_table: Array,
     first: int,
     step: int,
     count: int,
 ) -> int:
-    """Ramps from rung to rung on both sides as far as the distance allows, and a peak between them."""
+    """Write ramps from row to row on both sides as far as the distance allows, and a peak between them."""
     high = max(entry, exit_)
     start = -1
     for index in range(first, count, step):
-        if ladder[index, 0] >= high * (1.0 - 1e-12):
+        if limit_table[index, 0] >= high * (1.0 - 1e-12):
             start = index
             break
     if start < 0:
         return 0
     last = first + (count - 1 - first) // step * step
-    tail = np.empty((MOST_RUNGS, MOVE))
+    tail = np.empty((MAX_TABLE_ROWS, MOVE))
     at, tails = 0, 0
     up, down, left = entry, exit_, distance
-    rung = last
+    row = last
     for index in range(first, count, step):
-        speed, acceleration, jerk = ladder[index, 0], ladder[index, 1], ladder[index, 2]
+        speed, acceleration, jerk = limit_table[index, 0], limit_table[index, 1], limit_table[index, 2]
         if speed <= min(up, down) or index == last:
             continue
-        need = change_distance(up, speed, acceleration, jerk) + change_distance(
-            down, speed, acceleration, jerk
-        )
+        need = ramp_distance(up, speed, acceleration, jerk) + ramp_distance(down, speed, acceleration, jerk)
         if need > left * (1.0 - 1e-9):
-            rung = index
+            row = index
             break
         if up < speed:
             at = _put(moves, at, up, speed, acceleration, jerk)
@@ -279,10 +283,10 @@ def _climb(
         if up != down:
             return 0
     else:
-        # the middle may have to pass the rung that the faster end stands on
-        rung = max(rung, start)
-        top = max(ladder[rung, 0], up, down)
-        at = over_a_peak(moves, at, left, up, down, top, ladder[rung, 1], ladder[rung, 2])
+        # the middle may have to pass the row that the faster end stands on
+        row = max(row, start)
+        top = max(limit_table[row, 0], up, down)
+        at = peak_moves(moves, at, left, up, down, top, limit_table[row, 1], limit_table[row, 2])
         if at < 0:
             return 0
     for index in range(tails - 1, -1, -1):
@@ -297,19 +301,19 @@ def _ramps_only(
     distance: float,
     entry: float,
     exit_: float,
-    ladder: Array,
+    limit_table: Array,
     first: int,
     step: int,
     count: int,
 ) -> int:
-    """The change of speed by ramps alone, and the greater speed kept over what is left of the distance."""
+    """Write the change of speed by ramps alone, and the greater speed kept over the remaining distance."""
     low, high = min(entry, exit_), max(entry, exit_)
     speed, left, at = low, distance, 0
     for index in range(first, count, step):
-        if ladder[index, 0] <= speed or speed >= high:
+        if limit_table[index, 0] <= speed or speed >= high:
             continue
-        target = min(ladder[index, 0], high)
-        at = _put(moves, at, speed, target, ladder[index, 1], ladder[index, 2])
+        target = min(limit_table[index, 0], high)
+        at = _put(moves, at, speed, target, limit_table[index, 1], limit_table[index, 2])
         left -= moves[at - 1, 4]
         speed = target
     if speed < high or left < 0.0 or high <= 0.0:
@@ -327,26 +331,26 @@ def _ramps_only(
 
 
 @compiled
-def fastest_moves(
-    moves: Array, spare: Array, distance: float, entry: float, exit_: float, ladder: Array, count: int
+def min_time_moves(
+    moves: Array, spare: Array, distance: float, entry: float, exit_: float, limit_table: Array, count: int
 ) -> int:
-    """The quickest moves over ``distance`` from speed ``entry`` to ``exit_`` under a ladder's limits.
+    """Write the minimum-time moves over ``distance`` from speed ``entry`` to ``exit_`` under a limit table.
 
-    Each rung that is used costs a moment without acceleration, so fewer rungs may be quicker: the whole
-    ladder, every other rung and the top rung alone are tried.
+    Each row that is used costs a moment without acceleration, so fewer rows may be quicker: the whole
+    limit table, every other row and the top row alone are tried.
 
     Args:
-        moves, spare: shape (`MOST_MOVES`, `MOVE`), written.
+        moves, spare: shape (`MAX_MOVES`, `MOVE`), written.
 
     Returns:
         How many moves; 0 where the speeds cannot be joined over this distance.
     """
     best, least = 0, math.inf
     for choice in range(_choices(count)):
-        first, step = _rungs_of(choice, count)
-        found = _climb(spare, distance, entry, exit_, ladder, first, step, count)
+        first, step = _rows_of_choice(choice, count)
+        found = _table_moves(spare, distance, entry, exit_, limit_table, first, step, count)
         if found > 0:
-            total = duration_of(spare, found)
+            total = duration_of_moves(spare, found)
             if total < least:
                 best, least = found, total
                 moves[:found] = spare[:found]
@@ -354,8 +358,8 @@ def fastest_moves(
         return best
     # where a change of speed fills the whole distance the peak may be missed by rounding
     for choice in range(_choices(count)):
-        first, step = _rungs_of(choice, count)
-        found = _ramps_only(moves, distance, entry, exit_, ladder, first, step, count)
+        first, step = _rows_of_choice(choice, count)
+        found = _ramps_only(moves, distance, entry, exit_, limit_table, first, step, count)
         if found > 0:
             return found
     return 0

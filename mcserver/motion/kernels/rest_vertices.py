@@ -1,4 +1,4 @@
-"""Vertices at which a stop might be quicker than to pass them."""
+"""Vertices at which a stop might be faster than passing them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.groups import BEFORE, EXTENT, TOP, Columns, line_row
+from mcserver.motion.kernels.groups import Segments, line_row
 from mcserver.motion.kernels.parts import straight_limits
-from mcserver.motion.kernels.ramp_kernels import change_distance, change_time, reachable_speed
+from mcserver.motion.kernels.ramp_kernels import ramp_distance, ramp_time, reachable_speed
 
 # Two lines that take this share of their times from rest to rest are tried with a stop between them.
 WORTH = 0.9
@@ -19,37 +19,39 @@ WORTH = 0.9
 
 @compiled
 def rest_time(length: float, acceleration: float, jerk: float, top: float) -> float:
-    """Least time from rest to rest over ``length`` [s]; infinite where there is no way to move."""
+    """Return the least time from rest to rest over ``length`` [s]; infinite where no motion is possible."""
     peak = reachable_speed(0.0, 0.5 * length, acceleration, jerk, top)
     if not peak > 0.0:
         return math.inf
-    ramps = 2.0 * change_distance(0.0, peak, acceleration, jerk)
-    return 2.0 * change_time(0.0, peak, acceleration, jerk) + max(length - ramps, 0.0) / peak
+    ramps = 2.0 * ramp_distance(0.0, peak, acceleration, jerk)
+    return 2.0 * ramp_time(0.0, peak, acceleration, jerk) + max(length - ramps, 0.0) / peak
 
 
 @compiled
-def _rest_times(nodes: Columns, limits: Array) -> Array:
-    """Of each straight segment without a time of its own; of others infinite. Shape (n,) [s]."""
-    numbers = nodes.numbers
-    times = np.full(len(numbers), math.inf)
-    for i in range(len(numbers)):
-        row = line_row(nodes, i)
+def _rest_to_rest_times(segments: Segments, limits: Array) -> Array:
+    """Return the least times from rest to rest of straight segments without a T, infinite for others,
+    shape (n,) [s].
+    """
+    columns = segments.columns
+    times = np.full(len(columns.length), math.inf)
+    for i in range(len(times)):
+        row = line_row(segments, i)
         if row >= 0:
-            acceleration, jerk = straight_limits(nodes.rows[row], limits)
-            times[i] = rest_time(numbers[i, EXTENT], acceleration, jerk, numbers[i, TOP])
+            acceleration, jerk = straight_limits(segments.samples[row], limits)
+            times[i] = rest_time(columns.length[i], acceleration, jerk, columns.segment_vmax[i])
     return times
 
 
 @compiled
-def slow_vertices(nodes: Columns, times: Array, limits: Array) -> NDArray[np.bool_]:
-    """At the starts of which segments the motion might as well stop, shape (n,).
+def slow_vertices(segments: Segments, times: Array, limits: Array) -> NDArray[np.bool_]:
+    """Return the segments at whose starts a stop might be as fast, shape (n,).
 
     Args:
         times: of a plan at the segments' starts and at the end, shape (n+1,) [s].
     """
-    rest = _rest_times(nodes, limits)
+    rest = _rest_to_rest_times(segments, limits)
     slow = np.zeros(len(rest), np.bool_)
     for i in range(1, len(rest)):
-        if nodes.marks[i, BEFORE] != 0:
+        if segments.columns.vertex_before[i] != 0:
             slow[i] = times[i + 1] - times[i - 1] > WORTH * (rest[i - 1] + rest[i])
     return slow

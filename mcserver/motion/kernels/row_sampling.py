@@ -1,4 +1,4 @@
-"""Where a time law is at given moments, and rows of straight segments."""
+"""States of a velocity profile at given times, and setpoint rows of straight segments."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def sample_lines(
     position: Array,
     velocity: Array,
 ) -> None:
-    """Writes position and velocity (n, K) of rows on straight segments; leaves the others alone.
+    """Write position and velocity (n, K) of rows on straight segments; leave the others alone.
 
     Args:
         sigma, speed: of each row, shape (n,). index: each row's segment; below 0 it is not straight.
@@ -45,7 +45,7 @@ def sample_lines(
 
 
 @compiled
-def follow(
+def locate_samples(
     time: Array,
     start: Array,
     duration: float,
@@ -57,7 +57,7 @@ def follow(
     speed: Array,
     index: NDArray[np.intp],
 ) -> None:
-    """Coordinate, speed and segment at moments that increase, shape (n,) each [s].
+    """Write coordinate, speed and segment at times that increase, shape (n,) each [s].
 
     Args:
         start, rows: of each phase, shape (m,) and (m, `PHASE`). end: the last coordinate. bounds, times: of

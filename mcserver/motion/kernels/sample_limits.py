@@ -1,4 +1,4 @@
-"""What the axes leave free along the path, over the samples of a run.
+"""Acceleration and jerk that the axes leave free along the path, over the samples of a run.
 
 A sample is one row of 5 K + 2 numbers for K columns: |q'|, |q''|, |q'''|, a vertex's |Δq'|, |Δq''| where the
 bend steps, then the spacing of vertices ℓ and a speed that is not passed there (see
@@ -20,14 +20,14 @@ from mcserver.motion.kernels.compiled import compiled
 CURVATURE_SHARE = 0.97
 # Share of the jerk that curvature alone may take.
 JERK_SHARE = 0.9
-# Speeds of the rungs, as shares of the lowest top speed of a stretch; the last one where others are higher.
-RUNGS = (0.45, 0.65, 0.8, 0.9, 0.96, 1.0)
-# Rungs below the lowest speed of a vertex, where that is lower, and the places of the grid between them.
-VERTEX_RUNGS, VERTEX_STEP = 4, 4
+# Speeds of the rows, as shares of the lowest top speed of a stretch; the last one where others are higher.
+TABLE_SPEEDS = (0.45, 0.65, 0.8, 0.9, 0.96, 1.0)
+# Rows below the lowest speed of a vertex, where that is lower, and the places of the grid between them.
+VERTEX_ROWS, VERTEX_STEP = 4, 4
 # Ends of a stretch at this share of that speed need none of them.
 VERTEX_SPEED = 0.9
-# Rungs stand on a grid of speeds from the highest one down, each this share of the one above; below the last
-# of them a ladder has no rungs.
+# Rows stand on a grid of speeds from the highest one down, each this share of the one above; below the last
+# of them a limit table has no rows.
 GRID = 0.95
 GRID_SIZE = 128
 # Top speeds leave at least this share of the acceleration and jerk that are free at rest.
@@ -47,39 +47,42 @@ _HUGE = 1e100
 
 
 class Run(NamedTuple):
-    """Segments on end, in n groups that are planned as one each, and what the axes leave free on them.
+    """Segments on end, in n groups that are planned as one each, and the limits along the path on them.
 
     Attributes:
         rows: samples of all groups, shape (m, 5 K + 2). offset: the groups' first samples, and one past the
             last, shape (n+1,).
-        tops: greatest speeds of the groups, shape (n,). limits, cycle: of the axes, shape (3, K), and [s].
-        rest, weak: acceleration and jerk free at rest, and at every speed, shape (n, 2).
-        ceiling: the greatest speed at each sample, shape (m,).
-        slowest: the least of them on each group, shape (n,). bent: whether bends count on it, shape (n,).
-        kinds, at_rest: what of a sample depends on speed, and what it leaves free at rest, (m,) and (m, 2).
-        grid: falling speeds, each `GRID` times the one before, shape (g,). known: what is free of a group at
-            each of them, shape (n, g, 2); NaN where nobody has asked yet.
+        segment_vmax: greatest speeds of the groups, shape (n,). limits, cycle: of the axes, shape (3, K),
+        and [s].
+        free_at_rest, free_at_vmax: acceleration and jerk free at rest, and at every speed, shape (n, 2).
+        sample_vmax: the greatest speed at each sample, shape (m,).
+        min_vmax: the least of them on each group, shape (n,). curved: whether bends count on it, shape (n,).
+        speed_terms, sample_free_at_rest: what of a sample depends on speed, and what it leaves free at rest,
+        (m,) and (m, 2).
+        grid: falling speeds, each `GRID` times the one before, shape (g,). free_at_grid: what is free of a
+            group at each of them, shape (n, g, 2); NaN where nobody has asked yet.
     """
 
     rows: Array
     offset: NDArray[np.intp]
-    tops: Array
+    segment_vmax: Array
     limits: Array
     cycle: float
-    rest: Array
-    weak: Array
-    ceiling: Array
-    slowest: Array
-    bent: NDArray[np.bool_]
-    kinds: NDArray[np.int8]
-    at_rest: Array
+    free_at_rest: Array
+    free_at_vmax: Array
+    sample_vmax: Array
+    min_vmax: Array
+    curved: NDArray[np.bool_]
+    speed_terms: NDArray[np.int8]
+    sample_free_at_rest: Array
     grid: Array
-    known: Array
+    free_at_grid: Array
 
 
 @compiled
 def ripple(apart: float) -> float:
-    """How much more than on average vertices ``apart`` ≤ 1 cycles from each other weigh at the worst cycle.
+    """Return by how much vertices ``apart`` ≤ 1 cycles from each other weigh more at the worst cycle than on
+    average.
 
     A second difference weighs them with a hat of two cycles. With f the fraction of 1/r, its sum over
     points r apart is at most (1 + r² f (1 - f)) / r; below 2/3 the bound f (1 - f) ≤ 1/4 serves, which
@@ -89,8 +92,10 @@ def ripple(apart: float) -> float:
 
 
 @compiled
-def _crowd(rows: Array, i: int, width: int, cycle: float, v: float) -> float:
-    """What a unit of a vertex's step asks for at speed ``v``, with the vertices near it [1/s times speed]."""
+def _demand_per_step(rows: Array, i: int, width: int, cycle: float, v: float) -> float:
+    """Return the acceleration that a unit step of the tangent demands at speed ``v``, with the vertices
+    near it [1/s times speed].
+    """
     apart = min(rows[i, 5 * width] / max(v * cycle, TINY), 1.0)
     crowd: float = v * (1.0 + ripple(apart)) / apart / cycle
     return crowd
@@ -98,29 +103,29 @@ def _crowd(rows: Array, i: int, width: int, cycle: float, v: float) -> float:
 
 @compiled
 def free_at(rows: Array, i: int, limits: Array, cycle: float, v: float) -> tuple[float, float]:
-    """Acceleration and jerk along σ that the axes leave free at speed ``v`` on sample ``i``."""
+    """Return the acceleration and jerk along σ that the axes leave free at speed ``v`` on sample ``i``."""
     width = limits.shape[1]
-    crowded = _crowd(rows, i, width, cycle, v)
+    per_step = _demand_per_step(rows, i, width, cycle, v)
     square, cube = v * v, v * v * v
     # a step of the acceleration within a cycle looks like this jerk at the cycle rate (peak of the
     # quadratic B-spline that a third difference is)
-    kicked = 0.75 / cycle * square
+    per_d2q_step = 0.75 / cycle * square
     acceleration = math.inf
     allowed = math.inf
     for k in range(width):
-        bend = rows[i, width + k]
-        taken = bend * square + rows[i, 3 * width + k] * crowded
+        d2q = rows[i, width + k]
+        taken = d2q * square + rows[i, 3 * width + k] * per_step
         acceleration = min(acceleration, (limits[1, k] - taken) / max(rows[i, k], TINY))
-        coupling = 3.0 * bend * v
+        coupling = 3.0 * d2q * v
         if coupling > 0.0:
-            left = limits[2, k] - rows[i, 2 * width + k] * cube - rows[i, 4 * width + k] * kicked
+            left = limits[2, k] - rows[i, 2 * width + k] * cube - rows[i, 4 * width + k] * per_d2q_step
             # half of what is left of the jerk is the most that acceleration across the bend may use
             allowed = min(allowed, 0.5 * left / coupling)
     acceleration = min(acceleration, allowed)
     used = max(acceleration, 0.0)
     jerk = math.inf
     for k in range(width):
-        left = limits[2, k] - rows[i, 2 * width + k] * cube - rows[i, 4 * width + k] * kicked
+        left = limits[2, k] - rows[i, 2 * width + k] * cube - rows[i, 4 * width + k] * per_d2q_step
         left -= 3.0 * rows[i, width + k] * v * used
         jerk = min(jerk, left / max(rows[i, k], TINY))
     # an axis that does not move limits nothing: its quotient is huge, not infinite
@@ -129,7 +134,7 @@ def free_at(rows: Array, i: int, limits: Array, cycle: float, v: float) -> tuple
 
 @compiled
 def _kind_of(rows: Array, i: int, width: int) -> int:
-    """Which of what a sample asks for depends on speed."""
+    """Return which terms of a sample's demand depend on speed."""
     kind = CONSTANT
     for k in range(width):
         if rows[i, width + k] > 0.0 or rows[i, 2 * width + k] > 0.0 or rows[i, 4 * width + k] > 0.0:
@@ -140,45 +145,47 @@ def _kind_of(rows: Array, i: int, width: int) -> int:
 
 
 @compiled
-def _free(run: Run, i: int, v: float) -> tuple[float, float]:
-    """As `free_at`, with what is known of the sample."""
-    kind = run.kinds[i]
+def _free_of_sample(run: Run, i: int, v: float) -> tuple[float, float]:
+    """Return what `free_at` does, with what is known of the sample."""
+    kind = run.speed_terms[i]
     if kind == BENT:
         return free_at(run.rows, i, run.limits, run.cycle, v)
-    acceleration: float = run.at_rest[i, 0]
-    jerk: float = run.at_rest[i, 1]
+    acceleration: float = run.sample_free_at_rest[i, 0]
+    jerk: float = run.sample_free_at_rest[i, 1]
     if kind == VERTEX:
         width = run.limits.shape[1]
-        crowded = _crowd(run.rows, i, width, run.cycle, v)
+        per_step = _demand_per_step(run.rows, i, width, run.cycle, v)
         acceleration = math.inf
         for k in range(width):
-            left = run.limits[1, k] - run.rows[i, 3 * width + k] * crowded
+            left = run.limits[1, k] - run.rows[i, 3 * width + k] * per_step
             acceleration = min(acceleration, left / max(run.rows[i, k], TINY))
     return acceleration, jerk
 
 
 @compiled
 def _free_of_group(run: Run, group: int, speed: float) -> tuple[float, float]:
-    """Acceleration and jerk that are free on a group at ``speed``, or its samples' own where that is less."""
+    """Return the acceleration and jerk free on a group at ``speed``, or at its samples' own greatest
+    speeds where those are lower.
+    """
     acceleration = jerk = math.inf
     for i in range(run.offset[group], run.offset[group + 1]):
-        a, j = _free(run, i, min(run.ceiling[i], speed))
+        a, j = _free_of_sample(run, i, min(run.sample_vmax[i], speed))
         acceleration, jerk = min(acceleration, a), min(jerk, j)
     return acceleration, jerk
 
 
 @compiled
-def run_of(rows: Array, offset: NDArray[np.intp], tops: Array, limits: Array, cycle: float) -> Run:
-    """What is free at rest and at the top speed of each group of samples.
+def run_of(rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: Array, cycle: float) -> Run:
+    """Return the limits at rest and at the top speed of each group of samples.
 
     Args:
-        tops: lowered where a speed would leave hardly any acceleration or jerk to get to it.
+        segment_vmax: lowered where a speed would leave hardly any acceleration or jerk to get to it.
     """
-    n, m = len(tops), len(rows)
+    n, m = len(segment_vmax), len(rows)
     run = Run(
         rows,
         offset,
-        tops,
+        segment_vmax,
         limits,
         cycle,
         np.empty((n, 2)),
@@ -188,7 +195,7 @@ def run_of(rows: Array, offset: NDArray[np.intp], tops: Array, limits: Array, cy
         np.empty(n, np.bool_),
         np.empty(m, np.int8),
         np.empty((m, 2)),
-        tops.max() * GRID ** np.arange(GRID_SIZE),
+        segment_vmax.max() * GRID ** np.arange(GRID_SIZE),
         np.full((n, GRID_SIZE, 2), math.nan),
     )
     for group in range(n):
@@ -196,46 +203,46 @@ def run_of(rows: Array, offset: NDArray[np.intp], tops: Array, limits: Array, cy
         full = full_jerk = math.inf
         for i in range(low, high):
             acceleration, jerk = free_at(rows, i, limits, cycle, 0.0)
-            run.kinds[i] = _kind_of(rows, i, limits.shape[1])
-            run.at_rest[i, 0], run.at_rest[i, 1] = acceleration, jerk
+            run.speed_terms[i] = _kind_of(rows, i, limits.shape[1])
+            run.sample_free_at_rest[i, 0], run.sample_free_at_rest[i, 1] = acceleration, jerk
             full, full_jerk = min(full, acceleration), min(full_jerk, jerk)
-        run.rest[group, 0], run.rest[group, 1] = full, full_jerk
+        run.free_at_rest[group, 0], run.free_at_rest[group, 1] = full, full_jerk
         at_top = at_top_jerk = math.inf
         for _ in range(200):
             for i in range(low, high):
-                run.ceiling[i] = min(tops[group], rows[i, rows.shape[1] - 1])
-            at_top, at_top_jerk = _free_of_group(run, group, tops[group])
+                run.sample_vmax[i] = min(segment_vmax[group], rows[i, rows.shape[1] - 1])
+            at_top, at_top_jerk = _free_of_group(run, group, segment_vmax[group])
             short = at_top < LEAST_FREE * full
             if not math.isinf(full_jerk):
                 short = short or at_top_jerk < LEAST_FREE * full_jerk
             if not short:
                 break
-            tops[group] *= 0.98
-        run.weak[group, 0], run.weak[group, 1] = at_top, at_top_jerk
-        run.slowest[group] = run.ceiling[low:high].min()
-        run.bent[group] = run.kinds[low:high].max() == BENT
+            segment_vmax[group] *= 0.98
+        run.free_at_vmax[group, 0], run.free_at_vmax[group, 1] = at_top, at_top_jerk
+        run.min_vmax[group] = run.sample_vmax[low:high].min()
+        run.curved[group] = run.speed_terms[low:high].max() == BENT
     return run
 
 
 @compiled
-def ease_short(edges: Array, caps: Array, tops: Array, cycle: float) -> None:
-    """Lowers top speeds ``tops`` (n,): a segment of few cycles is hardly faster than its joints are."""
-    for i in range(len(tops)):
-        joint = max(caps[i], caps[i + 1])
+def limit_short_segments(edges: Array, junction_vmax: Array, segment_vmax: Array, cycle: float) -> None:
+    """Lower the top speeds (n,) of segments of few cycles to the speeds of their junctions."""
+    for i in range(len(segment_vmax)):
+        joint = max(junction_vmax[i], junction_vmax[i + 1])
         if edges[i + 1] - edges[i] < SHORT * cycle * joint:
-            tops[i] = min(tops[i], joint)
+            segment_vmax[i] = min(segment_vmax[i], joint)
 
 
 @compiled
-def bind_joints(caps: Array, tops: Array) -> None:
-    """Lowers the caps of joints (n+1,) to the top speeds of both sides; those at the ends stay."""
-    for i in range(1, len(tops)):
-        caps[i] = min(caps[i], tops[i - 1], tops[i])
+def limit_junctions(junction_vmax: Array, segment_vmax: Array) -> None:
+    """Lower the speeds of junctions (n+1,) to the top speeds of both sides; those at the ends stay."""
+    for i in range(1, len(segment_vmax)):
+        junction_vmax[i] = min(junction_vmax[i], segment_vmax[i - 1], segment_vmax[i])
 
 
 @compiled
-def weakest(values: Array, left: int, right: int) -> tuple[float, float]:
-    """Least acceleration and jerk of groups ``left`` … ``right`` - 1, of an array (n, 2)."""
+def min_limits(values: Array, left: int, right: int) -> tuple[float, float]:
+    """Return the least acceleration and jerk of groups ``left`` … ``right`` - 1, of an array (n, 2)."""
     acceleration = jerk = math.inf
     for group in range(left, right):
         acceleration, jerk = min(acceleration, values[group, 0]), min(jerk, values[group, 1])
@@ -243,65 +250,67 @@ def weakest(values: Array, left: int, right: int) -> tuple[float, float]:
 
 
 @compiled
-def _place_of(run: Run, speed: float) -> int:
-    """The first place of the grid that is not above ``speed``."""
+def _grid_index(run: Run, speed: float) -> int:
+    """Return the first index of the grid whose speed is not above ``speed``."""
     return math.ceil(math.log(speed / run.grid[0]) / math.log(GRID) - 1e-9)
 
 
 @compiled
-def _put_rung(run: Run, left: int, right: int, place: int, ladder: Array, at: int) -> int:
-    """Writes the rung at one speed of the grid."""
-    known = run.known
+def _put_row(run: Run, left: int, right: int, place: int, limit_table: Array, at: int) -> int:
+    """Write the row of a limit table at one speed of the grid."""
+    free_at_grid = run.free_at_grid
     for group in range(left, right):
-        if math.isnan(known[group, place, 0]):
-            known[group, place, 0], known[group, place, 1] = _free_of_group(run, group, run.grid[place])
-    acceleration, jerk = weakest(known[:, place], left, right)
-    ladder[at, 0], ladder[at, 1], ladder[at, 2] = run.grid[place], acceleration, jerk
+        if math.isnan(free_at_grid[group, place, 0]):
+            free_at_grid[group, place, 0], free_at_grid[group, place, 1] = _free_of_group(
+                run, group, run.grid[place]
+            )
+    acceleration, jerk = min_limits(free_at_grid[:, place], left, right)
+    limit_table[at, 0], limit_table[at, 1], limit_table[at, 2] = run.grid[place], acceleration, jerk
     return at + 1
 
 
 @compiled
-def make_ladder(run: Run, left: int, right: int, speed: float, ladder: Array) -> int:
-    """A ladder of speeds up to the top of groups ``left`` … ``right`` - 1 with what is free up to each; one
-    rung where bends hardly count.
+def make_limit_table(run: Run, left: int, right: int, speed: float, limit_table: Array) -> int:
+    """Write the acceleration-limit table of groups ``left`` … ``right`` - 1: rows of speed up to the top,
+    with the acceleration and jerk free up to each; a single row where curvature hardly counts.
 
     Low speeds leave nearly all of the acceleration to the way along the path, the top speed little: the
-    ladder lets a start from rest use what is there. Its rungs stand on the grid, so that what is free at them
-    is found once for each group.
+    limit table lets a start from rest use what is there. Its rows stand on the grid, so that what is free at
+    them is found once for each group.
 
     Args:
         speed: the lower one at the ends: where that is nearly a vertex's own there is nothing to climb below.
 
     Returns:
-        How many rungs there are in ``ladder``, shape (`MOST_RUNGS`, 3).
+        How many rows there are in ``limit_table``, shape (`MAX_TABLE_ROWS`, 3).
     """
-    low = top = run.tops[left]
-    slowest = run.slowest[left]
+    low = top = run.segment_vmax[left]
+    min_vmax = run.min_vmax[left]
     for group in range(left + 1, right):
-        low, top = min(low, run.tops[group]), max(top, run.tops[group])
-        slowest = min(slowest, run.slowest[group])
-    at_top, jerk_at_top = weakest(run.weak, left, right)
-    full, full_jerk = weakest(run.rest, left, right)
+        low, top = min(low, run.segment_vmax[group]), max(top, run.segment_vmax[group])
+        min_vmax = min(min_vmax, run.min_vmax[group])
+    at_top, jerk_at_top = min_limits(run.free_at_vmax, left, right)
+    full, full_jerk = min_limits(run.free_at_rest, left, right)
     at = 0
     if low > 0.0 and not (at_top >= 0.9 * full and (math.isinf(full_jerk) or jerk_at_top >= 0.9 * full_jerk)):
         last = len(run.grid)
-        by_vertex = slowest < RUNGS[0] * low
-        if by_vertex and speed < VERTEX_SPEED * slowest:
-            place = _place_of(run, slowest)
-            place += -place % VERTEX_STEP + (VERTEX_RUNGS - 1) * VERTEX_STEP
-            for _ in range(VERTEX_RUNGS):
+        by_vertex = min_vmax < TABLE_SPEEDS[0] * low
+        if by_vertex and speed < VERTEX_SPEED * min_vmax:
+            place = _grid_index(run, min_vmax)
+            place += -place % VERTEX_STEP + (VERTEX_ROWS - 1) * VERTEX_STEP
+            for _ in range(VERTEX_ROWS):
                 if place < last:
                     last = place
-                    at = _put_rung(run, left, right, place, ladder, at)
+                    at = _put_row(run, left, right, place, limit_table, at)
                 place -= VERTEX_STEP
         # above the speeds of vertices only bends ask for more
-        if not by_vertex or run.bent[left:right].any():
-            for share in RUNGS:
+        if not by_vertex or run.curved[left:right].any():
+            for share in TABLE_SPEEDS:
                 if share == 1.0 and top <= low * 1.001:
                     continue
-                place = _place_of(run, share * low)
+                place = _grid_index(run, share * low)
                 if place < last:
                     last = place
-                    at = _put_rung(run, left, right, place, ladder, at)
-    ladder[at, 0], ladder[at, 1], ladder[at, 2] = top, at_top, jerk_at_top
+                    at = _put_row(run, left, right, place, limit_table, at)
+    limit_table[at, 0], limit_table[at, 1], limit_table[at, 2] = top, at_top, jerk_at_top
     return at + 1

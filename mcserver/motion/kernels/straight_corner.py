@@ -1,4 +1,4 @@
-"""The corner of two straight segments, rounded: shape, distance from the corner, and how long it takes.
+"""The rounded corner of two straight segments: shape, distance from the corner, and time.
 
 The blend is a quintic Bezier curve whose ends continue the lines with no bend (see
 `mcserver.motion.geometry.blend`). With the vertex at 0 it scales with its reach d, the distance from the
@@ -16,12 +16,18 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.junctions import length_of, line_sample, meet
-from mcserver.motion.kernels.knots import SOLVED, find_keys
-from mcserver.motion.kernels.parts import is_long, near_vertex, straight_limits
-from mcserver.motion.kernels.polynomials import PLACES, half_of, limit_of, polynomial_samples, power_basis
+from mcserver.motion.kernels.junctions import junction_vmax_of, length_of, line_sample
+from mcserver.motion.kernels.knots import SOLVED, find_knots
+from mcserver.motion.kernels.parts import is_split, straight_limits, vertex_zone_length
+from mcserver.motion.kernels.polynomials import (
+    SAMPLES,
+    limit_of,
+    polynomial_samples,
+    power_basis,
+    restrict_polynomial,
+)
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
-from mcserver.motion.kernels.sample_limits import bind_joints, ease_short, run_of
+from mcserver.motion.kernels.sample_limits import limit_junctions, limit_short_segments, run_of
 
 # What the polyline through these places may miss of the curve, as a share of the distance.
 _POLYLINE = 1.001
@@ -51,7 +57,7 @@ class Corner(NamedTuple):
 
 @compiled
 def quintic(t1: Array, t2: Array, handle: float, power: Array) -> None:
-    """Writes the coefficients (6, K), constant first, of the blend with d = 1 about a vertex at 0.
+    """Write the coefficients (6, K), constant first, of the blend with d = 1 about a vertex at 0.
 
     Args:
         t1, t2: unit tangents before and after, shape (K,). handle: length of the Bezier handles.
@@ -65,7 +71,7 @@ def quintic(t1: Array, t2: Array, handle: float, power: Array) -> None:
 
 @compiled
 def _to_segment(point: Array, start: Array, end: Array) -> float:
-    """Squared distance of a point from a straight segment."""
+    """Return the squared distance of a point from a straight segment."""
     along = length = 0.0
     for k in range(len(point)):
         travel = end[k] - start[k]
@@ -80,8 +86,8 @@ def _to_segment(point: Array, start: Array, end: Array) -> float:
 
 
 @compiled
-def farthest(points: Array, polyline: Array) -> float:
-    """Largest distance of points (n, K) from a polyline (m, K)."""
+def max_distance_to_polyline(points: Array, polyline: Array) -> float:
+    """Return the largest distance of points (n, K) from a polyline (m, K)."""
     worst = 0.0
     for i in range(len(points)):
         near = math.inf
@@ -93,17 +99,17 @@ def farthest(points: Array, polyline: Array) -> float:
 
 @compiled
 def distance_from_corner(t1: Array, t2: Array, power: Array, weights: Array) -> float:
-    """Largest distance between blend and lines for d = 1, in either direction.
+    """Return the largest distance between blend and lines for d = 1, in either direction.
 
     Args:
         weights: of each column in that distance, shape (K,).
     """
     width = len(t1)
-    blend = np.empty((PLACES, width))
-    lines = np.zeros((PLACES, width))
-    half = PLACES // 2
-    for i in range(PLACES):
-        s, share = i / (PLACES - 1), (i - half) / half
+    blend = np.empty((SAMPLES, width))
+    lines = np.zeros((SAMPLES, width))
+    half = SAMPLES // 2
+    for i in range(SAMPLES):
+        s, share = i / (SAMPLES - 1), (i - half) / half
         for k in range(width):
             value = power[5, k]
             for row in range(4, -1, -1):
@@ -111,7 +117,7 @@ def distance_from_corner(t1: Array, t2: Array, power: Array, weights: Array) -> 
             blend[i, k] = value * weights[k]
             lines[i, k] = (share * t1[k] if share < 0.0 else share * t2[k]) * weights[k]
     corner = lines[::half]
-    return max(farthest(blend, corner), farthest(lines, blend)) * _POLYLINE
+    return max(max_distance_to_polyline(blend, corner), max_distance_to_polyline(lines, blend)) * _POLYLINE
 
 
 @compiled
@@ -119,33 +125,36 @@ def run_time(
     rows: Array,
     offset: NDArray[np.intp],
     edges: Array,
-    caps: Array,
-    tops: Array,
+    junction_vmax: Array,
+    segment_vmax: Array,
     corner: Corner,
     entry: float,
 ) -> float:
-    """How long a short run of segments takes from the speed ``entry`` to rest [s]; infinite: no time law.
+    """Return the time of a short run of segments from the speed ``entry`` to rest [s]; infinite without a
+    velocity profile.
 
     Args:
-        rows, offset: samples of n segments. edges, caps: shape (n+1,). tops: shape (n,).
+        rows, offset: samples of n segments. edges, junction_vmax: shape (n+1,). segment_vmax: shape (n,).
     """
-    n = len(tops)
-    caps[0], caps[n] = entry, 0.0
-    ease_short(edges, caps, tops, corner.cycle)
-    run = run_of(rows, offset, tops, corner.limits, corner.cycle)
-    bind_joints(caps, tops)
-    caps[0] = min(entry, tops[0])
-    is_key = caps <= 0.0
+    n = len(segment_vmax)
+    junction_vmax[0], junction_vmax[n] = entry, 0.0
+    limit_short_segments(edges, junction_vmax, segment_vmax, corner.cycle)
+    run = run_of(rows, offset, segment_vmax, corner.limits, corner.cycle)
+    limit_junctions(junction_vmax, segment_vmax)
+    junction_vmax[0] = min(entry, segment_vmax[0])
+    is_key = junction_vmax <= 0.0
     is_key[0] = is_key[n] = True
     # a literal would have the search compiled once more, for that value alone
     plain = bool(np.bool_(False))
-    status, _, _, _, phases, _ = find_keys(run, edges, caps, np.zeros(n, np.bool_), is_key, caps[0], plain)
+    status, _, _, _, phases, _ = find_knots(
+        run, edges, junction_vmax, np.zeros(n, np.bool_), is_key, junction_vmax[0], plain
+    )
     return phases[:, 0].sum() if status == SOLVED else math.inf
 
 
 @compiled
 def corner_time(corner: Corner, left: float, right: float, entry: float) -> tuple[float, float]:
-    """How long they take where the corner stays, and how fast it can be passed.
+    """Return the time of the two segments with the corner as it is [s], and the greatest speed over it.
 
     Args:
         left, right: what is left of them [m]. entry: speed at the beginning.
@@ -155,24 +164,24 @@ def corner_time(corner: Corner, left: float, right: float, entry: float) -> tupl
     still = np.zeros(width)
     lines, samples = np.zeros((2, 5 * width + 2)), np.zeros((2, 5 * width + 2))
     end, begin = length_of(last), length_of(first)
-    speed, _ = meet(last, still, end, first, still, limits, corner.cycle, True, samples)
-    tops = np.empty(2)
-    tops[0], _ = line_sample(last, end, limits, lines[:1])
-    tops[1], _ = line_sample(first, begin, limits, lines[1:])
-    tops = np.minimum(tops, corner.feeds)
+    speed, _ = junction_vmax_of(last, still, end, first, still, limits, corner.cycle, True, samples)
+    segment_vmax = np.empty(2)
+    segment_vmax[0], _ = line_sample(last, end, limits, lines[:1])
+    segment_vmax[1], _ = line_sample(first, begin, limits, lines[1:])
+    segment_vmax = np.minimum(segment_vmax, corner.feeds)
     # the same parts as in a run: see `mcserver.motion.kernels.groups`
     rows, offset = np.empty((6, 5 * width + 2)), np.zeros(5, np.intp)
-    edges, caps, parts_tops = np.zeros(5), np.full(5, math.inf), np.empty(4)
+    edges, junction_vmax, part_vmax = np.zeros(5), np.full(5, math.inf), np.empty(4)
     part = at = 0
     for side in range(2):
         length, reach = (left, right)[side], 0.0
         # where no vertex is passed with a bounded speed there is nothing that it asks for
         asks = 0.0 < speed < math.inf
         if asks:
-            passed = min(speed, tops[side])
+            passed = min(speed, segment_vmax[side])
             acceleration, _ = straight_limits(lines[side], limits)
-            reach = near_vertex(passed, acceleration, corner.cycle)
-            if not is_long(length, reach, reach, acceleration, passed):
+            reach = vertex_zone_length(passed, acceleration, corner.cycle)
+            if not is_split(length, reach, reach, acceleration, passed):
                 reach = length
         for place in range(2):
             near = place != side
@@ -183,52 +192,54 @@ def corner_time(corner: Corner, left: float, right: float, entry: float) -> tupl
                 if near:
                     rows[at] = samples[side]
                     at += 1
-                edges[part + 1], parts_tops[part] = edges[part] + span, tops[side]
+                edges[part + 1], part_vmax[part] = edges[part] + span, segment_vmax[side]
                 part += 1
                 offset[part] = at
         if side == 0:
-            caps[part] = speed
+            junction_vmax[part] = speed
     ends = part + 1
-    time = run_time(rows[:at], offset[:ends], edges[:ends], caps[:ends], parts_tops[:part], corner, entry)
+    time = run_time(
+        rows[:at], offset[:ends], edges[:ends], junction_vmax[:ends], part_vmax[:part], corner, entry
+    )
     return time, speed
 
 
 @compiled
 def blend_time(corner: Corner, left: float, right: float, entry: float, power: Array) -> tuple[float, float]:
-    """How long they take with a blend, and how fast that can be passed.
+    """Return the time of the two segments with a blend [s], and the greatest speed on it.
 
     Args:
         left, right: what is left of them beside the blend [m]. power: of the blend.
     """
     last, first, limits, feeds = corner.last, corner.first, corner.limits, corner.feeds
     width = len(last)
-    rows = np.zeros((2 + 2 * PLACES, 5 * width + 2))
-    tops = np.empty(4)
+    rows = np.zeros((2 + 2 * SAMPLES, 5 * width + 2))
+    segment_vmax = np.empty(4)
     limit, _ = line_sample(last, length_of(last), limits, rows[:1])
-    tops[0] = min(limit, feeds[0])
-    limit, _ = line_sample(first, length_of(first), limits, rows[1 + 2 * PLACES :])
-    tops[3] = min(limit, feeds[1])
+    segment_vmax[0] = min(limit, feeds[0])
+    limit, _ = line_sample(first, length_of(first), limits, rows[1 + 2 * SAMPLES :])
+    segment_vmax[3] = min(limit, feeds[1])
     part = np.empty((6, width))
-    speeds = np.empty(PLACES)
-    half_of(power, 0.0, 0.5, part)
+    speeds = np.empty(SAMPLES)
+    restrict_polynomial(power, 0.0, 0.5, part)
     # along σ, which goes on where the halves meet
     scale = length_of(part[1])
     for half in range(2):
-        half_of(power, 0.5 * half, 0.5, part)
-        where = slice(1 + half * PLACES, 1 + (half + 1) * PLACES)
+        restrict_polynomial(power, 0.5 * half, 0.5, part)
+        where = slice(1 + half * SAMPLES, 1 + (half + 1) * SAMPLES)
         polynomial_samples(part, scale, rows[where], speeds)
         limit, _, _ = limit_of(rows[where], limits)
-        tops[1 + half] = min(limit, feeds[half] * scale / speeds.max())
+        segment_vmax[1 + half] = min(limit, feeds[half] * scale / speeds.max())
     edges = np.cumsum(np.array([0.0, left, scale, scale, right]))
-    caps = np.full(5, math.inf)
-    offset = np.array([0, 1, 1 + PLACES, 1 + 2 * PLACES, 2 + 2 * PLACES])
-    top = min(tops[1], tops[2])
-    return run_time(rows, offset, edges, caps, tops, corner, entry), top
+    junction_vmax = np.full(5, math.inf)
+    offset = np.array([0, 1, 1 + SAMPLES, 1 + 2 * SAMPLES, 2 + 2 * SAMPLES])
+    top = min(segment_vmax[1], segment_vmax[2])
+    return run_time(rows, offset, edges, junction_vmax, segment_vmax, corner, entry), top
 
 
 @compiled
 def entry_speed(corner: Corner) -> float:
-    """Half of the speed that the first segment could have reached from rest in its own length."""
+    """Return half of the speed that the first segment could have reached from rest in its own length."""
     length = length_of(corner.last)
     line = np.zeros((1, 5 * len(corner.last) + 2))
     top, _ = line_sample(corner.last, length, corner.limits, line)
@@ -237,8 +248,8 @@ def entry_speed(corner: Corner) -> float:
 
 
 @compiled
-def may_win(speed: float, from_rest: float, slow: float, top: float, fastest: float) -> bool:
-    """Whether a blend is worth having in place of a corner.
+def is_worthwhile(speed: float, from_rest: float, slow: float, top: float, fastest: float) -> bool:
+    """Return whether a blend is worth having in place of a corner.
 
     At a stop it has to win from rest to rest: what is quicker at speed may be slower between two stops.
 
@@ -252,12 +263,15 @@ def may_win(speed: float, from_rest: float, slow: float, top: float, fastest: fl
 
 
 @compiled
-def best_reach(corner: Corner, left: float, right: float, power: Array, reaches: Array, gain: float) -> float:
-    """The reach with which the corner is passed soonest; 0: it stays.
+def best_blend_distance(
+    corner: Corner, left: float, right: float, power: Array, blend_distances: Array, gain: float
+) -> float:
+    """Return the blend distance with which the corner is passed soonest; 0 where the corner stays.
 
     Args:
-        left, right: what is left of the segments [m]. power: of the shape with d = 1. reaches: what is tried,
-            shape (n,). gain: what a corner that is a stop takes less than the lines to it and from it [s].
+        left, right: what is left of the segments [m]. power: of the shape with d = 1. blend_distances: what
+            is tried, shape (n,). gain: what a corner that is a stop takes less than the lines to it and from
+            it [s].
     """
     entry = entry_speed(corner)
     from_rest, speed = corner_time(corner, left, right, 0.0)
@@ -267,12 +281,12 @@ def best_reach(corner: Corner, left: float, right: float, power: Array, reaches:
         # not from rest: in a chain of short lines a blend keeps a speed that such a judgement does not see
         least -= gain
     best, fastest = 0.0, FASTER * speed
-    for reach in reaches:
+    for reach in blend_distances:
         if not reach > 0.0:
             continue
         there = power * reach
         slow, top = blend_time(corner, left - reach, right - reach, 0.0, there)
-        if not may_win(speed, from_rest, slow, top, fastest):
+        if not is_worthwhile(speed, from_rest, slow, top, fastest):
             continue
         if speed > 0.0:
             best, fastest = reach, top

@@ -1,4 +1,4 @@
-"""An array whose rows come at its end and go at either end."""
+"""An array that takes rows at its end and drops rows at either end."""
 
 from __future__ import annotations
 
@@ -8,39 +8,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 T = TypeVar("T", bound=np.generic)
-_LEAST = 64
+# Rows that room is made for at first.
+_INITIAL_ROWS = 64
 
 
-class Growing(Generic[T]):
-    """Rows of one width; adding and dropping cost no more than the rows concerned, on average.
+class GrowableArray(Generic[T]):
+    """Rows of one shape; adding and dropping cost amortized time in proportion to the rows concerned.
 
     Args:
-        width: columns.
+        dtype: of the elements. row: shape of one row; () makes the array one-dimensional.
     """
 
-    def __init__(self, width: int, dtype: np.dtype[Any]) -> None:
-        self._data: NDArray[T] = np.empty((_LEAST, width), dtype)
+    def __init__(self, dtype: np.dtype[Any], row: tuple[int, ...] = ()) -> None:
+        self._rows: NDArray[T] = np.empty((_INITIAL_ROWS, *row), dtype)
         self._low = self._high = 0
 
     @property
     def rows(self) -> NDArray[T]:
-        """The rows that are there, shape (n, width); a view until rows are added."""
-        return self._data[self._low : self._high]
+        """The rows in use, shape (n, *row); a view that is valid until rows are added."""
+        return self._rows[self._low : self._high]
 
     def add(self, rows: NDArray[T]) -> None:
-        """Adds rows (m, width) at the end."""
-        if self._high + len(rows) > len(self._data):
-            kept = self.rows
-            data: NDArray[T] = np.empty((max(_LEAST, 2 * (len(kept) + len(rows))), kept.shape[1]), kept.dtype)
-            data[: len(kept)] = kept
-            self._data, self._low, self._high = data, 0, len(kept)
-        self._data[self._high : self._high + len(rows)] = rows
-        self._high += len(rows)
+        """Append rows, shape (m, *row)."""
+        count = len(rows)
+        self._reserve(count)
+        self._rows[self._high : self._high + count] = rows
+        self._high += count
+
+    def add_one(self, row: Any) -> None:
+        """Append one row."""
+        self._reserve(1)
+        self._rows[self._high] = row
+        self._high += 1
 
     def drop(self, count: int) -> None:
-        """Forgets the first rows."""
+        """Remove the first rows."""
         self._low += count
 
-    def cut(self, count: int) -> None:
-        """Forgets all but the first ``count`` rows."""
+    def truncate(self, count: int) -> None:
+        """Remove all but the first ``count`` rows."""
         self._high = self._low + count
+
+    def _reserve(self, count: int) -> None:
+        if self._high + count <= len(self._rows):
+            return
+        kept = self.rows
+        size = max(_INITIAL_ROWS, 2 * (len(kept) + count))
+        grown: NDArray[T] = np.empty((size, *kept.shape[1:]), kept.dtype)
+        grown[: len(kept)] = kept
+        self._rows, self._low, self._high = grown, 0, len(kept)

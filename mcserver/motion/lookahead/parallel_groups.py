@@ -1,4 +1,4 @@
-"""Comma groups: several runs on disjoint columns that start together, as one stream of rows."""
+"""Comma groups: runs on disjoint columns that start together, as one stream of rows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mcserver.motion.pieces import PIECE, Activation, Deactivation, Piece
 from mcserver.motion.profile.setpoint_sampling import Rows, first_row, sample
 
 
-def side_by_side(
+def sample_parallel(
     runs: list[PlannedRun | None],
     base: Array,
     origin: float,
@@ -21,7 +21,7 @@ def side_by_side(
     mask: int,
     cycle: float,
 ) -> Iterator[Piece]:
-    """The output of runs that start together at u = ``origin``, through u = ``last`` (D-32).
+    """Yield the output of runs that start together at u = ``origin``, through u = ``last`` (D-32).
 
     Args:
         runs: None for a group that does not travel. base: positions of all columns at the start, shape (K,).

@@ -1,9 +1,9 @@
-"""What the axes' limits allow along a path coordinate σ, as a function of speed.
+"""Limits along a path coordinate σ as a function of speed.
 
-With q(σ) the path, q̇ = q'σ̇, q̈ = q'σ̈ + q''σ̇² and q⃛ = q'σ⃛ + 3q''σ̇σ̈ + q'''σ̇³. At a speed v each axis leaves
-|q'|·A ≤ a - |q''|v² for acceleration along the path, and likewise for jerk. A vertex of a polyline is
-a step of the tangent by D: at the cycle rate it asks for the acceleration D·v·max(1/dt, v/ℓ), ℓ being
-the length of the segments about it (several vertices may fall into one cycle). Limits are judged so by D-36.
+With q(σ) the path, q̇ = q'σ̇, q̈ = q'σ̈ + q''σ̇² and q⃛ = q'σ⃛ + 3q''σ̇σ̈ + q'''σ̇³. At a speed v each axis
+leaves |q'|·A ≤ a - |q''|v² for acceleration along the path, and likewise for jerk. A vertex of a polyline is
+a step of the tangent by D: at the cycle rate it asks for the acceleration D·v·max(1/dt, v/ℓ), ℓ being the
+length of the segments about it (several vertices may fall into one cycle). Limits are judged so by D-36.
 """
 
 from __future__ import annotations
@@ -17,15 +17,17 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array, LineCurve, PolynomialCurve, SampledCurve
 from mcserver.motion.geometry.segment import AxisLimits, Segment
-from mcserver.motion.kernels.junctions import line_sample, meet
-from mcserver.motion.kernels.polynomials import KINDS, PLACES, limit_of, polynomial_samples
-from mcserver.motion.kernels.ramp_kernels import MOST_RUNGS
-from mcserver.motion.kernels.sample_limits import Run, make_ladder, run_of, weakest
+from mcserver.motion.kernels.junctions import junction_vmax_of, line_sample
+from mcserver.motion.kernels.polynomials import KINDS, SAMPLES, limit_of, polynomial_samples
+from mcserver.motion.kernels.ramp_kernels import MAX_TABLE_ROWS
+from mcserver.motion.kernels.sample_limits import Run, make_limit_table, min_limits, run_of
 
 
 @dataclass(frozen=True)
-class Level:
-    """Up to speed ``velocity`` these accelerations and jerks are free along the path (SI along σ)."""
+class AccelerationLimit:
+    """A row of an acceleration-limit table: up to speed ``velocity`` this acceleration and jerk are free
+    along the path (SI along σ).
+    """
 
     velocity: float
     acceleration: float
@@ -40,19 +42,23 @@ class SpeedLimit(NamedTuple):
     kind: str
 
 
-def sample_rows(slope: Array, bend: Array, twist: Array) -> Array:
-    """Samples of a path's derivatives, (m, K) each, as rows of `mcserver.motion.kernels.sample_limits`."""
-    count, width = slope.shape
+def sample_rows(dq: Array, d2q: Array, d3q: Array) -> Array:
+    """Return samples of a path's derivatives, (m, K) each, as rows of
+    `mcserver.motion.kernels.sample_limits`.
+    """
+    count, width = dq.shape
     rows: Array = np.zeros((count, 5 * width + 2))
-    np.abs(slope, out=rows[:, :width])
-    np.abs(bend, out=rows[:, width : 2 * width])
-    np.abs(twist, out=rows[:, 2 * width : 3 * width])
+    np.abs(dq, out=rows[:, :width])
+    np.abs(d2q, out=rows[:, width : 2 * width])
+    np.abs(d3q, out=rows[:, 2 * width : 3 * width])
     rows[:, 5 * width :] = math.inf
     return rows
 
 
 def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]:
-    """Samples of one segment in its coordinate σ = s·scale, and the greatest constant speed on them."""
+    """Return the samples of one segment in its coordinate σ = s·scale, and the greatest constant speed on
+    them.
+    """
     width = len(limits.velocity)
     if segment.straight:
         rows = np.zeros((1, 5 * width + 2))
@@ -61,15 +67,15 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
     if isinstance(segment.curves[0], PolynomialCurve):
         power = np.zeros((len(segment.curves[0].coefficients), width))
         power[:, segment.columns[0]] = segment.curves[0].coefficients
-        rows = np.zeros((PLACES, 5 * width + 2))
-        polynomial_samples(power, segment.scale, rows, np.empty(PLACES))
+        rows = np.zeros((SAMPLES, 5 * width + 2))
+        polynomial_samples(power, segment.scale, rows, np.empty(SAMPLES))
         return rows, speed_limit(rows, limits)
     count = 2
     for curve in segment.curves:
         if isinstance(curve, SampledCurve):
             count = max(count, 4 * (len(curve.knots) - 1) + 1)
         elif isinstance(curve, PolynomialCurve):
-            count = max(count, PLACES)
+            count = max(count, SAMPLES)
         elif not isinstance(curve, LineCurve):
             # derivatives of a circle repeat after one turn: 128 points a turn miss an extreme by 0.03 %
             sweep = abs(getattr(curve, "sweep", 2.0 * math.pi))
@@ -80,14 +86,14 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
         isinstance(curve, SampledCurve | PolynomialCurve) for curve in segment.curves
     ):
         s = s * (2.0 * math.pi / max(sweeps))
-    slope, bend, twist = segment.derivatives(s, width)
+    dq, d2q, d3q = segment.derivatives(s, width)
     scale = segment.scale
-    rows = sample_rows(slope / scale, bend / scale**2, twist / scale**3)
+    rows = sample_rows(dq / scale, d2q / scale**2, d3q / scale**3)
     return rows, speed_limit(rows, limits)
 
 
 def speed_limit(rows: Array, limits: AxisLimits) -> SpeedLimit:
-    """Greatest constant speed that the axes allow on the samples (vertices not counted)."""
+    """Return the greatest constant speed that the axes allow on the samples (vertices not counted)."""
     velocity, column, kind = limit_of(rows, limits.rows)
     return SpeedLimit(velocity, column, KINDS[kind])
 
@@ -97,34 +103,38 @@ class RunLimits:
 
     Args:
         rows: samples of all groups. offset: the groups' first samples, and one past the last, (n+1,).
-        tops: greatest speeds of the groups (n,).
+        segment_vmax: greatest speeds of the groups (n,).
 
     Attributes:
         run: the same for kernels; its tops are lowered where a speed would leave hardly any acceleration or
             jerk to get to it.
     """
 
-    def __init__(self, rows: Array, offset: NDArray[np.intp], tops: Array, limits: AxisLimits) -> None:
-        self.run: Run = run_of(rows, offset, tops.copy(), limits.rows, limits.cycle)
+    def __init__(
+        self, rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: AxisLimits
+    ) -> None:
+        self.run: Run = run_of(rows, offset, segment_vmax.copy(), limits.rows, limits.cycle)
 
     @property
-    def tops(self) -> Array:
-        return self.run.tops
+    def segment_vmax(self) -> Array:
+        return self.run.segment_vmax
 
-    def weakest(self, left: int, right: int) -> tuple[float, float]:
-        """Acceleration and jerk that are free at every speed on groups ``left`` … ``right`` - 1."""
-        return weakest(self.run.weak, left, right)
+    def min_limits(self, left: int, right: int) -> tuple[float, float]:
+        """Return the acceleration and jerk that are free at every speed on groups ``left`` … ``right`` -
+        1.
+        """
+        return min_limits(self.run.free_at_vmax, left, right)
 
-    def ladder(self, left: int, right: int) -> list[Level]:
-        """Speeds up to the stretch's top with what is free up to each."""
-        rungs = np.empty((MOST_RUNGS, 3))
-        count = make_ladder(self.run, left, right, 0.0, rungs)
-        return [Level(*rung) for rung in rungs[:count].tolist()]
+    def limit_table(self, left: int, right: int) -> list[AccelerationLimit]:
+        """Return the acceleration-limit table of a stretch."""
+        table = np.empty((MAX_TABLE_ROWS, 3))
+        count = make_limit_table(self.run, left, right, 0.0, table)
+        return [AccelerationLimit(*rung) for rung in table[:count].tolist()]
 
 
 @dataclass(frozen=True)
 class Junction:
-    """How two segments meet.
+    """Speed over the junction of two segments.
 
     Attributes:
         speed: greatest speed over the joint. scale: of the segment behind it, so that speed is continuous.
@@ -138,21 +148,21 @@ class Junction:
 
 
 def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
-    """Speed over the joint of two segments (D-35, D-36).
+    """Return the speed over the junction of two segments (D-35, D-36).
 
     The velocity of an axis may step by max_acceleration·dt, its acceleration by max_jerk·dt. Where that
     leaves less than a crawl, the motion stops there: a stop costs hardly more and keeps the jerk limit too.
     """
     samples = np.zeros((2, 5 * len(before.last) + 2))
-    speed, scale = meet(
+    speed, scale = junction_vmax_of(
         before.last,
-        before.bend_last,
+        before.d2q_end,
         before.scale,
         after.first,
-        after.bend_first,
+        after.d2q_start,
         limits.rows,
         limits.cycle,
-        before.in_parts and after.in_parts,
+        before.may_be_split and after.may_be_split,
         samples,
     )
     if scale == 0.0:

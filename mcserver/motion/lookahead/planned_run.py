@@ -1,4 +1,4 @@
-"""The time law of a run of segments, and corners in it that are passed in a time of their own."""
+"""The velocity profile of a run of segments, with time-domain blends in it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mcserver.motion.bound import Bound
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import Segment
-from mcserver.motion.geometry.time_domain_corner import TimedCorner, is_timed
-from mcserver.motion.profile.velocity_profile import Phases, time_law
+from mcserver.motion.geometry.time_domain_corner import TimeDomainBlend, is_time_domain
+from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
 # What rounding makes of a moment at most: it is one with the end of a segment that is so near [s].
 NO_TIME = 1e-12
@@ -20,11 +20,11 @@ NO_TIME = 1e-12
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """A time law over n segments.
+    """A velocity profile over n segments.
 
     Attributes:
-        segments: in order. nodes: the segment of the window that each belongs to, shape (n,): a corner that
-            is passed in a time of its own is two more, one for each line.
+        segments: in order. window_index: the segment of the window that each belongs to, shape (n,): a corner
+            that is passed in a time of its own is two more, one for each line.
         bounds: σ at their starts and at the end, shape (n+1,).
         phases: σ over time. timed: which of them are such corners: no moment inside has a speed and no
             acceleration.
@@ -33,7 +33,7 @@ class PlannedRun:
     """
 
     segments: list[Segment]
-    nodes: NDArray[np.intp]
+    window_index: NDArray[np.intp]
     bounds: Array
     phases: Phases
     timed: NDArray[np.bool_]
@@ -42,25 +42,25 @@ class PlannedRun:
 
     @property
     def window(self) -> int:
-        """Segments of the window that it covers."""
-        return int(self.nodes[-1]) + 1
+        """Number of segments of the window that it covers."""
+        return int(self.window_index[-1]) + 1
 
     def at_end(self, moment: float) -> float:
-        """The end of a segment that a moment is one with but for rounding, else the moment itself [s]."""
+        """Snap a time to a segment boundary within rounding [s]."""
         near = float(self.times[int(np.argmin(np.abs(self.times - moment)))])
         return near if abs(near - moment) <= NO_TIME else moment
 
     def segment_at(self, moment: float) -> int:
-        """The segment under way at a moment [s] that is not inside a timed corner."""
+        """Return the segment under way at a time [s] that is not inside a time-domain blend."""
         index = int(np.searchsorted(self.times, moment, side="right")) - 1
         index = min(max(index, 0), len(self.segments) - 1)
         # at the very start of a corner the line before it ends
-        while is_timed(self.segments[index]):
+        while is_time_domain(self.segments[index]):
             index -= 1
         return index
 
     def after(self, moment: float) -> PlannedRun:
-        """What is left of it after a moment [s] that is not inside a timed corner, counted from there."""
+        """Return the part after a time [s] that is not inside a time-domain blend, counted from there."""
         index = self.segment_at(moment)
         sigma = float(self.phases.at(np.array([moment]))[0][0])
         segments = self.segments[index:]
@@ -72,7 +72,7 @@ class PlannedRun:
         phases = self.phases.after(moment)
         return PlannedRun(
             segments=segments,
-            nodes=self.nodes[index:] - self.nodes[index],
+            window_index=self.window_index[index:] - self.window_index[index],
             bounds=np.maximum(self.bounds[index:] - sigma, 0.0),
             phases=phases,
             timed=self.timed[len(self.timed) - len(phases.start) :],
@@ -80,8 +80,8 @@ class PlannedRun:
             bound_by=self.bound_by[index:],
         )
 
-    def with_corners(self, stops: list[int], corners: list[TimedCorner]) -> PlannedRun:
-        """The same with corners in place of stops.
+    def with_corners(self, stops: list[int], corners: list[TimeDomainBlend]) -> PlannedRun:
+        """Return the run with blends in place of stops.
 
         Args:
             stops: the segments that start at them, in order, none of them the first.
@@ -116,14 +116,17 @@ class PlannedRun:
             segments[stop - 1] = dataclasses.replace(segments[stop - 1], finish=corner.leave_s, closes=False)
             segments[stop + 2] = dataclasses.replace(segments[stop + 2], begin=corner.join_s, opens=False)
         parts.append(self.phases.between(since, self.phases.duration))
-        phases = time_law(np.concatenate(parts), self.phases.end)
+        phases = join_phases(np.concatenate(parts), self.phases.end)
         timed = np.concatenate([np.full(len(part), bool(i % 2)) for i, part in enumerate(parts)])
-        # the same sums as in the time law: a cut at the end of a corner is at the start of what follows
+        # the same sums as in the velocity profile: a cut at the end of a corner is at the start of what
+        # follows
         leave_at = phases.start[timed]
         join_at = np.append(phases.start, phases.duration)[np.nonzero(timed)[0] + 1]
         return PlannedRun(
             segments=segments,
-            nodes=np.insert(self.nodes, np.repeat(at, 2), np.column_stack((at - 1, at)).ravel()),
+            window_index=np.insert(
+                self.window_index, np.repeat(at, 2), np.column_stack((at - 1, at)).ravel()
+            ),
             bounds=np.insert(bounds, places, np.column_stack((from_, to)).ravel()),
             phases=phases,
             timed=timed,

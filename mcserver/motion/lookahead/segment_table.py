@@ -1,48 +1,50 @@
-"""The segments of a run with what is known of each alone, in columns: a plan looks at thousands of them."""
+"""The segments of a run with what is known of each by itself, in columns: a plan looks at thousands of
+them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import Segment, StraightRun
-from mcserver.motion.kernels.groups import (
-    AFTER,
-    BEFORE,
-    CAP,
-    COLUMN,
-    DURATION,
-    END,
-    EXTENT,
-    FEED,
-    KEY,
-    KIND,
-    MARKS,
-    NUMBERS,
-    REQUESTED,
-    SPEED,
-    TOLERANCE,
-    TOP,
-    Columns,
-)
+from mcserver.motion.kernels.groups import SegmentColumns, Segments
 from mcserver.motion.kernels.polynomials import KINDS
-from mcserver.motion.lookahead.growable_array import Growing
+from mcserver.motion.lookahead.growable_array import GrowableArray
 from mcserver.motion.lookahead.path_limits import SpeedLimit
+
+_INTEGER_COLUMNS = frozenset(
+    ("limit_column", "limit_kind", "sample_end", "vertex_before", "vertex_after", "knot_edges")
+)
+_DTYPES = tuple(
+    np.dtype(np.intp if name in _INTEGER_COLUMNS else np.float64) for name in SegmentColumns._fields
+)
+
+
+def empty_columns(count: int) -> SegmentColumns:
+    """Return the columns for ``count`` segments, not filled in."""
+    arrays: list[Any] = [np.empty(count, dtype) for dtype in _DTYPES]
+    return SegmentColumns(*arrays)
 
 
 @dataclass(frozen=True)
-class NodesMark:
-    """How nodes stood, to go back to; ``last`` is what may change of the last one."""
+class TableSnapshot:
+    """State of a table to return to.
+
+    Attributes:
+        count: segments. segment, length, vertex_after: what may change of the last one.
+    """
 
     count: int
     segment: Segment
-    last: tuple[float, int]
+    length: float
+    vertex_after: int
 
 
-class Nodes:
+class SegmentTable:
     """Segments on end.
 
     Attributes:
@@ -54,156 +56,169 @@ class Nodes:
 
     def __init__(self, width: int) -> None:
         self.segments: list[Segment] = []
-        self._numbers: Growing[np.float64] = Growing(NUMBERS, np.dtype(np.float64))
-        self._marks: Growing[np.intp] = Growing(MARKS, np.dtype(np.intp))
-        self._rows: Growing[np.float64] = Growing(5 * width + 2, np.dtype(np.float64))
+        self._columns: tuple[GrowableArray[np.generic], ...] = tuple(GrowableArray(each) for each in _DTYPES)
+        self._view: SegmentColumns | None = None
+        self._samples: GrowableArray[np.float64] = GrowableArray(np.dtype(np.float64), (5 * width + 2,))
         self._dropped = 0
-        self._gone = 0.0
+        self._passed = 0.0
 
     def __len__(self) -> int:
         return len(self.segments)
 
     @property
-    def numbers(self) -> Array:
-        """Shape (n, `NUMBERS`)."""
-        return self._numbers.rows
+    def columns(self) -> SegmentColumns:
+        """What is known of each segment; views that are valid until segments are added or dropped."""
+        if self._view is None:
+            arrays: list[Any] = [each.rows for each in self._columns]
+            self._view = SegmentColumns(*arrays)
+        return self._view
 
     @property
-    def marks(self) -> NDArray[np.intp]:
-        """Shape (n, `MARKS`)."""
-        return self._marks.rows
+    def samples(self) -> Array:
+        """Samples of all segments, as `Segments` has them."""
+        return self._samples.rows
 
     @property
-    def rows(self) -> Array:
-        """Samples of all segments, rows of `mcserver.motion.kernels.sample_limits`, as `Columns` has them."""
-        return self._rows.rows
+    def kernel_view(self) -> Segments:
+        """The table for kernels."""
+        return Segments(self.columns, self.samples, self._dropped, self._passed)
 
-    @property
-    def columns(self) -> Columns:
-        """All this for kernels."""
-        return Columns(self.numbers, self.marks, self.rows, self._dropped, self._gone)
+    def with_stops(self, at: NDArray[np.bool_]) -> Segments:
+        """The table for kernels with stops at the starts of some segments, where a vertex then asks for
+        nothing.
 
-    def columns_with_stops(self, at: NDArray[np.bool_]) -> Columns:
-        """The same with stops at the starts of some segments, shape (n,): a vertex there asks for nothing."""
-        columns = self.columns
-        numbers, rows = columns.numbers.copy(), columns.rows.copy()
-        (behind,) = np.nonzero(at)
-        ends = columns.marks[:, END] - columns.dropped
-        vertices = np.concatenate((ends[behind - 1] - 1, ends[behind] - 1 - columns.marks[behind, AFTER]))
-        width = (rows.shape[1] - 2) // 5
-        numbers[behind, CAP] = 0.0
-        rows[vertices, 3 * width : 5 * width] = 0.0
-        rows[vertices, -1] = np.inf
-        return columns._replace(numbers=numbers, rows=rows)
+        Args:
+            at: the segments, shape (n,).
+        """
+        columns, samples = self.columns, self.samples.copy()
+        (after,) = np.nonzero(at)
+        ends = columns.sample_end - self._dropped
+        vertices = np.concatenate((ends[after - 1] - 1, ends[after] - 1 - columns.vertex_after[after]))
+        width = (samples.shape[1] - 2) // 5
+        junction_vmax = columns.junction_vmax.copy()
+        junction_vmax[after] = 0.0
+        samples[vertices, 3 * width : 5 * width] = 0.0
+        samples[vertices, -1] = np.inf
+        return Segments(columns._replace(junction_vmax=junction_vmax), samples, self._dropped, self._passed)
 
     @property
     def timed(self) -> NDArray[np.bool_]:
         """Which segments have a T of their own, shape (n,)."""
-        return ~np.isnan(self.numbers[:, DURATION])
+        return ~np.isnan(self.columns.duration)
 
-    def rows_of(self, index: int) -> Array:
-        """Samples of one segment, those of vertices too."""
-        ends = self.marks[:, END]
+    def samples_of(self, index: int) -> Array:
+        """Return the samples of one segment, those of its vertices included."""
+        ends = self.columns.sample_end
         low = self._dropped if index == 0 else int(ends[index - 1])
-        return self.rows[low - self._dropped : int(ends[index]) - self._dropped]
+        return self.samples[low - self._dropped : int(ends[index]) - self._dropped]
 
     def limit_of(self, index: int) -> SpeedLimit:
-        """What the axes allow on one segment."""
-        column, kind = self.marks[index, [COLUMN, KIND]].tolist()
-        return SpeedLimit(float(self.numbers[index, SPEED]), column, KINDS[kind])
+        """Return the greatest speed that the axes allow on one segment, and what bounds it."""
+        columns = self.columns
+        kind = KINDS[int(columns.limit_kind[index])]
+        return SpeedLimit(float(columns.axis_vmax[index]), int(columns.limit_column[index]), kind)
 
     # ------------------------------------------------------------------ growing and shrinking
 
     def append(
-        self, segment: Segment, cap: float, limit: SpeedLimit, samples: Array, vertex: Array | None
+        self, segment: Segment, junction_vmax: float, limit: SpeedLimit, samples: Array, vertex: Array | None
     ) -> None:
-        """Adds a segment.
+        """Add a segment.
 
         Args:
-            cap: greatest speed at its start. limit: by the axes. samples: of it alone, (m, 5 K + 2).
+            junction_vmax: greatest speed at its start. limit: by the axes. samples: of it alone,
+                shape (m, 5 K + 2).
             vertex: samples of the vertex at its start, of the segment before and of this one,
-                shape (2, 5 K + 2); None: there is none.
+                shape (2, 5 K + 2); None without a vertex.
         """
         if vertex is not None:
-            self._rows.add(vertex[:1])
-            self.marks[-1, [END, AFTER]] += 1
-        self._rows.add(samples)
+            self._samples.add(vertex[:1])
+            self.columns.sample_end[-1] += 1
+            self.columns.vertex_after[-1] += 1
+        self._samples.add(samples)
         if vertex is not None:
-            self._rows.add(vertex[1:])
+            self._samples.add(vertex[1:])
         feed = segment.feed * segment.scale
-        numbers = np.empty((1, NUMBERS))
-        numbers[0, [EXTENT, CAP, TOP]] = segment.extent, cap, min(limit.velocity, feed)
-        numbers[0, [SPEED, FEED, REQUESTED]] = limit.velocity, feed, segment.requested
-        numbers[0, DURATION] = np.nan if segment.duration is None else segment.duration
-        numbers[0, TOLERANCE] = segment.tolerance
-        marks = np.zeros((1, MARKS), np.intp)
-        marks[0, [COLUMN, KIND]] = limit.column, KINDS.index(limit.kind)
-        marks[0, [END, BEFORE]] = self._dropped + len(self.rows), vertex is not None
-        self._numbers.add(numbers)
-        self._marks.add(marks)
+        values = (
+            segment.extent,
+            junction_vmax,
+            min(limit.velocity, feed),
+            limit.velocity,
+            feed,
+            segment.requested,
+            np.nan if segment.duration is None else segment.duration,
+            segment.tolerance,
+            limit.column,
+            KINDS.index(limit.kind),
+            self._dropped + len(self.samples),
+            int(vertex is not None),
+            0,
+            0,
+        )
+        for column, value in zip(self._columns, values, strict=True):
+            column.add_one(value)
+        self._view = None
         self.segments.append(segment)
 
     def append_run(
-        self,
-        run: StraightRun,
-        active: int,
-        numbers: Array,
-        marks: NDArray[np.intp],
-        rows: Array,
-        *,
-        leads: bool,
+        self, run: StraightRun, active: int, columns: SegmentColumns, samples: Array, *, leads: bool
     ) -> None:
-        """Adds straight segments on end.
+        """Add straight segments on end.
 
         Args:
-            numbers, marks: of them, where `END` counts from the first of ``rows``. rows: their samples.
-            leads: the first of ``rows`` is that of the vertex at the end of the last segment so far.
+            columns: of them, with ``sample_end`` counted from the first of ``samples``. samples: theirs.
+            leads: the first of ``samples`` is that of the vertex at the end of the last segment so far.
         """
         if leads:
-            self.marks[-1, [END, AFTER]] += 1
-        marks[:, END] += self._dropped + len(self.rows)
-        numbers[:, TOLERANCE] = 0.0
-        self._rows.add(rows)
-        self.segments.extend(run.segments(numbers[:, EXTENT].tolist(), active))
-        self._numbers.add(numbers)
-        self._marks.add(marks)
+            self.columns.sample_end[-1] += 1
+            self.columns.vertex_after[-1] += 1
+        columns.sample_end[:] += self._dropped + len(self.samples)
+        columns.tolerance[:] = 0.0
+        self._samples.add(samples)
+        self.segments.extend(run.segments(columns.length.tolist(), active))
+        for own, new in zip(self._columns, columns, strict=True):
+            own.add(new)
+        self._view = None
 
     def replace(self, index: int, segment: Segment) -> None:
-        """Puts a trimmed segment in the place of a whole one."""
+        """Put a trimmed segment in the place of a whole one."""
         if index == 0:
-            self._gone += (segment.begin - self.segments[0].begin) * segment.scale
+            self._passed += (segment.begin - self.segments[0].begin) * segment.scale
         self.segments[index] = segment
-        self.numbers[index, EXTENT] = segment.extent
+        self.columns.length[index] = segment.extent
 
     def drop(self, count: int) -> None:
-        """Forgets the first segments."""
+        """Remove the first segments."""
         if count == 0:
             return
-        samples = int(self.marks[count - 1, END]) - self._dropped
+        samples = int(self.columns.sample_end[count - 1]) - self._dropped
         self._dropped += samples
-        self._gone = 0.0
-        self._rows.drop(samples)
-        self._numbers.drop(count)
-        self._marks.drop(count)
+        self._passed = 0.0
+        self._samples.drop(samples)
+        for column in self._columns:
+            column.drop(count)
+        self._view = None
         self.segments = self.segments[count:]
 
-    def mark(self) -> NodesMark:
-        """How it stands now; there is at least one segment."""
-        last = (float(self.numbers[-1, EXTENT]), int(self.marks[-1, AFTER]))
-        return NodesMark(len(self), self.segments[-1], last)
+    def snapshot(self) -> TableSnapshot:
+        """The present state, with at least one segment, for `restore`."""
+        columns = self.columns
+        return TableSnapshot(
+            len(self), self.segments[-1], float(columns.length[-1]), int(columns.vertex_after[-1])
+        )
 
-    def go_back(self, mark: NodesMark) -> None:
-        """Forgets what came after ``mark``, and what became of the segment that was the last one then."""
-        self.segments = [*self.segments[: mark.count - 1], mark.segment]
-        self._numbers.cut(mark.count)
-        self._marks.cut(mark.count)
-        extent, after = mark.last
-        last = self.marks[-1]
-        last[END] -= last[AFTER] - after
-        last[AFTER] = after
-        self.numbers[-1, EXTENT] = extent
-        self._rows.cut(int(last[END]) - self._dropped)
+    def restore(self, snapshot: TableSnapshot) -> None:
+        """Undo what came after a snapshot, changes of its last segment included."""
+        self.segments = [*self.segments[: snapshot.count - 1], snapshot.segment]
+        for column in self._columns:
+            column.truncate(snapshot.count)
+        self._view = None
+        columns = self.columns
+        columns.sample_end[-1] -= columns.vertex_after[-1] - snapshot.vertex_after
+        columns.vertex_after[-1] = snapshot.vertex_after
+        columns.length[-1] = snapshot.length
+        self._samples.truncate(int(columns.sample_end[-1]) - self._dropped)
 
-    def bind(self, indices: NDArray[np.intp], bits: NDArray[np.intp]) -> None:
-        """Notes that a plan had to bind these edges of these segments; the next one begins with that."""
-        np.bitwise_or.at(self.marks[:, KEY], indices, bits)
+    def mark_knots(self, indices: NDArray[np.intp], bits: NDArray[np.intp]) -> None:
+        """Note which edges of which segments a plan had to make knots; the next plan begins with them."""
+        np.bitwise_or.at(self.columns.knot_edges, indices, bits)

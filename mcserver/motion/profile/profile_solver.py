@@ -1,8 +1,8 @@
-"""The time law of a run: speeds at its keys, and the profiles between them.
+"""The velocity profile of a run: speeds at its zero-acceleration knots, and the profiles between them.
 
-Acceleration is zero at keys. They are found by the caps that bind: a stretch between two keys is solved as if
-nothing bound it; where the result passes a cap, the lowest such cap becomes a key and both sides are solved
-again. Segments of G93 stand between keys of their own, since each has its T.
+Acceleration is zero at knots. They are found by the caps that bind: a stretch between two knots is solved as
+if nothing bound it; where the result passes a cap, the lowest such cap becomes a knot and both sides are
+solved again. Segments of G93 stand between knots of their own, since each has its T.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from numpy.typing import NDArray
 from mcserver.motion.bound import Bound, PlanningError
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment
-from mcserver.motion.kernels.groups import KEY, Groups
-from mcserver.motion.kernels.knots import SOLVED, find_keys
-from mcserver.motion.lookahead.path_limits import Level, RunLimits
-from mcserver.motion.lookahead.segment_table import Nodes
-from mcserver.motion.profile.speed_ramps import exactly, fastest
+from mcserver.motion.kernels.groups import Groups
+from mcserver.motion.kernels.knots import SOLVED, find_knots
+from mcserver.motion.lookahead.path_limits import AccelerationLimit, RunLimits
+from mcserver.motion.lookahead.segment_table import SegmentTable
+from mcserver.motion.profile.speed_ramps import min_time_profiles, profiles_in_time
 from mcserver.motion.profile.velocity_profile import Profile, ProfileSolver, rows_of
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Key nodes, their speeds, the time law, and what stretched timed segments.
+    """Knots, their speeds, the velocity profile, and the limits that stretched timed segments.
 
     Attributes:
-        phases: rows of `mcserver.motion.kernels.phases`. first: the first phase behind each key, and one past
-            the last, shape (k,). late: timed groups that take longer than their T, in order, and why.
+        phases: rows of `mcserver.motion.kernels.phases`. first: the first phase behind each knot, and one
+            past the last, shape (k,). late: timed groups that take longer than their T, in order, and why.
     """
 
-    keys: NDArray[np.intp]
+    knots: NDArray[np.intp]
     speeds: dict[int, float]
     phases: Array
     first: NDArray[np.intp]
     late: dict[int, Bound]
 
 
-class KeySolver:
-    """Solves one run.
+class KnotSolver:
+    """Solver of one run.
 
     Args:
-        nodes: its segments. groups: how they are planned, n of them.
+        table: its segments. groups: how they are planned, n of them.
         entry: speed at the beginning [m/s or rad/s along σ].
 
     Attributes:
@@ -53,34 +53,34 @@ class KeySolver:
     """
 
     def __init__(
-        self, solver: ProfileSolver, limits: AxisLimits, nodes: Nodes, groups: Groups, entry: float
+        self, solver: ProfileSolver, limits: AxisLimits, table: SegmentTable, groups: Groups, entry: float
     ) -> None:
         self._solver = solver
         self._limits = limits
-        self._nodes = nodes
+        self._table = table
         self._groups = groups
-        self._timed = nodes.timed[groups.starts]
+        self._timed = table.timed[groups.starts]
         self._has_timed = bool(self._timed.any())
         self.run: RunLimits
         self._entry = entry
 
-    def solve(self, caps: Array) -> Solution:
-        """Adds keys until no stretch passes a cap; each round binds the lowest cap of each stretch
-        that does.
+    def solve(self, junction_vmax: Array) -> Solution:
+        """Add knots until no stretch exceeds a speed limit; each round binds the lowest one that each
+        stretch exceeds.
 
         Raises:
-            PlanningError: no time law keeps all limits.
+            PlanningError: no velocity profile keeps all limits.
         """
-        found, key_speeds, phases, first = self._found(caps)
-        keys = found.tolist()
-        speeds = dict(zip(keys, key_speeds.tolist(), strict=True))
+        found, knot_speeds, phases, first = self._found(junction_vmax)
+        knots = found.tolist()
+        speeds = dict(zip(knots, knot_speeds.tolist(), strict=True))
         if not self._has_timed:
             return Solution(found, speeds, phases, np.append(first, len(phases)), {})
         # stretches with a time of their own between those without
         parts: list[Array] = []
         late: dict[int, Bound] = {}
         ends = [*first.tolist(), len(phases)]
-        for index, (left, right) in enumerate(pairwise(keys)):
+        for index, (left, right) in enumerate(pairwise(knots)):
             if ends[index] < 0:
                 profiles, bound = self._in_time(left, speeds[left], speeds[right])
                 if bound is not None:
@@ -92,64 +92,73 @@ class KeySolver:
         offsets = np.concatenate([[0], np.cumsum([len(part) for part in parts])])
         return Solution(found, speeds, np.concatenate(parts), offsets, late)
 
-    def _found(self, caps: Array) -> tuple[NDArray[np.intp], Array, Array, NDArray[np.intp]]:
-        """Keys, their speeds, phases and where these begin, as `find_keys` gives them."""
+    def _found(self, junction_vmax: Array) -> tuple[NDArray[np.intp], Array, Array, NDArray[np.intp]]:
+        """Return knots, their speeds, phases and where these begin, as `find_knots` gives them."""
         blamed = 0
-        # a key asks for zero acceleration: one that was to save time may leave no way from the speed that is
-        # already there, so without such keys it is tried again
-        for plain in (False, True):
-            first = self._first_keys(caps, hints=not plain)
-            status, blamed, keys, speeds, phases, starts = find_keys(
-                self.run.run, self._groups.edges, caps.copy(), self._timed, first, self._entry, plain
+        # a knot asks for zero acceleration: one that was to save time may leave no way from the speed that is
+        # already there, so without such knots it is tried again
+        for required_only in (False, True):
+            first = self._initial_knots(junction_vmax, hints=not required_only)
+            status, blamed, knots, speeds, phases, starts = find_knots(
+                self.run.run,
+                self._groups.edges,
+                junction_vmax.copy(),
+                self._timed,
+                first,
+                self._entry,
+                required_only,
             )
             if status == SOLVED:
-                return keys, speeds, phases, starts
+                return knots, speeds, phases, starts
         raise PlanningError(self._segment(blamed).line)
 
-    def _first_keys(self, caps: Array, *, hints: bool) -> NDArray[np.bool_]:
-        """Where acceleration is zero from the outset: about timed segments, at stops, and by ``hints`` where
-        it was last time."""
-        is_key = caps <= 0.0
-        is_key[0] = is_key[-1] = True
-        is_key[:-1] |= self._timed
-        is_key[1:] |= self._timed
+    def _initial_knots(self, junction_vmax: Array, *, hints: bool) -> NDArray[np.bool_]:
+        """Return the knots known from the outset: about timed segments, at stops, and by ``hints`` those
+        of the last plan.
+        """
+        is_knot = junction_vmax <= 0.0
+        is_knot[0] = is_knot[-1] = True
+        is_knot[:-1] |= self._timed
+        is_knot[1:] |= self._timed
         if hints:
-            is_key[:-1] |= self._nodes.marks[self._groups.starts, KEY] & self._groups.bits != 0
-        return is_key
+            is_knot[:-1] |= self._table.columns.knot_edges[self._groups.starts] & self._groups.bits != 0
+        return is_knot
 
     def _segment(self, group: int) -> Segment:
-        return self._nodes.segments[int(self._groups.starts[group])]
+        return self._table.segments[int(self._groups.starts[group])]
 
     def _in_time(self, index: int, entry: float, exit_: float) -> tuple[list[Profile], Bound | None]:
-        """One G93 segment: T to the rounding error where the limits allow it, else as short as they allow."""
+        """Plan one G93 segment: T to the rounding error where the limits allow it, else as short as they
+        allow.
+        """
         segment = self._segment(index)
         assert segment.duration is not None
-        ladder = self.run.ladder(index, index + 1)
-        kept = exactly(self._solver, segment.extent, entry, exit_, ladder, segment.duration)
+        limit_table = self.run.limit_table(index, index + 1)
+        kept = profiles_in_time(self._solver, segment.extent, entry, exit_, limit_table, segment.duration)
         if kept is not None:
             return kept, None
-        quickest = fastest(segment.extent, entry, exit_, ladder)
+        quickest = min_time_profiles(segment.extent, entry, exit_, limit_table)
         if quickest is None:
             raise PlanningError(segment.line)
-        return quickest, self._bound_of(index, quickest, ladder)
+        return quickest, self._bound_of(index, quickest, limit_table)
 
-    def raise_speeds(self, late: Iterable[int], speeds: dict[int, float], caps: Array) -> bool:
-        """Raises speeds at the ends of timed segments that take longer than their T (D-33).
+    def raise_speeds(self, late: Iterable[int], speeds: dict[int, float], junction_vmax: Array) -> bool:
+        """Raise speeds at the ends of timed segments that take longer than their T (D-33).
 
         The speed at a joint of two timed segments is at first the lower of their means. A segment that cannot
         keep its T so may with more speed at its ends, if the neighbours keep theirs. True if a cap was
         changed.
         """
         changed = False
-        hard = self._groups.hard
+        junction_vmax_hard = self._groups.junction_vmax_hard
         now = dict(speeds)
         for index in late:
             for end, other in ((index, index - 1), (index + 1, index + 1)):
-                if end in (0, len(self._timed)) or hard[end] <= now[end] * (1.0 + 1e-9):
+                if end in (0, len(self._timed)) or junction_vmax_hard[end] <= now[end] * (1.0 + 1e-9):
                     continue
                 if not self._timed_overrun(index, now):
                     break
-                low, high = now[end], float(hard[end])
+                low, high = now[end], float(junction_vmax_hard[end])
                 best = low
                 for share in (0.1, 0.25, 0.5, 0.75, 1.0):
                     trial = {**now, end: low + share * (high - low)}
@@ -160,36 +169,36 @@ class KeySolver:
                         break
                 if best > low:
                     now[end] = best
-                    caps[end] = best
+                    junction_vmax[end] = best
                     changed = True
         return changed
 
     def _timed_overrun(self, index: int, speeds: dict[int, float]) -> bool:
-        """Whether a timed segment cannot keep its T between these speeds; False for one without T."""
+        """Return whether a timed segment cannot keep its T between these speeds; False for one without T."""
         segment = self._segment(index)
         if segment.duration is None:
             return False
-        kept = exactly(
+        kept = profiles_in_time(
             self._solver,
             segment.extent,
             speeds[index],
             speeds[index + 1],
-            self.run.ladder(index, index + 1),
+            self.run.limit_table(index, index + 1),
             segment.duration,
         )
         return kept is None
 
-    def _bound_of(self, index: int, profiles: list[Profile], ladder: list[Level]) -> Bound:
+    def _bound_of(self, index: int, profiles: list[Profile], limit_table: list[AccelerationLimit]) -> Bound:
         first = int(self._groups.starts[index])
         peak = max(part.peak_velocity for part in profiles)
-        if peak >= 0.999 * ladder[-1].velocity:
-            limit = self._nodes.limit_of(first)
+        if peak >= 0.999 * limit_table[-1].velocity:
+            limit = self._table.limit_of(first)
             return Bound(limit.column, limit.kind)
-        slope = self._nodes.rows_of(first)[:, : len(self._limits.velocity)].max(axis=0)
+        slope = self._table.samples_of(first)[:, : len(self._limits.velocity)].max(axis=0)
         with np.errstate(divide="ignore"):
             by_acceleration = self._limits.acceleration / np.maximum(slope, 1e-300)
             by_jerk = self._limits.jerk / np.maximum(slope, 1e-300)
         strongest = max(part.peak_acceleration for part in profiles)
-        if strongest >= 0.999 * min(level.acceleration for level in ladder):
+        if strongest >= 0.999 * min(level.acceleration for level in limit_table):
             return Bound(int(np.argmin(by_acceleration)), "acceleration")
         return Bound(int(np.argmin(by_jerk)), "jerk")

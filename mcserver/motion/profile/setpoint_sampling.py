@@ -1,4 +1,4 @@
-"""Setpoint rows of a planned run: the curves sampled at the cycle and nowhere else."""
+"""Setpoint rows of a planned run: curves sampled at the cycle and nowhere else."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.kernels.row_sampling import follow, sample_lines
+from mcserver.motion.kernels.row_sampling import locate_samples, sample_lines
 from mcserver.motion.lookahead.planned_run import PlannedRun
 
 # Cycles by which a time may miss a whole cycle through rounding.
@@ -29,22 +29,24 @@ class Rows:
 
 
 def whole_cycle(u: float) -> int:
-    """The first whole cycle at or after ``u``."""
+    """Return the first whole cycle at or after ``u``."""
     return math.ceil(u - CYCLE_ROUNDING)
 
 
 def first_row(u: float) -> int:
-    """The first whole cycle after ``u``: a motion's row at its very start would say nothing new."""
+    """Return the first whole cycle after ``u``: a motion's row at its very start would say nothing new."""
     return math.floor(u + CYCLE_ROUNDING) + 1
 
 
 def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) -> Rows:
-    """Rows ``first`` … ``last`` (both included) of a run that starts at u = ``origin`` [cycles]."""
+    """Return rows ``first`` … ``last`` (both included) of a run that starts at u = ``origin`` [cycles]."""
     u = np.arange(first, last + 1, dtype=np.float64)
     time: Array = np.asarray((u - origin) * cycle, dtype=np.float64)
     sigma, speed, index = np.empty(len(u)), np.empty(len(u)), np.empty(len(u), np.intp)
     law = run.phases
-    follow(time, law.start, law.duration, law.rows, law.end, run.bounds, run.times, sigma, speed, index)
+    locate_samples(
+        time, law.start, law.duration, law.rows, law.end, run.bounds, run.times, sigma, speed, index
+    )
     low, high = int(index[0]), int(index[-1]) + 1
     segments = run.segments[low:high]
     position = np.empty((len(u), len(segments[0].base)))

@@ -1,4 +1,4 @@
-"""Time laws on one path coordinate: jerk-limited profiles between two speeds at which acceleration is zero.
+"""Velocity profiles on one path coordinate: jerk-limited, between two speeds at which acceleration is zero.
 
 The profiles are Ruckig's, one degree of freedom. They come out as phases of constant jerk, so that a whole
 motion is sampled with numpy in one go and its duration is exact, not rounded to the cycle.
@@ -13,7 +13,7 @@ import numpy as np
 import ruckig
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.kernels.phases import PHASE, times_of
+from mcserver.motion.kernels.phases import PHASE, times_at_positions
 from mcserver.motion.kernels.ramp_kernels import NO_DISTANCE
 
 # Longest profile that is given to Ruckig as it is [s].
@@ -50,7 +50,7 @@ class Phases:
         return np.column_stack((lasts, self.position, self.velocity, self.acceleration, self.jerk))
 
     def between(self, low: float, high: float) -> Array:
-        """The part between two moments [s] as rows of `mcserver.motion.kernels.phases`."""
+        """Return the part between two times [s] as rows of `mcserver.motion.kernels.phases`."""
         first = int(np.clip(np.searchsorted(self.start, low, side="right") - 1, 0, len(self.start) - 1))
         last = max(int(np.searchsorted(self.start, high, side="left")), first + 1)
         rows = self.rows[first:last].copy()
@@ -60,17 +60,19 @@ class Phases:
         return rows
 
     def state(self, moment: float) -> tuple[float, float, float]:
-        """Coordinate, speed and acceleration at a moment [s]; where that steps, before the step."""
+        """Return coordinate, speed and acceleration at a time [s]; where acceleration steps, before the
+        step.
+        """
         return self._inside(max(int(np.searchsorted(self.start, moment, side="left")) - 1, 0), moment)
 
     def _inside(self, index: int, moment: float) -> tuple[float, float, float]:
-        """Coordinate, speed and acceleration at a moment [s] of one phase."""
+        """Return coordinate, speed and acceleration at a time [s] of one phase."""
         _, p, v, a, j = self.rows[index].tolist()
         x = moment - float(self.start[index])
         return p + x * (v + x * (a / 2.0 + x * j / 6.0)), v + x * (a + x * j / 2.0), a + x * j
 
     def after(self, moment: float) -> Phases:
-        """What is left of the time law after ``moment`` [s], with time and coordinate counted from there."""
+        """Return the profile after a time [s], with time and coordinate counted from there."""
         index = int(np.clip(np.searchsorted(self.start, moment, side="right") - 1, 0, len(self.start) - 1))
         here, speed, change = self._inside(index, moment)
         start = self.start[index:] - moment
@@ -89,7 +91,7 @@ class Phases:
         )
 
     def at(self, time: Array) -> tuple[Array, Array]:
-        """Coordinate and speed at ``time`` (n,) [s]; before the start and after the end it rests."""
+        """Return coordinate and speed at ``time`` (n,) [s]; at rest before the start and after the end."""
         t = np.clip(time, 0.0, self.duration)
         phase = np.clip(np.searchsorted(self.start, t, side="right") - 1, 0, len(self.start) - 1)
         x = t - self.start[phase]
@@ -101,9 +103,9 @@ class Phases:
         return np.minimum(position, self.end), np.maximum(velocity, 0.0)
 
     def time_at(self, positions: Array) -> Array:
-        """First times at which the coordinate reaches ``positions`` (n,), which increase [s]."""
+        """Return the first times at which the coordinate reaches ``positions`` (n,), which increase [s]."""
         times: Array = np.empty(len(positions))
-        times_of(self.start, self.duration, self.rows, self.end, positions, NO_DISTANCE, times)
+        times_at_positions(self.start, self.duration, self.rows, self.end, positions, NO_DISTANCE, times)
         return times
 
 
@@ -145,7 +147,8 @@ class ProfileSolver:
         jerk: float,
         duration: float | None = None,
     ) -> Profile | None:
-        """The fastest profile over ``distance`` [m or rad], or the one that takes ``duration`` [s].
+        """Solve the minimum-time profile over ``distance`` [m or rad], or the one that takes ``duration``
+        [s].
 
         Speeds ``entry`` and ``exit_`` must not exceed ``velocity``; acceleration is 0 at both ends.
 
@@ -164,9 +167,9 @@ class ProfileSolver:
         if duration is not None:
             # a move that has plenty of time needs no more than a small part of the limits, and numbers of
             # very different sizes are beyond the solver
-            pace = distance / duration + max(entry, exit_)
-            gentle = min(acceleration, PLENTY * pace / duration)
-            smooth = min(jerk, PLENTY**2 * pace / duration**2)
+            feed_speed = distance / duration + max(entry, exit_)
+            gentle = min(acceleration, PLENTY * feed_speed / duration)
+            smooth = min(jerk, PLENTY**2 * feed_speed / duration**2)
             solved = self._solve(distance, entry, exit_, velocity, gentle, smooth, duration)
         return solved
 
@@ -229,7 +232,7 @@ class ProfileSolver:
 
 
 def _dips_below_zero(profile: ruckig.Profile) -> bool:
-    """Whether the speed is negative inside a phase (its ends are checked by the caller)."""
+    """Return whether the speed is negative inside a phase (its ends are checked by the caller)."""
     for index in range(7):
         t, a, j = profile.t[index], profile.a[index], profile.j[index]
         if j > 0.0 and a < 0.0:
@@ -240,7 +243,9 @@ def _dips_below_zero(profile: ruckig.Profile) -> bool:
 
 
 def rows_of(profiles: list[Profile], origin: float = 0.0) -> Array:
-    """Consecutive profiles as phases, shape (n, `PHASE`), with the coordinate counted from ``origin``."""
+    """Return consecutive profiles as phases, shape (n, `PHASE`), with the coordinate counted from
+    ``origin``.
+    """
     rows: list[tuple[float, ...]] = []
     for profile in profiles:
         for index, time in enumerate(profile.times):
@@ -259,8 +264,10 @@ def rows_of(profiles: list[Profile], origin: float = 0.0) -> Array:
     return np.array(rows).reshape(-1, PHASE)
 
 
-def time_law(rows: Array, end: float) -> Phases:
-    """The time law of consecutive phases, shape (n, `PHASE`), that ends at the coordinate ``end``."""
+def join_phases(rows: Array, end: float) -> Phases:
+    """Return the velocity profile of consecutive phases, shape (n, `PHASE`), that ends at the coordinate
+    ``end``.
+    """
     until = np.cumsum(rows[:, 0])
     return Phases(
         start=until - rows[:, 0],
@@ -274,5 +281,5 @@ def time_law(rows: Array, end: float) -> Phases:
 
 
 def join(profiles: list[Profile]) -> Phases:
-    """The phases of consecutive profiles as one time law."""
-    return time_law(rows_of(profiles), sum(profile.positions[-1] for profile in profiles))
+    """Return the phases of consecutive profiles as one velocity profile."""
+    return join_phases(rows_of(profiles), sum(profile.positions[-1] for profile in profiles))

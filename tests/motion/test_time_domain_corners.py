@@ -10,8 +10,8 @@ import pytest
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.geometry.segment import AxisLimits, place, segment_of
-from mcserver.motion.geometry.time_domain_corner import is_timed
+from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
+from mcserver.motion.geometry.time_domain_corner import is_time_domain
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import LineMark
@@ -228,7 +228,7 @@ def planned(jerk: float, tolerance: float) -> PlannedRun:
     window, position = Lookahead(AxisLimits.of(machine)), np.zeros(2)
     for number, group in enumerate(polyline(machine, [(0, 0), (SIDE, 0), (SIDE, SIDE)], SPEED), start=1):
         segment = segment_of(group, number, {0: 0, 1: 1}, np.ones(2, np.bool_))
-        place(segment, position)
+        anchor(segment, position)
         segment.tolerance = tolerance
         window.append(segment)
     return window.plan()
@@ -236,8 +236,8 @@ def planned(jerk: float, tolerance: float) -> PlannedRun:
 
 def test_outside_of_its_corners_a_run_is_as_it_was() -> None:
     exact, rounded = planned(20_000.0, 0.0), planned(20_000.0, 1e-4)
-    assert [is_timed(each) for each in rounded.segments] == [False, True, True, False]
-    assert rounded.nodes.tolist() == [0, 0, 1, 1]
+    assert [is_time_domain(each) for each in rounded.segments] == [False, True, True, False]
+    assert rounded.window_index.tolist() == [0, 0, 1, 1]
     assert rounded.window == exact.window == 2
     leave, middle, join = rounded.times[1:4].tolist()
     saved = exact.phases.duration - rounded.phases.duration
@@ -259,9 +259,9 @@ def test_what_is_left_after_a_moment_counts_from_there() -> None:
     assert not rest.segments[0].opens
     # at the very start of a corner the line before it is what is left, with nothing of it
     rest = run.after(float(run.times[1]))
-    assert rest.nodes.tolist() == [0, 0, 1, 1]
+    assert rest.window_index.tolist() == [0, 0, 1, 1]
     assert rest.times[:2] == pytest.approx([0.0, 0.0], abs=1e-12)
     # at its end the second line
     rest = run.after(float(run.times[3]))
-    assert rest.nodes.tolist() == [0]
+    assert rest.window_index.tolist() == [0]
     assert rest.segments[0].begin == pytest.approx(run.segments[3].begin)

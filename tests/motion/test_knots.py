@@ -1,4 +1,4 @@
-"""Keys that only save time give way where they leave no time law."""
+"""Knots that only save time give way where they leave no velocity profile."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from mcserver.motion.profile import profile_solver as keys
 from tests.motion.measure import acceleration_ratio
 from tests.motion.support import Move, alike, plan, polyline
 
-PLACES = [(0.0, 0.0), (0.0044, 0.0), (0.00615, 0.00025), (0.0086, 0.0014)]
+SAMPLES = [(0.0, 0.0), (0.0044, 0.0), (0.00615, 0.00025), (0.0086, 0.0014)]
 
 
 def test_a_line_is_planned_without_them_where_there_is_no_way_with_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     machine = alike(2, velocity=200.0, acceleration=10_000.0)
-    moves = [Move(group, tolerance=1e-5) for group in polyline(machine, PLACES, 0.2)]
+    moves = [Move(group, tolerance=1e-5) for group in polyline(machine, SAMPLES, 0.2)]
     with_keys = plan(machine, moves)
-    search = keys.find_keys
+    search = keys.find_knots
 
     def only_plain(*arguments: object) -> tuple[object, ...]:
         found: tuple[object, ...] = search(*arguments)
@@ -34,7 +34,7 @@ def test_a_line_is_planned_without_them_where_there_is_no_way_with_them(
 
 def test_a_line_that_cannot_be_planned_either_way_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     machine = alike(2)
-    search = keys.find_keys
+    search = keys.find_knots
     monkeypatch.setattr(keys, "find_keys", lambda *arguments: (NOT_JOINED, *search(*arguments)[1:]))
     with pytest.raises(PlanningError):
-        plan(machine, [Move(group) for group in polyline(machine, PLACES, 0.2)])
+        plan(machine, [Move(group) for group in polyline(machine, SAMPLES, 0.2)])
