@@ -32,6 +32,19 @@ import msgspec
 Severity = Literal["error", "warning"]
 
 
+class Edit(msgspec.Struct, frozen=True):
+    """A certain remedy: characters of the diagnostic's line and what replaces them.
+
+    Attributes:
+        column, end_column: code points from 1, end exclusive.
+        text: the replacement.
+    """
+
+    column: int
+    end_column: int
+    text: str
+
+
 class Diagnostic(msgspec.Struct, frozen=True, omit_defaults=False):
     """One fault of a program, placed in its text.
 
@@ -43,6 +56,7 @@ class Diagnostic(msgspec.Struct, frozen=True, omit_defaults=False):
         message: one sentence that says what is wrong, with the values.
         hint: what to change; empty where nothing useful is known.
         tool, residual_mm, axis: set by faults of inverse kinematics and of single axes.
+        edit: the remedy, if a single one is certain.
     """
 
     code: str
@@ -55,6 +69,7 @@ class Diagnostic(msgspec.Struct, frozen=True, omit_defaults=False):
     tool: int | None = None
     residual_mm: float | None = None
     axis: int | None = None
+    edit: Edit | None = None
 
     def as_json(self) -> dict[str, object]:
         """The form of ``--json``: optional values are left out where they do not apply."""
@@ -71,6 +86,8 @@ class Diagnostic(msgspec.Struct, frozen=True, omit_defaults=False):
             value = getattr(self, name)
             if value is not None:
                 shown[name] = value
+        if self.edit is not None:
+            shown["edit"] = msgspec.structs.asdict(self.edit)
         return shown
 
 

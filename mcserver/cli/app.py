@@ -16,7 +16,7 @@ from typing import Annotated
 import typer
 from mckinematics.errors import KinematicsError
 
-from mcserver.cli import check, doctor, drive_sim, grammar, machine, plot, run, simulate, view
+from mcserver.cli import check, doctor, drive_sim, fix, grammar, machine, plot, run, simulate, view
 from mcserver.cli.console import show_error
 from mcserver.cli.exit_codes import ExitCode, OutputFault, exit_code_of
 from mcserver.errors import McError
@@ -53,6 +53,8 @@ def build_app() -> typer.Typer:
 
     app.command("run")(run.run)
     app.command("check")(check.check)
+    app.command("fix")(fix.fix)
+    app.command("format")(fix.format_file)
     app.command("grammar")(grammar.grammar)
     app.command("simulate")(simulate.simulate_program)
     app.command("plot")(plot.plot)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+import msgspec
 from rich.table import Table
 from rich.text import Text
 
@@ -22,7 +23,10 @@ TIMES_WIDTH = 50
 
 def diagnostics_of(report: Mapping[str, Any]) -> list[Diagnostic]:
     """The diagnostics of a report as values."""
-    return [each if isinstance(each, Diagnostic) else Diagnostic(**each) for each in report["diagnostics"]]
+    return [
+        each if isinstance(each, Diagnostic) else msgspec.convert(each, Diagnostic)
+        for each in report["diagnostics"]
+    ]
 
 
 def print_report(report: Mapping[str, Any], source_lines: Sequence[str], name: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from mcserver.errors import Diagnostic, ProgramRejected
+from mcserver.errors import Diagnostic, Edit, ProgramRejected
 
 Span = tuple[int, int]
 
@@ -71,8 +71,12 @@ class FaultList:
         axis: int | None = None,
         tool: int | None = None,
         residual_mm: float | None = None,
+        edit: Edit | None = None,
     ) -> None:
-        """Report a fault; ``span`` is (column, end column), from 1, end exclusive."""
+        """Report a fault; ``span`` is (column, end column), from 1, end exclusive.
+
+        ``edit`` is given only where one remedy is certain: the line then means what its writer meant.
+        """
         self.found.append(
             Diagnostic(
                 code=code,
@@ -84,6 +88,7 @@ class FaultList:
                 axis=axis,
                 tool=tool,
                 residual_mm=residual_mm,
+                edit=edit,
             )
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from mcserver.errors import Edit
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.text.command_table import UNKNOWN, CommandSpec, Kind, find_command, nearest_command
 from mcserver.gcode.text.syntax import Command, Group, Item, Setting
@@ -191,6 +192,7 @@ def _check_words(command: Command, implied: bool, faults: FaultList, span: SpanO
                     f"{item.name} stands twice in one command",
                     span(item.index),
                     "keep one of them",
+                    edit=Edit(*span(item.index), "") if item.text == before.text else None,
                 )
             continue
         seen[key] = item

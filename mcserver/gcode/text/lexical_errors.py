@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
+from mcserver.errors import Edit
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.text.command_table import find_command
 from mcserver.gcode.text.words import LETTERS, MAX_AXIS
@@ -74,8 +75,10 @@ class _ErrorScanner:
         self.spans.append((start + 1, end + 1))
         self.position = end
 
-    def _fault(self, code: str, message: str, start: int, end: int, hint: str = "") -> None:
-        self.faults.add(code, message, (start + 1, end + 1), hint)
+    def _fault(
+        self, code: str, message: str, start: int, end: int, hint: str = "", *, edit: Edit | None = None
+    ) -> None:
+        self.faults.add(code, message, (start + 1, end + 1), hint, edit=edit)
 
     def _percent_line(self, start: int) -> None:
         """Skip a ``%`` line with its title; code there is a fault, since it would be ignored silently."""
@@ -161,6 +164,7 @@ class _ErrorScanner:
             start,
             end,
             f"write {shown}{_shorten(digits)}",
+            edit=Edit(end - len(run) + 1, end + 1, digits),
         )
         return digits
 
@@ -169,6 +173,8 @@ class _ErrorScanner:
         at = next(index for index, character in enumerate(run) if not character.isascii())
         meant = unicodedata.normalize("NFKC", run.translate(_MINUSES)).translate(_MINUSES).strip()
         fits = _NUMBER.match(meant) is not None
+        # blanks that are not ASCII become plain ones, so that words stay apart
+        plain = unicodedata.normalize("NFKC", run.translate(_MINUSES)).translate(_MINUSES)
         hint = f"write {shown}{_shorten(meant)}" if fits else "type the word again"
         if unicodedata.normalize("NFKC", run[at]) == " ":
             hint = "type a plain space"
@@ -178,6 +184,7 @@ class _ErrorScanner:
             begin + at,
             begin + at + 1,
             hint,
+            edit=Edit(begin + 1, begin + len(run) + 1, plain) if fits and plain.isascii() else None,
         )
         return meant if fits else _UNKNOWN
 
@@ -209,6 +216,7 @@ class _ErrorScanner:
                 start,
                 end,
                 f"write [{_shorten(zeros)}]",
+                edit=Edit(start + 1, end + 1, f"[{zeros}]"),
             )
             digits = zeros.lstrip("0") or "0"
             name = f"[{digits}]" if len(digits) <= 2 and int(digits) <= MAX_AXIS else name
@@ -242,14 +250,18 @@ class _ErrorScanner:
             at = next(index for index, character in enumerate(run) if not character.isascii())
             meant = unicodedata.normalize("NFKC", run[at])
             hint = "take it out, or put it in a comment"
+            edit: Edit | None = None
             if meant != run[at] and len(meant) == 1 and meant.isascii() and meant.isprintable():
                 hint = "type a plain space" if meant == " " else f"type a plain {meant}"
+                alike = len(run[at:]) - len(run[at:].lstrip(run[at]))
+                edit = Edit(start + at + 1, start + at + alike + 1, meant * alike)
             self._fault(
                 "MC105",
                 f"{_character(run[at])} cannot stand in code, which is ASCII",
                 start + at,
                 start + at + 1,
                 hint,
+                edit=edit,
             )
             self.position = end
         elif (six := _SIX.match(run)) is not None and find_command("G", six[1]) is not None:

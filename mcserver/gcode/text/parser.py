@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcserver.errors import Diagnostic
+from mcserver.errors import Diagnostic, Edit
 from mcserver.gcode.fast_path.short_form import SimpleBlock, read_simple_block
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.text.command_table import CommandSpec
@@ -97,7 +97,9 @@ class ParsedLine:
             self._empty_group("behind", commas[-1], faults)
 
     def _empty_group(self, side: str, comma: int, faults: FaultList) -> None:
-        faults.add("MC107", f"nothing stands {side} this comma", self.span(comma), "take the comma out")
+        span = self.span(comma)
+        edit = Edit(*span, "")
+        faults.add("MC107", f"nothing stands {side} this comma", span, "take the comma out", edit=edit)
 
     def _word(self, index: int, token: Token, faults: FaultList) -> Word:
         name, text, _ = token

@@ -6,6 +6,7 @@ import re
 
 import msgspec
 
+from mcserver.errors import Edit
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.text.lexical_errors import scan_faulty
 
@@ -87,12 +88,18 @@ def blank_comments(text: str, faults: FaultList) -> str:
                         "a comment ends at its first ')': this one closes nothing",
                         (stray, stray + 1),
                         "comments do not nest; take the inner parentheses out",
+                        edit=Edit(start + 1, stray + 1, _flat_comment(text[start:stray])),
                     )
                     end = stray
         pieces.append(" " * (end - start))
         position = end
     pieces.append(text[position:])
     return "".join(pieces)
+
+
+def _flat_comment(nested: str) -> str:
+    """Write a nested comment as one, without its inner parentheses."""
+    return f"({nested.replace('(', '').replace(')', '')})"
 
 
 def _nested_end(text: str, start: int, end: int) -> int:
