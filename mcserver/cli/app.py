@@ -16,7 +16,7 @@ from typing import Annotated
 import typer
 from mckinematics.errors import KinematicsError
 
-from mcserver.cli import check, doctor, drive_sim, fix, grammar, machine, plot, run, simulate, view
+from mcserver.cli import check, doctor, drive_sim, fix, grammar, machine, plot, run, simulate, view, web
 from mcserver.cli.console import show_error
 from mcserver.cli.exit_codes import ExitCode, OutputFault, exit_code_of
 from mcserver.errors import McError
@@ -59,6 +59,7 @@ def build_app() -> typer.Typer:
     app.command("simulate")(simulate.simulate_program)
     app.command("plot")(plot.plot)
     app.command("view")(view.view)
+    app.command("web")(web.web)
     app.command("doctor")(doctor.doctor)
     app.command("drive-sim")(drive_sim.drive_sim)
     app.add_typer(machine.build_app(), name="machine")

@@ -39,6 +39,11 @@ def live_key(machine: str) -> str:
     return f"mc/@v1/{machine}/live/*"
 
 
+def machine_of_call(key: str) -> str:
+    """The machine in a method's key ``mc/@v1/{machine}/@rpc/…``."""
+    return key.split("/")[2]
+
+
 @dataclass(frozen=True, slots=True)
 class Keys:
     """All keys of one machine, as one client uses them.

@@ -48,11 +48,12 @@ class Arrived:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """An answer to a query; ``ok`` is False for an error reply."""
+    """An answer to a query; ``ok`` is False for an error reply, ``source`` the Zenoh id of who gave it."""
 
     key: str
     payload: bytes
     ok: bool
+    source: str | None = None
 
 
 Deliver = Callable[[Arrived], None]
@@ -182,12 +183,13 @@ class Link:
         trust = self._trust
 
         def on_reply(reply: zenoh.Reply) -> None:
-            if not trust.accepts(_replier(reply)):
+            source = _replier(reply)
+            if not trust.accepts(source):
                 return
             if reply.ok is not None:
-                one = Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), True)
+                one = Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), True, source)
             elif reply.err is not None and str(reply.err.encoding) == ENCODING:
-                one = Reply(key, reply.err.payload.to_bytes(), False)
+                one = Reply(key, reply.err.payload.to_bytes(), False, source)
             else:
                 # Zenoh's own error replies (a time-out on the way) are not the server's answer
                 return

@@ -1,0 +1,76 @@
+"""Many machines over one link: their states by one query, and an operator's orders to each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+from mcclient.calls import Caller
+from mcclient.discovery import CONNECT_S, new_client_id
+from mcclient.errors import MotionError
+from mcclient.keys import ALL_MACHINES, Keys, machine_and_instance, machine_of_call
+from mcclient.presence import Presence
+from mcclient.transport import Link, endpoints_of, user_of
+from mcclient.types import MachineStatus
+from mcclient.wire import decode
+
+ORDER_S = 3.0
+
+
+class FleetLink:
+    """One session to all machines that can be reached; made by `open`."""
+
+    def __init__(self, link: Link, client: str) -> None:
+        self._link = link
+        self._client = client
+        self._live: list[str] = []
+
+    @classmethod
+    async def open(
+        cls,
+        connect: str | Sequence[str] | None = None,
+        *,
+        timeout_s: float = CONNECT_S,
+        config_file: Path | None = None,
+    ) -> Self:
+        """Connects.
+
+        Raises:
+            ConfigurationError: MC537. NobodyAnswers: MC530 the endpoint cannot be reached.
+        """
+        link = await Link.open(endpoints_of(connect), timeout_s=timeout_s, config_file=config_file)
+        return cls(link, new_client_id("fleet", user_of(config_file)))
+
+    async def states(self, *, timeout_s: float) -> dict[str, MachineStatus]:
+        """The state of every machine that answers within the time, by name.
+
+        A machine's state is taken from the session of its own server alone: the one whose liveliness token
+        it has.
+        """
+        self._live = await self._link.live_keys(ALL_MACHINES, timeout_s=timeout_s)
+        servers = {machine_and_instance(key) for key in self._live}
+        key = f"mc/@v1/*/@rpc/{self._client}/status"
+        found: dict[str, MachineStatus] = {}
+        for reply in await self._link.query(key, None, timeout_s=timeout_s):
+            machine = machine_of_call(reply.key)
+            if not reply.ok or (machine, reply.source) not in servers:
+                continue
+            try:
+                found[machine] = decode(MachineStatus, reply.payload)
+            except MotionError:
+                # of another version: as if it were not there
+                continue
+        return found
+
+    async def order(self, machine: str, method: str) -> None:
+        """``hold``, ``resume`` or ``abort`` for every program of one machine.
+
+        Raises:
+            MotionError: it does not answer, or refuses.
+        """
+        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
+        await caller.call(method, {"program": None}, deadline_s=ORDER_S)
+
+    async def close(self) -> None:
+        await self._link.close()

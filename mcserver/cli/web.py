@@ -1,0 +1,119 @@
+"""``mcserver web``: the operator's page, a process of its own that is only a client."""
+
+from __future__ import annotations
+
+import asyncio
+import getpass
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mcserver.cli.console import narration, write_json
+from mcserver.cli.options import JsonOption
+from mcserver.errors import ConfigurationError
+
+
+def web(
+    host: Annotated[str, typer.Option("--host", help="Address that the page is served on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")] = 8080,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--connect", "-c", metavar="E", help="Zenoh endpoint of a server or router. Repeatable."
+        ),
+    ] = None,
+    zenoh: Annotated[
+        Path | None,
+        typer.Option("--zenoh-config", metavar="PATH", help="A Zenoh configuration (JSON5) for TLS."),
+    ] = None,
+    users: Annotated[
+        Path | None,
+        typer.Option("--users", metavar="PATH", help="The password file; without it: loopback only."),
+    ] = None,
+    certificate: Annotated[
+        Path | None, typer.Option("--certificate", metavar="PEM", help="TLS of the page.")
+    ] = None,
+    key: Annotated[Path | None, typer.Option("--key", metavar="PEM", help="The certificate's key.")] = None,
+    programs: Annotated[
+        Path | None,
+        typer.Option(
+            "--programs", metavar="DIR", help="Folder of uploaded programs; default: your state folder."
+        ),
+    ] = None,
+    add_user: Annotated[
+        str | None,
+        typer.Option(
+            "--add-user", metavar="NAME", help="Write a user into --users and end; asks for the password."
+        ),
+    ] = None,
+    role: Annotated[
+        str, typer.Option("--role", help="Of --add-user: observer, operator or engineer.")
+    ] = "operator",
+    json: JsonOption = False,
+) -> None:
+    """Serve the operator's page for one machine or a fleet, until Ctrl-C."""
+    missing = [
+        name
+        for name in ("nicegui", "prometheus_client", "mcclient")
+        if importlib.util.find_spec(name) is None
+    ]
+    if missing:
+        raise ConfigurationError(
+            "MC016", f"mcserver web needs {', '.join(missing)}", "pip install 'mcserver[web]' mcclient"
+        )
+    if add_user is not None:
+        _add_user(users, add_user, role)
+        return
+    # before NiceGUI is imported: it would keep its own state in the working folder
+    folder = programs or _state_folder()
+    os.environ.setdefault("NICEGUI_STORAGE_PATH", str(folder / ".page"))
+    from mcserver.web.site import WebOptions, serve
+
+    def ready(address: str) -> None:
+        narration().print(f"operator's page: {address} (Ctrl-C ends)", markup=False)
+        if json:
+            write_json({"ok": True, "url": address})
+
+    options = WebOptions(
+        host=host,
+        port=port,
+        folder=folder,
+        connect=tuple(connect or ()),
+        config_file=zenoh,
+        users=users,
+        certificate=certificate,
+        key=key,
+        on_ready=ready,
+    )
+    asyncio.run(serve(options))
+
+
+def _add_user(path: Path | None, name: str, role: str) -> None:
+    from mcserver.web.users import Role
+    from mcserver.web.users import add_user as write
+
+    if path is None:
+        raise ConfigurationError("MC060", "the password file is not named", "give it with --users PATH")
+    try:
+        chosen = Role.of(role)
+    except ValueError:
+        raise ConfigurationError(
+            "MC060", f"there is no role {role!r}", "observer, operator or engineer"
+        ) from None
+    if sys.stdin.isatty():
+        password = getpass.getpass(f"password of {name}: ")
+        if password != getpass.getpass("again: "):
+            raise ConfigurationError("MC060", "the two passwords differ", "try again")
+    else:
+        password = sys.stdin.readline().rstrip("\n")
+    write(path, name, chosen, password)
+    narration().print(f"{path}: {name} is {chosen.name.lower()}", markup=False)
+
+
+def _state_folder() -> Path:
+    state = os.environ.get("STATE_DIRECTORY", "").partition(":")[0] or os.environ.get("XDG_STATE_HOME", "")
+    return (Path(state) if state else Path.home() / ".local" / "state" / "mcserver") / "web"

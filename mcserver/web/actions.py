@@ -1,0 +1,68 @@
+"""What a visitor does to a machine: the role is checked each time, a refusal is shown with its remedy."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Awaitable, Callable
+
+from mcclient import Machine, MotionError
+from nicegui import ui
+
+from mcserver.errors import McError
+from mcserver.web.link import MachineLink
+from mcserver.web.sessions import Visitor
+from mcserver.web.users import Role
+
+log = logging.getLogger(__name__)
+
+Action = Callable[[Machine], Awaitable[object]]
+
+
+def show_refusal(message: str, hint: str = "") -> None:
+    """A sentence and its remedy, until it is closed."""
+    ui.notify(
+        message + (f" — {hint}" if hint else ""),
+        type="negative",
+        position="top",
+        close_button="close",
+        timeout=8000,
+    )
+
+
+class Actions:
+    """Bound to one visitor and one machine.
+
+    Args:
+        visitor: who acts. link: on what.
+    """
+
+    def __init__(self, visitor: Visitor, link: MachineLink) -> None:
+        self.visitor = visitor
+        self.link = link
+
+    def allowed(self, role: Role) -> bool:
+        """Whether the visitor may; says so where not."""
+        if self.visitor.may(role):
+            return True
+        show_refusal(f"This needs the role {role.name.lower()}", "log in as somebody who has it")
+        return False
+
+    async def do(self, role: Role, name: str, action: Action) -> bool:
+        """Carries an action out; whether it was."""
+        if not self.allowed(role):
+            return False
+        log.info("%s: %s by %s", self.link.name, name, self.visitor.name)
+        try:
+            await action(self.link.connected())
+        except (MotionError, McError) as error:
+            show_refusal(f"{name}: {error.message} [{error.code}]", error.hint)
+            return False
+        return True
+
+    async def emergency_stop(self) -> None:
+        """Every visitor may stop; what waits in the queue does not start either."""
+        self.link.jobs.stopped = True
+        self.link.jobs.clear()
+        reason = f"by {self.visitor.name} on the page"
+        if await self.do(Role.OBSERVER, "emergency stop", lambda machine: machine.estop(reason)):
+            ui.notify("emergency stop confirmed", type="warning", position="top")

@@ -1,0 +1,116 @@
+"""Every machine that can be reached, asked for its state once a second with one query for all of them."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from pathlib import Path
+
+from mcclient import MachineStatus, MotionError
+from mcclient.fleet import FleetLink
+
+from mcserver.web.link import MachineLink
+from mcserver.web.store import ProgramStore
+
+log = logging.getLogger(__name__)
+
+PERIOD_S = 1.0
+RETRY_S = 2.0
+# an offline machine stays in the table this long
+REMEMBERED_S = 24 * 3600.0
+MAX_LINKS = 32
+
+
+class Seen:
+    """One machine of the fleet: its newest state, and when it came [s, never stepping]."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.status: MachineStatus | None = None
+        self.seen_at = time.monotonic()
+        self.online = True
+
+
+class Fleet:
+    """The machines behind some endpoints, and a `MachineLink` for each that somebody looks at.
+
+    Args:
+        connect: Zenoh endpoints. config_file: a Zenoh configuration. folder: of the programs kept.
+    """
+
+    def __init__(self, connect: tuple[str, ...], config_file: Path | None, folder: Path) -> None:
+        self.machines: dict[str, Seen] = {}
+        self.failure = ""
+        self._connect = connect
+        self._config_file = config_file
+        self._folder = folder
+        self._links: dict[str, MachineLink] = {}
+        self._link: FleetLink | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begins to look; in a running loop."""
+        self._task = asyncio.ensure_future(self._run())
+
+    def link(self, name: str) -> MachineLink:
+        """The connection to one machine, made on first use.
+
+        Raises:
+            MotionError: MC063 too many machines are connected at once.
+        """
+        link = self._links.get(name)
+        if link is None:
+            if len(self._links) >= MAX_LINKS:
+                raise MotionError(
+                    "MC063", f"{MAX_LINKS} machines are open at once", "serve some from another page"
+                )
+            store = ProgramStore(self._folder / name)
+            link = self._links[name] = MachineLink(name, self._connect, self._config_file, store)
+        return link
+
+    @property
+    def links(self) -> list[MachineLink]:
+        return list(self._links.values())
+
+    async def order(self, method: str, names: list[str]) -> dict[str, str]:
+        """Gives ``hold`` or ``abort`` to several machines at once; what failed, by machine."""
+        if self._link is None:
+            return dict.fromkeys(names, self.failure or "not connected")
+        link = self._link
+        answers = await asyncio.gather(*(link.order(name, method) for name in names), return_exceptions=True)
+        return {name: str(answer) for name, answer in zip(names, answers, strict=True) if answer is not None}
+
+    async def close(self) -> None:
+        """Ends all connections; programs under way stop along their paths."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+        await asyncio.gather(*(link.close() for link in self.links), return_exceptions=True)
+
+    async def _run(self) -> None:
+        while True:
+            try:
+                link = await FleetLink.open(self._connect or None, config_file=self._config_file)
+            except MotionError as error:
+                self.failure = error.message
+                await asyncio.sleep(RETRY_S)
+                continue
+            self.failure, self._link = "", link
+            try:
+                while True:
+                    await self._look(link)
+                    await asyncio.sleep(PERIOD_S)
+            finally:
+                self._link = None
+                await link.close()
+
+    async def _look(self, link: FleetLink) -> None:
+        now = time.monotonic()
+        for name, status in (await link.states(timeout_s=PERIOD_S)).items():
+            seen = self.machines.setdefault(name, Seen(name))
+            seen.status, seen.seen_at, seen.online = status, now, True
+        for seen in list(self.machines.values()):
+            seen.online = now - seen.seen_at < 4.0 * PERIOD_S
+            if now - seen.seen_at > REMEMBERED_S:
+                del self.machines[seen.name]

@@ -1,0 +1,138 @@
+"""The page of all machines: a table that stays smooth with a thousand rows, and orders to several at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nicegui import ui
+
+from mcserver.web.actions import show_refusal
+from mcserver.web.fleet import Fleet, Seen
+from mcserver.web.formatting import banner, clock_text, current_program, is_live
+from mcserver.web.sessions import Visitor
+from mcserver.web.users import Role
+
+REFRESH_S = 1.0
+
+
+class FleetPage:
+    """One browser's view of the fleet; only rows that have changed are sent."""
+
+    def __init__(self, visitor: Visitor, fleet: Fleet) -> None:
+        self._visitor = visitor
+        self._fleet = fleet
+        self._sent: dict[str, dict[str, Any]] = {}
+        with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
+            ui.label("Machines").classes("font-bold text-lg")
+            self._summary = ui.label("").props("role=status")
+            ui.label(visitor.name).classes("text-xs")
+        with ui.element("main").classes("w-full p-2"):
+            ui.html("<h1 class='sr-only'>Machines</h1>", sanitize=False)
+            with ui.row().classes("items-center w-full"):
+                self._search = (
+                    ui.input("Search", on_change=self._filter).props("dense clearable").classes("grow")
+                )
+                ui.button("Hold selected", on_click=lambda: self._ask("hold")).props("color=warning")
+                ui.button("Stop selected", on_click=lambda: self._ask("abort")).props(
+                    "color=negative outline"
+                )
+            self._grid = (
+                ui.aggrid(
+                    {
+                        "columnDefs": [
+                            {
+                                "field": "machine",
+                                "pinned": "left",
+                                "checkboxSelection": True,
+                                "sortable": True,
+                                "minWidth": 150,
+                            },
+                            {"field": "state", "sortable": True, "minWidth": 130},
+                            {"field": "program", "sortable": True, "minWidth": 160},
+                            {"field": "percent", "headerName": "%", "sortable": True, "minWidth": 80},
+                            {"field": "remaining", "sortable": True, "minWidth": 110},
+                            {"field": "faults", "sortable": True, "minWidth": 200},
+                            {"field": "late", "headerName": "late cycles", "sortable": True, "minWidth": 110},
+                        ],
+                        "rowData": [],
+                        "rowSelection": "multiple",
+                        "suppressRowClickSelection": True,
+                        "animateRows": False,
+                        ":getRowId": "(params) => params.data.machine",
+                    },
+                )
+                .classes("w-full")
+                .style("height: calc(100vh - 9rem)")
+            )
+            self._grid.on(
+                "cellDoubleClicked", lambda event: ui.navigate.to(f"/machine/{event.args['data']['machine']}")
+            )
+            with ui.row().classes("items-center"):
+                self._open = ui.select([], label="Open machine", with_input=True, on_change=self._go).classes(
+                    "min-w-48"
+                )
+        ui.timer(REFRESH_S, self.update)
+        ui.timer(0.1, self.update, once=True)
+
+    def update(self) -> None:
+        """Sends the rows that have changed."""
+        rows = {seen.name: _row(seen) for seen in self._fleet.machines.values()}
+        added = [row for name, row in rows.items() if name not in self._sent]
+        changed = [row for name, row in rows.items() if name in self._sent and row != self._sent[name]]
+        removed = [{"machine": name} for name in self._sent if name not in rows]
+        if added or changed or removed:
+            self._grid.run_grid_method(
+                "applyTransaction", {"add": added, "update": changed, "remove": removed}
+            )
+        if added or removed:
+            self._open.set_options(sorted(rows))
+        self._sent = rows
+        online = sum(seen.online for seen in self._fleet.machines.values())
+        faults = sum(row["state"] in ("fault", "EMERGENCY STOP") for row in rows.values())
+        self._summary.set_text(self._fleet.failure or f"{online} of {len(rows)} online, {faults} with faults")
+
+    def _filter(self) -> None:
+        self._grid.run_grid_method("setGridOption", "quickFilterText", self._search.value or "")
+
+    def _go(self) -> None:
+        if self._open.value:
+            ui.navigate.to(f"/machine/{self._open.value}")
+
+    async def _ask(self, order: str) -> None:
+        if not self._visitor.may(Role.OPERATOR):
+            show_refusal("This needs the role operator", "log in as somebody who has it")
+            return
+        rows = await self._grid.get_selected_rows()
+        names = [row["machine"] for row in rows]
+        if not names:
+            show_refusal("No machine is selected", "tick the machines first")
+            return
+        with ui.dialog() as dialog, ui.card():
+            verb = "Hold" if order == "hold" else "Stop"
+            ui.label(f"{verb} {len(names)} machines: {', '.join(names[:8])}{' …' if len(names) > 8 else ''}?")
+            with ui.row():
+                ui.button(verb, on_click=lambda: dialog.submit(True)).props("color=negative")
+                ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat")
+        if await dialog:
+            failures = await self._fleet.order(order, names)
+            for name, message in failures.items():
+                show_refusal(f"{name}: {message}")
+            ui.notify(f"{len(names) - len(failures)} of {len(names)} machines: {order}", position="top")
+
+
+def _row(seen: Seen) -> dict[str, Any]:
+    status = seen.status
+    word, _ = banner(status, seen.online)
+    program = current_program(status) if seen.online else None
+    live = program is not None and is_live(program)
+    return {
+        "machine": seen.name,
+        "state": word,
+        "program": (program.name or program.program) if program is not None and live else "",
+        "percent": round(100 * program.progress) if program is not None and live else None,
+        "remaining": clock_text(program.eta_s) if program is not None and live else "",
+        "faults": "; ".join(f"{fault.code} {fault.message}" for fault in status.faults)
+        if status is not None
+        else "",
+        "late": status.late_cycles if status is not None else None,
+    }

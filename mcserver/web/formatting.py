@@ -1,0 +1,84 @@
+"""Values as operators read them."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+from mcclient import AxisInfo, MachineStatus, ProgramStatus
+from mcclient.types import ENDED
+
+LETTERS = "XYZABC"
+CONTEXT_LINES = 6
+
+
+def axis_name(index: int) -> str:
+    """X Y Z A B C for axes 0-5, else ``[n]``, as programs write them (D-02)."""
+    return LETTERS[index] if index < len(LETTERS) else f"[{index}]"
+
+
+def clock_text(seconds: float | None) -> str:
+    """``1:05`` or ``2:03:04``; a dash where it is not known."""
+    if seconds is None:
+        return "–"
+    whole = max(0, round(seconds))
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
+
+
+def position_text(value: float) -> str:
+    """Thousandths, without a negative zero."""
+    text = f"{value:.3f}"
+    return text if text != "-0.000" else "0.000"
+
+
+def limits_text(axis: AxisInfo) -> str:
+    """Travel of an axis with its unit."""
+    if axis.min_position is None and axis.max_position is None:
+        return "unlimited"
+    low = "-∞" if axis.min_position is None else f"{axis.min_position:g}"
+    high = "∞" if axis.max_position is None else f"{axis.max_position:g}"
+    return f"{low} … {high} {axis.unit}"
+
+
+def banner(status: MachineStatus | None, online: bool) -> tuple[str, str]:
+    """The one word for a machine's state, and its kind for the colour: an emergency stop before all else."""
+    if status is None or not online:
+        return "offline", "offline"
+    if status.state == "estop":
+        return "EMERGENCY STOP", "estop"
+    if status.state == "fault":
+        return "fault", "fault"
+    states = {program.state for program in status.programs}
+    for state, kind in (("held", "held"), ("paused", "held"), ("running", "moving"), ("ending", "moving")):
+        if state in states:
+            return state, kind
+    if "moving" in status.axes.state or "speed" in status.axes.state:
+        return "moving", "moving"
+    return "ready", "ready"
+
+
+def current_program(status: MachineStatus | None) -> ProgramStatus | None:
+    """The program to show: one that runs, else one that waits, else the one that ended last."""
+    if status is None or not status.programs:
+        return None
+    order = {"running": 0, "held": 0, "paused": 0, "ending": 1, "queued": 2}
+    return min(status.programs, key=lambda each: (order.get(each.state, 3), -each.opened_at))
+
+
+def is_live(program: ProgramStatus | None) -> bool:
+    """Whether a program has not ended."""
+    return program is not None and program.state not in ENDED
+
+
+def program_excerpt(lines: Sequence[str], now: int, faulty: dict[int, str]) -> str:
+    """HTML of the lines about line ``now`` (from 1), which is marked, and so are faulty ones."""
+    first = max(1, min(now - CONTEXT_LINES, len(lines) - 2 * CONTEXT_LINES))
+    rows = []
+    for number in range(first, min(len(lines), first + 2 * CONTEXT_LINES) + 1):
+        text = html.escape(f"{number:>6}  {lines[number - 1][:200]}")
+        kind = "bad" if number in faulty else "now" if number == now else "mark"
+        rows.append(f'<span class="{kind}">{text or " "}</span>')
+        if number in faulty:
+            rows.append(f'<span class="mark">        {html.escape(faulty[number])}</span>')
+    return f'<pre class="mc-program" tabindex="0" aria-label="Program text">{"".join(rows)}</pre>'

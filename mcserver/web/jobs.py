@@ -1,0 +1,189 @@
+"""The queue of programs that operators have started from the page: one runs at a time, the others wait."""
+
+from __future__ import annotations
+
+import asyncio
+import enum
+import itertools
+import time
+from collections import deque
+from typing import TYPE_CHECKING
+
+from mcclient import Diagnostic, Machine, MotionError, Program
+
+from mcserver.web.store import ProgramStore
+
+if TYPE_CHECKING:
+    from mcserver.web.link import MachineLink
+
+MAX_WAITING = 100
+ENDED_KEPT = 20
+# Greater texts are judged line by line as they run.
+SIMULATED_BYTES = 8 * 1024 * 1024
+
+
+class JobState(enum.Enum):
+    """Where a job stands."""
+
+    WAITING = "waiting"
+    CHECKING = "being checked"
+    RUNNING = "running"
+    FINISHED = "finished"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+class Job:
+    """One program to run, by whom, and how it went.
+
+    Attributes:
+        duration_s: simulated; None where it is not known.
+        program: the server's id, once it runs.
+    """
+
+    def __init__(self, number: int, name: str, text: str, user: str, from_line: int) -> None:
+        self.number = number
+        self.name = name
+        self.lines = text.split("\n")
+        self.user = user
+        self.from_line = from_line
+        self.state = JobState.WAITING
+        self.duration_s: float | None = None
+        self.program: str | None = None
+        self.started_at: float | None = None
+        self.message = ""
+        self.hint = ""
+        self.diagnostics: tuple[Diagnostic, ...] = ()
+
+
+class JobQueue:
+    """Runs jobs on one machine, in order; after one that failed the queue stops until it is started again.
+
+    Args:
+        link: the machine. store: where the programs are.
+
+    Attributes:
+        running, waiting, ended: the jobs. stopped: whether a failure or an operator has stopped the queue.
+    """
+
+    def __init__(self, link: MachineLink, store: ProgramStore) -> None:
+        self.running: Job | None = None
+        self.waiting: deque[Job] = deque()
+        self.ended: deque[Job] = deque(maxlen=ENDED_KEPT)
+        self.stopped = False
+        self._link = link
+        self._store = store
+        self._numbers = itertools.count(1)
+        self._task: asyncio.Task[None] | None = None
+        self._estimates: set[asyncio.Task[None]] = set()
+
+    def add(self, name: str, user: str, from_line: int = 1) -> Job:
+        """Queues a stored program.
+
+        Raises:
+            ServiceError: MC061 it cannot be read.
+            MotionError: MC062 the queue is full, or the program does not have the line.
+        """
+        if len(self.waiting) >= MAX_WAITING:
+            raise MotionError("MC062", f"{MAX_WAITING} programs wait already", "let some of them run first")
+        job = Job(next(self._numbers), name, self._store.read(name), user, from_line)
+        if not 1 <= from_line <= len(job.lines):
+            raise MotionError("MC062", f"{name} has no line {from_line}", f"it has {len(job.lines)} lines")
+        self.waiting.append(job)
+        if self.running is not None:
+            # only what waits: the server has one place for checks and simulations, which the start needs
+            self._estimates.add(task := asyncio.ensure_future(self._estimate(job)))
+            task.add_done_callback(self._estimates.discard)
+        self._begin()
+        return job
+
+    def start_again(self) -> None:
+        """Goes on with what waits, after a failure."""
+        self.stopped = False
+        self._begin()
+
+    def remove(self, number: int) -> None:
+        """Takes a job that waits out of the queue."""
+        for job in list(self.waiting):
+            if job.number == number:
+                self.waiting.remove(job)
+                job.state = JobState.CANCELLED
+
+    def clear(self) -> None:
+        """Takes every waiting job out, as an emergency stop does."""
+        while self.waiting:
+            self.waiting.popleft().state = JobState.CANCELLED
+
+    def remaining_s(self) -> float | None:
+        """Time of all that waits, as simulated [s]; None where one of them is not known."""
+        total = 0.0
+        for job in self.waiting:
+            if job.duration_s is None:
+                return None
+            total += job.duration_s
+        return total
+
+    async def close(self) -> None:
+        """Ends the runner; a program under way is aborted."""
+        tasks = [*self._estimates, *([] if self._task is None else [self._task])]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _begin(self) -> None:
+        if self._task is None or self._task.done():
+            self._task = asyncio.ensure_future(self._run())
+
+    async def _run(self) -> None:
+        while self.waiting and not self.stopped:
+            job = self.running = self.waiting.popleft()
+            job.state, job.started_at = JobState.CHECKING, time.time()
+            try:
+                await self._run_one(job)
+                job.state = JobState.FINISHED
+            except MotionError as error:
+                job.state, job.message, job.hint = JobState.FAILED, error.message, error.hint
+                job.diagnostics = error.diagnostics
+                self.stopped = bool(self.waiting)
+            finally:
+                if job.state in (JobState.CHECKING, JobState.RUNNING):
+                    job.state = JobState.CANCELLED
+                self.running = None
+                self.ended.appendleft(job)
+
+    async def _run_one(self, job: Job) -> None:
+        machine = self._link.connected()
+        if job.from_line == 1:
+            await self._check(machine, job)
+        program: Program = await machine.program(
+            job.name, start_line=job.from_line, before=job.lines[: job.from_line - 1]
+        )
+        job.program, job.state = program.id, JobState.RUNNING
+        async with program:
+            await program.send_lines(job.lines[job.from_line - 1 :])
+
+    async def _estimate(self, job: Job) -> None:
+        """Simulates a job for its duration; without one where the server does not give it."""
+        text = "\n".join(job.lines)
+        if len(text) > SIMULATED_BYTES or job.from_line != 1:
+            return
+        try:
+            report = await self._link.connected().simulate(text)
+        except MotionError:
+            return
+        if report["ok"]:
+            job.duration_s = float(report["duration_s"])
+
+    async def _check(self, machine: Machine, job: Job) -> None:
+        """Refuses a text with faults before anything of it moves."""
+        text = "\n".join(job.lines)
+        if len(text) > SIMULATED_BYTES:
+            return
+        status = await machine.status()
+        positions = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
+        found = await machine.check(text, positions)
+        if not found.ok:
+            first = next(each for each in found.diagnostics if each.severity == "error")
+            raise MotionError(
+                first.code, f"line {first.line}: {first.message}", first.hint, diagnostics=found.diagnostics
+            )

@@ -1,0 +1,136 @@
+"""Hold-to-jog: an axis moves as long as somebody's finger is down, and not a moment longer on what is old.
+
+The browser sends a message when the button goes down, one every 0.1 s while it is down, and one when it is
+released or the page loses focus, pointer or visibility. Each keep is passed on to the server, whose dead
+man's time stops the axis when they stay out: a link, a browser or this process may die at any moment. What
+was delayed on the way must not move anything: a message is judged by the browser's own clock against the
+quickest one seen from it, so that a burst after a stall of the link is recognised as old.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Protocol
+
+from mcclient.errors import MotionError
+
+log = logging.getLogger(__name__)
+
+# the server's dead man's time: three keeps may be lost
+HOLD_S = 0.35
+# how late a message may be against the quickest of its browser [s]
+MAX_DELAY_S = 0.3
+
+
+class JogsAxes(Protocol):
+    """The part of `mcclient.Machine` that jogging needs."""
+
+    async def jog(
+        self,
+        axis: int,
+        distance: float | None = None,
+        *,
+        velocity: float | None = None,
+        hold_s: float | None = None,
+        program: str | None = None,
+    ) -> str: ...
+
+    async def abort(self, program: str | None = None) -> list[str]: ...
+
+
+class DelayGate:
+    """Judges how late the messages of one browser are, by its own clock.
+
+    The clocks' offset is unknown: the least difference seen so far stands for a message without delay.
+    """
+
+    def __init__(self) -> None:
+        self._offset_s: float | None = None
+
+    def is_late(self, sent_s: float, now_s: float) -> bool:
+        """Whether a message was under way for more than `MAX_DELAY_S` longer than the quickest one."""
+        offset = now_s - sent_s
+        if self._offset_s is None or offset < self._offset_s:
+            self._offset_s = offset
+        return offset - self._offset_s > MAX_DELAY_S
+
+
+class HeldJog:
+    """The one jog that one browser may hold.
+
+    Args:
+        machine: what moves.
+        clock: seconds, never stepping.
+        on_error: takes the sentence for the operator.
+    """
+
+    def __init__(
+        self, machine: JogsAxes, clock: Callable[[], float], on_error: Callable[[str], None]
+    ) -> None:
+        self.machine = machine
+        self._clock = clock
+        self._on_error = on_error
+        self._gate = DelayGate()
+        self._press: int | None = None
+        self._released_press: int | None = None
+        self._program: str | None = None
+        self._axis = 0
+        self._velocity = 0.0
+        self._busy = asyncio.Lock()
+
+    def observe(self, sent_s: float) -> None:
+        """Takes the time of any message of this browser: the more it has seen, the better it judges."""
+        self._gate.is_late(sent_s, self._clock())
+
+    async def press(self, press: int, axis: int, velocity: float, sent_s: float) -> None:
+        """Starts an axis; ``velocity`` is signed [mm/s, deg/s], ``press`` numbers the touch."""
+        if self._gate.is_late(sent_s, self._clock()) or (self._press is not None and press <= self._press):
+            return
+        self._press, self._axis, self._velocity, self._program = press, axis, velocity, None
+        async with self._busy:
+            if self._press != press:
+                return
+            try:
+                program = await self.machine.jog(axis, velocity=velocity, hold_s=HOLD_S)
+            except MotionError as error:
+                self._on_error(error.message)
+                return
+            if self._press == press and self._released_press != press:
+                self._program = program
+            else:
+                # released while the server was answering
+                await self._stop(program)
+
+    async def keep(self, press: int, sent_s: float) -> None:
+        """Keeps the axis moving for another `HOLD_S`; never starts it again."""
+        if self._gate.is_late(sent_s, self._clock()) or press != self._press or self._program is None:
+            return
+        if self._busy.locked():
+            # the one before it is still under way: this one would only queue behind it
+            return
+        async with self._busy:
+            program = self._program
+            if program is None:
+                return
+            try:
+                await self.machine.jog(self._axis, velocity=self._velocity, hold_s=HOLD_S, program=program)
+            except MotionError as error:
+                # it has stopped by itself: at a limit, by a fault, or because the keeps were late
+                if self._program == program:
+                    self._program = None
+                log.info("a jog ended: %s", error.message)
+
+    async def release(self) -> None:
+        """Stops whatever this browser holds."""
+        program, self._program = self._program, None
+        self._released_press = self._press
+        if program is not None:
+            await self._stop(program)
+
+    async def _stop(self, program: str) -> None:
+        try:
+            await self.machine.abort(program)
+        except MotionError as error:
+            log.info("a jog had ended before its release: %s", error.message)

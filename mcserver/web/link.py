@@ -1,0 +1,98 @@
+"""One machine as the page sees it: connected while somebody looks, its newest state, events and jobs."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from pathlib import Path
+
+from mcclient import Event, Machine, MachineStatus, MotionError
+
+from mcserver.web.jobs import JobQueue
+from mcserver.web.store import ProgramStore
+
+log = logging.getLogger(__name__)
+
+EVENTS_KEPT = 400
+RETRY_S = 2.0
+# cycles kept for charts, at the rate of the state messages
+HISTORY_STATES = 20 * 120
+
+
+class MachineLink:
+    """Connects to one machine again and again until `close`.
+
+    Args:
+        name: the machine's.
+        connect: Zenoh endpoints. config_file: a Zenoh configuration for TLS.
+        store: its programs.
+
+    Attributes:
+        machine: connected, or None. status: its newest state. failure: why it is not connected.
+        events: the newest ones, the newest last. history: states for charts.
+    """
+
+    def __init__(
+        self, name: str, connect: tuple[str, ...], config_file: Path | None, store: ProgramStore
+    ) -> None:
+        self.name = name
+        self.machine: Machine | None = None
+        self.status: MachineStatus | None = None
+        self.failure = ""
+        self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
+        self.event_count = 0
+        self.history: deque[MachineStatus] = deque(maxlen=HISTORY_STATES)
+        self.store = store
+        self.jobs = JobQueue(self, store)
+        self._connect = connect
+        self._config_file = config_file
+        self._task = asyncio.ensure_future(self._run())
+
+    @property
+    def online(self) -> bool:
+        """Whether its server is there now."""
+        return self.machine is not None and self.machine.online
+
+    def connected(self) -> Machine:
+        """The machine; raises MotionError (MC530) while there is none."""
+        if self.machine is None:
+            raise MotionError(
+                "MC530", f"{self.name} is not connected: {self.failure}", "is its server running?"
+            )
+        return self.machine
+
+    async def close(self) -> None:
+        """Ends the jobs and the connection."""
+        await self.jobs.close()
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _run(self) -> None:
+        while True:
+            try:
+                async with Machine.connect(
+                    self.name, self._connect or None, client="web", config_file=self._config_file
+                ) as machine:
+                    self.failure = ""
+                    self.machine = machine
+                    async with asyncio.TaskGroup() as group:
+                        group.create_task(self._follow_states(machine))
+                        group.create_task(self._follow_events(machine))
+            except (MotionError, ExceptionGroup) as error:
+                self.failure = error.message if isinstance(error, MotionError) else str(error.exceptions[0])
+                log.info("%s: %s", self.name, self.failure)
+            finally:
+                self.machine = None
+            await asyncio.sleep(RETRY_S)
+
+    async def _follow_states(self, machine: Machine) -> None:
+        async for status in machine.telemetry():
+            self.status = status
+            self.history.append(status)
+
+    async def _follow_events(self, machine: Machine) -> None:
+        async for event in machine.events(history=True):
+            if event.kind not in ("lines.started", "lines.ended"):
+                self.events.append(event)
+                self.event_count += 1

@@ -1,0 +1,132 @@
+"""The page of one machine."""
+
+from __future__ import annotations
+
+from mcclient import Machine
+from nicegui import events, ui
+
+from mcserver.web.actions import Actions
+from mcserver.web.formatting import banner
+from mcserver.web.link import MachineLink
+from mcserver.web.panels.jog import JogPanel
+from mcserver.web.panels.mdi import MdiPanel
+from mcserver.web.panels.messages import EventPanel, FaultPanel
+from mcserver.web.panels.picture import ChartPanel, TrailPanel
+from mcserver.web.panels.positions import PositionsPanel
+from mcserver.web.panels.program import ProgramPanel
+from mcserver.web.sessions import Visitor
+from mcserver.web.users import Role
+
+REFRESH_S = 0.1
+# charts, pictures and lists, in refreshes: drawing them is what costs a phone its battery
+SLOW_EVERY = 4
+OVERRIDES = (10, 25, 50, 75, 100, 125, 150, 200)
+
+
+class MachinePage:
+    """Built once for each browser that opens it; refreshed from the machine's one shared state."""
+
+    def __init__(self, visitor: Visitor, link: MachineLink) -> None:
+        self._link = link
+        self._actions = actions = Actions(visitor, link)
+        self._turn = 0
+        self._header(visitor)
+        with ui.element("main").classes("w-full p-2"):
+            ui.html(f"<h1 class='sr-only'>{link.name}</h1>", sanitize=False)
+            with ui.element("div").classes("mc-grid"):
+                with ui.column().classes("w-full gap-3"):
+                    self._faults = FaultPanel(actions)
+                    self._controls()
+                    self._program = ProgramPanel(actions)
+                with ui.column().classes("w-full gap-3"):
+                    self._positions = PositionsPanel()
+                    self._jog = JogPanel(actions)
+                    self._mdi = MdiPanel(actions)
+                with ui.column().classes("w-full gap-3"):
+                    self._trail = TrailPanel(link)
+                    self._chart = ChartPanel(link)
+                    self._events = EventPanel(link)
+        ui.on("mc_key", self._on_key)
+        ui.timer(REFRESH_S, self.update)
+        ui.context.client.on_disconnect(self._jog.release)
+        self.update()
+
+    def _header(self, visitor: Visitor) -> None:
+        with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
+            with ui.row().classes("items-center gap-2"):
+                ui.link("Fleet", "/").classes("text-white")
+                ui.label(self._link.name).classes("font-bold")
+                self._state = ui.label("…").classes("mc-state").props("role=status aria-live=polite")
+                self._late = ui.label("").classes("text-xs hidden sm:block")
+                ui.label(visitor.name).classes("text-xs hidden sm:block")
+            ui.button("E-STOP", on_click=self._actions.emergency_stop).props(
+                'color=negative aria-label="Emergency stop" data-estop'
+            ).classes("mc-estop")
+
+    def _controls(self) -> None:
+        do = self._actions.do
+        with ui.card().classes("mc-card"):
+            with ui.element("div").classes("mc-buttons"):
+                ui.button(
+                    "Hold", on_click=lambda: do(Role.OPERATOR, "hold", lambda machine: machine.hold())
+                ).props("color=warning")
+                ui.button(
+                    "Resume", on_click=lambda: do(Role.OPERATOR, "resume", lambda machine: machine.resume())
+                ).props("color=positive")
+                ui.button(
+                    "Abort", on_click=lambda: do(Role.OPERATOR, "abort", lambda machine: machine.abort())
+                ).props("color=negative outline")
+                ui.button("Energize", on_click=self._energize).props("outline")
+            self._override_label = ui.label("Override 100 %").classes("font-bold mt-2")
+            with ui.element("div").classes("mc-buttons"):
+                for percent in OVERRIDES:
+                    ui.button(f"{percent} %", on_click=lambda percent=percent: self._override(percent)).props(
+                        "outline dense"
+                    )
+                ui.button("−5", on_click=lambda: self._override_by(-5)).props("outline dense")
+                ui.button("+5", on_click=lambda: self._override_by(5)).props("outline dense")
+
+    async def _override(self, percent: float) -> None:
+        await self._actions.do(
+            Role.OPERATOR, f"override {percent:g} %", lambda machine: machine.override(percent)
+        )
+
+    async def _override_by(self, step: float) -> None:
+        status = self._link.status
+        if status is not None:
+            await self._override(min(200.0, max(0.0, status.override + step)))
+
+    async def _energize(self) -> None:
+        async def capture(machine: Machine) -> None:
+            async with machine.program("energize") as program:
+                await program.send("G1010")
+
+        await self._actions.do(Role.OPERATOR, "energize", capture)
+
+    async def _on_key(self, event: events.GenericEventArguments) -> None:
+        if event.args.get("key") == "estop":
+            await self._actions.emergency_stop()
+        else:
+            await self._actions.do(Role.OPERATOR, "hold", lambda machine: machine.hold())
+
+    def update(self) -> None:
+        """Shows the newest state."""
+        status, machine = self._link.status, self._link.machine
+        word, kind = banner(status, self._link.online)
+        if self._state.text != word:
+            self._state.set_text(word)
+            self._state.classes(replace=f"mc-state mc-state-{kind}")
+        if status is None or machine is None:
+            self._late.set_text(self._link.failure)
+            return
+        self._late.set_text(f"{status.late_cycles} late cycles")
+        self._positions.update(status, machine.info)
+        self._jog.update(machine.info)
+        self._faults.update(status)
+        self._override_label.set_text(f"Override {status.override:.0f} %")
+        if self._turn % SLOW_EVERY == 0:
+            self._program.update()
+            self._trail.update(status)
+            self._chart.update(status, machine.info)
+            self._events.update(status, machine.info.epoch)
+        self._turn += 1

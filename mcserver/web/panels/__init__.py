@@ -1,0 +1,1 @@
+"""The cards of a machine's page, one file each."""

@@ -1,0 +1,97 @@
+"""The jog pad: hold a button to move an axis, or step it by a distance."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from mcclient import AxisInfo, Info
+from nicegui import events, ui
+
+from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.formatting import axis_name, limits_text
+from mcserver.web.jogging import HeldJog
+from mcserver.web.users import Role
+
+STEPS = (0.0, 0.01, 0.1, 1.0, 10.0, 100.0)
+SPEEDS = (1, 5, 10, 25, 50, 100)
+
+
+class JogPanel:
+    """Two buttons an axis; the pad is built anew when the machine's axes change."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._held: HeldJog | None = None
+        self._axes: dict[int, AxisInfo] = {}
+        with ui.card().classes("mc-card"):
+            ui.html("<h2>Jog</h2>", sanitize=False)
+            with ui.row().classes("items-center w-full gap-4"):
+                self._step = ui.select(
+                    {0.0: "while held", **{step: f"step {step:g}" for step in STEPS[1:]}},
+                    value=0.0,
+                    label="Distance",
+                ).classes("min-w-32")
+                self._speed = ui.select(
+                    {each: f"{each} %" for each in SPEEDS}, value=10, label="Speed"
+                ).classes("min-w-28")
+            self._pad = ui.element("div").classes("mc-jog")
+        ui.on("mc_jog", self._on_jog)
+        ui.on("mc_clock", lambda event: self._held and self._held.observe(float(event.args["sent_s"])))
+
+    def update(self, info: Info) -> None:
+        axes = {axis.index: axis for axis in info.axes}
+        if axes == self._axes:
+            return
+        self._axes = axes
+        self._pad.clear()
+        with self._pad:
+            for axis in info.axes:
+                ui.label(axis_name(axis.index)).classes("font-bold").tooltip(limits_text(axis))
+                for direction, sign, word in ((-1, "−", "minus"), (1, "+", "plus")):
+                    ui.button(f"{axis_name(axis.index)}{sign}").props(
+                        f"outline data-jog data-axis={axis.index} data-direction={direction} "
+                        f'aria-label="jog axis {axis_name(axis.index)} {word}"'
+                    )
+
+    async def release(self) -> None:
+        """Stops what this browser holds: it has gone."""
+        if self._held is not None:
+            await self._held.release()
+
+    async def _on_jog(self, event: events.GenericEventArguments) -> None:
+        message: dict[str, Any] = event.args
+        kind = message.get("kind")
+        if kind == "release":
+            await self.release()
+            return
+        try:
+            press, axis, sent_s = (
+                int(message["press"]),
+                self._axes[int(message["axis"])],
+                float(message["sent_s"]),
+            )
+            direction = 1.0 if int(message["direction"]) > 0 else -1.0
+        except (KeyError, TypeError, ValueError):
+            return
+        if not self._actions.visitor.may(Role.OPERATOR):
+            if kind == "press":
+                self._actions.allowed(Role.OPERATOR)
+            return
+        if self._actions.link.machine is None:
+            return
+        if self._held is None:
+            self._held = HeldJog(self._actions.link.machine, time.monotonic, show_refusal)
+        self._held.machine = self._actions.link.machine
+        velocity = direction * axis.max_velocity * self._speed.value / 100.0
+        if kind == "keep":
+            await self._held.keep(press, sent_s)
+        elif kind == "press" and self._step.value:
+            distance = direction * self._step.value
+            await self._actions.do(
+                Role.OPERATOR,
+                f"jog {axis_name(axis.index)} {distance:+g} {axis.unit}",
+                lambda machine: machine.jog(axis.index, distance, velocity=abs(velocity)),
+            )
+        elif kind == "press":
+            await self._held.press(press, axis.index, velocity, sent_s)

@@ -1,0 +1,76 @@
+"""Manual data input: lines typed in, judged and run at once, with a history."""
+
+from __future__ import annotations
+
+import html
+
+from mcclient import Machine, MotionError, ProgramRejected
+from nicegui import ui
+
+from mcserver.gcode.text.command_table import COMMANDS
+from mcserver.web.actions import Actions
+from mcserver.web.users import Role
+
+HISTORY = 50
+
+
+class MdiPanel:
+    """A field for a line of G-code; Up and Down bring earlier ones back."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._history: list[str] = []
+        self._place = 0
+        codes = [command.name for command in COMMANDS]
+        with ui.card().classes("mc-card"):
+            ui.html("<h2>Manual input</h2>", sanitize=False)
+            with ui.row().classes("w-full items-center no-wrap"):
+                self._field = (
+                    ui.input(label="G-code", placeholder="G01 X10 F600", autocomplete=codes)
+                    .classes("grow font-mono")
+                    .props('autocapitalize=off autocorrect=off spellcheck=false aria-label="G-code line"')
+                )
+                ui.button("Run", on_click=self._run).props("color=primary")
+            self._answer = (
+                ui.html("", sanitize=False).classes("w-full overflow-x-auto").props("aria-live=polite")
+            )
+        self._field.on("keydown.enter", self._run)
+        self._field.on("keydown.up", lambda: self._recall(-1))
+        self._field.on("keydown.down", lambda: self._recall(1))
+
+    def _recall(self, step: int) -> None:
+        if self._history:
+            self._place = min(max(self._place + step, 0), len(self._history))
+            self._field.set_value(self._history[self._place] if self._place < len(self._history) else "")
+
+    async def _run(self) -> None:
+        line = (self._field.value or "").strip()
+        if not line or not self._actions.allowed(Role.OPERATOR):
+            return
+        self._history = [*self._history, line][-HISTORY:]
+        self._place = len(self._history)
+        self._field.set_value("")
+        self._show(f"&gt; {html.escape(line)}")
+        try:
+            await _run_line(self._actions.link.connected(), line)
+        except ProgramRejected as error:
+            first = error.diagnostics[0]
+            width = max(1, first.end_column - first.column)
+            caret = " " * (first.column - 1) + "^" * width
+            self._show_refusal(line, f"{caret} {first.message} [{first.code}]", first.hint)
+        except MotionError as error:
+            self._show_refusal(line, f"{error.message} [{error.code}]", error.hint)
+        else:
+            self._show(f"{html.escape(line)}   done")
+
+    def _show_refusal(self, line: str, message: str, hint: str) -> None:
+        remedy = f"\n= {html.escape(hint)}" if hint else ""
+        self._show(f'{html.escape(line)}\n<span class="text-negative">{html.escape(message)}</span>{remedy}')
+
+    def _show(self, content: str) -> None:
+        self._answer.set_content(f'<pre class="mc-program">{content}</pre>')
+
+
+async def _run_line(machine: Machine, line: str) -> None:
+    async with machine.program("manual input") as program:
+        await program.send(line)

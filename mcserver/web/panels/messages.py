@@ -1,0 +1,89 @@
+"""Latched faults with their remedies, events, and who holds which axes."""
+
+from __future__ import annotations
+
+import html
+import time
+
+from mcclient import Event, MachineStatus
+from nicegui import ui
+
+from mcserver.web.actions import Actions
+from mcserver.web.formatting import axis_name
+from mcserver.web.link import MachineLink
+from mcserver.web.users import Role
+
+SHOWN = 60
+
+
+class FaultPanel:
+    """Shown while something is latched: what, where, and what helps."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._card = ui.card().classes("mc-card")
+        self._shown: tuple[object, ...] = ()
+        with self._card:
+            self._list = ui.html("", sanitize=False).classes("w-full").props("role=alert")
+            ui.button(
+                "Reset", on_click=lambda: actions.do(Role.OPERATOR, "reset", lambda machine: machine.reset())
+            ).props("color=warning")
+
+    def update(self, status: MachineStatus) -> None:
+        self._card.set_visibility(bool(status.faults))
+        shown = tuple((fault.code, fault.message, fault.axis) for fault in status.faults)
+        if shown == self._shown:
+            return
+        self._shown = shown
+        rows = []
+        # the emergency stop before what it has caused
+        for fault in sorted(status.faults, key=lambda each: each.code != "MC400"):
+            where = f"axis {axis_name(fault.axis)}: " if fault.axis is not None else ""
+            line = f" (line {fault.line})" if fault.line else ""
+            rows.append(
+                f"<li><b>{fault.code}</b> {where}{html.escape(fault.message)}{line}"
+                + (f"<br>= {html.escape(fault.hint)}" if fault.hint else "")
+                + "</li>"
+            )
+        self._list.set_content(f'<div class="mc-faults"><ul>{"".join(rows)}</ul></div>')
+
+
+class EventPanel:
+    """The newest events, and the programs that hold axes."""
+
+    def __init__(self, link: MachineLink) -> None:
+        self._link = link
+        self._count = -1
+        with ui.card().classes("mc-card"):
+            ui.html("<h2>Events</h2>", sanitize=False)
+            self._holders = ui.label("")
+            self._list = (
+                ui.html("", sanitize=False).classes("mc-events").props('tabindex=0 aria-label="Events"')
+            )
+
+    def update(self, status: MachineStatus, epoch: float) -> None:
+        holders = [
+            f"{program.name or program.program} ({program.client}): {_axes_text(program.axes)}"
+            for program in status.programs
+            if program.state in ("running", "held", "paused", "ending")
+        ]
+        self._holders.set_text("; ".join(holders) or "no program holds an axis")
+        if self._link.event_count == self._count:
+            return
+        self._count = self._link.event_count
+        rows = [_row(event, epoch) for event in list(self._link.events)[-SHOWN:]]
+        self._list.set_content("".join(reversed(rows)))
+
+
+def _axes_text(axes: tuple[int, ...]) -> str:
+    return ", ".join(axis_name(axis) for axis in axes)
+
+
+def _row(event: Event, epoch: float) -> str:
+    parts = [event.program, event.client, event.state, event.reason, event.message]
+    if event.fault is not None:
+        parts.append(f"{event.fault.code} {event.fault.message}")
+    if event.percent is not None:
+        parts.append(f"{event.percent:g} %")
+    when = time.strftime("%H:%M:%S", time.localtime(epoch + event.t))
+    rest = html.escape(" · ".join(part for part in parts if part))
+    return f"<div>{when} <b>{html.escape(event.kind)}</b> {rest}</div>"

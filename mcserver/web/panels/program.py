@@ -1,0 +1,227 @@
+"""The program under way, the programs that are kept, and the queue."""
+
+from __future__ import annotations
+
+import html
+from typing import Any
+
+from mcclient import MotionError
+from nicegui import events, ui
+
+from mcserver.errors import McError
+from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.formatting import axis_name, clock_text, current_program, is_live, program_excerpt
+from mcserver.web.jobs import Job, JobState
+from mcserver.web.store import MAX_PROGRAM_BYTES
+from mcserver.web.users import Role
+
+
+class ProgramPanel:
+    """Shows one program; starts, queues, checks and removes the kept ones."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._shown: tuple[object, ...] = ()
+        self._listed: tuple[object, ...] = ()
+        with ui.card().classes("mc-card"):
+            ui.html("<h2>Program</h2>", sanitize=False)
+            self._title = ui.label("no program").classes("font-bold")
+            self._bar = ui.linear_progress(0.0, show_value=False, size="1.2rem").props(
+                'aria-label="progress"'
+            )
+            self._times = ui.label("")
+            self._text = ui.html("", sanitize=False).classes("w-full")
+        with ui.card().classes("mc-card"):
+            ui.html("<h2>Programs and queue</h2>", sanitize=False)
+            ui.upload(
+                label="Upload G-code",
+                auto_upload=True,
+                max_file_size=MAX_PROGRAM_BYTES,
+                on_upload=self._on_upload,
+                on_rejected=lambda: show_refusal("The file is too large", "split the program"),
+            ).props('accept=".gcode,.nc,.ngc,.tap,.txt,.g,text/plain" flat bordered').classes("w-full")
+            with ui.row().classes("items-center w-full"):
+                self._choice = ui.select([], label="Program", with_input=True).classes("grow min-w-40")
+                self._from_line = ui.number("From line", value=1, min=1, format="%d").classes("w-24")
+            with ui.element("div").classes("mc-buttons"):
+                ui.button("Run", on_click=self._queue).props("color=positive")
+                ui.button("Dry run", on_click=self._dry_run).props("outline")
+                ui.button("Delete", on_click=self._delete).props("outline color=negative")
+            self._queue_html = ui.html("", sanitize=False).classes("w-full")
+            self._go_on = ui.button("Start the queue again", on_click=self._start_again).props(
+                "color=warning"
+            )
+            self._report = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
+
+    def update(self) -> None:
+        self._update_program()
+        self._update_store()
+
+    def _update_program(self) -> None:
+        status = self._actions.link.status
+        program = current_program(status)
+        job = self._job(program.program if program is not None else "")
+        running = self._actions.link.jobs.running
+        if running is not None and running.state is JobState.CHECKING:
+            self._title.set_text(f"{running.name} · {running.state.value}")
+            return
+        if program is None:
+            ended = self._actions.link.jobs.ended
+            if ended and ended[0].state is JobState.FAILED:
+                self._show_ended(ended[0])
+            return
+        total = len(job.lines) if job is not None else program.accepted
+        duration = job.duration_s if job is not None else None
+        line = program.line or program.done
+        share = min(1.0, line / total) if total else 0.0
+        if duration and program.eta_s is not None and program.closed:
+            share = max(0.0, min(1.0, 1.0 - program.eta_s / duration))
+        self._title.set_text(
+            f"{program.name or program.program} · {program.state}"
+            + (f" · by {job.user}" if job else f" · by {program.client}")
+        )
+        self._bar.set_value(1.0 if program.state == "finished" else share)
+        remaining = clock_text(program.eta_s) if is_live(program) else "0:00"
+        self._times.set_text(
+            f"line {line} of {total} · {100 * self._bar.value:.0f} % · remaining {remaining}"
+            f" · override {program.override:.0f} %"
+        )
+        faulty = {each.line: each.message for each in program.diagnostics}
+        if program.fault is not None and program.fault.line:
+            faulty[program.fault.line] = program.fault.message
+        shown = (program.program, line, tuple(faulty))
+        if job is not None and shown != self._shown:
+            self._shown = shown
+            self._text.set_content(program_excerpt(job.lines, line, faulty))
+
+    def _show_ended(self, job: Job) -> None:
+        if self._shown == ("ended", job.number):
+            return
+        self._shown = ("ended", job.number)
+        self._title.set_text(f"{job.name} · {job.state.value}")
+        self._times.set_text(job.message + (f" — {job.hint}" if job.hint else ""))
+        faulty = {each.line: each.message for each in job.diagnostics}
+        self._text.set_content(program_excerpt(job.lines, min(faulty, default=1), faulty))
+
+    def _update_store(self) -> None:
+        jobs = self._actions.link.jobs
+        names = tuple(each.name for each in self._actions.link.store.list())
+        queue = tuple((job.number, job.name, job.duration_s) for job in jobs.waiting)
+        ended = tuple((job.number, job.state) for job in jobs.ended)
+        listed = (names, queue, ended, jobs.stopped)
+        self._go_on.set_visibility(jobs.stopped and bool(jobs.waiting))
+        if listed == self._listed:
+            return
+        self._listed = listed
+        self._choice.set_options(
+            list(names), value=self._choice.value if self._choice.value in names else None
+        )
+        rows = [
+            f"<li>{html.escape(job.name)} · {clock_text(job.duration_s)} · by {html.escape(job.user)}</li>"
+            for job in jobs.waiting
+        ]
+        waiting = (
+            f"<p>Waiting, {clock_text(jobs.remaining_s())} in all:</p><ol>{''.join(rows)}</ol>"
+            if rows
+            else ""
+        )
+        done = "".join(f"<li>{_ended_text(job)}</li>" for job in list(jobs.ended)[:5])
+        self._queue_html.set_content(waiting + (f"<p>Ended:</p><ul>{done}</ul>" if done else ""))
+
+    def _job(self, program: str) -> Job | None:
+        jobs = self._actions.link.jobs
+        candidates = ([jobs.running] if jobs.running is not None else []) + list(jobs.ended)
+        return next((job for job in candidates if job.program == program), None)
+
+    async def _on_upload(self, event: events.UploadEventArguments) -> None:
+        if not self._actions.allowed(Role.OPERATOR):
+            return
+        try:
+            content = await event.file.read()
+            self._actions.link.store.write(event.file.name, content)
+        except McError as error:
+            show_refusal(error.message, error.hint)
+            return
+        self._update_store()
+        self._choice.set_value(event.file.name)
+        await self._check(event.file.name, content.decode("utf-8-sig"))
+
+    async def _check(self, name: str, text: str) -> None:
+        """Shows every fault of a text at its place."""
+        try:
+            found = await self._actions.link.connected().check(text)
+        except MotionError as error:
+            show_refusal(error.message, error.hint)
+            return
+        if not found.diagnostics:
+            self._report.set_content(f"<p>{html.escape(name)}: no faults</p>")
+            return
+        rows = [
+            f"<li>line {each.line}, column {each.column}: {html.escape(each.message)} [{each.code}]"
+            + (f"<br>= {html.escape(each.hint)}" if each.hint else "")
+            + "</li>"
+            for each in found.diagnostics[:50]
+        ]
+        faulty = {each.line: each.message for each in found.diagnostics}
+        excerpt = program_excerpt(text.split("\n"), min(faulty), faulty)
+        self._report.set_content(
+            f'<div class="mc-faults"><p>{html.escape(name)}:</p><ul>{"".join(rows)}</ul></div>{excerpt}'
+        )
+
+    def _queue(self) -> None:
+        if not self._actions.allowed(Role.OPERATOR):
+            return
+        if not self._choice.value:
+            show_refusal("No program is chosen", "choose one, or upload it")
+            return
+        try:
+            self._actions.link.jobs.add(
+                self._choice.value, self._actions.visitor.name, int(self._from_line.value or 1)
+            )
+        except (MotionError, McError) as error:
+            show_refusal(error.message, error.hint)
+
+    def _start_again(self) -> None:
+        if self._actions.allowed(Role.OPERATOR):
+            self._actions.link.jobs.start_again()
+
+    def _delete(self) -> None:
+        if self._choice.value and self._actions.allowed(Role.OPERATOR):
+            self._actions.link.store.delete(self._choice.value)
+
+    async def _dry_run(self) -> None:
+        """Simulates the chosen program on the server: its time, each axis's extent, what slows it down."""
+        if not self._choice.value or not self._actions.allowed(Role.OBSERVER):
+            return
+        try:
+            report = await self._actions.link.connected().simulate(
+                self._actions.link.store.read(self._choice.value)
+            )
+        except (MotionError, McError) as error:
+            show_refusal(error.message, error.hint)
+            return
+        if not report["ok"]:
+            first = report["diagnostics"][0]
+            self._report.set_content(
+                f'<div class="mc-faults">line {first["line"]}: {html.escape(first["message"])}'
+                f" [{first['code']}]<br>= {html.escape(first['hint'])}</div>"
+            )
+            return
+        name = html.escape(self._choice.value)
+        self._report.set_content(f"<p>{name}: {clock_text(report['duration_s'])}</p>{_extents_table(report)}")
+
+
+def _ended_text(job: Job) -> str:
+    message = f" · {html.escape(job.message)}" if job.message else ""
+    return f"{html.escape(job.name)} · {job.state.value}{message}"
+
+
+def _extents_table(report: dict[str, Any]) -> str:
+    """HTML: how far each axis goes in a simulation."""
+    rows = "".join(
+        f"<tr><td>{axis_name(int(index))}</td><td class=n>{axis['min']:.3f}</td>"
+        f"<td class=n>{axis['max']:.3f} {axis['unit']}</td></tr>"
+        for index, axis in report["axes"].items()
+    )
+    head = "<tr><th>Axis</th><th class=n>from</th><th class=n>to</th></tr>"
+    return f'<table class="mc-positions">{head}{rows}</table>'

@@ -1,0 +1,83 @@
+"""Logins of browsers: a random cookie each, kept in this process only."""
+
+from __future__ import annotations
+
+import secrets
+from collections import OrderedDict
+from collections.abc import Callable
+
+from mcserver.web.users import Role, User, Users
+
+COOKIE = "mc_session"
+IDLE_S = 12 * 3600.0
+MAX_SESSIONS = 1000
+
+
+class Visitor:
+    """Who looks at a page: a user's name, and what the user may do at this moment."""
+
+    def __init__(self, name: str, role_now: Callable[[], Role | None]) -> None:
+        self.name = name
+        self._role_now = role_now
+
+    def may(self, role: Role) -> bool:
+        """Whether the visitor still has this role: a logout or a removed user ends it at once."""
+        now = self._role_now()
+        return now is not None and now >= role
+
+
+class Sessions:
+    """Who is logged in.
+
+    Args:
+        users: those that may log in; None: everybody is an engineer (loopback only).
+        clock: seconds, never stepping.
+    """
+
+    def __init__(self, users: Users | None, clock: Callable[[], float]) -> None:
+        self._users = users
+        self._clock = clock
+        self._sessions: OrderedDict[str, tuple[str, float]] = OrderedDict()
+
+    @property
+    def needs_login(self) -> bool:
+        return self._users is not None
+
+    def log_in(self, name: str, password: str, address: str) -> str | None:
+        """A new session's token, or None."""
+        if self._users is None:
+            return None
+        user: User | None = self._users.log_in(name, password, address)
+        if user is None:
+            return None
+        token = secrets.token_urlsafe(32)
+        self._sessions[token] = (user.name, self._clock())
+        while len(self._sessions) > MAX_SESSIONS:
+            self._sessions.popitem(last=False)
+        return token
+
+    def log_out(self, token: str) -> None:
+        self._sessions.pop(token, None)
+
+    def visitor(self, token: str) -> Visitor | None:
+        """The visitor with this cookie; None: not logged in."""
+        if self._users is None:
+            return Visitor("local", lambda: Role.ENGINEER)
+        name = self._name(token)
+        return None if name is None else Visitor(name, lambda: self._role(token))
+
+    def _role(self, token: str) -> Role | None:
+        name = self._name(token)
+        return None if name is None or self._users is None else self._users.role_of(name)
+
+    def _name(self, token: str) -> str | None:
+        found = self._sessions.get(token)
+        if found is None:
+            return None
+        name, used_at = found
+        now = self._clock()
+        if now - used_at > IDLE_S:
+            del self._sessions[token]
+            return None
+        self._sessions[token] = (name, now)
+        return name

@@ -1,0 +1,206 @@
+"""The page's process: pages, login and metrics on one ASGI application, served until it is stopped."""
+
+from __future__ import annotations
+
+import asyncio
+import html
+import logging
+import signal
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import parse_qs
+
+import msgspec
+import uvicorn
+from fastapi import FastAPI, Request, Response
+from fastapi.responses import HTMLResponse, RedirectResponse
+from mcclient import MotionError
+from mcclient.keys import live_key
+from nicegui import app as nicegui_app
+from nicegui import ui
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+
+from mcserver.errors import ConfigurationError, ServiceError
+from mcserver.web.fleet import Fleet
+from mcserver.web.fleet_page import FleetPage
+from mcserver.web.machine_page import MachinePage
+from mcserver.web.metrics import metrics_text
+from mcserver.web.sessions import COOKIE, Sessions, Visitor
+from mcserver.web.users import read_users
+
+log = logging.getLogger(__name__)
+
+LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
+MAX_FORM_BYTES = 4096
+STATIC = Path(__file__).parent / "static"
+
+
+class WebOptions(msgspec.Struct, frozen=True):
+    """How the page is served.
+
+    Attributes:
+        host, port: where; port 0 takes a free one. connect: Zenoh endpoints; empty: this computer.
+        config_file: a Zenoh configuration for TLS. users: the password file; None: loopback only, no login.
+        certificate, key: TLS of the page (PEM). folder: uploaded programs.
+        on_ready: called once with the page's address.
+    """
+
+    host: str
+    port: int
+    folder: Path
+    connect: tuple[str, ...] = ()
+    config_file: Path | None = None
+    users: Path | None = None
+    certificate: Path | None = None
+    key: Path | None = None
+    on_ready: Callable[[str], None] | None = None
+
+
+async def serve(options: WebOptions) -> None:
+    """Serves until SIGTERM or SIGINT.
+
+    Raises:
+        ConfigurationError: MC060 the password file, MC064 an address that others reach without a login, TLS.
+        ServiceError: MC065 the address cannot be listened on.
+    """
+    users = None if options.users is None else read_users(options.users, time.monotonic)
+    if users is None and options.host not in LOOPBACK:
+        raise ConfigurationError(
+            "MC064",
+            f"without a login the page is served on this computer only, not on {options.host}",
+            "make a password file with mcserver web --add-user NAME, and give it with --users",
+        )
+    if (options.certificate is None) != (options.key is None):
+        raise ConfigurationError(
+            "MC064", "TLS needs a certificate and its key", "give --certificate and --key"
+        )
+    if users is not None and options.certificate is None and options.host not in LOOPBACK:
+        raise ConfigurationError(
+            "MC064",
+            f"passwords would cross the network to {options.host} in clear text",
+            "give --certificate and --key, or serve on 127.0.0.1 behind a proxy with TLS",
+        )
+    sessions = Sessions(users, time.monotonic)
+    fleet = Fleet(options.connect, options.config_file, options.folder)
+    site = build_site(sessions, fleet, secure=options.certificate is not None, host=options.host)
+    listener = _listen(options.host, options.port)
+    server = uvicorn.Server(
+        uvicorn.Config(
+            site,
+            log_level="warning",
+            lifespan="on",
+            ws_max_size=4 * 1024 * 1024,
+            ssl_certfile=options.certificate,
+            ssl_keyfile=options.key,
+        )
+    )
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: loop.call_soon_threadsafe(setattr, server, "should_exit", True))
+    fleet.start()
+    if options.on_ready is not None:
+        scheme = "https" if options.certificate is not None else "http"
+        options.on_ready(f"{scheme}://{options.host}:{listener.getsockname()[1]}/")
+    try:
+        # not `serve`: it puts handlers of its own in the place of ours, and raises the signal again at last
+        await server._serve(sockets=[listener])
+    finally:
+        await fleet.close()
+
+
+def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> FastAPI:
+    """The application: ``/`` the fleet, ``/machine/{name}``, ``/login``, ``/metrics``."""
+    site = FastAPI(openapi_url=None)
+    if not sessions.needs_login:
+        # a page of another site that resolves its name to this computer must not get in
+        site.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK, "[::1]", host])
+
+    @site.get("/login", response_class=HTMLResponse)
+    def login_form() -> str:
+        return _login_page("")
+
+    @site.post("/login")
+    async def log_in(request: Request) -> Response:
+        body = await request.body()
+        fields = parse_qs(body[:MAX_FORM_BYTES].decode("utf-8", "replace"))
+        name, password = (fields.get(key, [""])[0] for key in ("name", "password"))
+        address = request.client.host if request.client is not None else ""
+        token = await asyncio.to_thread(sessions.log_in, name, password, address)
+        if token is None:
+            return HTMLResponse(
+                _login_page("Wrong name or password, or too many tries: wait half a minute."), 401
+            )
+        response = RedirectResponse("/", 303)
+        response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=secure)
+        return response
+
+    @site.post("/logout")
+    def log_out(request: Request) -> Response:
+        sessions.log_out(request.cookies.get(COOKIE, ""))
+        return RedirectResponse("/login", 303)
+
+    @site.get("/metrics")
+    def metrics(request: Request) -> Response:
+        if sessions.visitor(request.cookies.get(COOKIE, "")) is None and not _from_here(request):
+            return Response("log in, or scrape from this computer", 403)
+        return Response(metrics_text(fleet), media_type="text/plain; version=0.0.4")
+
+    @ui.page("/", title="Machines")
+    def fleet_page(request: Request) -> Response | None:
+        visitor = _visitor(sessions, request)
+        if visitor is None:
+            return RedirectResponse("/login", 303)
+        _head()
+        FleetPage(visitor, fleet)
+        return None
+
+    @ui.page("/machine/{name}", title="Machine")
+    def machine_page(request: Request, name: str) -> Response | None:
+        visitor = _visitor(sessions, request)
+        if visitor is None:
+            return RedirectResponse("/login", 303)
+        _head()
+        ui.page_title(name)
+        try:
+            live_key(name)
+            link = fleet.link(name)
+        except MotionError as error:
+            ui.label(f"{error.message}: {error.hint}")
+            return None
+        MachinePage(visitor, link)
+        return None
+
+    nicegui_app.add_static_files("/mc-static", STATIC)
+    ui.run_with(site, title="Machines", dark=None, show_welcome_message=False, reconnect_timeout=10.0)
+    return site
+
+
+def _visitor(sessions: Sessions, request: Request) -> Visitor | None:
+    return sessions.visitor(request.cookies.get(COOKIE, ""))
+
+
+def _from_here(request: Request) -> bool:
+    return request.client is not None and request.client.host in LOOPBACK
+
+
+def _head() -> None:
+    ui.colors(primary="#1d4ed8", positive="#166534", negative="#b91c1c", warning="#92400e")
+    ui.add_head_html('<link rel="stylesheet" href="/mc-static/page.css"><html lang="en">')
+    ui.add_body_html('<script src="/mc-static/page.js"></script>')
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        return socket.create_server((host, port), family=family, reuse_port=False)
+    except OSError as error:
+        raise ServiceError(
+            "MC065", f"{host}:{port} cannot be listened on: {error.strerror}", "give another --host or --port"
+        ) from error
+
+
+def _login_page(message: str) -> str:
+    alert = f'<p role="alert">{html.escape(message)}</p>' if message else ""
+    return (STATIC / "login.html").read_text("utf-8").replace("<!-- message -->", alert)

@@ -1,0 +1,91 @@
+"""Programs that operators have uploaded, kept as files in one folder beside the page's other state."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from pathlib import Path
+
+import msgspec
+
+from mcserver.errors import ServiceError
+
+MAX_PROGRAM_BYTES = 256 * 1024 * 1024
+MAX_PROGRAMS = 500
+_NAME = re.compile(r"[^/\x00-\x1f\\]{1,120}")
+
+
+class StoredProgram(msgspec.Struct, frozen=True):
+    """One file of the store: bytes, and Unix seconds of its last change."""
+
+    name: str
+    size: int
+    changed_at: float
+
+
+class ProgramStore:
+    """A folder of programs, for one machine.
+
+    Args:
+        folder: made when the first program is written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def list(self) -> list[StoredProgram]:
+        """All of them, the newest first."""
+        if not self._folder.is_dir():
+            return []
+        found = []
+        for entry in os.scandir(self._folder):
+            if entry.is_file(follow_symlinks=False) and not entry.name.startswith("."):
+                status = entry.stat()
+                found.append(StoredProgram(entry.name, status.st_size, status.st_mtime))
+        return sorted(found, key=lambda each: -each.changed_at)
+
+    def write(self, name: str, content: bytes) -> None:
+        """Keeps a program, whole or not at all.
+
+        Raises:
+            ServiceError: MC061 its name, its size, its text or the disk does not allow it.
+        """
+        path = self._path(name)
+        if len(content) > MAX_PROGRAM_BYTES:
+            raise ServiceError(
+                "MC061", f"{name} is larger than {MAX_PROGRAM_BYTES >> 20} MiB", "split the program"
+            )
+        try:
+            content.decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise ServiceError("MC061", f"{name} is not UTF-8 text", "save the file as UTF-8") from error
+        if not path.exists() and len(self.list()) >= MAX_PROGRAMS:
+            raise ServiceError("MC061", f"{MAX_PROGRAMS} programs are kept already", "delete some of them")
+        temporary = path.with_name(f".{path.name}.part")
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            temporary.write_bytes(content)
+            temporary.replace(path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise ServiceError(
+                "MC061", f"{name} could not be kept: {error.strerror}", "make room on the disk"
+            ) from error
+
+    def read(self, name: str) -> str:
+        """The program's text. Raises ServiceError (MC061) where it is gone."""
+        try:
+            return self._path(name).read_text("utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ServiceError("MC061", f"{name} cannot be read: {error}", "upload it again") from error
+
+    def delete(self, name: str) -> None:
+        """Forgets a program; one that is gone already is no error."""
+        self._path(name).unlink(missing_ok=True)
+
+    def _path(self, name: str) -> Path:
+        if not _NAME.fullmatch(name) or name.startswith("."):
+            raise ServiceError("MC061", f"{name!r} cannot be a file's name", "rename the file")
+        return self._folder / name

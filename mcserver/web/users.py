@@ -1,0 +1,165 @@
+"""Who may log in to the page, and what each may do.
+
+The password file has one user a line, ``name:role:salt$hash`` with scrypt's hash (RFC 7914) in hexadecimal.
+"""
+
+from __future__ import annotations
+
+import enum
+import hashlib
+import hmac
+import os
+import re
+import secrets
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from mcserver.errors import ConfigurationError
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,62}")
+# scrypt's cost: some 50 ms and 16 MiB a try, the value that RFC 7914 gives for interactive logins
+_N, _R, _P = 2**14, 8, 1
+# wrong passwords of one name from one address before it has to wait, and how long [s]
+FREE_TRIES = 5
+LOCKOUT_S = 30.0
+REMEMBERED_TRIES = 1024
+
+
+class Role(enum.IntEnum):
+    """What a user may do; each may do all that those before it may."""
+
+    OBSERVER = 1
+    OPERATOR = 2
+    ENGINEER = 3
+
+    @classmethod
+    def of(cls, name: str) -> Role:
+        """Raises ValueError where there is no such role."""
+        try:
+            return cls[name.upper()]
+        except KeyError:
+            raise ValueError(name) from None
+
+
+class User(msgspec.Struct, frozen=True):
+    """One user; ``secret`` is ``salt$hash``."""
+
+    name: str
+    role: Role
+    secret: str
+
+
+class Users:
+    """The users of a password file, and the attempts to log in as one of them.
+
+    Args:
+        users: by name. clock: seconds, never stepping.
+    """
+
+    def __init__(self, users: dict[str, User], clock: Callable[[], float]) -> None:
+        self._users = users
+        self._clock = clock
+        self._tries: OrderedDict[tuple[str, str], tuple[int, float]] = OrderedDict()
+
+    def log_in(self, name: str, password: str, address: str) -> User | None:
+        """The user, or None: wrong name, wrong password, or too many tries of late. Computes some 50 ms."""
+        key = (name, address)
+        tries, since = self._tries.get(key, (0, 0.0))
+        if tries >= FREE_TRIES and self._clock() - since < LOCKOUT_S:
+            return None
+        user = self._users.get(name)
+        # an unknown name costs as much time as a wrong password
+        secret = user.secret if user is not None else "00$00"
+        if _matches(password, secret) and user is not None:
+            self._tries.pop(key, None)
+            return user
+        self._tries[key] = (tries + 1 if tries < FREE_TRIES else 1, self._clock())
+        self._tries.move_to_end(key)
+        while len(self._tries) > REMEMBERED_TRIES:
+            self._tries.popitem(last=False)
+        return None
+
+    def role_of(self, name: str) -> Role | None:
+        """The role that a user has now; None: there is no such user any more."""
+        user = self._users.get(name)
+        return None if user is None else user.role
+
+
+def read_users(path: Path, clock: Callable[[], float]) -> Users:
+    """The users of a password file.
+
+    Raises:
+        ConfigurationError: MC060 it cannot be read, or a line of it is not a user.
+    """
+    try:
+        lines = path.read_text("utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(
+            "MC060",
+            f"the password file {path} cannot be read: {error}",
+            "make it with mcserver web --add-user",
+        ) from error
+    users: dict[str, User] = {}
+    for number, line in enumerate(lines, 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        try:
+            name, role, secret = line.split(":")
+            users[name] = User(name, Role.of(role), secret)
+            salt, digest = secret.split("$")
+            bytes.fromhex(salt + digest)
+        except ValueError as error:
+            raise ConfigurationError(
+                "MC060",
+                f"{path}:{number} is not a user: it has to be name:role:salt$hash",
+                "write it with mcserver web --add-user NAME --role observer|operator|engineer",
+            ) from error
+    if not users:
+        raise ConfigurationError(
+            "MC060", f"the password file {path} has no user", "mcserver web --add-user NAME"
+        )
+    return Users(users, clock)
+
+
+def add_user(path: Path, name: str, role: Role, password: str) -> None:
+    """Writes a user into the file, in place of one of that name; readable by its owner alone.
+
+    Raises:
+        ConfigurationError: MC060 the name or the password does not do, or the file cannot be written.
+    """
+    if not _NAME.fullmatch(name):
+        raise ConfigurationError(
+            "MC060", f"{name!r} cannot be a user's name", "letters, digits, '_', '.', '@', '-'"
+        )
+    if len(password) < 8:
+        raise ConfigurationError("MC060", "the password is shorter than 8 characters", "take a longer one")
+    try:
+        kept = path.read_text("utf-8").splitlines() if path.exists() else []
+        lines = [line for line in kept if line.partition(":")[0] != name]
+        lines.append(f"{name}:{role.name.lower()}:{_secret(password)}")
+        temporary = path.with_name(f"{path.name}.new")
+        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write("\n".join(lines) + "\n")
+        temporary.replace(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(
+            "MC060", f"the password file {path} cannot be written: {error}", "choose another with --users"
+        ) from error
+
+
+def _secret(password: str) -> str:
+    salt = secrets.token_bytes(16)
+    return f"{salt.hex()}${_hash(password, salt).hex()}"
+
+
+def _matches(password: str, secret: str) -> bool:
+    salt, _, digest = secret.partition("$")
+    return hmac.compare_digest(_hash(password, bytes.fromhex(salt)), bytes.fromhex(digest))
+
+
+def _hash(password: str, salt: bytes) -> bytes:
+    return hashlib.scrypt(password.encode("utf-8"), salt=salt, n=_N, r=_R, p=_P, maxmem=64 * 1024 * 1024)

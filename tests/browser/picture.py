@@ -1,0 +1,43 @@
+"""Draws the pictures of docs/web.md: ``python -m tests.browser.picture FOLDER``."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from playwright.sync_api import sync_playwright
+
+from tests.browser.conftest import CHROMIUM, FLAGS, LIMIT_MS, PageProcess
+from tests.e2e.servers import ROOT, ServerProcess
+
+
+def draw(folder: Path) -> None:
+    """``web-machine.png`` while the arcs run, wide, and ``web-phone.png``, narrow."""
+    with tempfile.TemporaryDirectory() as temporary, sync_playwright() as driver:
+        server = ServerProcess(Path(temporary), "cartesian", "cell-1")
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        try:
+            server.start()
+            site = PageProcess(server.endpoint, Path(temporary) / "programs")
+            try:
+                page = browser.new_page(viewport={"width": 1600, "height": 1000})
+                page.set_default_timeout(LIMIT_MS)
+                page.goto(f"{site.url}machine/cell-1")
+                page.locator("input[type=file]").set_input_files(ROOT / "examples" / "arcs.gcode")
+                page.get_by_text("arcs.gcode: no faults").wait_for()
+                page.get_by_role("button", name="Run", exact=True).first.click()
+                page.get_by_text("line 13 of").wait_for()
+                page.screenshot(path=folder / "web-machine.png")
+                page.set_viewport_size({"width": 390, "height": 844})
+                page.wait_for_timeout(1000)
+                page.screenshot(path=folder / "web-phone.png")
+            finally:
+                site.close()
+        finally:
+            browser.close()
+            server.close()
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]))

@@ -1,0 +1,158 @@
+"""The page of all machines, and the login before it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import pytest
+import zenoh
+
+from mcserver.net.messages import AxesStatus, MachineStatus
+from mcserver.web.users import Role, add_user
+from tests.browser.conftest import LIMIT_MS, PageProcess, playwright
+from tests.e2e.servers import ServerProcess
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+else:
+    Page = Any
+
+expect = playwright.expect
+expect.set_options(timeout=LIMIT_MS)
+MACHINES = 20
+
+
+class Answering:
+    """Machines that answer ``status`` and count the holds that they are given."""
+
+    def __init__(self, count: int) -> None:
+        config = zenoh.Config()
+        for key, value in {
+            "mode": "router",
+            "listen/endpoints": ["tcp/127.0.0.1:0"],
+            "adminspace/enabled": True,
+        }.items():
+            config.insert_json5(key, json.dumps(value))
+        config.insert_json5("scouting/multicast/enabled", "false")
+        self.holds: list[str] = []
+        self._session = zenoh.open(config)
+        (admin,) = [
+            reply.ok for reply in self._session.get(f"@/{self._session.zid()}/*") if reply.ok is not None
+        ][:1]
+        self.endpoint: str = msgspec.json.decode(admin.payload.to_bytes())["locators"][0]
+        self._declared = [self._declare(f"cell-{number:02}") for number in range(count)]
+
+    def _declare(self, name: str) -> object:
+        state = "fault" if name == "cell-07" else "ready"
+        status = msgspec.msgpack.encode(
+            MachineStatus(
+                t=0.0,
+                wall=0.0,
+                instance="one",
+                state=state,
+                axes=AxesStatus([], [], [], [], [], []),
+                programs=[],
+                faults=[],
+                override=100.0,
+                late_cycles=0,
+                tools=[],
+            )
+        )
+
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                method = str(query.key_expr).rpartition("/")[2]
+                if method == "hold":
+                    self.holds.append(name)
+                    query.reply(query.key_expr, msgspec.msgpack.encode({"ok": True}))
+                elif method == "status":
+                    query.reply(str(query.key_expr).replace("*", name), status)
+
+        return (
+            self._session.declare_queryable(
+                f"mc/@v1/{name}/@rpc/**", zenoh.handlers.Callback(answer, indirect=False)
+            ),
+            self._session.liveliness().declare_token(f"mc/@v1/{name}/live/{self._session.zid()}"),
+        )
+
+    def close(self) -> None:
+        self._session.close()
+
+
+@pytest.fixture(scope="module")
+def fleet() -> Iterator[Answering]:
+    made = Answering(MACHINES)
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def fleet_site(fleet: Answering, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageProcess]:
+    made = PageProcess(fleet.endpoint, tmp_path_factory.mktemp("programs"))
+    yield made
+    made.close()
+
+
+def test_all_machines_are_shown_searched_and_several_held_after_a_question(
+    page: Page, fleet: Answering, fleet_site: PageProcess
+) -> None:
+    page.goto(fleet_site.url)
+    expect(page.get_by_role("status")).to_have_text(f"{MACHINES} of {MACHINES} online, 1 with faults")
+    page.get_by_label("Search").fill("cell-07")
+    row = page.locator(".ag-center-cols-container [role=row]")
+    expect(row).to_have_count(1)
+    expect(row).to_contain_text("fault")
+    page.locator(".ag-pinned-left-cols-container input[type=checkbox]").check()
+    page.get_by_role("button", name="Hold selected").click()
+    assert fleet.holds == []
+    page.get_by_role("button", name="Hold", exact=True).click()
+    expect(page.get_by_text("1 of 1 machines: hold")).to_be_visible()
+    assert fleet.holds == ["cell-07"]
+
+
+def test_a_wrong_password_is_refused_and_an_observer_may_look_but_not_hold(
+    page: Page, server: ServerProcess, tmp_path: Path
+) -> None:
+    users = tmp_path / "users"
+    add_user(users, "bob", Role.OBSERVER, "battery staple")
+    site = PageProcess(server.endpoint, tmp_path / "programs", "--users", str(users))
+    try:
+        page.goto(f"{site.url}machine/bench")
+        expect(page).to_have_url(f"{site.url}login")
+        page.get_by_label("Name").fill("bob")
+        page.get_by_label("Password").fill("wrong password")
+        page.get_by_role("button", name="Log in").click()
+        expect(page.get_by_role("alert")).to_contain_text("Wrong name or password")
+        page.get_by_label("Name").fill("bob")
+        page.get_by_label("Password").fill("battery staple")
+        page.get_by_role("button", name="Log in").click()
+        expect(page.get_by_role("status")).to_be_visible()
+        page.goto(f"{site.url}machine/bench")
+        page.get_by_role("button", name="Hold", exact=True).click()
+        expect(page.get_by_text("This needs the role operator")).to_be_visible()
+    finally:
+        site.close()
+
+
+def test_a_user_is_added_by_the_command(tmp_path: Path) -> None:
+    file = tmp_path / "users"
+    command = [
+        sys.executable,
+        "-m",
+        "mcserver",
+        "web",
+        "--users",
+        str(file),
+        "--add-user",
+        "ada",
+        "--role",
+        "engineer",
+    ]
+    subprocess.run(command, input="correct horse\n", text=True, check=True)
+    assert file.read_text("utf-8").startswith("ada:engineer:")

@@ -1,0 +1,206 @@
+"""The operator's page of one machine, driven in a browser as an operator would."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mcclient import MachineStatus, sync
+
+from tests.browser.conftest import LIMIT_MS, PageProcess, playwright
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+else:
+    Page = Any
+
+expect = playwright.expect
+expect.set_options(timeout=LIMIT_MS)
+LOOKS = 600
+# a minute at 100 %, with room for a browser on a busy computer
+LONG = "G1010\nG01 X2000 F2000\n"
+
+
+def opened(page: Page, site: PageProcess, ready: str = "ready") -> Page:
+    page.goto(f"{site.url}machine/bench")
+    expect(page.get_by_role("status")).to_have_text(ready)
+    expect(page.locator("[data-jog]").first).to_be_visible()
+    return page
+
+
+def wait_for(machine: sync.Machine, page: Page, wanted: Callable[[MachineStatus], bool]) -> MachineStatus:
+    """The first state that fits; the page goes on meanwhile."""
+    for _ in range(LOOKS):
+        status = machine.status()
+        if wanted(status):
+            return status
+        page.wait_for_timeout(25)
+    raise AssertionError(f"not seen: {status}")
+
+
+def stands(status: MachineStatus) -> bool:
+    return max(map(abs, status.axes.velocity)) < 0.01
+
+
+def at_rest(status: MachineStatus) -> bool:
+    return stands(status) and all(program.ended_at for program in status.programs)
+
+
+def upload(page: Page, name: str, text: str) -> None:
+    page.locator("input[type=file]").set_input_files(
+        {"name": name, "mimeType": "text/plain", "buffer": text.encode()}
+    )
+    expect(page.get_by_label("Program", exact=True)).to_have_value(name)
+
+
+def test_a_file_is_uploaded_run_held_overridden_and_finished(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    upload(page, "three.gcode", LONG)
+    expect(page.get_by_text("three.gcode: no faults")).to_be_visible()
+    page.get_by_role("button", name="Run", exact=True).first.click()
+    expect(page.get_by_role("status")).to_have_text("running")
+    page.get_by_role("button", name="Hold").click()
+    expect(page.get_by_role("status")).to_have_text("held")
+    held = wait_for(machine, page, stands)
+    assert held.programs[0].state == "held"
+    page.get_by_role("button", name="200 %").click()
+    expect(page.get_by_text("Override 200 %")).to_be_visible()
+    page.get_by_role("button", name="Resume").click()
+    expect(page.get_by_text("three.gcode · finished").first).to_be_visible(timeout=LIMIT_MS)
+    assert machine.status().axes.position[0] == pytest.approx(2000.0, abs=0.1)
+
+
+def test_a_fault_in_line_3_is_shown_at_its_place_and_nothing_moves(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    before = machine.status().axes.position
+    upload(page, "wrong.gcode", "G1010\nG01 X10 F600\nG02 X100 Y0 R30\n")
+    expect(page.get_by_text(re.compile(r"line 3, column \d+: .*\[MC104\]"))).to_be_visible()
+    page.get_by_role("button", name="Run", exact=True).first.click()
+    expect(page.get_by_text("wrong.gcode · failed").first).to_be_visible()
+    assert machine.status().axes.position == before
+
+
+def test_an_axis_moves_while_its_jog_button_is_held_and_stops_on_release(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    start = machine.status().axes.position[0]
+    page.get_by_role("button", name="jog axis X plus").hover()
+    page.mouse.down()
+    wait_for(machine, page, lambda status: status.axes.position[0] > start + 20.0)
+    page.mouse.up()
+    wait_for(machine, page, at_rest)
+    assert [program.state for program in machine.programs(ended=False)] == []
+
+
+def test_leaving_the_button_stops_the_axis(page: Page, site: PageProcess, machine: sync.Machine) -> None:
+    opened(page, site)
+    start = machine.status().axes.position[1]
+    page.get_by_role("button", name="jog axis Y plus").hover()
+    page.mouse.down()
+    wait_for(machine, page, lambda status: status.axes.position[1] > start + 5.0)
+    page.mouse.move(5, 500)
+    wait_for(machine, page, at_rest)
+    page.mouse.up()
+
+
+def test_the_keyboard_alone_jogs_while_the_key_is_down(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    start = machine.status().axes.position[2]
+    page.get_by_role("button", name="jog axis Z minus").focus()
+    page.keyboard.down(" ")
+    wait_for(machine, page, lambda status: status.axes.position[2] < start - 5.0)
+    page.keyboard.up(" ")
+    wait_for(machine, page, at_rest)
+
+
+def test_a_lost_link_stops_the_axis_and_nothing_starts_when_it_comes_back(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    start = machine.status().axes.position[0]
+    page.get_by_role("button", name="jog axis X minus").hover()
+    page.mouse.down()
+    wait_for(machine, page, lambda status: status.axes.position[0] < start - 5.0)
+    # a websocket that is open already is not cut by the browser's offline mode: drop its messages
+    page.context.set_offline(True)
+    page.evaluate("window.socket.io.engine.close()")
+    rest = wait_for(machine, page, at_rest).axes.position[0]
+    page.context.set_offline(False)
+    expect(page.get_by_role("status")).to_have_text("ready")
+    page.wait_for_timeout(1000)
+    page.mouse.up()
+    assert machine.status().axes.position[0] == pytest.approx(rest, abs=0.1)
+
+
+def test_a_killed_page_process_stops_the_axis_that_it_jogged(
+    page: Page, server: Any, machine: sync.Machine, tmp_path: Any
+) -> None:
+    mortal = PageProcess(server.endpoint, tmp_path)
+    try:
+        opened(page, mortal)
+        start = machine.status().axes.position[0]
+        page.get_by_role("button", name="jog axis X plus").hover()
+        page.mouse.down()
+        wait_for(machine, page, lambda status: status.axes.position[0] > start + 5.0)
+        mortal.process.kill()
+        wait_for(machine, page, at_rest)
+    finally:
+        mortal.close()
+
+
+def test_the_emergency_stop_is_confirmed_shown_before_all_else_and_reset(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    upload(page, "long.gcode", LONG)
+    page.get_by_role("button", name="Run", exact=True).first.click()
+    expect(page.get_by_role("status")).to_have_text("running")
+    page.get_by_role("button", name="Emergency stop").click()
+    expect(page.get_by_role("status")).to_have_text("EMERGENCY STOP")
+    expect(page.get_by_role("alert").filter(has_text="MC400")).to_be_visible()
+    assert machine.status().state == "estop"
+    wait_for(machine, page, stands)
+    page.get_by_role("button", name="Reset").click()
+    expect(page.get_by_role("status")).to_have_text("ready")
+
+
+def test_a_line_typed_in_runs_and_a_wrong_one_is_shown_with_its_column(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    field = page.get_by_label("G-code line")
+    field.fill("G1020 X12")
+    field.press("Enter")
+    wait_for(machine, page, lambda status: abs(status.axes.position[0] - 12.0) < 0.01)
+    field.fill("G02 X100 Y0 R1")
+    field.press("Enter")
+    expect(page.get_by_text(re.compile(r"\^+ .*\[MC104\]"))).to_be_visible()
+
+
+@pytest.mark.parametrize(("width", "height"), [(360, 740), (1920, 1080)])
+def test_the_emergency_stop_stays_in_view_and_nothing_overflows(
+    page: Page, site: PageProcess, width: int, height: int
+) -> None:
+    page.set_viewport_size({"width": width, "height": height})
+    opened(page, site)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+    expect(page.get_by_role("button", name="Emergency stop")).to_be_in_viewport()
+
+
+def test_the_page_has_no_serious_accessibility_findings(page: Page, site: PageProcess) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+    opened(page, site)
+    expect(page.get_by_label("Choose a file")).to_be_attached()
+    found = axe.Axe().run(page).response["violations"]
+    serious = [each for each in found if each["impact"] in ("serious", "critical")]
+    assert [(each["id"], [node["html"][:200] for node in each["nodes"][:3]]) for each in serious] == []

@@ -1,0 +1,54 @@
+"""Values as operators read them."""
+
+from __future__ import annotations
+
+import pytest
+from mcclient import MachineStatus, ProgramStatus
+from mcclient.types import AxesStatus
+
+from mcserver.web.formatting import banner, clock_text, current_program, position_text, program_excerpt
+
+
+def status(state: str = "ready", *programs: ProgramStatus) -> MachineStatus:
+    return MachineStatus(t=0.0, wall=0.0, instance="i", state=state, axes=AxesStatus(), programs=programs)
+
+
+def program(name: str, state: str, opened_at: float = 0.0) -> ProgramStatus:
+    return ProgramStatus(name, state, opened_at=opened_at)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(None, "–"), (0.0, "0:00"), (65.2, "1:05"), (7384.0, "2:03:04"), (-3.0, "0:00")]
+)
+def test_times_read_as_clocks(seconds: float | None, text: str) -> None:
+    assert clock_text(seconds) == text
+
+
+def test_a_position_has_no_negative_zero() -> None:
+    assert position_text(-0.0001) == "0.000"
+    assert position_text(-0.01) == "-0.010"
+
+
+def test_the_emergency_stop_is_shown_before_all_else() -> None:
+    held = program("a", "held")
+    assert banner(status("estop", held), online=True)[0] == "EMERGENCY STOP"
+    assert banner(status("fault", held), online=True)[0] == "fault"
+    assert banner(status("ready", held), online=True)[0] == "held"
+    assert banner(status("estop"), online=False)[0] == "offline"
+    assert banner(None, online=True)[0] == "offline"
+
+
+def test_the_program_that_runs_is_shown_before_those_that_wait_or_have_ended() -> None:
+    shown = current_program(
+        status("ready", program("old", "finished", 9.0), program("q", "queued"), program("r", "held"))
+    )
+    assert shown is not None
+    assert shown.program == "r"
+    assert current_program(status()) is None
+
+
+def test_a_program_cannot_put_markup_into_the_page() -> None:
+    shown = program_excerpt(["(<script>alert(1)</script>)"], 1, {1: "<b>"})
+    assert "<script>" not in shown
+    assert "<b>" not in shown
+    assert 'class="bad"' in shown

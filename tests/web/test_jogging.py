@@ -1,0 +1,122 @@
+"""Hold-to-jog: what is late or out of turn moves nothing."""
+
+from __future__ import annotations
+
+import asyncio
+
+from mcclient import RequestRefused
+
+from mcserver.web.jogging import HOLD_S, MAX_DELAY_S, DelayGate, HeldJog
+
+
+class Machine:
+    """Notes what it is asked for; ``answers`` are given one after the other."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, object]] = []
+        self.gate = asyncio.Event()
+        self.gate.set()
+        self.ended = False
+
+    async def jog(
+        self,
+        axis: int,
+        distance: float | None = None,
+        *,
+        velocity: float | None = None,
+        hold_s: float | None = None,
+        program: str | None = None,
+    ) -> str:
+        assert distance is None
+        assert hold_s == HOLD_S
+        self.calls.append(("start" if program is None else "keep", (axis, velocity)))
+        await self.gate.wait()
+        if program is not None and self.ended:
+            raise RequestRefused("MC517", "it has ended")
+        return "jog-1"
+
+    async def abort(self, program: str | None = None) -> list[str]:
+        self.calls.append(("abort", program))
+        return [program or ""]
+
+
+class Clock:
+    now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def rig() -> tuple[Machine, Clock, HeldJog, list[str]]:
+    machine, clock, said = Machine(), Clock(), list[str]()
+    return machine, clock, HeldJog(machine, clock, said.append), said
+
+
+async def test_a_press_starts_keeps_hold_and_a_release_aborts() -> None:
+    machine, _, held, _ = rig()
+    await held.press(1, 0, 20.0, 5.0)
+    await held.keep(1, 5.0)
+    await held.release()
+    assert machine.calls == [("start", (0, 20.0)), ("keep", (0, 20.0)), ("abort", "jog-1")]
+
+
+async def test_a_release_while_the_server_answers_ends_the_jog_that_it_started() -> None:
+    machine, _, held, _ = rig()
+    machine.gate.clear()
+    pressing = asyncio.ensure_future(held.press(1, 0, 20.0, 5.0))
+    await asyncio.sleep(0)
+    await held.release()
+    machine.gate.set()
+    await pressing
+    assert machine.calls == [("start", (0, 20.0)), ("abort", "jog-1")]
+    await held.keep(1, 5.0)
+    assert len(machine.calls) == 2
+
+
+async def test_what_was_under_way_for_too_long_starts_and_keeps_nothing() -> None:
+    machine, clock, held, _ = rig()
+    held.observe(5.0)
+    clock.now += 10.0
+    await held.press(1, 0, 20.0, 5.0 + 10.0 - MAX_DELAY_S - 0.1)
+    assert machine.calls == []
+    await held.press(2, 0, 20.0, 15.0)
+    clock.now += 5.0
+    await held.keep(2, 15.2)
+    assert machine.calls == [("start", (0, 20.0))]
+
+
+async def test_a_jog_that_has_ended_is_not_started_again_by_its_keeps() -> None:
+    machine, _, held, _ = rig()
+    await held.press(1, 0, 20.0, 5.0)
+    machine.ended = True
+    await held.keep(1, 5.0)
+    await held.keep(1, 5.0)
+    assert [kind for kind, _ in machine.calls] == ["start", "keep"]
+
+
+async def test_an_old_press_after_a_newer_one_moves_nothing() -> None:
+    machine, _, held, _ = rig()
+    await held.press(2, 0, 20.0, 5.0)
+    await held.press(1, 1, 20.0, 5.0)
+    assert machine.calls == [("start", (0, 20.0))]
+
+
+async def test_a_refusal_is_shown_and_nothing_is_held() -> None:
+    machine, _, held, said = rig()
+
+    async def refuse(*_: object, **__: object) -> str:
+        raise RequestRefused("MC512", "the axis is leased")
+
+    machine.jog = refuse  # type: ignore[method-assign]
+    await held.press(1, 0, 20.0, 5.0)
+    await held.release()
+    assert said == ["the axis is leased"]
+    assert machine.calls == []
+
+
+def test_the_quickest_message_is_the_measure_of_the_others() -> None:
+    gate = DelayGate()
+    assert not gate.is_late(0.0, 100.5)
+    assert not gate.is_late(1.0, 101.0)
+    assert gate.is_late(2.0, 102.0 + MAX_DELAY_S + 0.01)
+    assert not gate.is_late(3.0, 103.0 + MAX_DELAY_S - 0.01)
