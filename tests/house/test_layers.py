@@ -25,7 +25,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("planning",),
     ("service", "simulation"),
     ("net", "plot"),
-    ("view", "doctor"),
+    ("view", "doctor", "web"),
     ("server",),
     ("cli",),
     ("__main__", "__init__"),
