@@ -16,7 +16,20 @@ from typing import Annotated
 import typer
 from mckinematics.errors import KinematicsError
 
-from mcserver.cli import check, doctor, drive_sim, fix, grammar, machine, plot, run, simulate, view, web
+from mcserver.cli import (
+    check,
+    doctor,
+    drive_sim,
+    fix,
+    grammar,
+    machine,
+    plot,
+    run,
+    security,
+    simulate,
+    view,
+    web,
+)
 from mcserver.cli.console import show_error
 from mcserver.cli.exit_codes import ExitCode, OutputFault, exit_code_of
 from mcserver.errors import McError
@@ -63,6 +76,7 @@ def build_app() -> typer.Typer:
     app.command("doctor")(doctor.doctor)
     app.command("drive-sim")(drive_sim.drive_sim)
     app.add_typer(machine.build_app(), name="machine")
+    app.add_typer(security.build_app(), name="security")
     return app
 
 

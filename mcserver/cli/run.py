@@ -60,7 +60,9 @@ def run(
 
     if zenoh is not None and not zenoh.is_file():
         raise ConfigurationError(
-            "MC018", f"there is no Zenoh configuration {zenoh}", "see deploy/zenoh for examples"
+            "MC018",
+            f"there is no Zenoh configuration {zenoh}",
+            "mcserver security init makes one: docs/security.md",
         )
     narrate_logs(verbose)
     options = ServerOptions(

@@ -168,7 +168,9 @@ class _Written:
             return zenoh.Config.from_file(self._path)
         except (zenoh.ZError, OSError, ValueError) as error:
             raise ConfigurationError(
-                "MC521", f"{self._path} is no Zenoh configuration: {error}", "see deploy/zenoh for examples"
+                "MC521",
+                f"{self._path} is no Zenoh configuration: {error}",
+                "mcserver security init makes one: docs/security.md",
             ) from error
 
     def says(self, key: str) -> bool:

@@ -1,0 +1,72 @@
+"""A site with its router, made by the product itself, and a server behind it."""
+
+from __future__ import annotations
+
+import datetime
+import socket
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from mcserver.security.site import Role, Site, User
+from mcserver.security.site_files import ROUTER, configuration_path
+from mcserver.security.site_folder import write_site
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "clients" / "python"))
+
+NOW = datetime.datetime.now(datetime.UTC)
+MACHINE = "bench"
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class RunningSite:
+    """A folder and the router that runs with it."""
+
+    def __init__(self, folder: Path, *, passwords: bool = False) -> None:
+        self.folder = folder
+        self.site = Site(
+            "127.0.0.1",
+            port=free_port(),
+            machines=(MACHINE, "other"),
+            users=(
+                User("alice", Role.OPERATOR, (MACHINE,)),
+                User("bob", Role.OBSERVER),
+                User("eve", Role.ENGINEER),
+                User("bot", Role.AGENT, (MACHINE,)),
+            ),
+            passwords=passwords,
+        )
+        write_site(folder, self.site, NOW)
+        config = zenoh.Config.from_file(self.path(ROUTER))
+        config.insert_json5("listen/endpoints", f'["{self.site.endpoint}"]')
+        self._sessions = [zenoh.open(config)]
+
+    def path(self, identity: str) -> Path:
+        return configuration_path(self.folder, identity)
+
+    def session(self, identity: str, **settings: str) -> zenoh.Session:
+        """A plain session with this identity's configuration."""
+        config = zenoh.Config.from_file(self.path(identity))
+        for key, value in {"connect/timeout_ms": "3000", **settings}.items():
+            config.insert_json5(key, value)
+        self._sessions.append(zenoh.open(config))
+        return self._sessions[-1]
+
+    def close(self) -> None:
+        for session in reversed(self._sessions):
+            session.close()  # type: ignore[no-untyped-call]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSite]:
+    site = RunningSite(tmp_path_factory.mktemp("site"))
+    yield site
+    site.close()
