@@ -74,8 +74,8 @@ $(BIN)/python:
 $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
 	$(PIP) install --quiet --editable '.[kinematics,plot]'
 	$(PIP) install --quiet --editable '$(SDK)[cli]'
-	@echo "compiling the planner, once"
-	@$(BIN)/python -c 'from mcserver.motion.warm_up import warm_up; warm_up()'
+	@echo "compiling the planner, once for this computer"
+	@$(BIN)/python -m mcserver.motion.warm_up
 	@touch $@
 
 $(VENV)/.for-development: $(VENV)/.for-demo

@@ -43,11 +43,11 @@ def plot(
     program = load_program(file)
     if program.faults:
         reject(program.faults, program)
+    prepare_planner(len(program.lines))
     from mcserver.plot.scene import build_scene
     from mcserver.simulation.simulation import simulate
 
     kinematics = build_kinematics(described)
-    prepare_planner()
     with live_progress() as progress:
         simulation = simulate(program.text, described, kinematics=kinematics, progress=progress, record=True)
     diagnostics = diagnostics_of(simulation.report)

@@ -47,10 +47,10 @@ def simulate_program(
             if json:
                 write_json({**NOTHING_SIMULATED, "diagnostics": [each.as_json() for each in program.faults]})
             reject(program.faults, program)
+        prepare_planner(len(program.lines))
         from mcserver.simulation.simulation import simulate
 
         kinematics = build_kinematics(described)
-        prepare_planner()
         with live_progress() as progress:
             simulation = simulate(
                 program.text,

@@ -1,7 +1,137 @@
-"""What is told where the planner's loops have to be compiled first; light, for those who only wait for it."""
+"""The first start after an installation: who compiles the kernels, who waits for it, and who need not.
+
+Light, for those who only wait for it: neither numba nor a kernel is imported here.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+
+from mcserver.motion.kernels.cache_folder import cache_folder, read, write
+
 COMPILING = "compiling the planner for this computer: once, some 30 seconds …"
+PLAIN = "planning without machine code, which is made in the background, once for this computer"
 # A start from the cache is over before this [s].
 PATIENCE_S = 3.0
+# Lines of a program that are planned in less time than compiling takes, at 5-50 ms a line.
+SHORT_LINES = 300
+# Of the process that compiles in the background.
+NICE = 10
+_LOCK = "compiling.lock"
+# The argument of that process.
+BACKGROUND = "background"
+
+
+def plain_kernels() -> bool:
+    """Return whether kernels run as plain Python: ``NUMBA_DISABLE_JIT=1``."""
+    return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
+def kernels_kept() -> bool:
+    """Return whether all kernels of these sources are in the cache, for this computer."""
+    return read(_marker()) is not None
+
+
+def note_kernels_kept() -> None:
+    """Note that all kernels of these sources are in the cache."""
+    write(_marker(), b"complete")
+
+
+def _marker() -> str:
+    """Name the file that says so: by the sources around the kernels, versions, and processor."""
+    digest = hashlib.sha256()
+    folder = Path(__file__).parent
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode())
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    for each in ("numba", "llvmlite", "numpy"):
+        digest.update(version(each).encode())
+    digest.update(f"{sys.version} {platform.machine()} {_processor()}".encode())
+    return f"complete-{digest.hexdigest()[:40]}"
+
+
+def _processor() -> str:
+    """Return the processor's model and features: a cache may be on a disk that several computers share."""
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return " ".join(
+            sorted({each for each in lines if each.startswith(("model name", "flags", "Features"))})
+        )
+    return platform.processor()
+
+
+def use_plain_kernels() -> bool:
+    """Let this process run kernels as plain Python; return whether that is still possible.
+
+    It is not where they have been imported already.
+    """
+    if "mcserver.motion.kernels.compiled" in sys.modules:
+        return False
+    os.environ["NUMBA_DISABLE_JIT"] = "1"
+    return True
+
+
+def start_compiling() -> None:
+    """Start a process that compiles all kernels and outlives this one, unless one is at it.
+
+    None is started where nothing could be kept.
+    """
+    if cache_folder() is not None:
+        with compiling_alone(wait=False) as alone:
+            if not alone:
+                return
+        start_warm_up(BACKGROUND)
+
+
+def start_warm_up(part: str) -> subprocess.Popen[bytes]:
+    """Start ``python -m mcserver.motion.warm_up`` with a part, or in the background."""
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join(os.path.abspath(path) for path in sys.path))
+    environment.pop("NUMBA_DISABLE_JIT", None)
+    detached = part == BACKGROUND
+    return subprocess.Popen(
+        [sys.executable, "-m", "mcserver.motion.warm_up", part],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL if detached else None,
+        env=environment,
+        start_new_session=detached,
+        cwd="/" if detached else None,
+    )
+
+
+@contextlib.contextmanager
+def compiling_alone(*, wait: bool = True) -> Iterator[bool]:
+    """Wait until no other process of this user compiles: several first starts share what one has made.
+
+    Yields:
+        Whether none does; where nothing can be locked, none is known of.
+    """
+    folder = cache_folder()
+    if folder is None or sys.platform == "win32":
+        yield True
+        return
+    with contextlib.ExitStack() as stack:
+        yield _locked(folder, stack, wait)
+
+
+def _locked(folder: Path, stack: contextlib.ExitStack, wait: bool) -> bool:
+    import fcntl
+
+    try:
+        # closing it ends the lock, as the end of a process does
+        lock = stack.enter_context((folder / _LOCK).open("ab"))
+        fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BlockingIOError:
+        return False
+    except OSError:
+        # read-only, or a disk that knows no locks
+        return True
+    return True

@@ -1,17 +1,36 @@
-"""Gets the planner ready before its first line: its loops are compiled or read from the cache."""
+"""Get the planner ready before its first line: its loops are compiled or read from the cache.
+
+``python -m mcserver.motion.warm_up`` does so for the processes that come after it.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
+import subprocess
+import sys
+from enum import Enum
 
 import numpy as np
 
 from mcserver.motion.canonical import FeedGroup, PlainRun
+from mcserver.motion.compiling import (
+    BACKGROUND,
+    NICE,
+    compiling_alone,
+    kernels_kept,
+    note_kernels_kept,
+    plain_kernels,
+    start_warm_up,
+)
 from mcserver.motion.geometry.blend import straight_blend
 from mcserver.motion.geometry.blend_choice import HANDLE, TOLERANCE_SHARES, best_blend
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
-from mcserver.motion.kernels.compiled import compiles
+from mcserver.motion.kernels.cache_folder import cache_folder, remove_unused
+from mcserver.motion.kernels.corner_trajectory import path_deviation_of
+from mcserver.motion.kernels.min_time_trajectories import PHASES, min_time_trajectories
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.path_limits import AccelerationLimit
 from mcserver.motion.profile.setpoint_sampling import sample
@@ -19,15 +38,57 @@ from mcserver.motion.profile.speed_ramps import min_time_profiles
 from mcserver.motion.profile.velocity_profile import join
 
 _SLOTS = {0: 0, 1: 1}
+# A helper that takes longer is not waited for [s].
+_HELPER_S = 300.0
+
+
+class Part(Enum):
+    """What is compiled at one time, by one process."""
+
+    LINES = "lines"
+    CORNERS = "corners"
 
 
 def warm_up() -> None:
-    """Plans a few lines of no machine. Takes some 30 s once for each installation, then half a second.
+    """Read all kernels from the cache, which takes half a second, or compile them.
 
     All that a program may ask for is called here: what is compiled while one runs makes its motion wait.
     """
-    if not compiles():
+    if plain_kernels():
         return
+    if kernels_kept():
+        _call(*Part)
+        return
+    with compiling_alone():
+        if not kernels_kept():
+            _compile()
+            return
+    _call(*Part)
+
+
+def _compile() -> None:
+    """Compile in two processes: what both of them need is compiled by the one that comes to it first."""
+    helper = start_warm_up(Part.CORNERS.value) if _cores() > 1 and cache_folder() else None
+    try:
+        _call(Part.LINES)
+        if helper is not None:
+            # what it has not made, or could not keep, is compiled here
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                helper.wait(_HELPER_S)
+        _call(Part.CORNERS)
+    finally:
+        if helper is not None:
+            helper.kill()
+            helper.wait()
+    remove_unused()
+    note_kernels_kept()
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1
+
+
+def _call(*parts: Part) -> None:
     limits = AxisLimits(
         velocity=np.array([1.0, 1.0]),
         acceleration=np.array([1.0, 1.0]),
@@ -35,6 +96,15 @@ def warm_up() -> None:
         cycle=1e-3,
         weights=np.ones(2),
     )
+    if Part.LINES in parts:
+        _plan_lines(limits)
+    if Part.CORNERS in parts:
+        _find_trajectories()
+        _round_corners(limits)
+
+
+def _plan_lines(limits: AxisLimits) -> None:
+    """Plan straight and other segments, sample them, and find times on them."""
     window = Lookahead(limits)
     position = np.zeros(2)
     points = np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01]])
@@ -60,7 +130,6 @@ def warm_up() -> None:
     quickest = min_time_profiles(0.01, 0.0, 0.0, [AccelerationLimit(0.1, 1.0, 10.0)])
     assert quickest is not None
     join(quickest).time_at(np.array([0.0, 0.01]))
-    _round_corners(limits)
 
 
 def _segment(group: FeedGroup, line: int, position: Array) -> Segment:
@@ -69,8 +138,16 @@ def _segment(group: FeedGroup, line: int, position: Array) -> Segment:
     return segment
 
 
+def _find_trajectories() -> None:
+    """Find trajectories about a corner, which needs nothing that planning lines needs."""
+    trajectories = np.zeros((2, PHASES, 5))
+    pair = np.ones((2, 2))
+    min_time_trajectories(np.ones((2, 5)), pair, 1.0, True, trajectories)
+    path_deviation_of(trajectories, 1.0, np.ones((3, 2)), 0.0, np.ones(2), np.ones(2), pair, pair, 1e-3)
+
+
 def _round_corners(limits: AxisLimits) -> None:
-    """A corner of two lines, and one of a line and an arc."""
+    """Round a corner of two lines, and one of a line and an arc."""
     turn = math.pi / 2.0
     seconds: tuple[Curve, ...] = (
         LineCurve((0, 1), (0.01, 0.0), (0.01, 0.01), 0.01),
@@ -90,3 +167,22 @@ def _round_corners(limits: AxisLimits) -> None:
         run = window.plan()
         assert run.timed.any()
         sample(run, 0.0, 1, math.ceil(run.phases.duration / limits.cycle), limits.cycle)
+
+
+def main(part: str | None = None) -> None:
+    """Compile a part, or all of it; in the background only where no other process does."""
+    if part == BACKGROUND:
+        # those who wait for something come first
+        os.nice(NICE)
+        with compiling_alone(wait=False) as alone:
+            if not alone:
+                return
+        warm_up()
+    elif part is not None:
+        _call(Part(part))
+    else:
+        warm_up()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,4 +1,4 @@
-"""Kernels: compiled with and without a place for the cache, and the same as plain Python."""
+"""Kernels: all of them are warm after warming up, in bounds, and the same as plain Python."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numba
 import pytest
-
-from mcserver.motion.kernels.compiled import compiled
 
 PLAN = """
 import numpy as np
@@ -59,23 +56,6 @@ after = called()
 late = {name: after[name] for name in after if after[name] != before.get(name)}
 print(json.dumps({"faults": faults, "kernels": len(after), "late": late}))
 """
-
-
-def test_a_place_for_the_cache_is_not_needed(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = numba.njit
-
-    def without_cache(*arguments: Any, cache: bool = False, **options: Any) -> Any:
-        if not cache:
-            return plain(*arguments, **options)
-
-        def refuse(function: Any) -> Any:
-            raise RuntimeError(f"cannot cache function {function.__name__!r}: no locator available")
-
-        return refuse
-
-    monkeypatch.setattr(numba, "njit", without_cache)
-    halved = compiled(lambda x: x / 2.0)
-    assert halved(3.0) == 1.5
 
 
 def test_kernels_that_run_as_python_plan_the_same() -> None:

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-import numba
+from mcserver.motion.compiling import plain_kernels
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def compiles() -> bool:
-    """Whether kernels are compiled at all: ``NUMBA_DISABLE_JIT=1`` runs them as plain Python."""
-    return not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
-
-
 def compiled(function: _Function) -> _Function:
-    """Compiles at the first call, keeps the result on disk, and lets other threads run meanwhile.
+    """Compile at the first call, keep the machine code on disk, and let other threads run meanwhile.
 
-    Divisions by zero give infinities as in numpy. The result is kept in ``__pycache__``, ``$NUMBA_CACHE_DIR``
-    or in the user's cache folder; where none of them can be written, each start compiles anew.
+    Divisions by zero give infinities as in numpy. A kernel whose name begins with an underscore can be called
+    from other kernels only: it has no entry from Python, which takes a quarter of the time to compile.
+    Where and under which key the code is kept: `mcserver.motion.kernels.kernel_cache`.
     """
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-    with contextlib.suppress(RuntimeError):
-        # raised here, and not at the call, where there is no place for the cache
-        return cast(_Function, numba.njit(cache=True, **options)(function))
-    return cast(_Function, numba.njit(**options)(function))
+    if plain_kernels():
+        return function
+    import numba
+
+    from mcserver.motion.kernels.kernel_cache import KernelCache
+
+    options: dict[str, Any] = {
+        "nogil": True,
+        "error_model": "numpy",
+        "no_cfunc_wrapper": True,
+        "no_cpython_wrapper": function.__name__.startswith("_"),
+    }
+    dispatcher: Any = numba.njit(**options)(function)
+    # what njit(cache=True) sets, with numba's own cache
+    dispatcher._cache = KernelCache(function)
+    return cast(_Function, dispatcher)

@@ -1,0 +1,84 @@
+"""Machine code of kernels, kept on disk from one process to the next.
+
+numba's own cache looks at the file of a function, not at the functions that it calls (numba #1833), and two
+processes that save two signatures of one function at once may swap them. Here the name of a file is a digest
+of everything that its content depends on: it is never out of date, and nobody removes files by hand.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import logging
+import pickle
+import platform
+from collections.abc import Callable
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from numba.core import sigutils
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from mcserver.motion.kernels.cache_folder import read, write
+from mcserver.motion.kernels.function_digest import function_digest
+
+log = logging.getLogger(__name__)
+
+# Settings of numba that change the code that it makes.
+_SETTINGS = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "ENABLE_AVX")
+
+
+class KernelCache:
+    """The machine code of one kernel for all of its signatures, as a dispatcher of numba asks for it."""
+
+    cache_path = None
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    @functools.cached_property
+    def _digest(self) -> str:
+        """At the first call, when all kernels that it calls are there."""
+        settings = [str(getattr(numba.config, each, None)) for each in _SETTINGS]
+        versions = [platform.python_implementation(), platform.python_version(), numba.__version__]
+        versions += [llvmlite.__version__, np.__version__]
+        parts = [function_digest(self._function), *versions, *settings]
+        return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+    def _name(self, signature: Any, codegen: Any) -> str:
+        arguments, returned = sigutils.normalize_signature(signature)
+        # the processor and what it can do
+        parts = [self._digest, repr(codegen.magic_tuple()), str(returned), *(str(each) for each in arguments)]
+        digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()
+        return f"{self._function.__name__.strip('<>')}-{digest[:40]}"
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """Return what was compiled for a signature; None: it has to be compiled."""
+        target.refresh()
+        content = read(self._name(signature, target.codegen()))
+        if content is None:
+            return None
+        try:
+            return CompileResult._rebuild(target, *pickle.loads(content))
+        except Exception as error:
+            # whatever it is, it can be compiled
+            log.debug("%s: kept machine code cannot be read: %s", self._function.__name__, error)
+            return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep what was compiled, where it can be kept."""
+        if result.library.has_dynamic_globals or any(not each.can_cache for each in result.lifted):
+            return
+        write(self._name(signature, result.codegen), dumps(result._reduce()))
+
+    def enable(self) -> None:
+        """Do nothing: it is on."""
+
+    def disable(self) -> None:
+        """Do nothing: names are digests, so what is kept is right."""
+
+    def flush(self) -> None:
+        """Do nothing: names are digests, so what is kept is right."""
