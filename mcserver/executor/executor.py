@@ -75,6 +75,7 @@ class Executor:
         self._stop_seen = self._reset_seen = 0
         self._estop_seen = mailbox.estop
         self._reset_wanted = 0
+        self._reset_estop = self._estop_seen
         self._hold = False
         self._override = 1.0
         # position motions that outlive their program
@@ -183,6 +184,7 @@ class Executor:
         if machine.reset != self._reset_seen:
             self._reset_seen = machine.reset
             self._reset_wanted |= machine.reset_mask & self.bank.all | _RESET_ASKED
+            self._reset_estop = machine.reset_estop
 
     def _stop(self, state: SlotState) -> None:
         owned = 0
@@ -213,6 +215,12 @@ class Executor:
             still = (bank.energized | bank.starting) & ~stopping & ~self.motions.mask
             if still:
                 bank.off(still)
+        if self._reset_estop < self._estop_seen:
+            # asked for before the latest stop, which nobody has reset
+            self._reset_wanted = 0
+        elif self._reset_estop > self._estop_seen:
+            # a stop that came before it is seen in the next cycle
+            return
         if self._reset_wanted and not (self._cycle.estop and (stopping or self.motions.mask)):
             mask = self._reset_wanted & bank.fault
             self._reset_wanted = 0

@@ -25,7 +25,7 @@ from mcserver.net.inbox import Inbox
 from mcserver.net.keys import Keys
 from mcserver.net.messages import EstopRequest, StreamLines
 from mcserver.net.methods import Bench, Methods
-from mcserver.net.qos import ack_qos, event_qos
+from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
 from mcserver.net.rpc import RpcServer
 from mcserver.net.session import Publication, ZenohSession
 from mcserver.net.telemetry import Telemetry
@@ -63,6 +63,7 @@ class MachineEndpoint:
         self._decode_stop = MessageDecoder(EstopRequest)
         self._refused = DefectLog(log)
         self._events: Publication = session.recoverable_publisher(keys.event, event_qos())
+        self._confirmations: Publication = session.publisher(keys.event, emergency_stop_qos())
         self._acks: dict[str, Publication] = {}
         self._rpc: RpcServer | None = None
         self._telemetry: asyncio.Task[None] | None = None
@@ -110,7 +111,11 @@ class MachineEndpoint:
             publisher.undeclare()
 
     def publish_event(self, event: Event) -> None:
-        self._put(self._events, self._encode(event))
+        payload = self._encode(event)
+        self._put(self._events, payload)
+        if event.kind == "estop":
+            # the confirmation of a stop must not be dropped: once more, waiting for room, and not in the loop
+            self._loop.run_in_executor(None, self._put, self._confirmations, payload)
 
     def _put(self, publisher: Publication, payload: bytes) -> None:
         try:

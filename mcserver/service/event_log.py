@@ -35,6 +35,10 @@ class EventLog:
         self._publish(event)
         return event
 
+    def repeat(self, event: Event) -> None:
+        """Publish an event again under its number; who has had it knows that by the number."""
+        self._publish(event)
+
     @property
     def oldest(self) -> int:
         """Number of the first event that is still kept."""

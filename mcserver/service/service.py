@@ -26,6 +26,8 @@ OPEN_PROGRAMS = 64
 VERDICT_LIMIT_S = 0.05
 SHOWN_ENDED_S = 10.0
 STOP_LIMIT_S = 3.0
+# Time between two confirmations of one emergency stop [s]
+CONFIRM_PERIOD_S = 0.1
 
 
 class MachineService:
@@ -60,7 +62,9 @@ class MachineService:
         self._table = ProgramTable(port, planning.planner, options, on_ack=on_ack, on_event=on_event)
         self._planning = planning
         self._counter = 0
-        self._estop = False
+        # the event of the stop that is latched
+        self._estop: Event | None = None
+        self._confirmed = 0.0
         self._stopping = False
         self._all_axes = tuple(axis.index for axis in machine.axes)
 
@@ -330,11 +334,11 @@ class MachineService:
     # ------------------------------------------------------------ the machine
 
     def emergency_stop(self, client: str, reason: str) -> None:
-        """Latches the stop, here and in the executor; again is no harm."""
+        """Latch the stop, here and in the executor; a stop that is latched already is confirmed again."""
         self.port.emergency_stop()
-        if self._estop:
+        if self._estop is not None:
+            self._confirm_stop(self._estop)
             return
-        self._estop = True
         fault = Fault(
             code="MC400",
             message="emergency stop" + (f": {reason}" if reason else ""),
@@ -342,10 +346,17 @@ class MachineService:
             t=self.now(),
         )
         self._table.faults.latch(fault)
-        self.events.publish("estop", reason=reason, client=client or None)
+        self._estop = self.events.publish("estop", reason=reason, client=client or None)
+        self._confirmed = self._loop.time()
         for program in list(self._table.programs.values()):
             if not program.ended:
                 self._table.stop(program, "faulted", "emergency stop", fault)
+
+    def _confirm_stop(self, event: Event) -> None:
+        """Publish the event of the latched stop again, under its number; seldom, however many ask for it."""
+        if self._loop.time() - self._confirmed >= CONFIRM_PERIOD_S:
+            self._confirmed = self._loop.time()
+            self.events.repeat(event)
 
     def reset(self, axes: Sequence[int] | None) -> None:
         """Clears the latch; axes stay without energy.
@@ -357,13 +368,13 @@ class MachineService:
         if any(program.state == "ending" for program in self._table.programs.values()):
             raise Refused("MC509", "motion is still coming to rest", "try again in a moment", faults=[])
         self.port.reset(frozenset(wanted))
-        self._estop = False
+        self._estop = None
         self._table.faults.clear()
         self.events.publish("reset", message="the latch is cleared")
 
     @property
     def state(self) -> MachineState:
-        if self._estop:
+        if self._estop is not None:
             return "estop"
         return "fault" if self._table.faults else "ready"
 
@@ -373,7 +384,7 @@ class MachineService:
 
     def refresh_faults(self, states: Mapping[int, AxisState]) -> None:
         """Drops the faults of axes that a G1000 has cleared, and of lines that no axis has latched."""
-        if not self._estop and self._table.faults.forget_cleared(states):
+        if self._estop is None and self._table.faults.forget_cleared(states):
             self.events.publish("reset", message="the latch is cleared")
 
     def holder(self, axis: int) -> str | None:
@@ -457,7 +468,7 @@ class MachineService:
     def _ready(self) -> None:
         if self._stopping:
             raise Refused("MC515", "the server is stopping", "wait for its next start")
-        if self._estop:
+        if self._estop is not None:
             raise Refused(
                 "MC509",
                 "the emergency stop is latched",

@@ -115,7 +115,7 @@ async def test_every_request_twice_acts_once(wire: WireClient, machine: Machine)
     await twice("estop", reason="twice")
     await events.first(lambda each: each["kind"] == "estop")
     await reset_when_at_rest(wire, next(numbers))
-    assert [each["kind"] for each in events.all].count("estop") == 1
+    assert len({each["seq"] for each in events.all if each["kind"] == "estop"}) == 1
     assert (await machine.status()).state == "ready"
 
 

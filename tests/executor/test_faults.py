@@ -263,3 +263,33 @@ def test_an_axis_that_was_captured_outside_its_travel_may_come_back() -> None:
     rig.run()
     assert not rig.of(EventKind.FAULT)
     assert rig.setpoint[-1, 0] == 0.05
+
+
+def test_a_reset_that_waits_for_rest_does_not_clear_a_later_emergency_stop() -> None:
+    rig, _bus = moving()
+    mailbox = rig.executor.mailbox
+    mailbox.emergency_stop()
+    rig.step(5)
+    mailbox.reset()
+    rig.step(5)
+    mailbox.emergency_stop()
+    rig.run()
+    rig.step(200)
+    assert rig.executor.feedback.estop
+    mailbox.reset()
+    rig.step(5)
+    assert not rig.executor.feedback.estop
+
+
+def test_of_a_reset_and_a_stop_in_one_cycle_the_later_one_holds() -> None:
+    for stop_last in (True, False):
+        rig, _bus = moving()
+        rig.run()
+        mailbox = rig.executor.mailbox
+        orders = (
+            [mailbox.reset, mailbox.emergency_stop] if stop_last else [mailbox.emergency_stop, mailbox.reset]
+        )
+        for order in orders:
+            order()
+        rig.step(50)
+        assert rig.executor.feedback.estop is stop_last

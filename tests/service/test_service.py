@@ -13,6 +13,7 @@ from mcserver.errors import RejectedLines, ServiceError
 from mcserver.executor.entries import EventKind
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.service.journal_file import open_journal
+from mcserver.service.service import CONFIRM_PERIOD_S
 from tests.service.conftest import LIMIT_S, Bench
 from tests.service.fakes import executed_lines
 
@@ -246,6 +247,20 @@ async def test_an_emergency_stop_is_latched_confirmed_once_and_ends_programs(ben
     assert refused.value.code == "MC509"
     bench.service.reset(None)
     assert bench.service.state == "ready"
+
+
+async def test_a_stop_that_is_latched_already_is_confirmed_again_under_its_number(bench: Bench) -> None:
+    bench.service.emergency_stop("hmi", "door")
+    await asyncio.sleep(CONFIRM_PERIOD_S)
+    for _ in range(50):
+        bench.service.emergency_stop("other", "door")
+    stops = [event for event in bench.events if event.kind == "estop"]
+    assert len(stops) == 2
+    assert stops[0] == stops[1]
+    bench.service.reset(None)
+    bench.service.emergency_stop("hmi", "again")
+    assert bench.events[-2].kind == "reset"
+    assert bench.events[-1].seq == stops[0].seq + 2
 
 
 async def test_reset_waits_for_motion_to_come_to_rest(bench: Bench) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 SLOTS = 8
 
 _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _EXECUTOR_BEAT = range(9)
-_EXECUTOR_STATE, _QUIT, _EPOCH = 9, 10, 11
+_EXECUTOR_STATE, _QUIT, _EPOCH, _RESET_ESTOP = 9, 10, 11, 12
 _HEAD = 16
 _S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_GENERATION, _S_AXES, _S_ROWS, _S_CONTROLS = range(8)
 _SLOT = 16
@@ -39,13 +39,18 @@ class SlotOrders:
 
 @dataclass(frozen=True)
 class MachineOrders:
-    """What the whole machine is told."""
+    """Orders to the whole machine.
+
+    Attributes:
+        reset_estop: emergency stops asked for before the reset was; it clears none of the later ones.
+    """
 
     override: float
     hold: bool
     stop: int
     reset: int
     reset_mask: int
+    reset_estop: int
 
 
 def mailbox_size(slots: int = SLOTS) -> int:
@@ -154,9 +159,11 @@ class CommandMailbox:
         self._count(_ESTOP)
 
     def reset(self, mask: int = _ALL) -> None:
-        """Clears the emergency stop and the latched faults of the columns in ``mask``."""
+        """Clear the emergency stop and the latched faults of the columns in ``mask``, unless a stop comes
+        before the executor has done so."""
         with self._lock:
             self._words[_RESET_MASK] = _signed(mask)
+            self._words[_RESET_ESTOP] = self._words[_ESTOP]
             self._words[_RESET] += 1
             self._words[_CHANGES] += 1
 
@@ -218,7 +225,12 @@ class CommandMailbox:
         # missed
         reset = words[_RESET]
         return MachineOrders(
-            self._numbers[_OVERRIDE], words[_HOLD] != 0, words[_STOP], reset, words[_RESET_MASK] & _ALL
+            self._numbers[_OVERRIDE],
+            words[_HOLD] != 0,
+            words[_STOP],
+            reset,
+            words[_RESET_MASK] & _ALL,
+            words[_RESET_ESTOP],
         )
 
     def slot_orders(self, slot: int) -> SlotOrders:
