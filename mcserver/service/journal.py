@@ -21,6 +21,7 @@ from pathlib import Path
 
 import msgspec
 
+from mcserver.service.journal_check import row_checksum
 from mcserver.service.journal_file import JournalBounds, JournalConnection, Statement, open_journal, prune
 from mcserver.service.reports import Fault, LineReport, ProgramState
 
@@ -28,7 +29,7 @@ SYNC_PERIOD_S = 0.25
 BATCH = 2000
 RETRY_S = 0.5
 CHECKPOINT_PERIOD_S = 5.0
-INSERT_LINES = "INSERT INTO chunks(program, first, last, lines) VALUES (?,?,?,?)"
+INSERT_LINES = "INSERT INTO chunks(program, first, last, lines, crc) VALUES (?,?,?,?,?)"
 PRUNE_PERIOD_S = 30.0
 
 OnCommitted = Callable[[], None]
@@ -99,23 +100,12 @@ class Journal:
         """Records a program; ``before`` are its lines 1 … start_line - 1, for a later resumption."""
         if before:
             self.lines(program, 1, before)
+        named = ",".join(map(str, axes))
+        lasting = (program, instance, client, name, named, start_line, on_disconnect, resume_of, at)
         self._put(
             "INSERT INTO programs(program, instance, client, name, axes, start_line, on_disconnect,"
-            " resume_of, opened_at, accepted, started, done) VALUES (?,?,?,?,?,?,?,?,?,?,?,?)",
-            (
-                program,
-                instance,
-                client,
-                name,
-                ",".join(map(str, axes)),
-                start_line,
-                on_disconnect,
-                resume_of,
-                at,
-                start_line - 1,
-                0,
-                start_line - 1,
-            ),
+            " resume_of, opened_at, accepted, started, done, crc) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)",
+            (*lasting, start_line - 1, 0, start_line - 1, row_checksum(*lasting)),
         )
 
     def lines(
@@ -133,7 +123,8 @@ class Journal:
             on_committed: called once they are committed.
             urgent: someone waits: commits before it returns, if the thread has nothing to do.
         """
-        row = program, first, first + len(lines) - 1, msgspec.msgpack.encode(lines)
+        text = msgspec.msgpack.encode(lines)
+        row = program, first, first + len(lines) - 1, text, row_checksum(program, first, text)
         if urgent and self._commit_now((INSERT_LINES, row)):
             if on_committed is not None:
                 on_committed()
@@ -172,9 +163,10 @@ class Journal:
     ) -> None:
         """Records how far a program has come."""
         if reports:
+            row = program, reports[0].line, reports[-1].line, msgspec.msgpack.encode(reports)
             self._put(
-                "INSERT INTO reports(program, first, last, blob) VALUES (?,?,?,?)",
-                (program, reports[0].line, reports[-1].line, msgspec.msgpack.encode(reports)),
+                "INSERT INTO reports(program, first, last, blob, crc) VALUES (?,?,?,?,?)",
+                (*row, row_checksum(*row)),
             )
         self._put(
             "UPDATE programs SET started=max(started,?), done=max(done,?) WHERE program=?",
@@ -183,9 +175,10 @@ class Journal:
         )
 
     def fault(self, fault: Fault, at: float) -> None:
+        row = at, fault.program, fault.line, msgspec.msgpack.encode(fault)
         self._put(
-            "INSERT INTO faults(at, program, line, blob) VALUES (?,?,?,?)",
-            (at, fault.program, fault.line, msgspec.msgpack.encode(fault)),
+            "INSERT INTO faults(at, program, line, blob, crc) VALUES (?,?,?,?,?)",
+            (*row, row_checksum(*row)),
         )
 
     def program_ended(

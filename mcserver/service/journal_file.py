@@ -10,7 +10,7 @@ import msgspec
 
 from mcserver.errors import ServiceError
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 CREATE: tuple[str, ...] = (
     "CREATE TABLE IF NOT EXISTS starts(instance TEXT PRIMARY KEY, started_at REAL NOT NULL, stopped_at REAL)",
@@ -18,18 +18,19 @@ CREATE: tuple[str, ...] = (
     " id INTEGER PRIMARY KEY, program TEXT UNIQUE NOT NULL, instance TEXT NOT NULL, client TEXT NOT NULL,"
     " name TEXT NOT NULL, axes TEXT NOT NULL, start_line INTEGER NOT NULL, on_disconnect TEXT NOT NULL,"
     " resume_of TEXT, state TEXT, accepted INTEGER NOT NULL, started INTEGER NOT NULL, done INTEGER NOT NULL,"
-    " fault BLOB, opened_at REAL NOT NULL, ended_at REAL)",
+    " fault BLOB, opened_at REAL NOT NULL, ended_at REAL, crc INTEGER)",
     # one row a message, not a line: 500 000 lines/s in messages of 100 are 5 000 rows/s
     "CREATE TABLE IF NOT EXISTS chunks("
     " id INTEGER PRIMARY KEY, program TEXT NOT NULL, first INTEGER NOT NULL, last INTEGER NOT NULL,"
-    " lines BLOB NOT NULL)",
+    " lines BLOB NOT NULL, crc INTEGER)",
     "CREATE INDEX IF NOT EXISTS chunks_by_program ON chunks(program, first)",
     "CREATE TABLE IF NOT EXISTS reports("
     " id INTEGER PRIMARY KEY, program TEXT NOT NULL, first INTEGER NOT NULL, last INTEGER NOT NULL,"
-    " blob BLOB NOT NULL)",
+    " blob BLOB NOT NULL, crc INTEGER)",
     "CREATE INDEX IF NOT EXISTS reports_by_program ON reports(program, first)",
     "CREATE TABLE IF NOT EXISTS faults("
-    " id INTEGER PRIMARY KEY, at REAL NOT NULL, program TEXT, line INTEGER NOT NULL, blob BLOB NOT NULL)",
+    " id INTEGER PRIMARY KEY, at REAL NOT NULL, program TEXT, line INTEGER NOT NULL, blob BLOB NOT NULL,"
+    " crc INTEGER)",
 )
 
 Statement = tuple[str, tuple[object, ...]]
@@ -66,6 +67,13 @@ def open_journal(path: Path) -> sqlite3.Connection:
         # a checkpoint syncs, which no commit shall wait for; the thread makes them
         connection.execute("PRAGMA wal_autocheckpoint=0")
         version = connection.execute("PRAGMA user_version").fetchone()[0]
+        if version == 1:
+            # rows of then have no checksum
+            with connection:
+                for table in ("programs", "chunks", "reports", "faults"):
+                    connection.execute(f"ALTER TABLE {table} ADD COLUMN crc INTEGER")
+                connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
+            version = SCHEMA_VERSION
         if version not in (0, SCHEMA_VERSION):
             connection.close()
             raise ServiceError(

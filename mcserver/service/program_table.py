@@ -39,6 +39,7 @@ from mcserver.service.event_log import EventLog
 from mcserver.service.fault_latch import FaultLatch, fault_of
 from mcserver.service.heartbeat import Heartbeat
 from mcserver.service.journal import Journal
+from mcserver.service.journal_check import JournalLock, repair_journal
 from mcserver.service.journal_file import JournalConnection, open_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.motion_port import MotionPort
@@ -74,6 +75,7 @@ class ProgramTable:
     Attributes:
         programs: open ones and the last `ENDED_PROGRAMS` that have ended, oldest first.
         faults: latched until a reset.
+        journal_damage: of the journal as it was found at this start; None: it is sound.
         journal_failure: why the journal cannot be written now; empty: it can.
     """
 
@@ -97,18 +99,29 @@ class ProgramTable:
         self._loop = asyncio.get_running_loop()
         self._moved: set[str] = set()
         self._tick_scheduled = False
-        self.journal = Journal(
-            options.journal,
-            call_soon=self._call_soon,
-            on_failure=self._journal_state,
-            connect=options.connect,
-        )
+        self._lock = JournalLock(options.journal)
+        try:
+            self.journal_damage = repair_journal(options.journal)
+            self.journal = Journal(
+                options.journal,
+                call_soon=self._call_soon,
+                on_failure=self._journal_state,
+                connect=options.connect,
+            )
+        except BaseException:
+            self._lock.release()
+            raise
         self.planner = planner(self._planner_events)
         self.heartbeat = Heartbeat(port.beat, lambda: self.planner.last_seen)
 
     def now(self) -> float:
         """Executor time [s]."""
         return self.options.clock() - self.port.epoch
+
+    def close_journal(self) -> None:
+        """Write what is left; blocks. Another server may have the journal then."""
+        self.journal.close()
+        self._lock.release()
 
     # ------------------------------------------------------------ life of a program
 

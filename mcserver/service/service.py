@@ -6,6 +6,7 @@ It speaks through two callbacks, acknowledgements and events, and knows nothing 
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
@@ -21,6 +22,8 @@ from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
 from mcserver.service.program_table import TICK_S, ProgramTable, ServiceOptions
 from mcserver.service.reports import Ack, AxisState, Event, Fault, MachineState, OnDisconnect, ProgramStatus
+
+log = logging.getLogger(__name__)
 
 OPEN_PROGRAMS = 64
 VERDICT_LIMIT_S = 0.05
@@ -76,6 +79,11 @@ class MachineService:
         self._table.planner.start()
         self._table.heartbeat.start()
         self.events.publish("server.started", message=f"machine {self.machine.name}")
+        damage = self._table.journal_damage
+        if damage is not None:
+            message = f"the journal was damaged: {damage.message}; as it was it is kept in {damage.kept}"
+            log.error("MC527: %s", message)
+            self.events.publish("warning", reason="MC527", message=message)
 
     async def stop(self) -> None:
         """Stops all motion along its paths, ends the programs, releases the axes and closes the journal."""
@@ -94,7 +102,7 @@ class MachineService:
         await asyncio.to_thread(self.port.close)
         self._table.heartbeat.stop()
         self._table.journal.server_stopped(self.options.instance, self.options.clock())
-        await asyncio.to_thread(self._table.journal.close)
+        await asyncio.to_thread(self._table.close_journal)
 
     @property
     def events(self) -> EventLog:
