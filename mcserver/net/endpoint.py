@@ -24,7 +24,7 @@ from mcserver.net.defects import DefectLog
 from mcserver.net.inbox import Inbox
 from mcserver.net.keys import Keys
 from mcserver.net.messages import EstopRequest, StreamLines
-from mcserver.net.methods import Bench, Methods
+from mcserver.net.methods import Methods
 from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
 from mcserver.net.rpc import RpcServer
 from mcserver.net.session import Publication, ZenohSession
@@ -32,6 +32,7 @@ from mcserver.net.telemetry import Telemetry
 from mcserver.service.jog import Jogging
 from mcserver.service.reports import ENDED, Ack, Event
 from mcserver.service.service import MachineService
+from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)
 
@@ -126,11 +127,15 @@ class MachineEndpoint:
     # ------------------------------------------------------------ in
 
     def serve(
-        self, service: MachineService, jogging: Jogging, bench: Bench, drives: DriveAccess | None = None
+        self,
+        service: MachineService,
+        jogging: Jogging,
+        checker: ProgramChecker,
+        drives: DriveAccess | None = None,
     ) -> None:
         """Declares what clients may use, the liveliness token last."""
         keys, session, loop = self.keys, self._session, self._loop
-        self._rpc = RpcServer(keys, Methods(service, jogging, bench, drives or NoDrives()).table())
+        self._rpc = RpcServer(keys, Methods(service, jogging, checker, drives or NoDrives()).table())
         queries: Inbox[zenoh.Query] = Inbox(loop, self._rpc.on_query, limit=QUERIES, refuse=zenoh.Query.drop)
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
         tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
 from mcserver.canopen.views import DriveAccess, SdoTarget, SdoValue
-from mcserver.errors import Diagnostic, ServiceError
+from mcserver.errors import ServiceError
 from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
 from mcserver.net.rpc import Method
@@ -19,20 +19,11 @@ from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
 from mcserver.service.reports import wire_diagnostic
 from mcserver.service.service import MachineService
+from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)
 
 Handler = Callable[[str, Any], Any]
-
-
-class Bench(Protocol):
-    """Runs whole programs beside the service: `mcserver.simulation.program_checker.ProgramChecker`."""
-
-    async def check(self, text: str, positions: dict[int, float] | None) -> list[Diagnostic]:
-        """Every fault of a text; ``positions`` are in SI."""
-
-    async def simulate(self, text: str) -> dict[str, Any]:
-        """The object of ``mcserver simulate --json``."""
 
 
 class Methods:
@@ -41,14 +32,16 @@ class Methods:
     Args:
         service: the programs.
         jogging: moves by hand.
-        bench: checks and simulations.
+        checker: checks and simulations.
         drives: those on CAN buses.
     """
 
-    def __init__(self, service: MachineService, jogging: Jogging, bench: Bench, drives: DriveAccess) -> None:
+    def __init__(
+        self, service: MachineService, jogging: Jogging, checker: ProgramChecker, drives: DriveAccess
+    ) -> None:
         self._service = service
         self._jogging = jogging
-        self._bench = bench
+        self._checker = checker
         self._drives = drives
         self._units = EdgeUnits(service.machine)
 
@@ -179,16 +172,16 @@ class Methods:
             events=log.since(request.since, request.limit),
         )
 
-    async def check(self, _client: str, request: wire.CheckRequest) -> wire.CheckReply:
+    async def check(self, client: str, request: wire.CheckRequest) -> wire.CheckReply:
         positions = None
         if request.positions is not None:
             positions = self._service.positions_si(request.positions)
-        found = await self._bench.check(request.text, positions)
+        found = await self._checker.check(client, request.text, positions)
         faulty = any(diagnostic.severity == "error" for diagnostic in found)
         return wire.CheckReply(not faulty, [wire_diagnostic(diagnostic) for diagnostic in found])
 
-    async def simulate(self, _client: str, request: wire.SimulateRequest) -> dict[str, Any]:
-        return await self._bench.simulate(request.text)
+    async def simulate(self, client: str, request: wire.SimulateRequest) -> dict[str, Any]:
+        return await self._checker.simulate(client, request.text)
 
     def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
         return drive_wire.DrivesReply(self._drives.drives())

@@ -65,20 +65,30 @@ def _share(done: int, lines: int) -> float:
     return min(1.0, max(0.0, done / lines)) if lines > 0 else 0.0
 
 
+def check_known(path: Path, program: str) -> None:
+    """Refuse a program that the journal does not have.
+
+    Raises:
+        ServiceError: MC503.
+    """
+    with _reading(path) as connection:
+        known = connection.execute("SELECT 1 FROM programs WHERE program=?", (program,)).fetchone()
+    if known is None:
+        raise Refused("MC503", f"there is no program {program}", "list them with `programs`", program=program)
+
+
 def read_lines_before(path: Path, program: str, line: int) -> list[str]:
     """Lines 1 … line - 1 of a program, for its modal state.
 
     Raises:
         ServiceError: MC503 no such program; MC514 the journal does not hold all of these lines.
     """
+    check_known(path, program)
     with _reading(path) as connection:
-        known = connection.execute("SELECT 1 FROM programs WHERE program=?", (program,)).fetchone()
         rows = connection.execute(
             "SELECT first, last, lines FROM chunks WHERE program=? AND first<? ORDER BY first",
             (program, line),
         ).fetchall()
-    if known is None:
-        raise Refused("MC503", f"there is no program {program}", "list them with `programs`", program=program)
     lines: list[str] = []
     for first, last, blob in rows:
         if first != len(lines) + 1:

@@ -16,7 +16,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import Planning, StepLine
 from mcserver.service.deferred import Deferred
 from mcserver.service.event_log import EventLog
-from mcserver.service.journal_reader import read_lines_before, read_programs
+from mcserver.service.journal_reader import check_known, read_lines_before, read_programs
 from mcserver.service.line_queue import Gap, LineQueue
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
@@ -26,6 +26,8 @@ from mcserver.service.reports import Ack, AxisState, Event, Fault, MachineState,
 log = logging.getLogger(__name__)
 
 OPEN_PROGRAMS = 64
+# Of one client, so that none can keep the others out.
+CLIENT_PROGRAMS = 16
 VERDICT_LIMIT_S = 0.05
 SHOWN_ENDED_S = 10.0
 STOP_LIMIT_S = 3.0
@@ -130,18 +132,22 @@ class MachineService:
         """Opens a program and queues it for its axes.
 
         Raises:
-            ServiceError: MC507 an axis that the machine lacks, MC508 too many, MC509 a latched fault, MC511,
-                MC514 the journal lacks the lines before, MC515 stopping.
+            ServiceError: MC503 ``resume_of`` is no program, MC507 an axis that the machine lacks, MC508 too many
+                programs, MC509 a latched fault, MC511, MC514 the journal lacks the lines before, MC515
+                stopping, MC519 the journal cannot be written.
         """
         self._ready()
         if self._table.journal_failure:
             raise self._unjournaled()
         wanted = self._axes(axes)
-        if resume_of is not None and not before:
+        self._check_limits(client)
+        if resume_of is not None:
             earlier = self._table.programs.get(resume_of)
-            if earlier is not None and not earlier.ended:
+            if earlier is None:
+                await asyncio.to_thread(check_known, self.options.journal, resume_of)
+            elif not earlier.ended:
                 raise Refused("MC517", f"{resume_of} has not ended", "abort it first", state=earlier.state)
-            if start_line > 1:
+            if start_line > 1 and not before:
                 before = await asyncio.to_thread(
                     read_lines_before, self.options.journal, resume_of, start_line
                 )
@@ -152,8 +158,7 @@ class MachineService:
                 "give all of them, or none",
             )
         modal = await asyncio.to_thread(self._planning.modal_before, before) if before else None
-        if sum(not program.ended for program in self._table.programs.values()) >= OPEN_PROGRAMS:
-            raise Refused("MC508", f"{OPEN_PROGRAMS} programs are open", "close one", limit=OPEN_PROGRAMS)
+        self._check_limits(client)
         self._ready()
         self._counter += 1
         program = Program(
@@ -546,6 +551,18 @@ class MachineService:
             self._table.acks.acknowledge(program)
             return
         self._table.lines(program, taken.first, taken.lines, asked=asked)
+
+    def _check_limits(self, client: str) -> None:
+        open_by = [program.client for program in self._table.programs.values() if not program.ended]
+        if len(open_by) >= OPEN_PROGRAMS:
+            raise Refused("MC508", f"{OPEN_PROGRAMS} programs are open", "close one", limit=OPEN_PROGRAMS)
+        if open_by.count(client) >= CLIENT_PROGRAMS:
+            raise Refused(
+                "MC508",
+                f"{client} has {CLIENT_PROGRAMS} programs open",
+                "close one",
+                limit=CLIENT_PROGRAMS,
+            )
 
     def _check_journal(self, program: Program, through: int | None = None) -> None:
         """Refuse what the journal cannot take now; with ``through`` only if these lines are not in it."""

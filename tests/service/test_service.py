@@ -13,7 +13,7 @@ from mcserver.errors import RejectedLines, ServiceError
 from mcserver.executor.entries import EventKind
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.service.journal_file import open_journal
-from mcserver.service.service import CONFIRM_PERIOD_S
+from mcserver.service.service import CLIENT_PROGRAMS, CONFIRM_PERIOD_S
 from tests.service.conftest import LIMIT_S, Bench
 from tests.service.fakes import executed_lines
 
@@ -415,3 +415,23 @@ async def test_what_was_refused_with_a_full_disk_runs_once_when_there_is_room(
     assert closed.journaled == 3
     await bench.until_acked(program.program, state="finished", done=3)
     assert executed_lines(bench.pipelines, program.program) == [1, 2, 3]
+
+
+async def test_one_client_cannot_hold_all_programs(bench: Bench) -> None:
+    for _ in range(CLIENT_PROGRAMS):
+        await bench.service.open("greedy")
+    with pytest.raises(ServiceError) as refused:
+        await bench.service.open("greedy")
+    assert refused.value.code == "MC508"
+    assert (await bench.service.open("modest")).state == "queued"
+
+
+@pytest.mark.parametrize("start_line", [1, 2])
+@pytest.mark.parametrize("before", [False, True])
+async def test_a_resumption_of_a_program_that_never_was_is_refused(
+    bench: Bench, start_line: int, before: bool
+) -> None:
+    lines = ["G90"] * (start_line - 1) if before else []
+    with pytest.raises(ServiceError) as refused:
+        await bench.service.open("hmi", resume_of="nobody-1", start_line=start_line, before=lines)
+    assert refused.value.code == "MC503"
