@@ -39,6 +39,9 @@ log = logging.getLogger(__name__)
 QUERIES = 2048
 STREAMED_MESSAGES = 8192
 TOKENS = 4096
+# A killed server's token stays as long as its link's lease (`mcserver.net.configuration.LEASE_MS`).
+TOKEN_LOOKS, TOKEN_PAUSE_S = 10, 0.5
+NAME_REMEDY = "give one of them another name: they share the calls, and neither knows of the other's programs"
 
 
 class MachineEndpoint:
@@ -89,7 +92,26 @@ class MachineEndpoint:
         except BaseException:
             await session.close()
             raise
-        return cls(Keys(machine), session, emergency, where)
+        endpoint = cls(Keys(machine), session, emergency, where)
+        try:
+            await endpoint._refuse_a_second_server()
+        except BaseException:
+            await endpoint.close()
+            raise
+        return endpoint
+
+    async def _refuse_a_second_server(self) -> None:
+        """See that no other server has this name; one that was killed is known until its lease ends.
+
+        Raises:
+            ServiceError: MC528.
+        """
+        for pause_s in (*[TOKEN_PAUSE_S] * TOKEN_LOOKS, 0.0):
+            others = await self._session.tokens(self.keys.live("*"))
+            if not others:
+                return
+            await asyncio.sleep(pause_s)
+        raise ServiceError("MC528", _second_server(self.keys, others[0]), NAME_REMEDY)
 
     async def endpoints(self) -> list[str]:
         """What it listens on, with the ports that were taken; where it only connects, that in words."""
@@ -140,6 +162,7 @@ class MachineEndpoint:
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
         tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)
         stops: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stop, service), limit=64)
+        servers: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_server, service), limit=TOKENS)
         strays: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stray, service), limit=64)
 
         def stop(sample: zenoh.Sample) -> None:
@@ -159,6 +182,7 @@ class MachineEndpoint:
         session.queryable(keys.info, queries.push)
         self._telemetry = asyncio.ensure_future(Telemetry(session, keys, service).run())
         session.token(keys.live(service.options.instance))
+        session.watch_tokens(keys.live("*"), servers.push)
 
     async def close(self) -> None:
         """Ends everything, within a limit."""
@@ -202,6 +226,13 @@ class MachineEndpoint:
         if sample.kind == zenoh.SampleKind.DELETE:
             service.client_gone(str(sample.key_expr).rpartition("/")[2])
 
+    def _on_server(self, service: MachineService, sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr)
+        if sample.kind == zenoh.SampleKind.PUT and key != self.keys.live(service.options.instance):
+            message = f"{_second_server(self.keys, key)}: {NAME_REMEDY}"
+            log.error("MC528: %s", message)
+            service.events.publish("warning", reason="MC528", message=message)
+
     def _on_stop(self, service: MachineService, sample: zenoh.Sample) -> None:
         request = EstopRequest()
         payload = sample.payload.to_bytes()
@@ -212,3 +243,7 @@ class MachineEndpoint:
                 # whatever is put there stops the machine
                 self._refused.add(f"estop: {error.message}")
         service.emergency_stop(request.client, request.reason)
+
+
+def _second_server(keys: Keys, token: str) -> str:
+    return f"another server of {keys.machine} is on the network, instance {token.rpartition('/')[2]}"

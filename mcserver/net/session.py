@@ -17,6 +17,7 @@ from mcserver.net.qos import Qos
 
 log = logging.getLogger(__name__)
 
+TOKENS_TIMEOUT_S = 2.0
 CLOSE_LIMIT_S = 3.0
 EVENT_CACHE = 1000
 EVENT_HEARTBEAT_S = 0.5
@@ -96,6 +97,15 @@ class ZenohSession:
     def token(self, key: str) -> None:
         """A liveliness token, until the session ends."""
         self._declared.append(self._session.liveliness().declare_token(key))
+
+    async def tokens(self, key: str) -> list[str]:
+        """Keys of the liveliness tokens that are there now."""
+
+        def ask() -> list[str]:
+            replies = self._session.liveliness().get(key, timeout=TOKENS_TIMEOUT_S)
+            return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+        return await asyncio.to_thread(ask)
 
     def watch_tokens(self, key: str, on_sample: OnSample) -> None:
         """Calls ``on_sample`` in Zenoh's thread as tokens come (PUT, those there already too) and go."""

@@ -132,9 +132,8 @@ class MachineService:
         """Opens a program and queues it for its axes.
 
         Raises:
-            ServiceError: MC503 ``resume_of`` is no program, MC507 an axis that the machine lacks, MC508 too many
-                programs, MC509 a latched fault, MC511, MC514 the journal lacks the lines before, MC515
-                stopping, MC519 the journal cannot be written.
+            ServiceError: MC503 no program ``resume_of``, MC507 no such axis, MC508 too many programs, MC509 a
+                latched fault, MC511, MC514 the journal lacks the lines before, MC515 stopping, MC519.
         """
         self._ready()
         if self._table.journal_failure:
