@@ -36,4 +36,4 @@ def find_faults(program: ProgramText, machine: Machine) -> list[Diagnostic]:
     """All faults of a program on a machine, tools' paths included."""
     if program.faults:
         return list(program.faults)
-    return check_program(program.text, machine, build_kinematics(machine))
+    return check_program(program.text, machine, build_kinematics(machine), at_rest=True)

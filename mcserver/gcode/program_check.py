@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.gcode.text.parser import scan_line
+from mcserver.gcode.text.profile_words import ProfileWords
 from mcserver.gcode.text.source import split_lines
 from mcserver.machine.machine_file import Machine
+from mcserver.motion.canonical import (
+    AxisLine,
+    AxisOperation,
+    Canonical,
+    DwellGroup,
+    FeedGroup,
+    MotionLine,
+)
 
 Progress = Callable[[int, int], None]
 PROGRESS_STEP = 1000  # lines between two reports
@@ -24,6 +32,7 @@ def check_program(
     *,
     positions: Mapping[int, float] | None = None,
     lease: frozenset[int] | None = None,
+    at_rest: bool = False,
 ) -> list[Diagnostic]:
     """Find every fault of a program, in reading order; tools' paths are solved too.
 
@@ -35,27 +44,125 @@ def check_program(
         progress: called with (lines read, lines in all) about every `PROGRESS_STEP` lines.
         positions: where the axes start [m or rad]; the drives' initial positions by default.
         lease: axes that the program may use; all by default.
+        at_rest: no axis is energized at the start, so warn of a first move on such axes (MC144).
     """
     interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease)
     lines = split_lines(text)
-    found: list[Diagnostic] = []
+    survey = _Survey(machine, at_rest)
     done = 0
     while done < len(lines) and not interpreter.ended:
-        taken = _check_next(interpreter, lines, done, found)
+        taken = _check_next(interpreter, lines, done, survey)
         if progress is not None and (done + taken) // PROGRESS_STEP > done // PROGRESS_STEP:
             progress(done + taken, len(lines))
         done += taken
     if progress is not None:
         progress(len(lines), len(lines))
-    return found
+    return survey.diagnostics()
 
 
-def _check_next(interpreter: Interpreter, lines: list[str], done: int, found: list[Diagnostic]) -> int:
+def _check_next(interpreter: Interpreter, lines: list[str], done: int, survey: _Survey) -> int:
     """Check the next line, or a whole run of simple blocks; return how many lines were read."""
     window = interpreter.run_window(done + 1)
     if window:
         run = interpreter.interpret_run(lines[done : done + window], done + 1)
         if run is not None:
+            survey.motion(run[0].axes, run[0].line)
             return run[1]
-    found.extend(interpreter.check(scan_line(lines[done], done + 1)))
+    parsed = interpreter.parse(lines[done], done + 1)
+    capture = interpreter.capture_before(parsed)
+    if capture is not None:
+        survey.value(capture)
+    faults, values = interpreter.check_line(parsed)
+    survey.faults(faults)
+    if parsed.profile is not None:
+        survey.profile_words(parsed.profile, parsed.number)
+    for value in values:
+        survey.value(value)
     return 1
+
+
+class _Survey:
+    """What a check finds: faults line by line, and what is said once for the whole program."""
+
+    def __init__(self, machine: Machine, at_rest: bool) -> None:
+        self._at_rest = at_rest
+        self._dialect = machine.dialect
+        self._found: list[Diagnostic] = []
+        self._computes = 0
+        self._without_effect: dict[str, list[int]] = {}
+        self._energized: set[int] = set()
+        self._loose: tuple[int, tuple[int, ...]] | None = None
+
+    def faults(self, faults: Iterable[Diagnostic]) -> None:
+        """Note the faults of a line; that a program computes is said once."""
+        for fault in faults:
+            if fault.code == "MC140":
+                self._computes += 1
+                if self._computes > 1:
+                    continue
+            self._found.append(fault)
+
+    def profile_words(self, words: ProfileWords, line: int) -> None:
+        """Note the codes of a line that have no effect on this machine."""
+        codes = list(words.ignored)
+        for action in words.actions:
+            idle = (
+                (action.code in ("M3", "M4", "M5", "S") and self._dialect.spindle is None)
+                or (action.code == "M6" and self._dialect.tool_change == "ignore")
+                or (action.code == "G43" and not self._dialect.cutters)
+            )
+            if idle:
+                codes.append(action.code)
+        for code in codes:
+            self._without_effect.setdefault(code, []).append(line)
+
+    def value(self, value: Canonical) -> None:
+        """Follow which axes are energized."""
+        if isinstance(value, AxisLine):
+            if value.operation is AxisOperation.CAPTURE:
+                self._energized |= set(value.axes)
+            else:
+                self._energized -= set(value.axes)
+        elif isinstance(value, MotionLine):
+            for group in value.groups:
+                if isinstance(group, FeedGroup):
+                    self.motion(group.axes, value.line)
+                elif not isinstance(group, DwellGroup):
+                    self._energized |= set(group.axes)
+
+    def motion(self, axes: tuple[int, ...], line: int) -> None:
+        """Note the first of G01-G03 on axes that nothing has energized."""
+        if self._loose is None and not self._energized.issuperset(axes):
+            self._loose = line, tuple(sorted(set(axes) - self._energized))
+
+    def diagnostics(self) -> list[Diagnostic]:
+        """Return everything, in the order of the program."""
+        said: list[Diagnostic] = []
+        if self._loose is not None and self._at_rest and not self._found:
+            line, axes = self._loose
+            names = ", ".join(str(axis) for axis in axes)
+            said.append(
+                Diagnostic(
+                    code="MC144",
+                    severity="warning",
+                    line=line,
+                    message=f"nothing before this move energizes {'axes' if axes[1:] else 'axis'} {names}",
+                    hint='write G1010 ahead of it, or set [dialect] capture = "auto" in the machine file',
+                    axis=axes[0],
+                )
+            )
+        if self._without_effect:
+            first = min(lines[0] for lines in self._without_effect.values())
+            counted = (f"{code} ({len(lines)})" for code, lines in sorted(self._without_effect.items()))
+            said.append(
+                Diagnostic(
+                    code="MC142",
+                    severity="warning",
+                    line=first,
+                    message=f"accepted without effect on this machine: {', '.join(counted)}",
+                    hint="the numbers in brackets count their lines",
+                )
+            )
+        if not said:
+            return self._found
+        return sorted([*self._found, *said], key=lambda each: each.line)

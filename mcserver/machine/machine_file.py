@@ -16,6 +16,7 @@ import msgspec
 
 from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
+from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig, Drive, complete_drive, read_buses
 from mcserver.machine.section_reader import Mistakes, read_keys
 from mcserver.machine.sections import (
@@ -65,6 +66,7 @@ class Machine(msgspec.Struct, frozen=True):
         tool_tolerance [m], tool_tolerance_angle [rad]: D-54.
         urdf: absolute path or a built-in name, None without kinematics.
         buses: CAN buses, those of ``[[bus]]`` first.
+        dialect: what its programs may say.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Machine(msgspec.Struct, frozen=True):
     urdf: str | None
     tools: tuple[Tool, ...]
     buses: tuple[CanBusConfig, ...] = ()
+    dialect: Dialect = Dialect()
 
     @property
     def cycle_s(self) -> float:
@@ -191,6 +194,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     buses = read_buses(file.get("bus") or (), drives, mistakes)
     sound = file["axis"] is not None and None not in file["axis"]
     tools = read_tools(file.get("tool") or (), axes if sound else range(MAX_AXES), mistakes)
+    numbers = axes if sound else range(MAX_AXES)
+    dialect = read_dialect(file.get("dialect"), file.get("cutter") or [], numbers, mistakes)
     kinematics: KinematicsSection | None = file.get("kinematics")
     if "tool" in raw and "kinematics" not in raw:
         mistakes.add(("tool",), "tools need a [kinematics] section", "name the URDF there")
@@ -212,6 +217,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         urdf=urdf,
         tools=tools,
         buses=tuple(buses),
+        dialect=dialect,
     )
 
 

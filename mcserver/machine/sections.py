@@ -164,6 +164,26 @@ class BusSection(msgspec.Struct, frozen=True):
     silence_cycles: Annotated[int, Meta(ge=1, le=1000, description="3 is usual")] = 3
 
 
+class DialectSection(msgspec.Struct, frozen=True):
+    """``[dialect]``: a profile, and keys that each override a part of it."""
+
+    profile: Literal["reference", "cnc", "printer", "robot"] = "reference"
+    letters: dict[str, int] = {}
+    capture: Literal["program", "auto"] | None = None
+    ignore: list[str] = []
+    spindle_axis: AxisNumber | None = None
+    dwell: Literal["s", "ms"] | None = None
+    tool_change: Literal["pause", "ignore"] = "pause"
+
+
+class CutterSection(msgspec.Struct, frozen=True):
+    """``[[cutter]]``: one line of the tool table, for G43."""
+
+    number: Annotated[int, Meta(ge=0, le=99999, description="the number that T and H name")]
+    length_mm: float
+    diameter_mm: NotNegative = 0.0
+
+
 class MachineFile(msgspec.Struct, frozen=True):
     """A whole machine file."""
 
@@ -173,3 +193,5 @@ class MachineFile(msgspec.Struct, frozen=True):
     kinematics: KinematicsSection | None = None
     tool: list[ToolSection] = []
     bus: list[BusSection] = []
+    dialect: DialectSection = DialectSection()
+    cutter: list[CutterSection] = []

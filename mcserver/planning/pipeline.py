@@ -18,8 +18,8 @@ from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent, Mot
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.headroom import stopping_rows
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.gcode.semantics.modal import INITIAL, ModalState
-from mcserver.gcode.text.parser import ParsedLine, scan_line
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.profile.setpoint_sampling import Rows
@@ -92,7 +92,7 @@ class Pipeline:
         self._on_fault = on_fault
         self._solving = None if kinematics is None else TimedKinematics(kinematics, clock)
         self._interpreter = Interpreter(
-            machine, kinematics=self._solving, positions=positions, lease=lease, modal=modal or INITIAL
+            machine, kinematics=self._solving, positions=positions, lease=lease, modal=modal
         )
         # the executor begins to stop when fewer rows are left than a stop takes
         self._stop = min(stopping_rows(machine), LONGEST_STOP)
@@ -329,8 +329,12 @@ class Pipeline:
         if self._held is None:
             number, text = self.lines.take()
             plan.last_line = number
-            self._held = scan_line(text, number)
+            self._held = self._interpreter.parse(text, number)
         parsed = self._held
+        capture = self._interpreter.capture_before(parsed)
+        if capture is not None:
+            plan.canonical.append(capture)
+            return True
         unknown = self._interpreter.axes_to_sync(parsed)
         if unknown:
             # one capture makes all its axes unknown: asked for together, later lines need not stop for

@@ -45,7 +45,8 @@ def axis_rows(setup: Setup) -> dict[int, AxisRow]:
             linear=axis.type is AxisType.LINEAR,
         )
         for index, axis in setup.axes.items()
-        if index in setup.leased
+        # RS-274's feed counts X Y Z first (D-66): lines of other axes are left to the general reading
+        if index in setup.leased and (index <= 2 or setup.machine.dialect.reference)
     }
 
 
@@ -99,7 +100,7 @@ class SimpleBlockInterpreter:
     ) -> tuple[ModalState, MotionLine] | None:
         """Return the modal state after the line and the line, and advance the positions in ``commanded``."""
         motion = modal.motion if move.code is None else move.code
-        if not motion or modal.tool is not None:
+        if not motion or modal.tool is not None or modal.relative:
             return None
         feed = modal.feed
         if move.feed is not None:
@@ -132,6 +133,8 @@ class SimpleBlockInterpreter:
             end = value * (row.inch if inch else row.metric)
             if incremental:
                 end += start
+            elif modal.shift is not None:
+                end += modal.shift.get(index, 0.0)
             if not row.least <= end <= row.greatest or not row.least <= start <= row.greatest:
                 return None
             starts.append(start)
@@ -170,8 +173,11 @@ class SimpleBlockInterpreter:
         scale = length_scale(modal.inch)
         starts = tuple([positions[index] for index in frame.axes])
         ends = list(starts)
+        shift = modal.shift
         for column, value in zip(frame.columns, move.values, strict=True):
             ends[column] = value * scale + starts[column] if modal.incremental else value * scale
+            if shift is not None and not modal.incremental:
+                ends[column] += shift.get(frame.axes[column], 0.0)
         finish = tuple(ends)
         begin, end_point = (starts[0], starts[1]), (finish[0], finish[1])
         try:
@@ -242,5 +248,8 @@ class SimpleBlockInterpreter:
                 feed=feed,
                 plane=modal.plane,
                 motion=motion,
+                frame=modal.frame,
+                shift=modal.shift,
+                relative=modal.relative,
             )
         return modal, line

@@ -75,7 +75,7 @@ class RunInterpreter:
     def _read(
         self, texts: Sequence[str], number: int, modal: ModalState, commanded: CommandedState
     ) -> tuple[ModalState, PlainRun, int] | None:
-        if modal.tool is not None or modal.exact_next or commanded.poses:
+        if modal.tool is not None or modal.exact_next or modal.relative or commanded.poses:
             return None
         columns = read_columns(texts, MIN_LINES)
         if columns is None or not (columns.coded or modal.motion == 1):
@@ -130,6 +130,8 @@ def _points(
     for column, (axis, row, values) in enumerate(zip(columns.axes, rows, columns.values, strict=True)):
         points[0, column] = positions[axis]
         np.multiply(values, row.inch if modal.inch else row.metric, out=points[1:, column])
+        if modal.shift is not None and not modal.incremental:
+            points[1:, column] += modal.shift.get(axis, 0.0)
     return np.add.accumulate(points, axis=0) if modal.incremental else points
 
 

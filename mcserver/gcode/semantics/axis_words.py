@@ -58,7 +58,9 @@ def read_words(block: BlockState, command: Command) -> Words:
             continue
         letter = item.letter
         if item.axis >= 0 or letter == "[":
-            incremental = block.modal.incremental or letter in INCREMENTAL_LETTERS
+            incremental = (
+                block.modal.incremental or letter in INCREMENTAL_LETTERS or item.axis in block.modal.relative
+            )
             axes.append(ModalWord(item, block.modal.inch, incremental))
         elif letter in "IJK":
             offsets["IJK".index(letter)] = ModalWord(item, block.modal.inch, True)
@@ -148,5 +150,7 @@ def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Tar
         end = word.value * axis_scale(axis.type, entry.inch)
         if entry.incremental:
             end += block.commanded.positions[word.axis]
+        elif block.modal.shift is not None:
+            end += block.modal.shift.get(word.axis, 0.0)
         targets.append(Target(axis, end, word))
     return targets

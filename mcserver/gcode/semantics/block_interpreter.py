@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mcserver.gcode.line_faults import FaultList
+from mcserver.gcode.profiles.actions import Effects, act_after, act_before
 from mcserver.gcode.semantics.arcs import command_number
 from mcserver.gcode.semantics.axis_words import (
     Words,
@@ -13,10 +14,11 @@ from mcserver.gcode.semantics.axis_words import (
 )
 from mcserver.gcode.semantics.block_state import ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.feed_time import FeedMove, feed_group
-from mcserver.gcode.semantics.modal import INITIAL
+from mcserver.gcode.semantics.modal import initial_modal
 from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, transmit_torque
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
 from mcserver.gcode.text.command_table import Kind
+from mcserver.gcode.text.profile_words import ProfileWords
 from mcserver.gcode.text.syntax import Command, Group
 from mcserver.gcode.text.words import MAX_AXIS, Word
 from mcserver.motion import canonical
@@ -44,12 +46,35 @@ class BlockInterpreter:
 
     def read(self) -> None:
         """Interpret the line; what follows M02 or M30 is not read (D-05)."""
+        profile = self.block.parsed.profile
+        if profile is not None:
+            self._read_profile(profile)
+        else:
+            self._read_groups()
+        if self.ended:
+            self.block.modal = initial_modal(self.block.setup.machine)
+
+    def _read_profile(self, profile: ProfileWords) -> None:
+        """Interpret a line that holds codes of a profile, in RS-274's order of execution (D-61)."""
+        block = self.block
+        effects = Effects()
+        act_before(block, profile.actions, effects)
+        self.before += effects.before
+        self.groups += effects.groups
+        frame = block.modal.shift, block.modal.incremental
+        if profile.machine_frame:
+            block.change(shift=None, incremental=False)
+        self._read_groups()
+        if profile.machine_frame:
+            block.change(shift=frame[0], incremental=frame[1])
+        act_after(block, profile.actions, effects)
+        self.after += effects.after
+
+    def _read_groups(self) -> None:
         for group in self.block.parsed.groups:
             self._group(group)
             if self.ended:
                 break
-        if self.ended:
-            self.block.modal = INITIAL
 
     @property
     def values(self) -> list[Canonical]:

@@ -9,9 +9,11 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.gcode.line_faults import FaultList, Span
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import Feed, ModalState
 from mcserver.gcode.text.parser import ParsedLine
+from mcserver.gcode.text.profile_words import Action
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
 from mcserver.machine.machine_file import Axis, Machine
@@ -87,13 +89,24 @@ class BlockState:
         """Replace fields of the modal state."""
         self.modal = msgspec.structs.replace(self.modal, **fields)
 
-    def span(self, source: Word | Command) -> Span:
+    @property
+    def frame(self) -> Frame:
+        """The frame in force; setting it moves the program's zero."""
+        return self.modal.frame or Frame()
+
+    @frame.setter
+    def frame(self, frame: Frame) -> None:
+        self.change(frame=frame, shift=frame.shift())
+
+    def span(self, source: Word | Command | Action) -> Span:
         """Return the columns of a word or of a whole command; computed only for faults."""
+        if isinstance(source, Action):
+            return source.span
         if isinstance(source, Word):
             return self.parsed.span(source.index)
         return self.parsed.command_span(source)
 
-    def usable_axis(self, index: int, source: Word | Command) -> Axis | None:
+    def usable_axis(self, index: int, source: Word | Command | Action) -> Axis | None:
         """Return the axis, or report MC108 (not on the machine) or MC109 (not leased) and return None."""
         axis = self.setup.axes.get(index)
         if axis is None:

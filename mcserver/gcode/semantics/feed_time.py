@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import enum
+import math
+from collections.abc import Sequence
 
 import msgspec
 
@@ -12,6 +14,7 @@ from mcserver.gcode.semantics.program_units import move_duration, turning_speed
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Curve
+from mcserver.units import AxisType
 
 NO_TRAVEL = 1e-12  # m or rad
 
@@ -39,6 +42,24 @@ def feed_basis(linear: int, rotary: int) -> FeedBasis:
     if rotary == 0:
         return FeedBasis.PATH if 1 <= linear <= 3 else FeedBasis.NONE
     return FeedBasis.TURN if rotary == 1 and linear == 0 else FeedBasis.NONE
+
+
+def profile_feed_basis(
+    types: Sequence[AxisType], axes: Sequence[int], displacements: Sequence[float]
+) -> tuple[FeedBasis, float]:
+    """Return what F measures in the profiles, and that length [m or rad]: RS-274's rule (D-66).
+
+    F is the speed along X Y Z; where none of them travels, of the other linear axes together; where these do
+    not either, of the rotary ones together. The other axes of the line go along.
+    """
+    classes: tuple[list[float], list[float], list[float]] = ([], [], [])
+    for kind, axis, displacement in zip(types, axes, displacements, strict=True):
+        classes[2 if kind is AxisType.ROTARY else int(axis > 2)].append(displacement)
+    for order, group in enumerate(classes):
+        length = math.hypot(*group)
+        if length > NO_TRAVEL:
+            return (FeedBasis.TURN if order == 2 else FeedBasis.PATH), length
+    return (FeedBasis.PATH if classes[0] or classes[1] else FeedBasis.TURN), 0.0
 
 
 def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:

@@ -10,14 +10,16 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic
 from mcserver.gcode.fast_path.block import SimpleBlockInterpreter
 from mcserver.gcode.fast_path.runs import MAX_LINES, RunInterpreter
+from mcserver.gcode.profiles.reader import reader_of
 from mcserver.gcode.semantics.block_interpreter import BlockInterpreter, faults_of
 from mcserver.gcode.semantics.block_state import BlockState, set_up
 from mcserver.gcode.semantics.commanded_state import CommandedState
-from mcserver.gcode.semantics.modal import INITIAL, ModalState
+from mcserver.gcode.semantics.modal import ModalState, initial_modal
 from mcserver.gcode.semantics.position_sync import find_axes_to_sync
-from mcserver.gcode.text.parser import ParsedLine, scan_line
+from mcserver.gcode.text.parser import ParsedLine
+from mcserver.gcode.text.words import Word
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.canonical import Canonical, PlainRun
+from mcserver.motion.canonical import AxisLine, AxisOperation, Canonical, PlainRun
 
 
 class Interpreter:
@@ -38,13 +40,15 @@ class Interpreter:
         kinematics: Kinematics | None = None,
         positions: Mapping[int, float] | None = None,
         lease: frozenset[int] | None = None,
-        modal: ModalState = INITIAL,
+        modal: ModalState | None = None,
     ) -> None:
         self._setup = set_up(machine, kinematics, lease)
         initial = {axis.index: axis.initial_position for axis in machine.axes}
         self._commanded = CommandedState({**initial, **(positions or {})})
-        self._modal = modal
+        self._modal = initial_modal(machine) if modal is None else modal
         self._ended = False
+        self._capture_due = machine.dialect.auto_capture
+        self._parse = reader_of(machine.dialect)
         self._simple = SimpleBlockInterpreter(self._setup)
         self._runs = RunInterpreter(self._setup)
 
@@ -87,14 +91,30 @@ class Interpreter:
         Raises:
             ProgramRejected: with its faults of text, grammar and meaning together.
         """
-        return self.interpret(scan_line(text, number))
+        return self.interpret(self._parse(text, number))
+
+    def parse(self, text: str, number: int) -> ParsedLine:
+        """Parse a line in the machine's dialect; faults are kept in `ParsedLine.faults`."""
+        return self._parse(text, number)
+
+    def capture_before(self, parsed: ParsedLine) -> AxisLine | None:
+        """Return the capture of all leased axes that the program's first move needs ahead of it (D-67).
+
+        Only on machines with ``capture = "auto"``, and once a program.
+        """
+        if not self._capture_due or self._ended or not _moves(parsed):
+            return None
+        self._capture_due = False
+        axes = tuple(sorted(self._setup.leased))
+        self._commanded.invalidate(axes)
+        return AxisLine(parsed.number, AxisOperation.CAPTURE, axes)
 
     def run_window(self, number: int) -> int:
         """Return how many lines from line ``number`` on `interpret_run` would read; 0: no attempt now.
 
         Saves the caller from gathering lines in vain: after parts without runs attempts are rare.
         """
-        return 0 if self._ended else self._runs.window(number)
+        return 0 if self._ended or self._capture_due else self._runs.window(number)
 
     def interpret_run(
         self, texts: Sequence[str], number: int, most: int = MAX_LINES
@@ -130,18 +150,25 @@ class Interpreter:
 
     def check(self, parsed: ParsedLine) -> tuple[Diagnostic, ...]:
         """Return every fault of the line and go on from the best guess of what it meant. For checks only."""
+        return self.check_line(parsed)[0]
+
+    def check_line(self, parsed: ParsedLine) -> tuple[tuple[Diagnostic, ...], Sequence[Canonical]]:
+        """Return every fault of the line, and its values as far as known; go on from the best guess.
+
+        For checks only.
+        """
         if self._ended:
-            return ()
+            return (), ()
         if parsed.simple is not None and not parsed.faults:
             quick = self._simple.interpret(parsed.number, parsed.simple, self._modal, self._commanded)
             if quick is not None:
-                self._modal = quick[0]
-                return ()
+                self._modal, line = quick
+                return (), (line,)
         elif parsed.blank and not parsed.faults:
-            return ()
+            return (), ()
         interpreted = self._read(parsed)
         self._commit(interpreted)
-        return faults_of(interpreted.block).in_reading_order()
+        return faults_of(interpreted.block).in_reading_order(), interpreted.values
 
     def _read(self, parsed: ParsedLine) -> BlockInterpreter:
         interpreted = BlockInterpreter(BlockState(self._setup, parsed, self._modal, self._commanded))
@@ -183,6 +210,20 @@ class Interpreter:
                 commanded.starts.pop(axis, None)
             else:
                 commanded.starts[axis] = position
+
+
+def _moves(parsed: ParsedLine) -> bool:
+    """Return True if the line holds anything that moves axes."""
+    if parsed.simple is not None:
+        return True
+    if parsed.profile is not None and any(action.code in ("G28", "G30") for action in parsed.profile.actions):
+        return True
+    return any(command.moves for group in parsed.groups for command in group) or any(
+        isinstance(item, Word) and item.letter in "IJKR"
+        for group in parsed.groups
+        for command in group
+        for item in command.items
+    )
 
 
 class Resumption(NamedTuple):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import msgspec
 
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.program_units import length_scale, path_speed
+from mcserver.machine.machine_file import Machine
 
 
 class Feed(msgspec.Struct, frozen=True, gc=False):
@@ -30,6 +32,9 @@ class ModalState(msgspec.Struct, frozen=True):
         feed: None where no F is in force.
         plane: 17, 18 or 19 once chosen.
         motion: 0-3, the code that axis words without a code repeat.
+        frame: work offsets and spindle of the profiles (D-62); None in the reference's dialect.
+        shift: the program's zero in axis positions, axis → [m or rad], as the frame gives it; None: no shift.
+        relative: axes whose words are increments under G90 too (M83).
     """
 
     inch: bool = False
@@ -42,9 +47,18 @@ class ModalState(msgspec.Struct, frozen=True):
     feed: Feed | None = None
     plane: int | None = None
     motion: int | None = None
+    frame: Frame | None = None
+    shift: dict[int, float] | None = None
+    relative: tuple[int, ...] = ()
 
 
 INITIAL = ModalState()
+
+
+def initial_modal(machine: Machine) -> ModalState:
+    """Return the state at a program's start (D-10); cnc and printer start in G17 (D-61)."""
+    profile = machine.dialect.profile
+    return INITIAL if profile in ("reference", "robot") else ModalState(plane=17)
 
 
 def read_feed(number: float, modal: ModalState) -> Feed:
@@ -83,4 +97,4 @@ def apply_setting(code: int, modal: ModalState, tolerance: float | None = None) 
     raise ValueError(f"G{code} is not a modal code")
 
 
-__all__ = ["INITIAL", "Feed", "ModalState", "apply_setting", "read_feed"]
+__all__ = ["INITIAL", "Feed", "ModalState", "apply_setting", "initial_modal", "read_feed"]

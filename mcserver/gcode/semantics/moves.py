@@ -8,7 +8,7 @@ from mcserver.gcode.semantics.arc_geometry import plane_extrema
 from mcserver.gcode.semantics.arcs import find_arc, find_plane
 from mcserver.gcode.semantics.axis_words import Target, Words, resolve_targets
 from mcserver.gcode.semantics.block_state import BlockState
-from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove, feed_basis
+from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove, feed_basis, profile_feed_basis
 from mcserver.gcode.semantics.program_units import motor_rpm, motor_speed, shown_number
 from mcserver.gcode.semantics.travel_limits import check_travel
 from mcserver.gcode.text.syntax import Command
@@ -54,14 +54,23 @@ def line(block: BlockState, command: Command, words: Words) -> FeedMove | None:
         for target, start in zip(targets, starts, strict=True)
         if target.axis.type is AxisType.LINEAR
     ]
-    measure = feed_basis(len(linear), len(targets) - len(linear))
     travel = math.hypot(*linear)
+    if block.setup.machine.dialect.reference:
+        measure = feed_basis(len(linear), len(targets) - len(linear))
+        length = abs(targets[0].end - starts[0]) if measure is FeedBasis.TURN else travel
+    else:
+        measure, length = profile_feed_basis(
+            [target.axis.type for target in targets],
+            [target.axis.index for target in targets],
+            [target.end - start for target, start in zip(targets, starts, strict=True)],
+        )
+        travel = length if measure is FeedBasis.PATH else 0.0
     block.feed_length += travel
     curve = LineCurve(
         axes=tuple(target.axis.index for target in targets),
         start=tuple(starts),
         end=tuple(target.end for target in targets),
-        length=abs(targets[0].end - starts[0]) if measure is FeedBasis.TURN else travel,
+        length=length,
     )
     return FeedMove(command, curve, measure, block.modal.inverse_time, block.modal.feed)
 

@@ -49,6 +49,12 @@ def find_axes_to_sync(
                 if motion in (2, 3):
                     named |= {0, 1, 2}
                 needed |= {axis for axis in named if axis in unsynced}
+    if parsed.profile is not None:
+        # what the encoder reads decides offsets and where G28 goes from
+        needed |= {word.axis for action in parsed.profile.actions for word in action.axes}
+        if any(action.code in ("G28", "G30") for action in parsed.profile.actions):
+            needed |= set(unsynced)
+        needed &= set(unsynced)
     return frozenset(needed)
 
 

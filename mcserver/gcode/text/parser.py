@@ -7,6 +7,7 @@ from mcserver.gcode.fast_path.short_form import SimpleBlock, read_simple_block
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.text.command_table import CommandSpec
 from mcserver.gcode.text.grammar import group_commands
+from mcserver.gcode.text.profile_words import ProfileWords
 from mcserver.gcode.text.scanner import Scan, Token, quick_scan, scan, token_spans
 from mcserver.gcode.text.source import BOM
 from mcserver.gcode.text.syntax import Command, Group
@@ -21,15 +22,17 @@ class ParsedLine:
         text: as written.
         simple: the line as a `SimpleBlock` if it is one, else None.
         faults: its faults of text and grammar; empty from `parse_line`.
+        profile: what it says besides, on machines whose dialect has more than the reference.
     """
 
-    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "simple", "text")
+    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "profile", "simple", "text")
 
     def __init__(self, number: int, text: str, scanned: Scan, simple: SimpleBlock | None) -> None:
         self.number = number
         self.text = text
         self.simple = simple
         self.faults: tuple[Diagnostic, ...] = ()
+        self.profile: ProfileWords | None = None
         self._scan = scanned
         self._spans: list[Span] | None = scanned.spans
         self._groups: tuple[Group, ...] | None = None
@@ -44,7 +47,7 @@ class ParsedLine:
     @property
     def blank(self) -> bool:
         """Return True if the line holds no code."""
-        return self.simple is None and not self.groups
+        return self.simple is None and not self.groups and self.profile is None
 
     def span(self, first: int, last: int | None = None) -> Span:
         """Return the columns of token ``first``, or from there to token ``last``: from 1, end exclusive."""

@@ -1,0 +1,292 @@
+"""Carry out what a profile's line says beside the reference's words (D-62 to D-66)."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS, TAKES_AXES
+from mcserver.gcode.profiles.frame import Offsets
+from mcserver.gcode.semantics.block_state import BlockState
+from mcserver.gcode.semantics.program_units import (
+    axis_scale,
+    motor_rpm,
+    motor_speed,
+    shown_number,
+    shown_position,
+)
+from mcserver.gcode.semantics.travel_limits import ROUNDING
+from mcserver.gcode.text.profile_words import Action, ProfileWord
+from mcserver.motion.canonical import (
+    Canonical,
+    DwellGroup,
+    Group,
+    MotionLine,
+    PauseLine,
+    RapidGroup,
+    SpeedGroup,
+)
+from mcserver.units import AxisType
+
+
+class Effects(msgspec.Struct):
+    """What the actions of a line give to motion.
+
+    Attributes:
+        before: values ahead of the line's motion. groups: start together with it. after: behind it.
+    """
+
+    before: list[Canonical] = []
+    groups: list[Group] = []
+    after: list[Canonical] = []
+
+
+def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
+    """Carry out what comes ahead of a line's settings and motion."""
+    spindle = False
+    for action in actions:
+        code = action.code
+        frame = block.frame
+        if code in TAKES_AXES:
+            continue
+        if code == "S":
+            spindle = True
+            block.frame = msgspec.structs.replace(frame, spindle_rpm=_value(block, action, "S", least=0.0))
+        elif code in ("M3", "M4", "M5"):
+            spindle = True
+            block.frame = msgspec.structs.replace(frame, direction={"M3": 1, "M4": -1, "M5": 0}[code])
+        elif code == "T":
+            block.frame = msgspec.structs.replace(frame, tool=int(_value(block, action, "T", least=0.0)))
+        elif code == "M6":
+            _change_tool(block, effects)
+        elif code == "M600":
+            effects.before.append(PauseLine(block.parsed.number))
+        elif code == "G4":
+            _dwell(block, action, effects)
+        elif code in SYSTEM_NUMBERS:
+            block.frame = msgspec.structs.replace(frame, system=SYSTEM_NUMBERS[code])
+        elif code in ("G43", "G49"):
+            _tool_length(block, action)
+        elif code in ("M82", "M83"):
+            axes = tuple(block.setup.machine.dialect.letters.values()) if code == "M83" else ()
+            block.change(relative=axes)
+        elif code in ("G92.1", "G92.2", "G92.3"):
+            kept: Offsets = {} if code == "G92.1" else frame.g92
+            block.frame = msgspec.structs.replace(frame, g92=kept, g92_on=code != "G92.2")
+    if spindle:
+        _turn_spindle(block, actions, effects)
+
+
+def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
+    """Carry out the codes with axis words of their own, behind the line's settings."""
+    for action in actions:
+        if action.code == "G92":
+            _set_g92(block, action)
+        elif action.code == "G52":
+            local = dict(block.frame.local)
+            for axis, value in _axis_values(block, action):
+                local[axis] = value
+            block.frame = msgspec.structs.replace(block.frame, local=local)
+        elif action.code == "G10":
+            _set_system(block, action)
+        elif action.code in ("G28.1", "G30.1"):
+            stored = {**block.frame.stored, int(action.code[1:3]): dict(block.commanded.positions)}
+            block.frame = msgspec.structs.replace(block.frame, stored=stored)
+        elif action.code in ("G28", "G30"):
+            _go_home(block, action, effects)
+
+
+def _value(block: BlockState, action: Action, letter: str, least: float = -math.inf) -> float:
+    word = action.words[letter]
+    if word.value < least:
+        block.faults.add("MC116", f"{letter}{word.text} is below {least:g}", word.span, "")
+        return least
+    return word.value
+
+
+def _axis_values(block: BlockState, action: Action) -> list[tuple[int, float]]:
+    """Return the action's axis words in SI; a faulty one is reported and left out."""
+    found: dict[int, float] = {}
+    for word in action.axes:
+        axis = block.setup.axes.get(word.axis)
+        if axis is None:
+            block.faults.add("MC108", f"the machine has no axis {word.axis}", word.span, "", axis=word.axis)
+        elif word.axis in found:
+            block.faults.add(
+                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
+            )
+        else:
+            found[word.axis] = word.value * axis_scale(axis.type, block.modal.inch)
+    return list(found.items())
+
+
+def _origin_without(block: BlockState, axis: int, **left_out: Offsets) -> float:
+    """Return the axis position of the program's zero if a part of the frame were empty [m or rad]."""
+    return (msgspec.structs.replace(block.frame, **left_out).shift() or {}).get(axis, 0.0)
+
+
+def _set_g92(block: BlockState, action: Action) -> None:
+    offsets = {} if not action.axes else dict(block.frame.g92)
+    values = _axis_values(block, action)
+    if not action.axes and block.setup.machine.dialect.profile == "printer":
+        values = [(axis, 0.0) for axis in sorted(block.setup.leased)]
+    elif not action.axes:
+        block.faults.add("MC118", "G92 names no axis", action.span, "add axis words, such as G92 X0")
+    for axis, value in values:
+        offsets[axis] = block.commanded.positions[axis] - _origin_without(block, axis, g92={}) - value
+    block.frame = msgspec.structs.replace(block.frame, g92=offsets, g92_on=True)
+
+
+def _set_system(block: BlockState, action: Action) -> None:
+    """Set the origin of a work coordinate system: G10 L2 by itself, L20 by what the position reads then."""
+    frame = block.frame
+    kind = action.words["L"].value
+    chosen = action.words.get("P")
+    number = frame.system if chosen is None or chosen.value == 0 else int(chosen.value)
+    if kind not in (2.0, 20.0) or "R" in action.words:
+        block.faults.add(
+            "MC141",
+            "of G10 only L2 and L20 set something here, without a rotation R",
+            action.span,
+            "lengths of tools belong to the machine file: [[cutter]]",
+        )
+        return
+    if chosen is not None and (chosen.value != int(chosen.value) or not 0 <= chosen.value <= 9):
+        block.faults.add(
+            "MC143", f"P{chosen.text} is no work coordinate system", chosen.span, "P1 is G54, P9 G59.3"
+        )
+        return
+    if not action.axes:
+        block.faults.add(
+            "MC118", "G10 names no axis", action.span, f"add axis words, such as G10 L20 P{number} X0"
+        )
+    origin = dict(frame.systems.get(number, {}))
+    for axis, value in _axis_values(block, action):
+        if kind == 2.0:
+            origin[axis] = value + (origin.get(axis, 0.0) if block.modal.incremental else 0.0)
+        else:
+            others = _origin_without(block, axis, systems={})
+            origin[axis] = block.commanded.positions[axis] - others - value
+    block.frame = msgspec.structs.replace(frame, systems={**frame.systems, number: origin})
+
+
+def _tool_length(block: BlockState, action: Action) -> None:
+    frame = block.frame
+    if action.code == "G49":
+        block.frame = msgspec.structs.replace(frame, tool_length=0.0)
+        return
+    cutters = block.setup.machine.dialect.cutters
+    word = action.words.get("H")
+    number = frame.tool if word is None else int(word.value)
+    if not cutters:
+        return  # no tool table: lengths are set by touching off; the check says that G43 has no effect
+    if number and number not in cutters:
+        known = ", ".join(str(each) for each in sorted(cutters))
+        block.faults.add(
+            "MC143",
+            f"the tool table has no tool {number}",
+            action.span if word is None else word.span,
+            f"add a [[cutter]] with its length to the machine file, which has {known}",
+        )
+    block.frame = msgspec.structs.replace(frame, tool_length=cutters.get(number, 0.0))
+
+
+def _change_tool(block: BlockState, effects: Effects) -> None:
+    """Pause for a change by hand if the tool differs from the one before; the first is there already."""
+    frame = block.frame
+    differs = frame.changed is not None and frame.changed != frame.tool
+    if differs and block.setup.machine.dialect.tool_change == "pause":
+        effects.before.append(PauseLine(block.parsed.number))
+    block.frame = msgspec.structs.replace(frame, changed=frame.tool)
+
+
+def _dwell(block: BlockState, action: Action, effects: Effects) -> None:
+    number = block.parsed.number
+    words = action.words
+    seconds: float | None = None
+    word: ProfileWord | None = None
+    if "S" in words or "X" in words:
+        word = words.get("S") or words["X"]
+        seconds = word.value
+    elif "P" in words:
+        word = words["P"]
+        seconds = word.value * block.setup.machine.dialect.dwell_unit
+    if seconds is None or word is None:
+        if block.setup.machine.dialect.profile != "printer":
+            block.faults.add(
+                "MC118", "G4 does not say how long", action.span, "give seconds, such as G4 P2.5"
+            )
+    elif seconds < 0.0:
+        block.faults.add("MC116", f"a dwell of {seconds:g} s is negative", word.span, "give 0 s or more")
+    elif seconds > 0.0:
+        effects.before.append(MotionLine(number, (DwellGroup(seconds),)))
+
+
+def _turn_spindle(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
+    index = block.setup.machine.dialect.spindle
+    frame = block.frame
+    if index is None or index not in block.setup.leased:
+        return
+    axis = block.setup.axes[index]
+    speed = motor_speed(frame.spindle_rpm * frame.direction, axis.travel_per_motor_turn)
+    if abs(speed) > axis.max_velocity * (1.0 + 1e-9):
+        most = motor_rpm(axis.max_velocity, axis.travel_per_motor_turn)
+        place = next(action for action in actions if action.code in ("S", "M3", "M4", "M5"))
+        block.faults.add(
+            "MC202",
+            f"S{frame.spindle_rpm:g} drives the spindle, axis {index}, beyond its max_velocity",
+            place.span,
+            f"its motor may turn at {shown_number(most)} RPM at most",
+            axis=index,
+        )
+    block.commanded.invalidate((index,))
+    group = SpeedGroup((index,), (speed,))
+    if any(isinstance(value, MotionLine) for value in effects.before):
+        # a dwell behind M3 lets the spindle come to speed
+        effects.before.insert(0, MotionLine(block.parsed.number, (group,)))
+    else:
+        effects.groups.append(group)
+
+
+def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
+    """Go by rapids to the point that the words give, then to the stored position of these axes."""
+    modal = block.modal
+    named = _axis_values(block, action)
+    home = block.frame.stored.get(int(action.code[1:3]), {})
+    through: dict[int, float] = {}
+    for axis, value in named:
+        if modal.incremental:
+            through[axis] = block.commanded.positions[axis] + value
+        else:
+            through[axis] = value + (modal.shift or {}).get(axis, 0.0)
+    taken = set(block.setup.machine.dialect.letters.values()) | {block.setup.machine.dialect.spindle}
+    axes = [axis for axis, _ in named] or [
+        axis for axis in range(6) if axis in block.setup.leased and axis not in taken
+    ]
+    # a printer's words name axes and no point on the way
+    if block.setup.machine.dialect.profile != "printer":
+        _rapid(block, action, through, effects)
+    _rapid(block, action, {axis: home.get(axis, 0.0) for axis in axes}, effects)
+
+
+def _rapid(block: BlockState, action: Action, targets: dict[int, float], effects: Effects) -> None:
+    positions = block.commanded.positions
+    targets = {axis: end for axis, end in targets.items() if abs(end - positions[axis]) > ROUNDING}
+    for index, end in targets.items():
+        axis = block.setup.axes[index]
+        if not axis.min_position - ROUNDING <= end <= axis.max_position + ROUNDING:
+            shown = shown_position(end, axis.type, block.modal.inch)
+            block.faults.add(
+                "MC201",
+                f"{action.code} takes axis {index} to {shown}, beyond its travel",
+                action.span,
+                "stay within the axis's travel" if axis.type is AxisType.LINEAR else "",
+                axis=index,
+            )
+        if block.usable_axis(index, action) is None:
+            return
+        block.end_at(index, end)
+    if targets:
+        group = RapidGroup(tuple(targets), tuple(targets.values()), True)
+        effects.after.append(MotionLine(block.parsed.number, (group,), exact_stop=True))

@@ -1,0 +1,102 @@
+"""The codes that profiles add: those that act, those without effect, those that are refused (D-60)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+# read by the reference's grammar, in the order of RS-274's execution
+SETTINGS: Final = frozenset(
+    {"G9", "G17", "G18", "G19", "G20", "G21", "G61", "G64", "G90", "G91", "G93", "G94"}
+)
+MOTIONS: Final = frozenset({"G0", "G1", "G2", "G3"})
+PROGRAM: Final = frozenset({"M0", "M1", "M2", "M30", "M60"})
+
+_SYSTEMS: Final = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
+SYSTEM_NUMBERS: Final[Mapping[str, int]] = MappingProxyType(
+    {code: number for number, code in enumerate(_SYSTEMS, start=1)}
+)
+_FRAME = {"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G53", "G92", "G92.1", "G92.2", "G92.3", *_SYSTEMS}
+_MACHINING = {"G4", "G43", "G49", "M3", "M4", "M5", "M6"}
+
+# codes that act, by profile
+ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
+    {
+        "reference": frozenset(_MACHINING - {"G43", "G49", "M6"}),
+        "cnc": frozenset(_FRAME | _MACHINING),
+        "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
+        "printer": frozenset({"G4", "G28", "G92", "M82", "M83", "M600"}),
+    }
+)
+# of these the axis words, where a line has one of them
+TAKES_AXES: Final = frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G92"})
+
+_NO_COMPENSATION = {"G40", "G50", "G69", "G80"}
+IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
+    {
+        "reference": frozenset(),
+        "cnc": frozenset(
+            _NO_COMPENSATION
+            | {"G8", "G15", "G67", "G98", "G99", "G103", "G187"}
+            | {f"M{n}" for n in (7, 8, 9, 10, 11, 17, 18, 41, 42, 43, 44, 48, 49, 50, 51, 52, 53, 84)}
+        ),
+        "robot": frozenset(
+            _NO_COMPENSATION | {"G43", "G49", "M6", "M7", "M8", "M9", "M10", "M11", "M48", "M49"}
+        ),
+        "printer": frozenset(
+            {"G29", "G80", "G31", "G32", "G34"}
+            | {
+                f"M{n}"
+                for n in (*range(3, 30), *range(31, 60), *range(61, 82), *range(84, 600), *range(601, 1000))
+            }
+        ),
+    }
+)
+# the state that holds here anyway: not worth a word
+SILENT: Final = frozenset({"G91.1", "G97"})
+
+REFUSED: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "G5": "splines are not interpolated here; let the post write arcs and lines",
+        "G5.1": "splines are not interpolated here; let the post write arcs and lines",
+        "G5.2": "splines are not interpolated here; let the post write arcs and lines",
+        "G7": "diameters are not halved here; let the post write radii",
+        "G10": "retractions by firmware are not done here; let the slicer write them as moves of E",
+        "G11": "retractions by firmware are not done here; let the slicer write them as moves of E",
+        "G16": "polar coordinates are not read here; let the post write X and Y",
+        "G33": "threads need a spindle whose turning is followed; none is",
+        "G41": "there is no cutter compensation here; let the CAM compute the tool's own path",
+        "G42": "there is no cutter compensation here; let the CAM compute the tool's own path",
+        "G51": "scaling is not done here; let the CAM scale the part",
+        "G68": "rotation is not done here; let the CAM rotate the part",
+        "G76": "threads need a spindle whose turning is followed; none is",
+        "G90.1": "arc centres are increments from the start here; let the post write G91.1",
+        "G95": "feed per revolution needs a spindle whose turning is followed; use G94",
+        "G96": "constant surface speed is not kept here; use G97",
+        "M62": "this machine has no outputs",
+        "M63": "this machine has no outputs",
+        "M64": "this machine has no outputs",
+        "M65": "this machine has no outputs",
+        "M66": "this machine has no inputs",
+        "M97": "subprograms are not read here; let the post write the moves out",
+        "M98": "subprograms are not read here; let the post write the moves out",
+        "M99": "subprograms are not read here; let the post write the moves out",
+        **{
+            f"G{number}": "canned cycles are not expanded here; let the post write the moves out"
+            for number in (70, 71, 72, 73, 74, 81, 82, 83, 84, 85, 86, 87, 88, 89)
+        },
+        **{f"G38.{n}": "this machine cannot probe" for n in range(2, 6)},
+    }
+)
+
+# macros of printers' firmware that slicers write by themselves and that move nothing
+HARMLESS_MACRO: Final = re.compile(
+    r"(?:EXCLUDE_OBJECT|SET_PRESSURE_ADVANCE|SET_VELOCITY_LIMIT|SET_PRINT_STATS|TIMELAPSE|BED_MESH|RESPOND|SET_FAN)"
+)
+
+
+def code_name(letter: str, number: float) -> str:
+    """Return a code as the tables have it: G1, G59.1, M104."""
+    return f"{letter}{number:g}"

@@ -1,0 +1,48 @@
+"""Work offsets, G92, tool length and spindle as an immutable value (D-62 to D-65)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import msgspec
+
+Offsets = Mapping[int, float]
+LENGTH_AXIS = 2  # a tool's length lies along Z
+
+
+class Frame(msgspec.Struct, frozen=True):
+    """The frame that axis words are in, and the spindle.
+
+    Attributes:
+        system: 1 … 9, of G54 … G59.3. systems: origins of the work coordinate systems, axis → [m or rad].
+        g92: offsets of G92. g92_on: they count (G92.2 takes them out, G92.3 in). local: of G52.
+        tool_length: of G43 [m]. tool: number of the last T. changed: number of the last M6.
+        stored: positions of G28.1 (28) and G30.1 (30).
+        direction: of the spindle, 1, -1 or 0. spindle_rpm: the last S.
+    """
+
+    system: int = 1
+    systems: Mapping[int, Offsets] = {}
+    g92: Offsets = {}
+    g92_on: bool = True
+    local: Offsets = {}
+    tool_length: float = 0.0
+    tool: int = 0
+    changed: int | None = None
+    stored: Mapping[int, Offsets] = {}
+    direction: int = 0
+    spindle_rpm: float = 0.0
+
+    def shift(self) -> dict[int, float] | None:
+        """Return the program's zero by axis [m or rad]; None where it is the machine's zero."""
+        total: dict[int, float] = {}
+        parts = [self.systems.get(self.system, {}), self.local]
+        if self.g92_on:
+            parts.append(self.g92)
+        for part in parts:
+            for axis, offset in part.items():
+                total[axis] = total.get(axis, 0.0) + offset
+        if self.tool_length:
+            total[LENGTH_AXIS] = total.get(LENGTH_AXIS, 0.0) + self.tool_length
+        total = {axis: offset for axis, offset in total.items() if offset != 0.0}
+        return total or None

@@ -1,0 +1,278 @@
+"""Read a line of a profile's programs (D-60, D-61).
+
+RS-274's words in any order become a line of the reference's grammar, and actions for the codes that the
+reference does not have.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import msgspec
+
+from mcserver.gcode.line_faults import FaultList
+from mcserver.gcode.profiles.codes import (
+    ACTING,
+    HARMLESS_MACRO,
+    IGNORED,
+    MOTIONS,
+    PROGRAM,
+    REFUSED,
+    SETTINGS,
+    SILENT,
+    TAKES_AXES,
+    code_name,
+)
+from mcserver.gcode.text.parser import ParsedLine, scan_line
+from mcserver.gcode.text.profile_words import Action, ProfileWords
+from mcserver.gcode.text.profile_words import ProfileWord as Word
+from mcserver.gcode.text.scanner import Scan
+from mcserver.gcode.text.source import BOM
+from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
+from mcserver.machine.dialect_section import Dialect
+
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_TOKEN = re.compile(rf"([A-Z])[ \t]*({_NUMBER})|\[[ \t]*([0-9]{{1,2}})[ \t]*\][ \t]*({_NUMBER})|([^ \t])")
+_COMMENT = re.compile(r"\([^()]*\)|;.*")
+_COMPUTED = re.compile(
+    r"[#=<>]|[A-Z][ \t]*[-+]?[ \t]*\[|\][ \t]*\[|\b(?:IF|WHILE|GOTO|CALL|SUB|ENDSUB)\b|O[ \t]*<"
+)
+_PROGRAM_NUMBER = re.compile(r"[ \t]*[O:][ \t]*[0-9]+[ \t]*\Z")
+_MACRO = re.compile(r"[ \t]*([A-Z_][A-Z_]{2,}[A-Z0-9_]*)(?![0-9.+-])")
+_HEAD = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?([GMT])[ \t]*([0-9]+(?:\.[0-9]+)?)")
+_REFERENCE_ONLY = re.compile(r",|G[ \t]*1[0-9]{3}\b")
+_CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
+_OFFSET_LETTERS = frozenset("IJKRP")
+
+COMPUTED = "the program computes: expressions, parameters and O-words are not read here"
+
+
+class ProfileReader:
+    """Reads the lines of one program."""
+
+    def __init__(self, dialect: Dialect) -> None:
+        self._dialect = dialect
+        self._acting = ACTING[dialect.profile]
+        self._ignored = IGNORED[dialect.profile] | dialect.ignore
+        self._axes = {**AXIS_LETTERS, **dialect.letters}
+        self._tools = dialect.profile in ("reference", "robot")  # T means the reference's tool
+
+    def read(self, text: str, number: int) -> ParsedLine:
+        """Parse a line; faults are kept in `ParsedLine.faults`."""
+        if number == 1:
+            text = text.removeprefix(BOM)
+        parsed = scan_line(text, number)
+        if parsed.simple is not None:
+            return parsed
+        code = _blank(text).upper()
+        if not code.strip():
+            return _line(number, text, code, [], FaultList(number), ProfileWords())
+        return self._read(text, code, number) or parsed
+
+    def _read(self, text: str, code: str, number: int) -> ParsedLine | None:
+        """Parse a line with code; None for what only the reference has: comma groups and axis commands."""
+        faults = FaultList(number)
+
+        def nothing(*ignored: str) -> ParsedLine:
+            return _line(number, text, code, [], faults, ProfileWords(ignored=ignored))
+
+        stripped = code.lstrip()
+        if stripped.startswith("%") or _PROGRAM_NUMBER.match(code):
+            return nothing()
+        head = _HEAD.match(code)
+        if head is not None:
+            name = code_name(head[1], float(head[2]))
+            family = name.partition(".")[0]
+            idle = head[1] == "T" or name in self._ignored or (head[1] == "M" and family in self._ignored)
+            if idle and self._dialect.profile == "printer":
+                return nothing(family)
+        macro = _MACRO.match(code)
+        if macro is not None and macro[1] not in ("IF", "WHILE"):
+            if HARMLESS_MACRO.match(macro[1]) or macro[1] in self._dialect.ignore:
+                return nothing(macro[1])
+            faults.add(
+                "MC145",
+                f"{macro[1]} is a macro of another controller",
+                (macro.start(1) + 1, macro.end(1) + 1),
+                f'if it may go without effect, list it in the machine file: ignore = ["{macro[1]}"]',
+            )
+            return nothing()
+        if _REFERENCE_ONLY.search(code):
+            return None
+        if _COMPUTED.search(code):
+            faults.add("MC140", COMPUTED, (1, len(code.rstrip()) + 1), "let the post write plain numbers")
+            return nothing()
+        code = _CHECKSUM.sub(lambda match: " " * len(match[0]), code)
+        if stripped.startswith("/"):
+            code = code.replace("/", " ", 1)
+        return self._sort(text, code, number, faults)
+
+    def _sort(self, text: str, code: str, number: int, faults: FaultList) -> ParsedLine:
+        """Sort words into RS-274's order of execution and hand each code its own words."""
+        settings: list[Word] = []
+        feeds: list[Word] = []
+        motions: list[Word] = []
+        stops: list[Word] = []
+        loose: list[Word] = []
+        codes: list[Word] = []
+        own: list[Word] = []
+        ignored: list[str] = []
+        machine_frame = False
+        last: Word | None = None
+        tolerances: list[Word] = []
+        for word in self._words(code, faults):
+            if word.letter == "N":
+                continue
+            if word.letter in "GM":
+                name = code_name(word.letter, word.value)
+                last = word
+                if name in SETTINGS or name == "G61.1":
+                    settings.append(word if name != "G61.1" else msgspec.structs.replace(word, text="61"))
+                elif name in MOTIONS:
+                    motions.append(word)
+                elif name in PROGRAM:
+                    stops.append(word if name != "M60" else msgspec.structs.replace(word, text="00"))
+                elif name == "G53" and name in self._acting:
+                    machine_frame = True
+                elif name in self._acting or (name in SILENT and self._dialect.profile != "reference"):
+                    codes.append(word)
+                elif name in self._ignored:
+                    ignored.append(name)
+                else:
+                    self._refuse(word, name, faults)
+            elif word.letter == "F":
+                feeds.append(word)
+            elif word.letter == "T" and self._tools:
+                settings.append(word)
+            elif (
+                word.letter == "P"
+                and last is not None
+                and code_name("G", last.value) == "G64"
+                and last.letter == "G"
+            ):
+                tolerances.append(word)
+            elif word.axis >= 0 or word.letter in "IJKR":
+                loose.append(word)
+            else:
+                own.append(word)
+        if faults.found:
+            # what is left of such a line would only be blamed for it
+            return _line(number, text, code, [], faults, ProfileWords(ignored=tuple(ignored)))
+        actions = self._actions(codes, own, loose, faults, bool(ignored or motions or tolerances))
+        if motions:
+            loose += [word for word in own if word.letter == "P"]
+        ordered: list[Word] = []
+        for word in settings:
+            ordered.append(word)
+            if code_name(word.letter, word.value) == "G64":
+                ordered += tolerances[:1]
+        ordered += [*feeds, *motions, *loose, *stops]
+        return _line(
+            number, text, code, ordered, faults, ProfileWords(tuple(actions), machine_frame, tuple(ignored))
+        )
+
+    def _words(self, code: str, faults: FaultList) -> list[Word]:
+        words: list[Word] = []
+        for match in _TOKEN.finditer(code):
+            span = (match.start() + 1, match.end() + 1)
+            if match[5] and self._dialect.profile == "printer" and match[5].isalpha():
+                # G28 X: printers' words may lack their number
+                axis = -1 if match[5] in INCREMENTAL_LETTERS else self._axes.get(match[5], -1)
+                words.append(Word(match[5], 0.0, "0", axis, span))
+            elif match[5]:
+                end = re.compile(r"[^ \t]*").match(code, match.start())
+                stop = match.end() if end is None else end.end()
+                shown = code[match.start() : stop]
+                faults.add("MC103", f"{shown} is not a word of a program", (span[0], stop + 1))
+                break
+            elif match[3]:
+                words.append(Word(f"[{int(match[3])}]", float(match[4]), match[4], int(match[3]), span))
+            else:
+                words.append(Word(match[1], float(match[2]), match[2], self._axes.get(match[1], -1), span))
+        return words
+
+    def _actions(
+        self, codes: list[Word], own: list[Word], loose: list[Word], faults: FaultList, others: bool
+    ) -> list[Action]:
+        """Give each acting code the words that it takes; axis words are taken out of ``loose``."""
+        actions: list[Action] = []
+        words = {word.letter: word for word in own}
+        for word in own:
+            if word.letter in "ST":
+                actions.append(Action(word.letter, word.span, {word.letter: word}))
+        for word in codes:
+            name = code_name(word.letter, word.value)
+            if name in SILENT:
+                continue
+            taken = dict(words)
+            axes: tuple[Word, ...] = ()
+            if name == "G10" and "L" not in words:
+                self._refuse(word, name, faults)
+                continue
+            if name in TAKES_AXES:
+                axes = tuple(each for each in loose if each.axis >= 0)
+                taken.update({each.letter: each for each in loose if each.axis < 0})
+                loose.clear()
+            if name == "G4":
+                taken.update({each.letter: each for each in loose if each.letter == "X"})
+                loose[:] = [each for each in loose if each.letter != "X"]
+            actions.append(Action(name, word.span, taken, axes))
+        if not codes and not others:
+            for word in own:
+                if word.letter not in "STHDLQE":
+                    faults.add("MC113", f"{word.letter}{word.text} belongs to no command", word.span)
+        return actions
+
+    def _refuse(self, word: Word, name: str, faults: FaultList) -> None:
+        reason = REFUSED.get(name)
+        if reason is not None:
+            faults.add(
+                "MC141", f"{name}: {reason.split('; ')[0]}", word.span, "; ".join(reason.split("; ")[1:])
+            )
+        else:
+            faults.add(
+                "MC110",
+                f"{name} is not a code of the profile {self._dialect.profile}",
+                word.span,
+                f'if it may go without effect, list it in the machine file: [dialect] ignore = ["{name}"]',
+            )
+
+
+def _blank(text: str) -> str:
+    """Replace comments by blanks, nested and unclosed ones too: columns stay."""
+    if "(" not in text and ";" not in text:
+        return text
+    before = ""
+    while before != text:
+        before = text
+        text = _COMMENT.sub(lambda match: " " * len(match[0]), text)
+    start = text.find("(")
+    return text if start < 0 else text[:start] + " " * (len(text) - start)
+
+
+def _line(
+    number: int,
+    text: str,
+    code: str,
+    words: list[Word],
+    faults: FaultList,
+    profile: ProfileWords,
+) -> ParsedLine:
+    tokens = [
+        (word.letter if word.axis < 0 or word.letter in AXIS_LETTERS else f"[{word.axis}]", word.text, "")
+        for word in words
+    ]
+    scanned = Scan(code, tokens, [word.span for word in words])
+    parsed = ParsedLine(number, text, scanned, None)
+    parsed.profile = profile
+    parsed.analyse(faults)
+    return parsed
+
+
+Reader = Callable[[str, int], ParsedLine]
+
+
+def reader_of(dialect: Dialect) -> Reader:
+    """Return what parses the lines of a program in a machine's dialect."""
+    return scan_line if dialect.strict else ProfileReader(dialect).read

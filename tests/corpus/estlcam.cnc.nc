@@ -1,0 +1,23 @@
+(Project part)
+(Created by Estlcam version 12)
+(Machining time about 00:01:12 hours)
+
+(Required tools:)
+(End mill 3mm)
+
+G90
+G21
+M03 S10000
+G00 Z5.0000
+
+(No. 1: Part 1)
+G00 X10.0000 Y10.0000
+G00 Z0.5000
+G01 Z-1.0000 F300 S10000
+G01 X30.0000 F900
+G02 X35.0000 Y15.0000 I0.0000 J5.0000
+G01 Y30.0000
+G00 Z5.0000
+G00 X0.0000 Y0.0000
+M05
+M30

@@ -1,0 +1,170 @@
+"""Programs in the manner of the usual posts run unmodified under their profile (D-60)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mcserver.errors import Diagnostic
+from mcserver.gcode.program_check import check_program
+from mcserver.machine.machine_file import Machine, load_machine, parse_machine
+from mcserver.simulation.simulation import simulate
+
+FOLDER = Path(__file__).parent
+FILES = sorted(
+    path.name for path in FOLDER.iterdir() if path.suffix not in (".toml", ".py") and path.is_file()
+)
+
+
+def machine_of(profile: str) -> Machine:
+    return load_machine(str(FOLDER / f"{profile}.toml"))
+
+
+def errors(text: str, profile: str) -> list[Diagnostic]:
+    return [each for each in check_program(text, machine_of(profile)) if each.severity == "error"]
+
+
+def run(text: str, profile: str) -> dict[str, Any]:
+    report = simulate(text, machine_of(profile)).report
+    assert report["ok"], report["diagnostics"]
+    return report
+
+
+def ends(text: str, profile: str = "cnc") -> list[float]:
+    axes = run(text, profile)["axes"]
+    return [round(axes[str(axis)]["position"], 9) for axis in (0, 1, 2)]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_program_of_a_post_runs_unmodified(name: str) -> None:
+    report = run((FOLDER / name).read_text("utf-8"), name.split(".")[-2])
+    assert report["duration_s"] > 1.0
+    assert report["feed_length_mm"] > 20.0
+    # what has no effect is said once
+    assert [each["code"] for each in report["diagnostics"]] in ([], ["MC142"])
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_reference_s_dialect_stays_strict(name: str) -> None:
+    described = (FOLDER / f"{name.split('.')[-2]}.toml").read_text("utf-8")
+    head, _, rest = described.partition("[dialect]")
+    machine = parse_machine(head + rest[rest.index("\n[") :])
+    found = check_program((FOLDER / name).read_text("utf-8"), machine)
+    assert name.startswith("welding") or any(each.severity == "error" for each in found)
+
+
+def test_words_count_in_any_order() -> None:
+    assert ends("X10 F1000 G1\nY5 G91\nX10 G0 G90") == [10.0, 5.0, 0.0]
+
+
+def test_work_offsets_move_the_words_of_g90_alone() -> None:
+    assert ends("G10 L2 P2 X100 Y50 Z5\nG55 G0 X1 Y1\nG91 G1 X1 F600") == [102.0, 51.0, 0.0]
+    assert ends("G10 L2 P1 X100\nG0 X1\nG53 G0 X2\nY1") == [2.0, 1.0, 0.0]
+    assert ends("G0 X30\nG10 L20 P1 X0\nG1 X5 F600\nX6\nX7\nX8\nX9") == [39.0, 0.0, 0.0]
+    assert ends("G20 G10 L2 P1 X1\nG21 G0 X0") == [25.4, 0.0, 0.0]
+
+
+def test_an_arc_is_moved_by_the_work_offset() -> None:
+    text = "G10 L2 P1 X100 Y100\nG0 X10 Y0\nG2 X0 Y-10 I-10 J0 F1000"
+    assert ends(text) == pytest.approx([100.0, 90.0, 0.0])
+
+
+def test_g92_makes_the_position_read_its_words() -> None:
+    assert ends("G0 X30 Y10\nG92 X0\nG1 X5 Y20 F900") == [35.0, 20.0, 0.0]
+    assert ends("G0 X30\nG92 X0\nG92.2\nG0 X5") == [5.0, 0.0, 0.0]
+    assert ends("G0 X30\nG92 X0\nG92.2\nG92.3\nG0 X5") == [35.0, 0.0, 0.0]
+    assert ends("G0 X30\nG92 X0\nG92.1\nG92.3\nG0 X5") == [5.0, 0.0, 0.0]
+    assert ends("G52 X7\nG0 X1\nG52 X0\nG0 Y1") == [8.0, 1.0, 0.0]
+
+
+def test_g43_adds_the_tools_length_and_g49_takes_it_out() -> None:
+    assert ends("T1 M6\nG43 H1\nG0 Z5") == [0.0, 0.0, 25.0]
+    assert ends("T2 M6\nG43\nG0 Z5\nG49\nG0 Z6 X1") == [1.0, 0.0, 6.0]
+    assert [each.code for each in errors("G43 H9\nG0 Z1", "cnc")] == ["MC143"]
+
+
+def test_g28_goes_by_its_point_to_the_stored_position() -> None:
+    assert ends("G0 X10 Y10 Z10\nG91 G28 Z0\nG90 G0 X5") == [5.0, 10.0, 0.0]
+    assert ends("G0 X10 Y3\nG28.1\nG0 X50 Y50 Z5\nG28") == [10.0, 3.0, 0.0]
+    axes = run("G0 X10\nG28 X60", "cnc")["axes"]
+    assert (axes["0"]["position"], axes["0"]["max"]) == (0.0, 60.0)
+
+
+def test_the_spindle_is_an_axis_that_goes_on_turning() -> None:
+    report = run("S600 M3\nG4 P1\nG1 X10 F600\nM5\nG4 P1", "cnc")
+    assert report["axes"]["6"]["max"] > 3600.0
+    assert [each.code for each in errors("S90000 M3", "cnc")] == ["MC202"]
+
+
+def test_relative_extrusion_leaves_x_and_y_absolute() -> None:
+    report = run("M83\nG1 X10 E1 F600\nX10 Y10 E1\nM82\nG1 X20 E5", "printer")
+    assert report["axes"]["6"]["position"] == pytest.approx(5.0)
+    assert report["axes"]["6"]["max"] == pytest.approx(5.0)
+    assert report["lines"][0]["requested_s"] == pytest.approx(1.0)
+
+
+def test_the_feed_counts_x_y_z_and_others_go_along() -> None:
+    lines = run("G1 X10 A720 F600\nA0 F3600", "cnc")["lines"]
+    assert [line["requested_s"] for line in lines] == pytest.approx([1.0, 12.0])
+
+
+def test_a_dwell_is_milliseconds_on_a_printer_and_seconds_on_a_mill() -> None:
+    assert run("G4 P1500\nG0 X1", "printer")["lines"][0]["requested_s"] == pytest.approx(1.5)
+    assert run("G4 P1.5\nG0 X1", "cnc")["lines"][0]["requested_s"] == pytest.approx(1.5)
+
+
+def test_expressions_and_o_words_are_refused_once_for_the_file() -> None:
+    text = "#1 = 5\nG1 X[#1+2] F100\no100 sub\no100 endsub\n" * 20
+    (fault,) = errors(text, "cnc")
+    assert (fault.code, fault.line) == ("MC140", 1)
+
+
+def test_what_has_no_effect_is_listed_once_with_its_count() -> None:
+    found = check_program("G40 G49\nM8\nM8\nG1 X1 F100", machine_of("cnc"))
+    assert [(each.code, each.severity) for each in found] == [("MC142", "warning")]
+    assert "G40 (1), M8 (2)" in found[0].message
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("G41 D1 X5", "cutter compensation"),
+        ("G38.2 Z-5 F100", "probe"),
+        ("M98 P100", "subprogram"),
+        ("G33 Z-5 K1", "spindle"),
+        ("G95", "revolution"),
+        ("G81 X1 Y1 Z-3 R2 F100", "canned cycles"),
+        ("G90.1", "G91.1"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_with_its_reason(line: str, reason: str) -> None:
+    (fault,) = errors(line, "cnc")
+    assert fault.code == "MC141"
+    assert reason in fault.message + fault.hint
+
+
+def test_a_macro_is_refused_unless_the_machine_file_lists_it() -> None:
+    (fault,) = errors("START_PRINT BED=60", "printer")
+    assert (fault.code, "ignore" in fault.hint) == ("MC145", True)
+    assert errors("PRINT_START BED=60", "printer") == []
+
+
+def test_a_fault_behind_other_words_keeps_its_columns() -> None:
+    (fault,) = errors("S100 M3 G1 X9000 F100", "cnc")
+    assert (fault.code, fault.column, fault.end_column) == ("MC201", 12, 17)
+
+
+def test_a_change_to_another_tool_pauses_and_the_first_does_not() -> None:
+    text = "T1 M6\nG0 X1\nT1 M6\nG0 X2\nT2 M6\nG0 X3"
+    assert ends(text) == [3.0, 0.0, 0.0]
+
+
+def test_a_move_that_nothing_energizes_is_warned_of_by_check() -> None:
+    machine = load_machine("cartesian")
+    (warning,) = check_program("G01 X10 F100", machine, at_rest=True)
+    assert (warning.code, warning.severity, warning.axis) == ("MC144", "warning", 0)
+    assert check_program("G1010\nG01 X10 F100", machine, at_rest=True) == []
+    assert check_program("G00 X1\nG01 X10 F100", machine, at_rest=True) == []
+    assert check_program("G01 X10 F100", machine_of("cnc"), at_rest=True) == []
