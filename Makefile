@@ -79,5 +79,5 @@ $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
 	@touch $@
 
 $(VENV)/.for-development: $(VENV)/.for-demo
-	$(PIP) install --quiet --editable '.[kinematics,plot,can,view]' --group dev
+	$(PIP) install --quiet --editable '.[kinematics,plot,can,view,lsp]' --group dev
 	@touch $@

@@ -22,6 +22,7 @@ from mcserver.cli import (
     drive_sim,
     fix,
     grammar,
+    lsp,
     machine,
     plot,
     run,
@@ -69,6 +70,7 @@ def build_app() -> typer.Typer:
     app.command("fix")(fix.fix)
     app.command("format")(fix.format_file)
     app.command("grammar")(grammar.grammar)
+    app.command("lsp")(lsp.lsp)
     app.command("simulate")(simulate.simulate_program)
     app.command("plot")(plot.plot)
     app.command("view")(view.view)

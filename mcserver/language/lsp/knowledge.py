@@ -1,0 +1,145 @@
+"""What an editor shows about codes and words: completion and hover, from the tables and rules."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+
+from mcserver.gcode.text.command_table import COMMANDS, CommandSpec, find_command
+from mcserver.gcode.text.word_table import WORDS, WordSpec, find_word
+from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
+from mcserver.language.lsp.words_at import WordAt, in_comment, word_at, words_of
+from mcserver.language.rules import rules
+from mcserver.language.tables import words_of as listed_words
+from mcserver.machine.machine_file import Machine
+
+
+class Suggestion(msgspec.Struct, frozen=True):
+    """One completion.
+
+    Attributes:
+        label: what is inserted.
+        detail: a few words beside it.
+        documentation: Markdown.
+        start: code point from 0 where what is written already begins.
+    """
+
+    label: str
+    detail: str
+    documentation: str
+    start: int
+
+
+def describe_code(spec: CommandSpec) -> str:
+    """Describe a code in Markdown: what it does, its words, an example and its first rule."""
+    example = f"```gcode\n{spec.example}\n```"
+    return "\n\n".join(
+        [f"**{spec.name}** {spec.title}", f"words: {listed_words(spec)}", example, describe_rules(spec.rules)]
+    )
+
+
+def describe_word(spec: WordSpec, machine: Machine, name: str) -> str:
+    """Describe a word in Markdown, with the machine's axis if it names one."""
+    unit = f" [{spec.unit}]" if spec.unit else ""
+    return f"**{name}** {spec.title}{unit}{_axis_of(machine, name)}\n\n{describe_rules(spec.rules)}"
+
+
+def describe_rules(names: tuple[str, ...]) -> str:
+    """Quote the first rule and name the others."""
+    first = rules()[names[0]]
+    others = ", ".join(names[1:])
+    return f"**{first.name}** {first.title}. {first.text}" + (f"\n\nSee also {others}." if others else "")
+
+
+def _axis_of(machine: Machine, name: str) -> str:
+    number = AXIS_LETTERS.get(name)
+    if name.startswith("["):
+        digits = name.strip("[]")
+        number = int(digits) if digits.isdigit() else None
+    axis = next((each for each in machine.axes if each.index == number), None)
+    if axis is None:
+        return ""
+    unit = axis.type.unit
+    low, high = axis.min_position / axis.type.si_per_unit, axis.max_position / axis.type.si_per_unit
+    return f"; axis {axis.index} of {machine.name} is {axis.type.value}, {low:g} … {high:g} {unit}"
+
+
+def hover(line: str, position: int, machine: Machine) -> tuple[str, int, int] | None:
+    """Return Markdown for the word at a position, with its start and end; None for comments and blanks."""
+    if in_comment(line, position):
+        return None
+    word = word_at(line, position)
+    if word is None:
+        return None
+    if word.is_code:
+        spec = find_command(word.name, word.number)
+        return None if spec is None else (describe_code(spec), word.start, word.end)
+    known = find_word("[n]" if word.name.startswith("[") else word.name)
+    return None if known is None else (describe_word(known, machine, word.name), word.start, word.end)
+
+
+def complete(line: str, position: int, machine: Machine) -> list[Suggestion]:
+    """Return what may be written at a position: codes, and the words of the code before it."""
+    if in_comment(line, position):
+        return []
+    before = line[:position]
+    word = next((each for each in words_of(before) if each.end == position), None)
+    if word is not None and word.is_code:
+        written = word.name + word.number
+        return list(_codes(word.start, word.name, written))
+    if word is not None:
+        return list(_tools(word.start, machine)) if word.name == "T" else []
+    return [*_codes(position, "", ""), *_words(before, position, machine)]
+
+
+def _codes(start: int, letter: str, written: str) -> Iterator[Suggestion]:
+    for spec in COMMANDS:
+        short = spec.letter + str(spec.number)
+        if spec.name.startswith(letter) and (spec.name.startswith(written) or short.startswith(written)):
+            yield Suggestion(spec.name, spec.title, describe_code(spec), start)
+
+
+def _tools(start: int, machine: Machine) -> Iterator[Suggestion]:
+    for tool in machine.tools:
+        axes = ", ".join(map(str, tool.axes))
+        yield Suggestion(f"T{tool.number}", f"frame {tool.frame}, axes {axes}", "", start)
+
+
+def _words(before: str, start: int, machine: Machine) -> Iterator[Suggestion]:
+    """Suggest the words of the last code before the position that the line does not have yet."""
+    written = words_of(before)
+    spec = next(
+        (
+            found
+            for each in reversed(written)
+            if each.is_code and (found := find_command(each.name, each.number))
+        ),
+        None,
+    )
+    taken = {each.name for each in written}
+    letters = spec.words if spec is not None else "F"
+    if (spec is None or "T" in spec.words) and machine.tools and "T" not in taken:
+        yield from _tools(start, machine)
+    if spec is None or spec.takes_axes:
+        yield from _axis_words(start, machine, taken)
+    for entry in WORDS:
+        for letter in entry.letters:
+            if letter in letters and letter not in taken and letter != "T":
+                yield Suggestion(letter, entry.title, describe_word(entry, machine, letter), start)
+
+
+def _axis_words(start: int, machine: Machine, taken: set[str]) -> Iterator[Suggestion]:
+    letter_of = {
+        number: letter for letter, number in AXIS_LETTERS.items() if letter not in INCREMENTAL_LETTERS
+    }
+    for axis in machine.axes:
+        name = letter_of.get(axis.index, f"[{axis.index}]")
+        entry = find_word(name if name in AXIS_LETTERS else "[n]")
+        if entry is not None and name not in taken:
+            yield Suggestion(
+                name, f"axis {axis.index}, {axis.type.value}", describe_word(entry, machine, name), start
+            )
+
+
+__all__ = ["Suggestion", "WordAt", "complete", "describe_code", "describe_word", "hover"]

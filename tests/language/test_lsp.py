@@ -1,0 +1,152 @@
+"""The language server, asked by the client of pygls and by a headless Neovim."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import subprocess
+import sys
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+import pytest_asyncio
+from lsprotocol import types as lsp
+from pygls.lsp.client import LanguageClient
+
+URI = "file:///programs/p.gcode"
+PROGRAM = "G94 F6000\nG01 X100 ; 🙂\nGO1 X1\n"
+
+
+class Editor(LanguageClient):
+    """A client that keeps the diagnostics it is sent."""
+
+    def __init__(self) -> None:
+        super().__init__("tests", "1")
+        self.published: asyncio.Queue[lsp.PublishDiagnosticsParams] = asyncio.Queue()
+
+        @self.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
+        def take(params: lsp.PublishDiagnosticsParams) -> None:
+            self.published.put_nowait(params)
+
+    def open(self, text: str) -> None:
+        self.text_document_did_open(
+            lsp.DidOpenTextDocumentParams(lsp.TextDocumentItem(URI, "gcode", 1, text))
+        )
+
+    def change(self, text: str, version: int) -> None:
+        self.text_document_did_change(
+            lsp.DidChangeTextDocumentParams(
+                lsp.VersionedTextDocumentIdentifier(version, URI),
+                [lsp.TextDocumentContentChangeWholeDocument(text)],
+            )
+        )
+
+    async def diagnostics(self) -> list[lsp.Diagnostic]:
+        return list((await asyncio.wait_for(self.published.get(), 90)).diagnostics)
+
+
+@pytest_asyncio.fixture
+async def editor() -> AsyncIterator[Editor]:
+    client = Editor()
+    await client.start_io(sys.executable, "-m", "mcserver", "lsp")
+    await client.initialize_async(lsp.InitializeParams(capabilities=lsp.ClientCapabilities()))
+    client.initialized(lsp.InitializedParams())
+    yield client
+    await client.shutdown_async(None)
+    client.exit(None)
+    await client.stop()
+
+
+def here(line: int, character: int) -> lsp.Position:
+    return lsp.Position(line, character)
+
+
+async def test_faults_come_with_columns_and_remedies_and_go_when_the_text_is_right(editor: Editor) -> None:
+    editor.open(PROGRAM)
+    (fault,) = await editor.diagnostics()
+    assert fault.code == "MC101"
+    assert (fault.range.start.line, fault.range.start.character, fault.range.end.character) == (2, 0, 3)
+    actions = await editor.text_document_code_action_async(
+        lsp.CodeActionParams(lsp.TextDocumentIdentifier(URI), fault.range, lsp.CodeActionContext([]))
+    )
+    assert actions is not None
+    (action,) = actions
+    assert isinstance(action, lsp.CodeAction)
+    assert action.edit is not None
+    assert action.edit.changes is not None
+    (edit,) = action.edit.changes[URI]
+    assert (edit.range.start.character, edit.range.end.character, edit.new_text) == (1, 3, "01")
+    editor.change(PROGRAM.replace("GO1", "G01"), 2)
+    assert await editor.diagnostics() == []
+
+
+async def test_completion_hover_folding_and_formatting(editor: Editor) -> None:
+    editor.open("; one\n; two\ng1 x5 f600\nG10")
+    document = lsp.TextDocumentIdentifier(URI)
+    offered = await editor.text_document_completion_async(lsp.CompletionParams(document, here(3, 3)))
+    assert isinstance(offered, lsp.CompletionList)
+    assert "G1010" in [item.label for item in offered.items]
+    shown = await editor.text_document_hover_async(lsp.HoverParams(document, here(2, 1)))
+    assert shown is not None
+    assert isinstance(shown.contents, lsp.MarkupContent)
+    assert "D-21" in shown.contents.value
+    folds = await editor.text_document_folding_range_async(lsp.FoldingRangeParams(document))
+    assert folds is not None
+    assert [(fold.start_line, fold.end_line) for fold in folds] == [(0, 1), (0, 3)]
+    edits = await editor.text_document_formatting_async(
+        lsp.DocumentFormattingParams(document, lsp.FormattingOptions(4, True))
+    )
+    assert edits is not None
+    assert edits[0].new_text == "; one\n; two\nG01 X5 F600\nG10\n"
+
+
+# the first simulation of a fresh clone compiles the planner
+@pytest.mark.timeout(400)
+async def test_inlay_hints_give_each_lines_time_behind_its_last_character(editor: Editor) -> None:
+    editor.open("G1010\nG93 F60\nG01 X100 ; 🙂\n")
+    hints = await editor.text_document_inlay_hint_async(
+        lsp.InlayHintParams(lsp.TextDocumentIdentifier(URI), lsp.Range(here(0, 0), here(3, 0)))
+    )
+    assert hints is not None
+    moves = [hint for hint in hints if hint.position.line == 2]
+    assert [hint.label for hint in moves] == ["1.000 s"]
+    # the emoji counts as two units of UTF-16
+    assert moves[0].position.character == len("G01 X100 ; ") + 2
+    assert "requested 1.000 s" in str(moves[0].tooltip)
+
+
+NEOVIM = """
+local client = vim.lsp.start_client({ name = 'mcserver', cmd = { PYTHON, '-m', 'mcserver', 'lsp' } })
+vim.lsp.buf_attach_client(0, client)
+local found = vim.wait(90000, function() return #vim.diagnostic.get(0) > 0 end, 50)
+local first = vim.diagnostic.get(0)[1]
+local answers = vim.lsp.buf_request_sync(0, 'textDocument/completion',
+  { textDocument = vim.lsp.util.make_text_document_params(), position = { line = 3, character = 3 } }, 30000)
+local labels = {}
+for _, answer in pairs(answers or {}) do
+  for _, item in ipairs(answer.result.items) do table.insert(labels, item.label) end
+end
+local said = { tostring(found), first.code, first.lnum, table.concat(labels, ',') }
+io.stdout:write(table.concat(said, ' '), '\\n')
+vim.cmd('qa!')
+"""
+
+
+@pytest.mark.skipif(shutil.which("nvim") is None, reason="Neovim is not installed (Debian: neovim)")
+def test_a_headless_neovim_shows_a_diagnostic_and_a_completion(tmp_path: Path) -> None:
+    program = tmp_path / "p.gcode"
+    program.write_text(PROGRAM + "G10\n")
+    script = tmp_path / "ask.lua"
+    script.write_text(NEOVIM.replace("PYTHON", f"[[{sys.executable}]]"))
+    done = subprocess.run(
+        ["nvim", "--headless", "-u", "NONE", "-n", str(program), "-c", f"luafile {script}"],
+        capture_output=True,
+        text=True,
+        timeout=110,
+        env={"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "XDG_STATE_HOME": str(tmp_path)},
+        check=False,
+    )
+    found, code, line, labels = (done.stdout + done.stderr).strip().splitlines()[-1].split(" ")
+    assert (found, code, line) == ("true", "MC101", "2")
+    assert "G1010" in labels.split(",")
