@@ -75,7 +75,7 @@ class _Documents:
             self._checking.pop(uri, None)
             text = self.text(uri)
             try:
-                found = await self.checker.check(text, None)
+                found = await self.checker.check("editor", text, None)
             except McError as error:
                 found = [Diagnostic(error.code, error.message, hint=error.hint, severity="warning", line=1)]
         self.found[uri] = (text, found)
@@ -132,7 +132,7 @@ class _Documents:
     async def _simulate(self, text: str) -> dict[str, Any]:
         async with self._one_at_a_time:
             try:
-                return await self.checker.simulate(text)
+                return await self.checker.simulate("editor", text)
             except McError:
                 return {"ok": False, "lines": []}
 
