@@ -17,13 +17,13 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import NEAR_U, Playback
 from mcserver.executor.playback.rate import RateRamp
-from mcserver.executor.playback.rate_limits import RateLimiter
+from mcserver.executor.playback.rate_control import RateControl
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
 
 # This close to an edge u is put onto it [cycles].
-LANDING = 2e-3
+LANDING = 1e-5
 # Rows that a motion begins, or goes on, with at the least while its end is not known.
 START_ROWS = 16.0
 # A rate below this is standstill [1].
@@ -47,8 +47,7 @@ class ProgramSlot:
         self.ring = ring
         self.playback = Playback(ring, cycle.row, cycle.bank.masks, cycle.machine)
         self._queue = ControlQueue(ring, self.playback)
-        self._rate_limiter = RateLimiter(ring, self.playback, cycle.machine)
-        self.ramp = RateRamp(cycle.cycle_s)
+        self.ramp = RateControl(ring, self.playback, cycle.machine)
         self.rapid_ramp = RateRamp(cycle.cycle_s)
         self.axes = 0
         self.u = 0.0
@@ -207,10 +206,13 @@ class ProgramSlot:
             self.shown_line = self.playback.line or self.line
             if self.playback.unchecked:
                 self._check_first_row()
-            if self._state is SlotState.STOPPING and self.ramp.rate <= STANDSTILL:
+            # a cycle at rest first: drives see the last setpoint before they are switched off
+            stands = self.ramp.rate <= STANDSTILL and self._mean_rate <= STANDSTILL
+            if self._state is SlotState.STOPPING and stands:
                 self.playback.leave(self.playback.active)
         elif self.line:
             self.shown_line = self.line
+        self.playback.note()
         if self._state is SlotState.STOPPING:
             self._finish_stop()
         elif self.running:
@@ -321,39 +323,35 @@ class ProgramSlot:
         return self.playback.at_start or self.ramp.rate <= STANDSTILL
 
     def _step_rate(self) -> float:
-        """Rates of this cycle; returns the mean of the old and new rate, by which u passes."""
+        """Step the rates of this cycle; return the rows that u passes in it."""
         rapid = self.rapid_ramp
         wanted = self._wanted(1.0)
         rapid.begin_cycle()
         if rapid.rate != wanted:
             rapid.step(wanted, self.cycle.motions.slopes(self.index, rapid.rate))
         ramp = self.ramp
-        before = ramp.rate
+        mean = ramp.rate
         if self.barrier is not None and self.playback.active:
             # u stands in the midst of a motion, which came to rest there
             ramp.jump(0.0)
+            mean = 0.0
         elif not self.playback.active:
-            if before != wanted:
+            if ramp.rate != wanted:
                 ramp.jump(wanted)
-                before = wanted
+            mean = ramp.rate
         else:
             wanted = self._wanted(2.0)
             edge, dry = self._queue.edge(self.u)
-            limit = wanted
             if self._too_dry(edge, dry):
                 ramp.jump(0.0)
-                limit = before = 0.0
-            elif edge is not None or wanted > 1.0:
-                self.playback.seek(self.u)
-                limit = self._rate_limiter.fastest(self.u, ramp, wanted, edge)
-            if before != limit and self.playback.unmoved(self.u):
-                before = min(limit, 1.0)
-                ramp.jump(before)
-            elif before != limit:
-                ramp.step(limit, self._rate_limiter.slopes(self.u, before))
+                mean = 0.0
+            else:
+                if ramp.rate != min(wanted, 1.0) and self.playback.unmoved(self.u):
+                    ramp.jump(min(wanted, 1.0))
+                mean = ramp.advance(self.u, wanted, edge, urgent=self.cycle.estop)
             self._note_starved(dry, wanted)
         self._held = (self._hold or self._override <= 0.0) and ramp.rate <= STANDSTILL
-        return 0.5 * (before + ramp.rate)
+        return mean
 
     def _note_starved(self, dry: bool, wanted: float) -> None:
         if self.ramp.rate > STANDSTILL:
@@ -371,7 +369,8 @@ class ProgramSlot:
         edge, dry = self._queue.edge(self.u)
         if edge is None:
             return max(self.u, min(goal, max(self._queue.last_u, last)))
-        if self._too_dry(edge, dry):
+        # the last cycle of a stop ends with a rate of 0, and yet u passes
+        if (playback.at_start or self._mean_rate <= 0.0) and self._too_dry(edge, dry):
             return self.u
         if goal >= edge - LANDING:
             goal = edge

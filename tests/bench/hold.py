@@ -46,9 +46,8 @@ def held(line: str) -> tuple[float, float]:
         machine, recorder=lambda _t, _line, setpoint, _actual: rows.append(setpoint.copy())
     )
     pipeline = Pipeline(machine, executor.open_slot(0), positions={0: 0.0, 1: 0.0})
-    for number, text in enumerate(["G1010", "G94", line], start=1):
-        pipeline.submit(number, text)
-    pipeline.close()
+    pipeline.lines.put(1, ["G1010", "G94", line])
+    pipeline.lines.closed = True
     for _ in range(600):
         while pipeline.pump(executor.u(0)):
             pass

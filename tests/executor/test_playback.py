@@ -89,7 +89,7 @@ def test_a_program_goes_on_where_it_waited_for_more_entries() -> None:
 
 
 def test_a_fractional_phase_interpolates_between_rows() -> None:
-    rig = Rig(machine())
+    rig = Rig(machine(acceleration=100_000.0))
     program = rig.program
     program.capture()
     program.dwell(0.0005)

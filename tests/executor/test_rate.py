@@ -128,7 +128,7 @@ def test_any_orders_keep_the_path_the_direction_and_the_acceleration(
         assert along[-1] == pytest.approx(6 * np.pi, abs=1e-9)
     assert np.all(np.diff(along) >= -1e-12)
     for column in (0, 1):
-        assert np.abs(rig.acceleration(column)).max() <= 1.02 * ACCELERATION
+        assert np.abs(rig.acceleration(column)).max() <= 1.01 * ACCELERATION
         assert np.abs(np.diff(points[:, column])).max() / CYCLE_S <= 1.001
 
 
@@ -139,7 +139,7 @@ def test_an_override_above_100_percent_is_faster_where_limits_leave_room() -> No
     velocity = np.diff(rig.setpoint[:, 0]) / CYCLE_S
     assert velocity.max() == pytest.approx(1.0, rel=0.01)
     assert cycles < 1080
-    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION
+    assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION
 
 
 def test_an_override_above_100_percent_reaches_twice_a_slow_feed() -> None:
@@ -151,7 +151,7 @@ def test_an_override_above_100_percent_reaches_twice_a_slow_feed() -> None:
     rig.run()
     velocity = np.diff(rig.setpoint[:, 0]) / CYCLE_S
     assert velocity.max() == pytest.approx(0.2, rel=1e-6)
-    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION
+    assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION
 
 
 def test_the_machines_override_and_the_slots_multiply() -> None:
@@ -183,7 +183,7 @@ def test_a_ring_that_runs_dry_holds_on_the_path_and_goes_on_by_itself() -> None:
     rig.run()
     assert len(rig.of(EventKind.STARVED)) == 1
     assert rig.setpoint[-1, 0] == pytest.approx(0.8, abs=1e-12)
-    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION
+    assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION
     assert np.all(np.diff(rig.setpoint[:, 0]) >= 0.0)
 
 
@@ -209,7 +209,7 @@ def test_rows_that_trickle_in_never_break_the_acceleration_limit(bites: list[tup
     program.finish()
     rig.run()
     assert rig.setpoint[-1, 0] == pytest.approx(0.8, abs=1e-12)
-    assert np.abs(rig.acceleration()).max() <= 1.03 * ACCELERATION
+    assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION
     assert np.all(np.diff(rig.setpoint[:, 0]) >= -1e-15)
 
 
@@ -240,7 +240,7 @@ def test_an_abort_stops_on_the_path_drops_the_rest_and_holds() -> None:
     assert np.abs(np.hypot(rig.setpoint[:, 0] - 0.05, rig.setpoint[:, 1]) - 0.05).max() < 1e-8
     assert rig.executor.executor.bank.energized == 3
     for column in (0, 1):
-        assert np.abs(rig.acceleration(column)).max() <= 1.02 * ACCELERATION
+        assert np.abs(rig.acceleration(column)).max() <= 1.01 * ACCELERATION
 
 
 def test_a_pause_waits_for_resume() -> None:
@@ -300,4 +300,4 @@ def test_an_override_that_comes_down_again_in_a_motion_at_its_limits_does_not_ru
     rig.step(60)
     rig.executor.mailbox.resume(0)
     rig.run()
-    assert np.abs(rig.acceleration()).max() <= 1.02 * ACCELERATION
+    assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION

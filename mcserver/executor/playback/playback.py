@@ -1,4 +1,4 @@
-"""Setpoints from a program's rows: exact at whole u, cubic Hermite between."""
+"""Setpoints from a program's rows: exact at whole u, interpolated between."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.axes import ColumnMasks
-from mcserver.executor.playback.hermite import between_rows
+from mcserver.executor.headroom import Array
+from mcserver.executor.playback.interpolation import between_rows
+from mcserver.executor.playback.path_window import PathWindow
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.shm.rings import ProgramRing, scalar_view
 from mcserver.machine.machine_file import Machine
 
 # Two values of u that are closer are the same [cycles].
 NEAR_U = 1e-7
+# Rows that stay after they have been played: what setpoints that span them do is judged by what they do.
+KEPT_ROWS = 8
 # The first row of a motion may be this many cycles of the axis's greatest velocity away, plus in_position.
 JUMP_CYCLES = 1.5
 
@@ -50,6 +54,12 @@ class Playback:
         self._mask_cells = scalar_view(ring.row_mask)
         self._line_cells = scalar_view(ring.row_line)
         self._scratch = np.zeros(count)
+        self._most = np.array(
+            [np.inf if np.isfinite(axis.max_jerk) else axis.max_acceleration for axis in machine.axes]
+        )
+        # setpoints of the last cycles, that of cycle n in row n % 4
+        self._recent = np.zeros((4, count))
+        self._cycles = 0
         self._start_position = np.zeros(count)
         self._start_u = np.zeros(count)
         self.open(0)
@@ -63,6 +73,7 @@ class Playback:
         self._unchecked = 0
         self._begun = 0.0
         self.line = 0
+        self._recent[:] = self._row.setpoint
 
     # ------------------------------------------------------------------ rows
 
@@ -84,7 +95,7 @@ class Playback:
         return float(self._u_cells[(written - 1) % self._ring.rows])
 
     def seek(self, u: float) -> None:
-        """Let the row at or before u be the current one, and frees those before it."""
+        """Let the row at or before u be the current one, and free those before it."""
         ring, cells = self._ring, self._u_cells
         number, written, rows = self.following, ring.rows_written, ring.rows
         bound = u + NEAR_U
@@ -92,8 +103,7 @@ class Playback:
             number += 1
         if number != self.following:
             self.following = number
-            # the row before the current one is not needed any more
-            ring.free_rows(max(self.first, number - 1))
+            ring.free_rows(max(self.first, number - KEPT_ROWS))
 
     def drop(self) -> None:
         """Free all rows: nothing more of this program is played."""
@@ -104,7 +114,7 @@ class Playback:
     # ------------------------------------------------------------------ beginning and ending
 
     def begin(self, mask: int, u: float) -> None:
-        """Return the rows drive these columns from u on, from where their setpoints are."""
+        """Drive these columns by rows from u on, from where their setpoints are."""
         self.active |= mask
         self._fresh |= mask
         self._unchecked |= mask
@@ -114,7 +124,7 @@ class Playback:
         self._begun = u
 
     def end(self, mask: int, u: float, final: tuple[float, ...] | None) -> None:
-        """Return the rows have ended: the columns hold ``final``, else their last row, at or right after
+        """End rows: the columns hold ``final``, else their last row, at or right after
         u."""
         mask &= self.active
         self.seek(u)
@@ -140,7 +150,7 @@ class Playback:
             self.first = self.following
 
     def leave(self, mask: int) -> None:
-        """Return the columns are not driven any more; their setpoints stay."""
+        """Drive these columns no more; their setpoints stay."""
         mask &= self.active
         self._row.velocity[self._masks.bools(mask)] = 0.0
         self.active &= ~mask
@@ -148,7 +158,7 @@ class Playback:
         self._unchecked &= ~mask
 
     def jump(self) -> Jump | None:
-        """A first row that is too far from where its axis is; looked at once it has come."""
+        """Return a first row that is too far from where its axis is, once it has come."""
         ring = self._ring
         number = self.following
         if number - 1 >= self.first and self._u_cells[(number - 1) % ring.rows] >= self._latest_start():
@@ -207,6 +217,53 @@ class Playback:
                 return
         self._interpolate(u, rate)
 
+    def note(self) -> None:
+        """Note this cycle's setpoints, once they are set."""
+        self._recent[self._cycles & 3] = self._row.setpoint
+        self._cycles += 1
+
+    def recent(self, columns: NDArray[np.intp]) -> Array:
+        """Return the setpoints of the last four cycles, the newest last, shape (4, K)."""
+        order = [(self._cycles + step) & 3 for step in range(4)]
+        return self._recent[order][:, columns]
+
+    def window(self, u: float, ahead: int) -> PathWindow | None:
+        """Return the rows about u and up to ``ahead`` rows after it; None where there are none yet.
+
+        From where a motion stands at its beginning, or after a gap, to the next row it goes from rest.
+        """
+        ring = self._ring
+        self.seek(u)
+        written = ring.rows_written
+        before = self.following - 1
+        first = max(self.first, self.following - KEPT_ROWS + 1)
+        last = min(self.following + ahead, written)
+        if first >= last or self.following >= written:
+            return None
+        rows = np.arange(first, last) % ring.rows
+        row_u = ring.row_u[rows].astype(np.float64)
+        fresh = self._masks.bools(self._fresh)
+        moving = (ring.velocity[rows] != 0.0).any(axis=0) | (
+            fresh & (self._start_position != self._row.setpoint)
+        )
+        columns = np.nonzero(moving & self._masks.bools(self.active))[0]
+        position, velocity = ring.position[rows][:, columns], ring.velocity[rows][:, columns]
+        still = np.zeros((1, len(columns)))
+        if before < self.first:
+            # from rest, where the axes are, to the first row
+            begin = min(max(row_u[0] - 1.0, self._begun), row_u[0] - NEAR_U)
+            row_u = np.concatenate(([begin], row_u))
+            position = np.concatenate((self._start_position[columns][None], position))
+            velocity = np.concatenate((still, velocity))
+        (gaps,) = np.nonzero(np.diff(row_u) > 1.0 + NEAR_U)
+        if len(gaps):
+            # at rest until a cycle before the next row
+            row_u = np.insert(row_u, gaps + 1, row_u[gaps + 1] - 1.0)
+            position = np.insert(position, gaps + 1, position[gaps], axis=0)
+            velocity = np.insert(velocity, gaps + 1, 0.0, axis=0)
+        ends = last == written and not velocity[-1].any()
+        return PathWindow(columns, row_u, position, velocity, self._most[columns], self._cycle, ends)
+
     def _play_row(self, at: int, rate: float) -> None:
         ring, row = self._ring, self._row
         mask = self._mask_cells[at] & self.active
@@ -247,6 +304,7 @@ class Playback:
                 ring.velocity[at],
                 u - (after_u - 1),
                 self._cycle,
+                self._most,
             )
             velocity *= rate
             bools = self._masks.bools(joined)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.entries import Array, Control, ControlKind
-from mcserver.executor.headroom import WIDTH, AxisLimits, HeadroomWriter
+from mcserver.executor.headroom import RATE_MAX, AxisLimits, HeadroomWriter
 
 ROWS = 4096
 CONTROLS = 4096
@@ -38,7 +38,7 @@ def scalar_view(array: NDArray[Any]) -> Any:
 
 def program_ring_size(rows: int, controls: int, axes: int) -> int:
     """Bytes that a ring takes."""
-    words = _HEADER_WORDS + rows * (3 + 2 * axes + WIDTH) + controls * (_CONTROL.size // 8 + axes)
+    words = _HEADER_WORDS + rows * (4 + 2 * axes) + controls * (_CONTROL.size // 8 + axes)
     return 8 * words
 
 
@@ -48,11 +48,11 @@ class ProgramRing:
     Args:
         buffer: at least `program_ring_size` bytes, zeroed; None: memory of this process.
         axes: K, columns of the machine.
-        limits: what rows are weighed against for overrides above 100 % and for stopping before the ring runs
-            dry; only the writer needs it. None: rows leave headroom without end.
+        limits: what rows are weighed against for overrides above 100 %; only the writer needs it. None: rows
+            may be played at any rate.
 
     Attributes:
-        row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); headroom: (rows, WIDTH). Row
+        row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); headroom: (rows,). Row
             number n of the program stands at n % rows. The reader's view.
     """
 
@@ -80,7 +80,7 @@ class ProgramRing:
         self.row_line: NDArray[np.int64] = self._words(np.int64, rows)
         self.position: Array = self._words(np.float64, rows * axes).reshape(rows, axes)
         self.velocity: Array = self._words(np.float64, rows * axes).reshape(rows, axes)
-        self.headroom: Array = self._words(np.float64, rows * WIDTH).reshape(rows, WIDTH)
+        self.headroom: Array = self._words(np.float64, rows)
         self._values: Array = self._words(np.float64, controls * axes).reshape(controls, axes)
         self._controls_at = self._offset
         self._weigh = None if limits is None else HeadroomWriter(limits)
@@ -147,11 +147,7 @@ class ProgramRing:
             self.row_line[target] = line[source]
             self.position[target] = position[source]
             self.velocity[target] = velocity[source]
-            if headroom is None:
-                numbers = np.arange(written + done + 1.0, written + done + part + 1.0)
-                self.headroom[target] = numbers[:, None]
-            else:
-                self.headroom[target] = headroom[source]
+            self.headroom[target] = RATE_MAX if headroom is None else headroom[source]
             done += part
         self._last_u = first_u + count - 1
         self._counters[_ROWS_WRITTEN] = written + count

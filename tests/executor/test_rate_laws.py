@@ -1,0 +1,188 @@
+"""Feed hold, resume and overrides under any orders: velocity, acceleration and jerk of every axis at every
+cycle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mcserver.executor.entries import ControlKind
+from mcserver.executor.shm.feedback import SlotState
+from tests.executor.rig import CYCLE_S, Array, Rig, machine
+
+VELOCITY, ACCELERATION, JERK = 1.0, 10.0, 300.0
+RADIUS = 0.05
+ORDERS = ("hold", "resume", 0.0, 0.3, 0.5, 0.77, 0.97, 1.0, 1.4, 2.0)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Positions and velocities of two axes at whole cycles, shape (n, 2)."""
+
+    position: Array
+    velocity: Array
+
+
+def s_curve(length: float, speed: float, acceleration: float, jerk: float | None) -> tuple[Array, Array]:
+    """Positions and velocities along a move from rest to rest, at whole cycles."""
+    if jerk is None:
+        ramps = [(speed / acceleration, acceleration, 0.0)]
+    elif speed * jerk < acceleration**2:
+        rise = np.sqrt(speed / jerk)
+        ramps = [(rise, 0.0, jerk), (rise, rise * jerk, -jerk)]
+    else:
+        rise = acceleration / jerk
+        ramps = [
+            (rise, 0.0, jerk),
+            (speed / acceleration - rise, acceleration, 0.0),
+            (rise, acceleration, -jerk),
+        ]
+    ramp_length = 0.5 * speed * sum(duration for duration, _, _ in ramps)
+    cruise = ((length - 2.0 * ramp_length) / speed, 0.0, 0.0)
+    falls = [(duration, -a - duration * j, j) for duration, a, j in reversed(ramps)]
+    phases = [*ramps, cruise, *falls]
+    time = np.arange(1, int(np.ceil(sum(phase[0] for phase in phases) / CYCLE_S - 1e-9)) + 1) * CYCLE_S
+    position, velocity = np.full(len(time), length), np.zeros(len(time))
+    start = p = v = 0.0
+    for duration, a, j in phases:
+        inside = (time > start) & (time <= start + duration)
+        x = time[inside] - start
+        position[inside] = p + x * (v + x * (a / 2.0 + x * j / 6.0))
+        velocity[inside] = v + x * (a + x * j / 2.0)
+        p += duration * (v + duration * (a / 2.0 + duration * j / 6.0))
+        v += duration * (a + duration * j / 2.0)
+        start += duration
+    return position, velocity
+
+
+def line(speed: float, jerk: float | None) -> Rows:
+    position, velocity = s_curve(0.6, speed, ACCELERATION, jerk)
+    direction = np.array([1.0, 0.3])
+    return Rows(np.outer(position, direction), np.outer(velocity, direction))
+
+
+def circle(speed: float, jerk: float | None) -> Rows:
+    """About (`RADIUS`, 0), a third of the acceleration along the path."""
+    if jerk is not None:
+        speed = min(speed, (0.5 * jerk * RADIUS**2) ** (1.0 / 3.0))
+        jerk *= 0.25
+    length = 2.0 * np.pi * RADIUS * (1.0 + 2.0 * speed)
+    position, velocity = s_curve(length, min(speed, 0.5), ACCELERATION / 3.0, jerk)
+    angle = position / RADIUS
+    points = RADIUS * np.stack([1.0 - np.cos(angle), np.sin(angle)], axis=1)
+    return Rows(points, velocity[:, None] * np.stack([np.sin(angle), np.cos(angle)], axis=1))
+
+
+def away_from(path: str, points: Array) -> float:
+    """Greatest distance of setpoints from the path [m]."""
+    if path == "circle":
+        return float(np.abs(np.hypot(points[:, 0] - RADIUS, points[:, 1]) - RADIUS).max())
+    return float(np.abs(points[:, 1] - 0.3 * points[:, 0]).max())
+
+
+def start(path: str, speed: float, jerk: float | None) -> tuple[Rig, Rows]:
+    rig = Rig(machine(jerk=None if jerk is None else 1000.0 * jerk))
+    rows = line(speed, jerk) if path == "line" else circle(speed, jerk)
+    program = rig.program
+    program.capture()
+    program.control(ControlKind.BEGIN, axes=3)
+    program.rows(rows.position, rows.velocity, 3)
+    program.control(ControlKind.END, axes=3)
+    program.finish()
+    return rig, rows
+
+
+def give(rig: Rig, order: str | float) -> None:
+    mailbox = rig.executor.mailbox
+    if order == "hold":
+        mailbox.set_hold(True, 0)
+    elif order == "resume":
+        mailbox.resume(0)
+    else:
+        mailbox.set_override(float(order), 0)
+
+
+def assert_limits(rig: Rig, jerk: float | None) -> None:
+    """Differences of the setpoints at the cycle rate: 100.1 %, 101 % and 105 % of the limits."""
+    points = rig.setpoint
+    points = np.concatenate((np.tile(points[:1], (3, 1)), points, np.tile(points[-1:], (3, 1))))
+    assert np.abs(np.diff(points, axis=0)).max() / CYCLE_S <= 1.001 * VELOCITY
+    assert np.abs(np.diff(points, 2, axis=0)).max() / CYCLE_S**2 <= 1.01 * ACCELERATION
+    if jerk is not None:
+        assert np.abs(np.diff(points, 3, axis=0)).max() / CYCLE_S**3 <= 1.05 * jerk
+
+
+@settings(max_examples=24, deadline=None)
+@given(
+    path=st.sampled_from(["line", "circle"]),
+    speed=st.sampled_from([0.2, 0.4, 0.8]),
+    jerk=st.sampled_from([None, JERK]),
+    orders=st.one_of(
+        st.lists(st.tuples(st.integers(1, 300), st.sampled_from(ORDERS)), max_size=10),
+        st.lists(st.tuples(st.integers(1, 9), st.sampled_from(ORDERS)), min_size=20, max_size=60),
+    ),
+)
+def test_any_sequence_of_orders_keeps_velocity_acceleration_and_jerk_on_the_path(
+    path: str, speed: float, jerk: float | None, orders: list[tuple[int, str | float]]
+) -> None:
+    rig, rows = start(path, speed, jerk)
+    for cycles, order in orders:
+        rig.step(cycles)
+        give(rig, order)
+    give(rig, "resume")
+    give(rig, 1.0)
+    rig.run()
+    assert_limits(rig, jerk)
+    assert away_from(path, rig.setpoint) < 2e-8
+    assert np.array_equal(rig.setpoint[-1], rows.position[-1])
+
+
+@pytest.mark.parametrize("jerk", [None, JERK])
+def test_a_hold_from_a_steady_speed_takes_no_longer_than_the_limits_ask(jerk: float | None) -> None:
+    rig, _ = start("line", 0.2, jerk)
+    rig.step(400)
+    give(rig, "hold")
+    cycles = 0
+    while rig.executor.feedback.slots[0].state is not SlotState.HELD:
+        rig.step()
+        cycles += 1
+        assert cycles < 1000
+    least = 0.2 / ACCELERATION + (0.0 if jerk is None else ACCELERATION / jerk)
+    assert cycles * CYCLE_S <= least + 0.005
+    assert_limits(rig, jerk)
+
+
+def test_a_resumed_motion_is_played_by_whole_rows_again() -> None:
+    rig, rows = start("line", 0.2, None)
+    rig.step(403)
+    give(rig, "hold")
+    rig.step(200)
+    give(rig, "resume")
+    rig.step(100)
+    latest = rig.setpoint[-1]
+    assert (rows.position == latest).all(axis=1).any()
+
+
+def test_a_rate_above_100_percent_is_reached_within_100_ms_where_limits_leave_room() -> None:
+    rig, _ = start("line", 0.2, JERK)
+    rig.step(300)
+    give(rig, 2.0)
+    rig.step(100)
+    assert rig.executor.feedback.slots[0].rate == pytest.approx(2.0)
+    rig.run()
+    assert_limits(rig, JERK)
+
+
+def test_an_emergency_stop_does_not_wait_for_the_jerk_limit() -> None:
+    rig, _ = start("line", 0.4, 50.0)
+    rig.step(600)
+    rig.executor.mailbox.emergency_stop()
+    rig.step(int(0.4 / ACCELERATION / CYCLE_S) + 8)
+    points = rig.setpoint[-3:]
+    assert np.array_equal(points[0], points[-1])
+    assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION
