@@ -54,6 +54,8 @@ def build_app() -> typer.Typer:
         help="An open motion server: G-code over Zenoh to moving axes.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
+        # rich's own markup would take "[mm]" for a style and leave it out
+        rich_markup_mode="markdown",
         context_settings={"help_option_names": ["-h", "--help"]},
     )
 

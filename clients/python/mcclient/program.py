@@ -99,6 +99,16 @@ class Program:
         return self._stream.window.given
 
     @property
+    def lines_ahead(self) -> int:
+        """Lines given that have not ended yet: how far this client is ahead of the motion."""
+        return max(0, self.given_through - self.done_through)
+
+    @property
+    def credit(self) -> int:
+        """How many lines beyond those accepted the server takes now."""
+        return self._stream.window.credit
+
+    @property
     def failure(self) -> MotionError | None:
         """What `done` and `finish` will raise, as soon as it is known."""
         return self._stream.failure

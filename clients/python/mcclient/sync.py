@@ -135,6 +135,14 @@ class Program:
         return self._program.done_through
 
     @property
+    def given_through(self) -> int:
+        return self._program.given_through
+
+    @property
+    def lines_ahead(self) -> int:
+        return self._program.lines_ahead
+
+    @property
     def reports(self) -> Stream[Report]:
         async def open_reports() -> Feed[Report]:
             return self._program.reports

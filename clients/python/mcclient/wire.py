@@ -4,26 +4,25 @@ default.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-import types
-import typing
-from collections.abc import Callable, Hashable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar, cast
 
-import msgpack  # type: ignore[import-untyped]
+import msgspec
 
 from mcclient.errors import ProtocolError
 
 T = TypeVar("T")
-Convert = Callable[[Any], Any]
 
 ENCODING = "application/msgpack"
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder = msgspec.msgpack.Decoder()
 
 
 def encode(value: object) -> bytes:
     """Any value of maps, lists, numbers, text and bytes."""
-    return typing.cast(bytes, msgpack.packb(value))
+    return _encoder.encode(value)
 
 
 def decode(kind: type[T], payload: bytes) -> T:
@@ -32,14 +31,17 @@ def decode(kind: type[T], payload: bytes) -> T:
     Raises:
         ProtocolError: MC533 it is no such message.
     """
-    return from_wire(kind, unpack(payload))
+    try:
+        return cast(T, _decoder_of(cast(Hashable, kind))(payload))
+    # whatever the bytes are: invalid UTF-8, deep nesting and huge lengths each have an error of their own
+    except Exception as error:
+        raise _not_understood(kind, error) from error
 
 
 def unpack(payload: bytes) -> Any:
     """Raises ProtocolError (MC533) where the bytes are no MessagePack."""
     try:
-        return msgpack.unpackb(payload)
-    # whatever the bytes are: invalid UTF-8, deep nesting and huge lengths each have an error of their own
+        return _decoder.decode(payload)
     except Exception as error:
         raise ProtocolError(
             "MC533", f"the payload is no MessagePack: {error}", "is it a motion server?"
@@ -49,53 +51,17 @@ def unpack(payload: bytes) -> Any:
 def from_wire(kind: type[T], value: object) -> T:
     """Raises ProtocolError (MC533) where a field is missing or of another shape."""
     try:
-        return typing.cast(T, _converter(typing.cast(Hashable, kind))(value))
-    # int() of an infinity is an OverflowError, for one
+        return msgspec.convert(value, kind)
     except Exception as error:
-        raise ProtocolError(
-            "MC533", f"the message is no {kind.__name__}: {error}", "client and server differ in version"
-        ) from error
+        raise _not_understood(kind, error) from error
+
+
+def _not_understood(kind: type, error: Exception) -> ProtocolError:
+    return ProtocolError(
+        "MC533", f"the message is no {kind.__name__}: {error}", "client and server differ in version"
+    )
 
 
 @functools.cache
-def _converter(kind: Hashable) -> Convert:
-    """What makes a value of this type from its wire form."""
-    if dataclasses.is_dataclass(kind):
-        return _message(typing.cast(type, kind))
-    origin = typing.get_origin(kind)
-    arguments = typing.get_args(kind)
-    if origin is tuple:
-        each = _converter(arguments[0])
-        return lambda value: tuple([each(item) for item in value])
-    if origin in (types.UnionType, typing.Union):
-        inner = _converter(next(argument for argument in arguments if argument is not type(None)))
-        return lambda value: None if value is None else inner(value)
-    if kind in (int, float):
-        return typing.cast(Convert, kind)
-    if kind in (str, bool):
-        return _exactly(kind)
-    return lambda value: value
-
-
-def _exactly(kind: type) -> Convert:
-    def convert(value: Any) -> Any:
-        if not isinstance(value, kind):
-            raise TypeError(f"{value!r} is no {kind.__name__}")
-        return value
-
-    return convert
-
-
-def _message(kind: type) -> Convert:
-    hints = typing.get_type_hints(kind)
-    converters = {each.name: _converter(hints[each.name]) for each in dataclasses.fields(kind)}
-
-    def convert(value: Any) -> Any:
-        if not isinstance(value, Mapping):
-            raise TypeError(f"{type(value).__name__} is no map")
-        known = {
-            name: convert_field(value[name]) for name, convert_field in converters.items() if name in value
-        }
-        return kind(**known)
-
-    return convert
+def _decoder_of(kind: Hashable) -> Callable[[bytes], Any]:
+    return msgspec.msgpack.Decoder(cast(type, kind)).decode

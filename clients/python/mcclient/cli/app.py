@@ -37,6 +37,8 @@ def build_app() -> typer.Typer:
         help="Operate machines of the open motion server.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
+        # rich's own markup would take "[mm, deg]" for a style and leave it out
+        rich_markup_mode="markdown",
         context_settings={"help_option_names": ["-h", "--help"]},
     )
 

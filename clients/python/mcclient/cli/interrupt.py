@@ -8,6 +8,7 @@ import asyncio
 import os
 import signal
 import sys
+from collections.abc import Callable
 from typing import Protocol
 
 from mcclient.cli.output import say
@@ -35,12 +36,19 @@ class Asked(Protocol):
 
 
 class Interrupts:
-    """Turns SIGINT and SIGTERM into orders to the program."""
+    """Turns SIGINT and SIGTERM into orders to the program.
 
-    def __init__(self, program: Program, display: Display, options: Asked) -> None:
+    Args:
+        all_accepted: whether the whole file has been taken by the server.
+    """
+
+    def __init__(
+        self, program: Program, display: Display, options: Asked, all_accepted: Callable[[], bool]
+    ) -> None:
         self._program = program
         self._display = display
         self._options = options
+        self._all_accepted = all_accepted
         self._loop = asyncio.get_running_loop()
         self._pressed = asyncio.Event()
         self._terminated = False
@@ -84,7 +92,9 @@ class Interrupts:
     async def _ask(self) -> bool:
         """Whether the user leaves."""
         first = "[r]esume" if await self._state() in RESUMABLE else "[h]old"
-        say(f"{first}, [a]bort, [l]eave, [c]ontinue?  (Ctrl-C again aborts)", "bold")
+        # only what it then does: leaving would stop the program, or cut off lines that are on their way
+        leave = "[l]eave, " if self._may_leave() else ""
+        say(f"{first}, [a]bort, {leave}[c]ontinue?  (Ctrl-C again aborts)", "bold")
         answer = await self._answer()
         try:
             if answer in ("h", "hold"):
@@ -134,14 +144,17 @@ class Interrupts:
         async for line in from_thread(iter(sys.stdin.readline, "")):
             await self._typed.put(line)
 
+    def _may_leave(self) -> bool:
+        return self._options.on_disconnect == "finish" and self._all_accepted()
+
     async def _leave(self) -> bool:
-        if self._options.on_disconnect == "finish":
-            if self._program.accepted_through < self._program.given_through:
-                say("lines are still being sent; ask again once they are accepted", "yellow")
-                return False
+        if self._may_leave():
             await self._program.close()
             return True
-        say("it was started with --on-disconnect stop, so leaving would stop it: abort, or go on", "yellow")
+        if self._options.on_disconnect == "finish":
+            say("not all lines are accepted yet: it goes on", "yellow")
+        else:
+            say("it was started with --on-disconnect stop, so leaving would stop it: it goes on", "yellow")
         return False
 
     async def _abort(self, sentence: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import sys
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from mcclient.cli.options import Target
 from mcclient.cli.output import as_plain, error_as_json, exit_code_of, narration, say, show_error, write_json
 from mcclient.cli.progress import Display, LiveDisplay, NoDisplay, PlainDisplay, Snapshot, duration
 from mcclient.cli.source import ProgramSource
+from mcclient.cli.tables import axes_text
 from mcclient.errors import (
     MotionError,
     NobodyAnswers,
@@ -34,6 +35,7 @@ from mcclient.types import ENDED, MachineStatus, OnDisconnect, ProgramStatus
 CHECKED_BYTES = 2 * 1024 * 1024
 REFRESH_S = 0.1
 REJECTED = 4
+EMERGENCY_STOP = "MC400"
 # the check is a service: where it is busy or missing, the server judges the lines as they come
 NO_CHECK = frozenset({"MC501", "MC508"})
 
@@ -53,6 +55,22 @@ class JobOptions:
     interactive: bool
 
 
+def behind(waiting: ProgramStatus, programs: Sequence[ProgramStatus]) -> str:
+    """Which programs have axes that this one waits for, and which axes; empty: none is known."""
+    before = [
+        each
+        for each in programs
+        if each.program != waiting.program
+        and each.state not in ENDED
+        and each.opened_at <= waiting.opened_at
+        and set(each.axes) & set(waiting.axes)
+    ]
+    if waiting.state != "queued" or not before:
+        return ""
+    shared = sorted({axis for each in before for axis in each.axes} & set(waiting.axes))
+    return f"{', '.join(each.name or each.program for each in before)}, axes {axes_text(shared)}"
+
+
 class Left(Exception):
     """The program goes on without this command."""
 
@@ -66,6 +84,8 @@ class Job:
         self._started_at = time.monotonic()
         self._display = self._choose_display()
         self._status: ProgramStatus | None = None
+        self._behind = ""
+        self._all_accepted = False
         self._rejection_shown = False
 
     def _choose_display(self) -> Display:
@@ -81,6 +101,7 @@ class Job:
     async def run(self) -> int:
         """The exit code; errors of the program are told here, others are raised."""
         async with self._options.target.open() as machine:
+            await self._refuse_under_emergency_stop(machine)
             before = self._source.take(self._options.from_line - 1)
             if self._options.check and not await self._is_sound(machine):
                 return REJECTED
@@ -92,6 +113,17 @@ class Job:
                     await recorder.close()
 
     # ------------------------------------------------------------ before
+
+    async def _refuse_under_emergency_stop(self, machine: Machine) -> None:
+        """Say so first: any other fault would send somebody the wrong way."""
+        status = await machine.status()
+        if status.state == "estop":
+            reason = next((fault.message for fault in status.faults if fault.code == EMERGENCY_STOP), "")
+            raise RequestRefused(
+                "MC509",
+                f"{machine.name}: the emergency stop is latched" + (f" ({reason})" if reason else ""),
+                "remove the cause, then mcctl reset",
+            )
 
     async def _is_sound(self, machine: Machine) -> bool:
         """Whether the whole text has no fault; a text that cannot be known beforehand counts as sound."""
@@ -172,7 +204,7 @@ class Job:
     async def _stream(self, program: Program) -> None:
         """Sends the lines and waits for the end; Ctrl-C and steps beside it."""
         working = asyncio.create_task(self._send_and_finish(program))
-        interrupts = Interrupts(program, self._display, self._options)
+        interrupts = Interrupts(program, self._display, self._options, lambda: self._all_accepted)
         others = [asyncio.create_task(interrupts.serve())]
         if self._options.step:
             others.append(asyncio.create_task(self._serve_steps(program)))
@@ -192,6 +224,7 @@ class Job:
     async def _send_and_finish(self, program: Program) -> None:
         try:
             await program.send_lines(from_thread(self._source.lines()))
+            self._all_accepted = True
         except ProgramRejected as error:
             self._display.stop()
             self._show_rejection(error)
@@ -218,7 +251,7 @@ class Job:
     async def _followed(self, machine: Machine, program: Program) -> AsyncIterator[None]:
         """Shows progress inside the block."""
         telemetry = asyncio.create_task(self._follow_telemetry(machine, program.id))
-        shown = asyncio.create_task(self._show(program))
+        shown = asyncio.create_task(self._show(machine, program))
         self._display.start()
         try:
             yield
@@ -234,14 +267,15 @@ class Job:
             for each in status.programs:
                 if each.program == program:
                     self._status = each
+                    self._behind = behind(each, status.programs)
 
-    async def _show(self, program: Program) -> None:
+    async def _show(self, machine: Machine, program: Program) -> None:
         while True:
-            self._display.update(self._snapshot(program))
+            self._display.update(self._snapshot(program, machine.online))
             self._source.forget(program.done_through - 1)
             await asyncio.sleep(REFRESH_S)
 
-    def _snapshot(self, program: Program) -> Snapshot:
+    def _snapshot(self, program: Program, online: bool) -> Snapshot:
         status = self._status
         first = self._options.from_line
         done = max(program.done_through, first - 1)
@@ -256,6 +290,8 @@ class Job:
             override=status.override if status is not None else 100.0,
             elapsed_s=time.monotonic() - self._started_at,
             planned_s=status.eta_s if status is not None else None,
+            behind=self._behind,
+            online=online,
         )
 
     # ------------------------------------------------------------ after

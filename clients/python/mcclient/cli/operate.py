@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from mcclient.cli.jog_keys import from_terminal, jog_by_keys
 from mcclient.cli.options import (
     ConfigOption,
     ConnectOption,
@@ -14,8 +15,10 @@ from mcclient.cli.options import (
     MachineOption,
     ProgramOption,
     Target,
+    axis_name,
+    axis_of,
 )
-from mcclient.cli.output import carry_out, results, write_json
+from mcclient.cli.output import carry_out, errors_told, results, write_json
 from mcclient.errors import RequestRefused
 from mcclient.estop import emergency_stop
 from mcclient.machine import Machine
@@ -82,7 +85,7 @@ def resume(
 
 def step(
     program: Annotated[
-        str | None, typer.Argument(metavar="[ID]", help="The program; default: the only one in step mode.")
+        str | None, typer.Argument(metavar="ID", help="The program; default: the only one in step mode.")
     ] = None,
     machine: MachineOption = None,
     connect: ConnectOption = None,
@@ -138,27 +141,48 @@ def override(
 
 
 def jog(
-    axis: Annotated[int, typer.Argument(min=0, max=63, help="The axis.")],
+    axis: Annotated[str, typer.Argument(metavar="AXIS", help="Its letter (X Y Z A B C) or number.")],
     distance: Annotated[
-        float, typer.Argument(metavar="DISTANCE", help="From where it is, signed [mm, deg].")
-    ],
+        float | None,
+        typer.Argument(metavar="DISTANCE", help="From where it is, signed [mm, deg]."),
+    ] = None,
     velocity: Annotated[
         float | None,
         typer.Option("--velocity", "-v", help="[mm/s, deg/s]; default: a tenth of the axis's limit."),
     ] = None,
+    keys: Annotated[
+        bool, typer.Option("--keys", help="Move while an arrow key, + or - is held down; q ends.")
+    ] = False,
     machine: MachineOption = None,
     connect: ConnectOption = None,
     zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Move one axis by hand: mcctl jog 2 -0.5."""
+    """Move one axis by hand: mcctl jog X 5, mcctl jog 7 -0.5, mcctl jog Z --keys."""
 
     async def act(one: Machine) -> dict[str, Any]:
-        return {"program": await one.jog(axis, distance, velocity=velocity), "axis": axis}
+        found = axis_of(axis, one.info)
+        if keys:
+            await jog_by_keys(one, found, velocity, from_terminal())
+            return {"axis": found.index}
+        program = await one.jog(found.index, distance, velocity=velocity)
+        return {"program": program, "axis": found.index, "distance": distance, "unit": found.unit}
 
     def told(name: str, outcome: dict[str, Any]) -> str:
-        return f"{name}: axis {axis} goes by {distance:g} (program {outcome['program']})"
+        shown = axis_name(outcome["axis"])
+        if keys:
+            return f"{name}: axis {shown} stands"
+        speed = "" if velocity is None else f" at {velocity:g} {outcome['unit']}/s"
+        move = f"{distance:g} {outcome['unit']}{speed}"
+        return f"{name}: axis {shown} goes by {move} (program {outcome['program']})"
 
+    with errors_told(json):
+        if keys is (distance is not None):
+            raise RequestRefused(
+                "MC511",
+                "a jog needs either a distance or --keys",
+                "such as: mcctl jog X 5, mcctl jog X --keys",
+            )
     _order(Target(machine, connect, zenoh), json, act, told)
 
 

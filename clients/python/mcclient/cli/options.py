@@ -11,6 +11,7 @@ import typer
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.starting import Starting
+from mcclient.types import AxisInfo, Info
 
 
 def _complete_machine(incomplete: str) -> list[str]:
@@ -66,6 +67,8 @@ AxesOption = Annotated[
     typer.Option("--axes", metavar="LIST", help="Axes to lease, such as 0,1,4-6; default: all."),
 ]
 AXIS_LIMIT = 63
+# as G-code names the first axes
+AXIS_LETTERS = "XYZABC"
 LOOK_S = 2.0
 
 
@@ -106,3 +109,23 @@ def parse_axes(text: str | None) -> list[int] | None:
     if not axes or max(axes) > AXIS_LIMIT or min(axes) < 0:
         raise RequestRefused("MC511", f"{text!r} names no axes", "such as --axes 0,1,4-6; axes are 0 to 63")
     return sorted(axes)
+
+
+def axis_of(text: str, info: Info) -> AxisInfo:
+    """The machine's axis named by its number or its letter (X Y Z A B C are 0 to 5).
+
+    Raises:
+        RequestRefused: MC507 the machine has no such axis.
+    """
+    letter = AXIS_LETTERS.find(text.upper()) if len(text) == 1 else -1
+    number = letter if letter >= 0 else int(text) if text.isdecimal() else -1
+    found = next((axis for axis in info.axes if axis.index == number), None)
+    if found is None:
+        there = ", ".join(axis_name(axis.index) for axis in info.axes)
+        raise RequestRefused("MC507", f"{info.machine} has no axis {text!r}", f"it has {there}")
+    return found
+
+
+def axis_name(index: int) -> str:
+    """``X`` for axis 0, the number where there is no letter."""
+    return AXIS_LETTERS[index] if index < len(AXIS_LETTERS) else str(index)

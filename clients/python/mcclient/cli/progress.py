@@ -14,7 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from mcclient.cli.output import say
-from mcclient.cli.tables import state_text
+from mcclient.cli.tables import STATE_STYLES
+from mcclient.types import ENDED
 
 PLAIN_EVERY_S = 5.0
 REFRESH_HZ = 10
@@ -31,6 +32,8 @@ class Snapshot:
         first, total: numbers of the first and the last line; total None: not known.
         line: the line under way. done: the last one that has ended.
         planned_s: until the end of what is planned [s]; None: not known.
+        behind: the programs that have the axes, and which; empty: it waits for none.
+        online: the server is there.
     """
 
     state: str
@@ -42,6 +45,15 @@ class Snapshot:
     override: float
     elapsed_s: float
     planned_s: float | None = None
+    behind: str = ""
+    online: bool = True
+
+    @property
+    def shown_state(self) -> str:
+        """What is to be known first: a server that is gone, what is waited for, else the state."""
+        if not self.online and self.state not in ENDED:
+            return "the server is gone"
+        return f"queued behind {self.behind}" if self.state == "queued" and self.behind else self.state
 
     @property
     def fraction(self) -> float | None:
@@ -119,7 +131,10 @@ class LiveDisplay:
         facts = Text.assemble(
             "" if fraction is None else f"{100.0 * fraction:3.0f} %  ",
             f"line {count_of(snapshot)}  ETA {duration(snapshot.eta_s)}  {snapshot.override:g} %  ",
-            state_text(snapshot.state),
+            Text(
+                snapshot.shown_state,
+                style=STATE_STYLES.get(snapshot.state, "") if snapshot.online else "bold red",
+            ),
         )
         room = self._console.width - name.cell_len - facts.cell_len - 6
         bar = ProgressBar(
@@ -154,14 +169,14 @@ class PlainDisplay:
 
     def update(self, snapshot: Snapshot) -> None:
         now = self._clock()
-        if snapshot.state == self._state and now - self._said_at < self._every_s:
+        if snapshot.shown_state == self._state and now - self._said_at < self._every_s:
             return
-        self._said_at, self._state = now, snapshot.state
+        self._said_at, self._state = now, snapshot.shown_state
         fraction = snapshot.fraction
         percent = "" if fraction is None else f" {100.0 * fraction:.0f} %"
         eta = "" if snapshot.eta_s is None else f", ETA {duration(snapshot.eta_s)}"
         say(
-            f"{self._name}: {snapshot.state}, line {count_of(snapshot)}{percent}{eta}, "
+            f"{self._name}: {snapshot.shown_state}, line {count_of(snapshot)}{percent}{eta}, "
             f"override {snapshot.override:g} %"
         )
 

@@ -46,7 +46,8 @@ def machine_view(
     living = [program for program in status.programs if program.ended_at is None]
     shown = living or list(status.programs)[:3]
     parts.append(programs_table(shown) if shown else Text("no programs", style="dim"))
-    parts += [fault_text(fault) for fault in status.faults]
+    # a latched emergency stop comes before what it made of others
+    parts += [fault_text(fault) for fault in sorted(status.faults, key=lambda fault: fault.code != "MC400")]
     return Group(*parts)
 
 
