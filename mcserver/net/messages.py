@@ -4,7 +4,7 @@ What the service reports by itself (acknowledgements, states, events) is defined
 `mcserver.service.reports` and named here too.
 
 This is the one place where the wire is defined. `mcserver.net.schemas` publishes it as JSON Schema, and
-docs/keyspace.md explains it. Positions are in mm (linear axes) or deg (rotary axes), velocities in mm/s or
+docs/keyspace.md and docs/wire explain it. Positions are in mm (linear axes) or deg (rotary axes), velocities in mm/s or
 deg/s, torques in N·m, times in seconds since the executor's start. Fields that are added later have a
 default, and a reader skips what it does not know: so both sides may be of different ages.
 """
@@ -65,7 +65,7 @@ class ErrorReply(msgspec.Struct, frozen=True, omit_defaults=True):
     """Payload of every ``reply_err``.
 
     Attributes:
-        details: what the code's entry in docs/keyspace.md lists, such as ``expected``.
+        details: what the code's entry in docs/wire/errors.md lists, such as ``expected``.
         diagnostics: faults of G-code, where the error is about lines.
     """
 

@@ -1,4 +1,4 @@
-"""Numbering and credit of one program's lines (docs/keyspace.md, "Lines").
+"""Numbering and credit of one program's lines (docs/wire/lines.md).
 
 The server takes line n only if it is the next one. A repeat is acknowledged again and never executed again; a
 gap is refused with the number expected. Credit bounds what waits, in lines and in bytes.

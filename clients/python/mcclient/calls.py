@@ -2,7 +2,7 @@
 
 An empty answer looks the same whether nobody is there, the server restarts, the caller has no right or the
 reply was lost. So the same request is sent again with the same number until the deadline; the server gives
-the same answer again and does nothing twice (docs/keyspace.md, "Remote calls").
+the same answer again and does nothing twice (docs/wire/calls.md).
 """
 
 from __future__ import annotations

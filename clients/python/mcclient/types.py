@@ -150,7 +150,7 @@ class LineReport:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One event; ``kind`` says which fields are set (docs/keyspace.md, "Events")."""
+    """One event; ``kind`` says which fields are set (docs/wire/events.md)."""
 
     seq: int
     t: float

@@ -3,7 +3,7 @@
 The client numbers lines. The server takes line n only if it is the next one; a repeat is acknowledged and
 never executed again, a gap is refused. So whatever is not known to be accepted may be sent again at any time,
 and must
-be until it is: nothing is lost and nothing runs twice (docs/keyspace.md, "Lines").
+be until it is: nothing is lost and nothing runs twice (docs/wire/lines.md).
 """
 
 from __future__ import annotations
