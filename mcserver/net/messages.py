@@ -4,9 +4,9 @@ What the service reports by itself (acknowledgements, states, events) is defined
 `mcserver.service.reports` and named here too.
 
 This is the one place where the wire is defined. `mcserver.net.schemas` publishes it as JSON Schema, and
-docs/keyspace.md and docs/wire explain it. Positions are in mm (linear axes) or deg (rotary axes), velocities in mm/s or
-deg/s, torques in N·m, times in seconds since the executor's start. Fields that are added later have a
-default, and a reader skips what it does not know: so both sides may be of different ages.
+docs/keyspace.md and docs/wire explain it. Positions are in mm (linear axes) or deg (rotary axes), velocities
+in mm/s or deg/s, torques in N·m, times in seconds since the executor's start. Fields that are added later
+have a default, and a reader skips what it does not know: so both sides may be of different ages.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from mcserver.errors import Edit as Edit
 from mcserver.service.reports import (
     Ack as Ack,
 )

@@ -196,7 +196,7 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True):
     """Payload of ``event``; ``seq`` has no gap within one ``instance``.
 
     Attributes:
-        kind: says which of the others are set (docs/keyspace.md).
+        kind: says which of the others are set (docs/wire/events.md).
         lines: for ``lines.ended``. line: the last line started for ``lines.started``; the line of a fault.
         reason: why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code.
         axis: of a drive's event.

@@ -16,7 +16,7 @@ The error tree, with the exit code that ``mcctl`` gives::
           +-- ProgramInterrupted  the server that ran it went away (1)
           +-- ProgramClosed       it takes no more lines: closed or ended (1)
 
-Codes MC100 to MC529 and MC550 to MC559 come from the server (docs/keyspace.md), MC530 to MC539 from here:
+Codes MC100 to MC529 and MC550 to MC559 come from the server (docs/wire/errors.md), MC530 to MC539 from here:
 MC530 nobody answers, MC531 several machines, MC532 no answer in time, MC533 not understood, MC534
 interrupted, MC535 aborted, MC536 closed, MC537 configuration, MC538 a line that cannot be sent, MC539 the
 client is closed.

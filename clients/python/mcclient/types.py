@@ -26,6 +26,15 @@ ENDED: frozenset[str] = frozenset({"finished", "aborted", "rejected", "faulted",
 
 
 @dataclass(frozen=True, slots=True)
+class Edit:
+    """A certain remedy: characters ``column`` to ``end_column`` of the line become ``text``."""
+
+    column: int
+    end_column: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnostic:
     """One fault of a program, placed in its text; columns are code points from 1, the end exclusive."""
 
@@ -39,6 +48,7 @@ class Diagnostic:
     tool: int | None = None
     residual_mm: float | None = None
     axis: int | None = None
+    edit: Edit | None = None
 
 
 @dataclass(frozen=True, slots=True)
