@@ -16,10 +16,10 @@ PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 
 export PIP_NO_INPUT := 1
 
-.PHONY: help demo dog test socketcan faults lint format bench pictures clean
+.PHONY: help demo dog test test-computing test-realtime socketcan socketcan-long faults lint format bench pictures clean
 
 help:  ## this list
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
 
 demo: $(VENV)/.for-demo  ## arcs, then a walking robot dog, over Zenoh; the paths really taken: out/demo.png, out/dog.png
 	@$(BIN)/python examples/demo.py examples/arcs.gcode --output out/demo.png
@@ -28,12 +28,28 @@ demo: $(VENV)/.for-demo  ## arcs, then a walking robot dog, over Zenoh; the path
 dog: $(VENV)/.for-demo  ## the robot dog of the demo alone: out/dog.png
 	@$(BIN)/python examples/demo.py examples/robot-dog.gcode --machine robot-dog --output out/dog.png
 
+# what computes runs on all cores, what has a clock runs alone; both groups run whatever the first one says
 test: $(VENV)/.for-development  ## run every test
+ifdef ARGS
 	$(BIN)/python -m pytest $(ARGS)
+else
+	@code=0; $(MAKE) --no-print-directory test-computing || code=1; \
+		$(MAKE) --no-print-directory test-realtime || code=1; exit $$code
+endif
+
+test-computing: $(VENV)/.for-development  ## the tests that only compute, on all cores
+	$(BIN)/python -m pytest -m 'not realtime' --numprocesses auto --dist worksteal $(ARGS)
+
+test-realtime: $(VENV)/.for-development  ## the tests with servers and buses, one after the other
+	$(BIN)/python -m pytest -m realtime $(ARGS)
 
 # QEMU, busybox and (once) Debian's kernel: deploy/qemu/README.md
 socketcan: $(VENV)/.for-development  ## the tests that need CAN interfaces, on vcan in QEMU
-	@$(BIN)/python -m deploy.qemu $(if $(ARGS),-- $(BIN)/python -m pytest -p no:cacheprovider $(ARGS))
+	@$(BIN)/python -m deploy.qemu -- $(BIN)/python -m pytest -p no:cacheprovider -p no:xdist \
+		$(or $(ARGS),-m 'not long' tests/socketcan)
+
+socketcan-long: $(VENV)/.for-development  ## the gait and the arcs on four buses there: a quarter of an hour
+	@$(BIN)/python -m deploy.qemu -- $(BIN)/python -m pytest -p no:cacheprovider -p no:xdist -m long tests/socketcan
 
 faults: $(VENV)/.for-development  ## each fault of a CAN drive in a moving group: what happened, in cycles
 	@$(BIN)/python -m tests.e2e_can.faults $(ARGS)

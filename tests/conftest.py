@@ -1,7 +1,43 @@
-"""What all tests share."""
+"""What all tests share: the two groups in which they run, and how kernels run in their process."""
 
 from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
 
 # A command that runs in the tests' process must not choose plain Python for the rest of them: it does so
 # only before the kernels are imported.
 import mcserver.motion.kernels.compiled  # noqa: F401
+
+ROOT = Path(__file__).parent
+
+# Files and folders with servers, executors or buses in real time: each test has the computer to itself. All
+# others compute, or wait for nothing but themselves, and run beside each other.
+REALTIME = (
+    "browser",
+    "can/test_hub.py",
+    "canopen",
+    "cli/test_run.py",
+    "cli/test_streams.py",
+    "cli/test_tutorial.py",
+    "clients",
+    "drive_sim/test_process.py",
+    "drives/test_executor_process_on_can.py",
+    "e2e",
+    "e2e_can",
+    "executor/test_process.py",
+    "net",
+    "planning/test_planner_process.py",
+    "security",
+    "socketcan",
+    "view/test_window.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that run alone."""
+    for item in items:
+        place = item.path.relative_to(ROOT)
+        if any(place.is_relative_to(each) for each in REALTIME):
+            item.add_marker(pytest.mark.realtime)

@@ -25,7 +25,6 @@ PATIENCE_S = 3.0
 SHORT_LINES = 300
 # Of the process that compiles in the background.
 NICE = 10
-_LOCK = "compiling.lock"
 # The argument of that process.
 BACKGROUND = "background"
 
@@ -109,7 +108,7 @@ def start_warm_up(part: str) -> subprocess.Popen[bytes]:
 
 @contextlib.contextmanager
 def compiling_alone(*, wait: bool = True) -> Iterator[bool]:
-    """Wait until no other process of this user compiles: several first starts share what one has made.
+    """Wait until no other process of this user compiles these sources: several first starts share the work.
 
     Yields:
         Whether none does; where nothing can be locked, none is known of.
@@ -127,7 +126,7 @@ def _locked(folder: Path, stack: contextlib.ExitStack, wait: bool) -> bool:
 
     try:
         # closing it ends the lock, as the end of a process does
-        lock = stack.enter_context((folder / _LOCK).open("ab"))
+        lock = stack.enter_context((folder / f"lock-{_marker()}").open("ab"))
         fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except BlockingIOError:
         return False

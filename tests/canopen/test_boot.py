@@ -162,8 +162,10 @@ def test_another_maker_s_drive_is_refused_before_anything_is_written(
 
 
 def test_the_right_identity_is_taken(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
-    make_drives(1)
+    drives = make_drives(1)
     watched.start(machine_on(hub.address(), [1], f"vendor_id = {VENDOR}\nproduct_code = {PRODUCT}"))
+    assert drives[1].written
+    assert drives[1].state is NmtState.OPERATIONAL
 
 
 def test_a_device_that_is_no_drive_is_refused(hub: RunningHub, make_drives: Make, watched: Watched) -> None:

@@ -16,9 +16,20 @@ from tests.socketcan.interfaces import BUSES
 CYCLE_HZ = 50.0
 LIMIT_S = 900
 
+SHORT = "G1010 P0\nG91 G94 F3000\nG01 X10\nG04 P0.2\nG1050\n"
+
 pytestmark = pytest.mark.timeout(LIMIT_S)
 
 
+async def test_one_short_move_is_true_on_one_bus(tmp_path: Path) -> None:
+    with running(tmp_path, lambda addresses: slides(addresses, CYCLE_HZ), interfaces=BUSES[:1]) as cell:
+        async with connected(cell.server) as machine:
+            moved = await on_the_bus(machine, SHORT)
+    assert moved.end[0] == pytest.approx(moved.setpoint[0, 0] + 10.0, abs=0.06)
+    assert_as_ideal(moved, on_ideal_drives(SHORT, cell.raw), within=0.05, lag=2.0)
+
+
+@pytest.mark.long
 async def test_the_dog_walks_on_four_buses_as_on_ideal_drives(tmp_path: Path) -> None:
     pytest.importorskip("pinocchio")
     with running(tmp_path, lambda addresses: dog(addresses, CYCLE_HZ), interfaces=BUSES) as cell:
@@ -27,6 +38,7 @@ async def test_the_dog_walks_on_four_buses_as_on_ideal_drives(tmp_path: Path) ->
     assert_as_ideal(walked, on_ideal_drives(gait(), cell.raw), within=0.05, lag=2.0)
 
 
+@pytest.mark.long
 async def test_the_arcs_are_true_on_one_bus(tmp_path: Path) -> None:
     with running(tmp_path, lambda addresses: slides(addresses, CYCLE_HZ), interfaces=BUSES[:1]) as cell:
         async with connected(cell.server) as machine:
