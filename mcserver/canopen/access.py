@@ -19,6 +19,7 @@ from mcserver.canopen.service import CanopenService
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
 from mcserver.canopen.views import DriveInfo, SdoTarget, SdoValue
 from mcserver.drives.cia402.state import power_state
+from mcserver.drives.servosila.codec import fault_bits_text
 
 T = TypeVar("T")
 
@@ -204,6 +205,6 @@ def _status(kind: str, word: int | None) -> str:
     if word is None:
         return ""
     if kind != "cia402":
-        return f"fault bits {word:016b}" if word else "no fault"
+        return f"fault bits {fault_bits_text(word)}" if word else "no fault"
     state = power_state(word).name.lower().replace("_", " ")
     return state + (", warning" if word & _WARNING else "")

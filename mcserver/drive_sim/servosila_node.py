@@ -1,8 +1,8 @@
 """One simulated Servosila drive: streamed commands in, free-running telemetry out (public device reference).
 
 Commands come on 200h + node: code in byte 0, float32 little-endian at byte 4. Without a command for the
-time-out the motor stops. After a fault only Reset counts; it zeroes the work zone, whose count begins at 0
-when power comes.
+time-out the motor stops. After a fault only Reset counts; it takes the work zone back to its first turn: the
+count becomes 0, or with ``absolute`` what the shaft's angle within the turn is, as when power comes.
 """
 
 from __future__ import annotations
@@ -18,14 +18,17 @@ from mcserver.units import MINUTE, TURN
 
 NEVER = math.inf
 COMMAND = struct.Struct("<B3xf")
-STATUS = struct.Struct("<H2xf")
+STATUS = struct.Struct("<Hhf")
 PAIR = struct.Struct("<ff")
 BOOT_S = 0.05
-# Codes of the public reference; Off, speed in rpm and torque come from the machine file.
+# Code of the public reference that the server never sends: an offset from the current position.
 SERVO_STEPPER = 0x38
-# Fault bits that the simulation itself sets; the reference publishes no table.
+# Fault bits that the simulation itself sets (reference, page 39): driver chip, overcurrent.
 OTHER_FAULT = 0x0001
-FOLLOWING_FAULT = 0x0002
+FOLLOWING_FAULT = 0x0008
+# The reference's FLOAT16 is linear over ±128.
+FLOAT16_PER_VOLT = 32767.0 / 128.0
+DC_BUS_V = 48.0
 NOT_CANOPEN = ("sdo_abort", "sdo_delay", "drop_sync")
 # A servo command is followed unless the shaft stays this far behind for this time [turn, s].
 FOLLOWING_WINDOW = 1.0
@@ -49,8 +52,15 @@ class ServosilaNode:
         pole_pairs: int = 1,
         telemetry_s: float = 0.005,
         timeout_s: float = 0.1,
+        *,
+        absolute: bool = False,
     ) -> None:
-        """``codes``: command → code; ``position`` [turn]; after ``timeout_s`` without a command it stops."""
+        """Make a drive that is off.
+
+        Args:
+            codes: command → code. position: of the motor [turn]. timeout_s: without a command for so long it
+                stops. absolute: its encoder knows the angle within a turn.
+        """
         self.node = node
         self.wake = 0.0
         self.routes = 0
@@ -58,7 +68,8 @@ class ServosilaNode:
         self.motor = Motor(hardware or Hardware(), position)
         self._transmit_frame = transmit
         self._names = {code: name for name, code in codes.items()}
-        self._names.setdefault(SERVO_STEPPER, "servo")
+        self._names.setdefault(SERVO_STEPPER, "servo_stepper")
+        self._absolute = absolute
         self._pole_pairs = max(1, pole_pairs)
         self._period = telemetry_s
         self._timeout = timeout_s
@@ -103,12 +114,16 @@ class ServosilaNode:
         if name == "reset":
             self._fault_bits = 0
             self._behind_s = 0.0
-            self._zero = self.motor.position
+            self._back_to_first_turn()
             self._enter("off")
         elif self._fault_bits:
             return
         elif name == "reset_work_zone":
-            self._zero = self.motor.position
+            self._back_to_first_turn()
+        elif name == "servo_stepper":
+            self._value = self._work_zone() + value
+            if self._command != "servo":
+                self._enter("servo")
         else:
             self._value = value
             if name != self._command:
@@ -119,7 +134,7 @@ class ServosilaNode:
         if now >= self._tick_at:
             if self._booting:
                 self._booting = False
-                self._zero = self.motor.position
+                self._back_to_first_turn()
             else:
                 self._step(self._period, now)
             self._tell()
@@ -175,6 +190,9 @@ class ServosilaNode:
     def _fail(self, bits: int) -> None:
         self._fault_bits |= bits
         self._enter("off")
+
+    def _back_to_first_turn(self) -> None:
+        self._zero = math.floor(self.motor.position) if self._absolute else self.motor.position
 
     def _work_zone(self) -> float:
         return (self.motor.position - self._zero) * self.motor.hardware.increments_per_turn
@@ -233,7 +251,8 @@ class ServosilaNode:
         electrical_hz = motor.velocity * self._pole_pairs
         angle = (motor.position * self._pole_pairs % 1.0) * TURN
         current = self._torque / motor.hardware.rated_torque
-        self._transmit(Function.TPDO1, STATUS.pack(self._fault_bits, electrical_hz))
+        volts = round(DC_BUS_V * FLOAT16_PER_VOLT)
+        self._transmit(Function.TPDO1, STATUS.pack(self._fault_bits, volts, electrical_hz))
         self._transmit(Function.TPDO2, PAIR.pack(angle, self._work_zone()))
         self._transmit(Function.TPDO3, PAIR.pack(current, 0.0))
 

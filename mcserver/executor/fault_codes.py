@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from mcserver.drives.bus import DriveFault
 from mcserver.drives.cia402.emergency_codes import emergency_text
+from mcserver.drives.servosila.codec import fault_bits_text
 
 
 class FaultCode(enum.IntEnum):
@@ -108,7 +109,7 @@ def _detail_text(code: int, detail: int) -> str:
         return {0x04: "stopped", 0x7F: "pre-operational"}.get(detail, f"{detail:02X}h")
     if code == FaultCode.DRIVE_SILENT:
         return f" for {detail} cycles" if detail else ""
-    return f" (fault bits {detail:04X}h)" if detail else ""
+    return f" (fault bits {fault_bits_text(detail)})" if detail else ""
 
 
 _RESET_HINT = "find the cause, then clear the latch with G1000 P{axis} and energize with G1010 P{axis}"

@@ -30,6 +30,20 @@ SERVOSILA_CODES = MappingProxyType(
     {"reset": 0x01, "stop": 0x04, "speed": 0x20, "servo": 0x30, "reset_work_zone": 0xE0}
 )
 SERVOSILA_OWN_CODES = ("off", "rpm", "torque")
+# What the public reference uses these codes for: a command of another meaning must not get one of them.
+SERVOSILA_PUBLISHED = MappingProxyType(
+    {
+        0x01: "Reset",
+        0x04: "Stop",
+        0x20: "Electronic Speed Control (Hz)",
+        0x30: "Servo",
+        0x38: "Servo Stepper, an offset from the current position: streamed, it makes the axis run away",
+        0x58: "Kickstart",
+        0xA4: "PWM output",
+        0xB0: "a load test",
+        0xE0: "Reset Work Zone",
+    }
+)
 # Two statements of the same travel agree within this share.
 SAME = 1e-6
 GREATEST_COUNT = 2.0**31
@@ -277,6 +291,18 @@ def _check_codes(drive: Drive, bad: Refusal) -> None:
             bad("codes", f"there is no command {name!r}", hint)
         elif not 0 <= code <= 0xFF:
             bad("codes", f"{name} = {code} is outside 0 … 255", "see the drive's reference")
+        elif code in SERVOSILA_PUBLISHED and SERVOSILA_CODES.get(name) != code:
+            bad(
+                "codes",
+                f"{name} = 0x{code:02X}: {code:02X}h is {SERVOSILA_PUBLISHED[code]}",
+                f"take the code of {name} from the drive's reference"
+                + (", or leave the key out" if name in SERVOSILA_CODES else ""),
+            )
+    by_code: dict[int, str] = {}
+    for name, code in {**SERVOSILA_CODES, **drive.codes}.items():
+        if code in by_code:
+            bad("codes", f"{code:02X}h is the code of {name} and of {by_code[code]}", "give each its own")
+        by_code[code] = name
     if "off" not in drive.codes and not any(name not in known for name in drive.codes):
         bad(
             "codes",

@@ -34,7 +34,7 @@ CODES = {
 class Rig:
     """A drive, a clock, and the last of its telemetry."""
 
-    def __init__(self, position: float = 3.25) -> None:
+    def __init__(self, position: float = 3.25, *, absolute: bool = False) -> None:
         self.now = 10.0
         self.sent: list[Frame] = []
         hardware = Hardware(increments_per_turn=COUNTS, inertia=0.01, friction=2.0)
@@ -47,6 +47,7 @@ class Rig:
             pole_pairs=PAIRS,
             telemetry_s=PERIOD_S,
             timeout_s=TIMEOUT_S,
+            absolute=absolute,
         )
         self.node.switch_on(self.now)
         self.wait(0.1)
@@ -103,9 +104,33 @@ def test_a_servo_command_moves_to_counts_of_the_work_zone() -> None:
     rig = Rig()
     rig.stream(200, SERVO, 1000.0)
     assert rig.work_zone == pytest.approx(1000.0, abs=0.5)
-    rig.stream(200, STEPPER, -500.0)
+    rig.stream(200, SERVO, -500.0)
     assert rig.work_zone == pytest.approx(-500.0, abs=0.5)
     assert rig.node.motor.position == pytest.approx(3.25 - 500.0 / COUNTS, abs=1e-3)
+
+
+def test_a_stepper_command_is_an_offset_and_a_stream_of_them_runs_away() -> None:
+    rig = Rig()
+    rig.stream(200, SERVO, 1000.0)
+    rig.command(STEPPER, -500.0)
+    rig.stream(200, SERVO, 500.0)
+    assert rig.work_zone == pytest.approx(500.0, abs=0.5)
+    rig.stream(200, STEPPER, -500.0)
+    assert rig.work_zone < -10_000.0
+
+
+def test_with_an_absolute_encoder_the_angle_within_the_turn_stays_after_a_reset() -> None:
+    rig = Rig(position=3.25, absolute=True)
+    assert rig.work_zone == pytest.approx(0.25 * COUNTS)
+    rig.stream(200, SERVO, 2.5 * COUNTS)
+    rig.command(RESET)
+    rig.wait(0.1)
+    assert rig.work_zone == pytest.approx(0.5 * COUNTS, abs=1.0)
+
+
+def test_the_dc_bus_voltage_is_in_bytes_2_and_3_of_the_status() -> None:
+    (raw,) = struct.unpack_from("<h", Rig().last(Function.TPDO1), 2)
+    assert raw * 128.0 / 32767.0 == pytest.approx(48.0, abs=0.01)
 
 
 @pytest.mark.parametrize(("code", "value"), [(SPEED, 2.0 * PAIRS), (RPM, 120.0)])

@@ -221,12 +221,13 @@ class FakeServosila(FakeNode):
     """A Servosila drive: streams telemetry by itself, follows Servo commands at once.
 
     Attributes:
-        count: of the work zone. commands: (code, value) in order.
+        count: of the work zone. residue: what it shows after Reset. commands: (code, value) in order.
     """
 
     def __init__(self, bus: FakeBus, node: int, count: float = 0.0, every: int = 1) -> None:
         super().__init__(bus, node)
         self.count = count
+        self.residue = 0.0
         self.every = every
         self.bits = 0
         self.hertz = 0.0
@@ -247,7 +248,7 @@ class FakeServosila(FakeNode):
         code, value = payload[0], struct.unpack_from("<f", payload, 4)[0]
         self.commands.append((code, value))
         if code == 0x01:
-            self.bits, self.count = 0, 0.0
+            self.bits, self.count = 0, self.residue
         elif self.bits == 0 and code == 0x30:
             self.count = value
         self.hertz = value if code == 0x20 and self.bits == 0 else 0.0

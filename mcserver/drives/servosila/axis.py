@@ -1,8 +1,10 @@
 """One Servosila drive: a command streamed in every cycle, telemetry taken as it comes.
 
-The drive tells no state but its fault bits, so an axis counts as energized once a few commands have been
-streamed to a drive that answers and has no fault. After a fault only Reset counts. Reset zeroes the work
-zone; what had been counted is kept here, so that the axis stays where it was on its own scale.
+The drive reports no state but its fault bits, so an axis counts as energized once a few commands have been
+streamed to a drive that answers and has no fault. After a fault only Reset counts. Reset takes the work zone
+back to its first turn: with an incremental encoder the count becomes 0, with an absolute one the place within
+the turn stays. The count is read again after it, never assumed, and the axis stays where it was on its own
+scale.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ STANDING_HZ = 0.5
 # counts are let pass in any case.
 JUMP_FACTOR = 3.0
 JUMP_COUNTS = 16.0
+# While the drive is reset a step beyond this multiple of the latest speed is no motion.
+MOTION_FACTOR = 2.0
 
 
 class ServosilaAxis:
@@ -111,15 +115,20 @@ class ServosilaAxis:
         count = reading.work_zone
         step = count - self._work_zone
         elapsed = max(1, self._reading_age + 1)
-        if self._known and self._resetting and abs(count) < abs(step):
-            # the work zone has been zeroed
-            self._base += self._work_zone / self._counts
+        if self._known and self._resetting and self._is_new_zero(count, step, elapsed):
+            # the shaft has not moved, its count has: what the new one shows is not assumed, but read
+            self._base = self.position - count / self._counts
         elif self._known and abs(step) > self._greatest * elapsed + JUMP_COUNTS:
             self.fail(DriveFault.POSITION_LOST)
         self._work_zone = count
         self._known = True
         self._reading_age = -1
         self.position = self._base + count / self._counts
+
+    def _is_new_zero(self, count: float, step: float, elapsed: int) -> bool:
+        """Tell a work zone that Reset took back to its first turn from a shaft that moves on."""
+        travelled = MOTION_FACTOR * abs(self.velocity * self._counts) * self._cycle * elapsed
+        return abs(count) < abs(step) and (abs(step) > travelled + JUMP_COUNTS or count == 0.0)
 
     @property
     def _resetting(self) -> bool:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.drives.servosila.codec import COMMAND_PACKING, LENGTH, unpack_reading, unpack_status
+from mcserver.errors import ConfigurationError
 from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition
@@ -94,9 +95,10 @@ def test_a_command_is_its_code_and_a_float_at_byte_4() -> None:
 
 
 def test_telemetry_has_fault_bits_and_speed_and_the_work_zone_s_count() -> None:
-    status = unpack_status(b"\x04\x01\x00\x00" + struct.pack("<f", -12.5))
+    status = unpack_status(b"\x04\x01\x00\x30" + struct.pack("<f", -12.5))
     assert status is not None
     assert (status.fault_bits, status.electrical_hz) == (0x0104, -12.5)
+    assert status.dc_bus_volts == pytest.approx(48.0, abs=0.01)
     reading = unpack_reading(struct.pack("<ff", 3.25, -100.0))
     assert reading is not None
     assert (reading.electrical, reading.work_zone) == (3.25, -100.0)
@@ -228,7 +230,8 @@ def test_fault_bits_stop_the_axis_within_three_cycles_and_are_told() -> None:
     rig.step(3)
     (fault,) = rig.of(EventKind.FAULT)
     assert (fault.code, fault.axis, fault.line) == (FaultCode.DRIVE_FAULT, 0, 3)
-    assert "fault bits 0104h" in remedy_of(fault.code, fault.axis, fault.values)[0]
+    message = remedy_of(fault.code, fault.axis, fault.values)[0]
+    assert "fault bits 0104h: overheating protection, SPI encoder fault" in message
     assert rig.latest == (OFF, 0.0)
 
 
@@ -261,6 +264,43 @@ def test_a_reset_zeroes_the_work_zone_and_the_axis_stays_where_it_is() -> None:
     # the drive itself was never told to go anywhere
     after = [value for code, value in rig.drive.commands[told:] if code == SERVO]
     assert after == pytest.approx([0.0] * len(after), abs=1e-3)
+
+
+@pytest.mark.parametrize("residue", [0.0, 234.0, -9_766.0, 9_999.0])
+def test_what_the_count_shows_after_a_reset_is_read_and_the_axis_stays_where_it_is(residue: float) -> None:
+    bench = Bench(machine(), count=50_234.0)
+    place = float(bench.feedback.position[0])
+    bench.drive.residue = residue
+    bench.exchange(DriveMode.RESET, 8)
+    bench.exchange(DriveMode.POSITION, 10)
+    assert bench.state is DriveState.ENERGIZED
+    assert bench.feedback.position[0] == pytest.approx(place, abs=COUNT_M)
+    targets = [value for code, value in bench.drive.commands if code == SERVO]
+    assert targets == pytest.approx([residue] * len(targets), abs=0.5)
+
+
+def test_a_shaft_that_turns_through_zero_while_it_is_reset_is_followed() -> None:
+    bench = Bench(machine(), count=5.0)
+    place = float(bench.feedback.position[0])
+    bench.drive.receive = lambda *_args: None  # type: ignore[method-assign]
+    bench.exchange(DriveMode.RESET, 3)
+    bench.drive.count = -3.0
+    bench.exchange(DriveMode.RESET)
+    assert bench.feedback.position[0] == pytest.approx(place - 8 * COUNT_M)
+
+
+@pytest.mark.parametrize(
+    ("codes", "said"),
+    [
+        ("off = 2, servo = 0x38", "38h is Servo Stepper, an offset from the current position"),
+        ("off = 4", "04h is Stop"),
+        ("off = 2, torque = 0x58", "58h is Kickstart"),
+        ("off = 2, torque = 2", "02h is the code of torque and of off"),
+    ],
+)
+def test_a_code_that_the_reference_gives_to_another_command_is_refused(codes: str, said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        machine(codes=codes)
 
 
 def test_a_drive_that_stays_faulty_is_not_reset() -> None:
