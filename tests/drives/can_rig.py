@@ -27,9 +27,12 @@ def machine(
     axis: str = "max_following_error = 2.0",
     buses: int = 1,
     bus: str = "can",
+    bus_keys: str = "",
 ) -> Machine:
     """Linear axes of 10 mm and 10 000 counts a motor turn, spread over buses can0, can1, …"""
     text = f'[machine]\nname = "m"\ncycle_hz = {cycle_hz}\n'
+    if bus_keys:
+        text += "".join(f'[[bus]]\nname = "{bus}{index}"\n{bus_keys}\n' for index in range(buses))
     for index in range(axes):
         text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 1000.0\n'
         text += f"max_acceleration = 10000.0\nunits_per_motor_rev = 10.0\n{axis}\n"

@@ -103,7 +103,8 @@ class FakeDrive(FakeNode):
         self.exact = float(position)
         self.jumps: list[int] = []
         self.syncs = 0
-        self.slowness = 0
+        self.slowness = 0  # SYNCs that a transition between power states takes
+        self.lost: set[int] = set()  # SYNCs whose TPDO1 gets lost
         self.mode_slowness = 0
         self.muted = self.short = self.stuck = self.jammed = self.booting = False
         self.beating = True
@@ -113,6 +114,9 @@ class FakeDrive(FakeNode):
         self._goal = self._pace = 0
         self._mode_wait = 0
         self._old_controlword = 0
+        self._transition = 0
+        self.shows_transitions = True  # else "not ready to switch on" while one takes place
+        self.controlwords: list[int] = []
 
     # ------------------------------------------------------------------ the bus
 
@@ -131,6 +135,8 @@ class FakeDrive(FakeNode):
     def _command(self, controlword: int) -> None:
         if not self.stuck:
             self.controlword = controlword
+        if not self.controlwords or self.controlwords[-1] != controlword:
+            self.controlwords.append(controlword)
 
     def _sync(self) -> None:
         self._move()
@@ -143,8 +149,9 @@ class FakeDrive(FakeNode):
         self._step()
 
     def _answer(self) -> None:
-        payload = TPDO1.packing.pack(self.word | 0x0210, self.shown, wrap(self.position))
-        if self.muted:
+        word = self.word if self.shows_transitions or not self._transition else 0
+        payload = TPDO1.packing.pack(word | 0x0210, self.shown, wrap(self.position))
+        if self.muted or self.syncs in self.lost:
             return
         if self.short:
             payload = payload[:4]
@@ -177,25 +184,35 @@ class FakeDrive(FakeNode):
             self._mode_wait += 1
             if self._mode_wait > self.mode_slowness:
                 self.shown, self._mode_wait = self.mode, 0
+        after = self._next_word(word, before)
+        if after != self.word:
+            self._transition += 1
+            if self._transition <= self.slowness:
+                self._old_controlword = before if self.word == FAULT else word
+                return
+            if after == ENABLED:
+                self.jumps.append(wrap(self.target - self.position))
+        self._transition = 0
+        self.word = after
+
+    def _next_word(self, word: int, before: int) -> int:
         if self.word == FAULT:
-            if word & 0x80 and not before & 0x80:
-                self.word = DISABLED
-            return
+            return DISABLED if word & 0x80 and not before & 0x80 else FAULT
         if not word & 0x02:
-            self.word = DISABLED
-        elif not word & 0x04:
-            self.word = DISABLED if self.word in (DISABLED, READY) else QUICK_STOP
-        elif self.word == DISABLED and word & 0x07 == 0x06:
-            self.word = READY
-        elif self.word == READY and word & 0x0F in (0x07, 0x0F):
-            self.word = SWITCHED_ON
-        elif self.word == SWITCHED_ON and word & 0x0F == 0x0F:
-            self.jumps.append(wrap(self.target - self.position))
-            self.word = ENABLED
-        elif self.word in (SWITCHED_ON, ENABLED) and word & 0x07 == 0x06:
-            self.word = READY
-        elif self.word == ENABLED and word & 0x0F == 0x07:
-            self.word = SWITCHED_ON
+            return DISABLED
+        if not word & 0x04:
+            return DISABLED if self.word in (DISABLED, READY) else QUICK_STOP
+        if self.word == DISABLED and word & 0x07 == 0x06:
+            return READY
+        if self.word == READY and word & 0x0F in (0x07, 0x0F):
+            return SWITCHED_ON
+        if self.word == SWITCHED_ON and word & 0x0F == 0x0F:
+            return ENABLED
+        if self.word in (SWITCHED_ON, ENABLED) and word & 0x07 == 0x06:
+            return READY
+        if self.word == ENABLED and word & 0x0F == 0x07:
+            return SWITCHED_ON
+        return self.word
 
     def trip(self, code: int) -> None:
         """A fault, with its emergency message."""

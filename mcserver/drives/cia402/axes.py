@@ -252,7 +252,7 @@ class Cia402Axes:
         capturing, wanted = self._capturing, self._setpoint
         coasting = capturing & (self._velocity != 0.0) & (self._told >= DriveMode.POSITION)
         if coasting.any():
-            led = self._reading + self._velocity * (DELAY_CYCLES * self._cycle)
+            led = self._reading + self._velocity * ((DELAY_CYCLES + self.ages) * self._cycle)
             np.copyto(wanted, led, where=coasting)
             arrived = coasting & (self._states == DriveState.ENERGIZED)
             feedback.position[self._where] = np.where(arrived, led, self._reading)

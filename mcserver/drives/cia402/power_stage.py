@@ -1,13 +1,18 @@
-"""One drive's way between off and energized: what it is told in each cycle and what it is said to be.
+"""One drive between off and energized: its command in each cycle, and the state that is reported of it.
 
 A drive is energized in steps that it has to show one by one. Until it shows operation enabled in the wanted
-mode, it is *capturing*: its target is where it is. Anything else on the way is a latched fault, or the loss
+mode, it is *capturing*: its target is where it is. Anything else in between is a latched fault, or the loss
 of the axis; neither is ever left without a command from above.
+
+A statusword says nothing about a command that is younger than it: for `ANSWER_CYCLES` after a command only
+the state that the command leads to counts, and a TPDO that stays out takes no command back. A slow drive is
+waited for.
 """
 
 from __future__ import annotations
 
 import enum
+from types import MappingProxyType
 
 from mcserver.can.pdo_layout import Mode
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
@@ -19,12 +24,24 @@ from mcserver.drives.cia402.state import (
     next_controlword,
 )
 
-# A statusword that comes so many cycles after a command is an answer to it: RPDO, SYNC, TPDO.
+# A statusword that comes so many cycles after a command is an answer to it (RPDO, SYNC, TPDO); an older one
+# does not count.
 ANSWER_CYCLES = 3
 # Exchanges after which another rising edge of bit 7 is made, if the fault is still there.
 RESET_RETRY_CYCLES = 20
 # A drive changes its mode of operation within this time [s].
 MODE_CHANGE_S = 0.25
+
+
+# The state that each command of the sequence leads to.
+_LEADS_TO = MappingProxyType(
+    {
+        int(Controlword.DISABLE_VOLTAGE): PowerState.SWITCH_ON_DISABLED,
+        int(Controlword.SHUTDOWN): PowerState.READY_TO_SWITCH_ON,
+        int(Controlword.SWITCH_ON): PowerState.SWITCHED_ON,
+        int(Controlword.ENABLE_OPERATION): PowerState.OPERATION_ENABLED,
+    }
+)
 
 
 class Phase(enum.IntEnum):
@@ -41,7 +58,7 @@ class PowerStage:
     """State of one axis.
 
     Args:
-        base: the mode of operation for positions. modes: told mode → mode of operation; what is missing
+        base: the mode of operation for positions. modes: commanded mode → mode of operation; what is missing
             cannot be driven.
 
     Attributes:
@@ -55,6 +72,8 @@ class PowerStage:
         self._mode_patience = max(ANSWER_CYCLES, round(MODE_CHANGE_S / cycle_s))
         self._told = DriveMode.OFF
         self._since = ANSWER_CYCLES
+        self._since_command = ANSWER_CYCLES
+        self._unheard = 0
         self._phase = Phase.IDLE
         self._unlike = 0
         self._switching = False
@@ -105,6 +124,7 @@ class PowerStage:
             state = self._energize(power, shown, fresh) if told >= DriveMode.POSITION else DriveState.OFF
             if told < DriveMode.POSITION:
                 state = self._rest(power, standing)
+        self._since_command = 0 if self.controlword != before[2] else self._since_command + 1
         # in the cycle in which it is found energized its reading goes upwards, and is its target, too
         self.capturing = self._phase is not Phase.RUNNING or before[0] is not Phase.RUNNING
         after = (self._phase, self._told, self.controlword, self.changing, self.fault)
@@ -172,8 +192,10 @@ class PowerStage:
             return DriveState.FAULT
         if self._phase is Phase.SETTLING:
             self.controlword = Controlword.SHUTDOWN
-            if self._since >= ANSWER_CYCLES:
+            # one that still shows power obeys an earlier command: what it shows would end soon
+            if self._since >= ANSWER_CYCLES and fresh and power not in POWERED:
                 self._phase = Phase.ENABLING
+                self._unheard = 0
             return DriveState.STARTING
         if self._phase is Phase.ENABLING:
             return self._enable(power, shown, fresh)
@@ -183,16 +205,36 @@ class PowerStage:
         return DriveState.OFF
 
     def _enable(self, power: PowerState, shown: int, fresh: bool) -> DriveState:
+        enabling = self.controlword == Controlword.ENABLE_OPERATION
         if not fresh:
-            # where the axis is is not known now, so its target is not either
-            self.controlword = Controlword.SHUTDOWN
+            self._unheard += 1
+            if enabling and self._unheard > ANSWER_CYCLES:
+                # where the axis is has not been known for too long to close a loop there
+                self.controlword = Controlword.SHUTDOWN
+                self._phase = Phase.SETTLING
+                self._since = 0
             return DriveState.STARTING
+        self._unheard = 0
         in_mode = shown == self.mode
-        self.controlword = next_controlword(power, self._told, self.controlword, in_mode=in_mode)
-        if power is PowerState.OPERATION_ENABLED and in_mode:
+        if power is PowerState.OPERATION_ENABLED and in_mode and enabling:
             self._phase = Phase.RUNNING
             return DriveState.ENERGIZED
+        wanted = next_controlword(power, self._told, self.controlword, in_mode=in_mode)
+        if not self._takes_back(wanted, power, in_mode):
+            self.controlword = wanted
         return DriveState.STARTING
+
+    def _takes_back(self, wanted: int, power: PowerState, in_mode: bool) -> bool:
+        """Tell a drive that is slow, or a statusword older than the command, from one that has to start
+        over."""
+        if _LEADS_TO.get(wanted, PowerState.NOT_READY) >= _LEADS_TO.get(
+            self.controlword, PowerState.NOT_READY
+        ):
+            return False
+        if power is PowerState.NOT_READY or self._since_command < ANSWER_CYCLES:
+            return True
+        under_way = power in (PowerState.READY_TO_SWITCH_ON, PowerState.SWITCHED_ON)
+        return under_way and (in_mode or self.controlword == Controlword.SWITCH_ON)
 
     def _run(self, power: PowerState, shown: int, fresh: bool) -> DriveState:
         if not fresh:
