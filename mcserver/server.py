@@ -51,12 +51,14 @@ class ServerOptions(msgspec.Struct, frozen=True):
         journal: the journal's file; None: the machine's own under the user's state folder.
         on_ready: called once with the endpoints, when clients are answered.
         on_progress: called with a sentence while drives on CAN buses boot; in any thread.
+        take_over: reset the drives on CAN buses even where another master is heard.
     """
 
     network: NetworkOptions = NetworkOptions()
     journal: Path | None = None
     on_ready: Callable[[list[str]], None] | None = None
     on_progress: Callable[[str], None] | None = None
+    take_over: bool = False
 
 
 def default_journal(machine: str) -> Path:
@@ -136,10 +138,10 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
     try:
         # drives leave operation only when the executor has released them
         async with (
-            booted(machine, on_progress, stopping.is_set) as drives,
+            booted(machine, on_progress, stopping.is_set, take_over=options.take_over) as drives,
             contextlib.AsyncExitStack() as stack,
         ):
-            executor = ExecutorProcess(machine)
+            executor = ExecutorProcess(drives.machine)
             executor.launch()
             stack.callback(executor.stop)
             planning = ProcessPlanning(machine, executor)

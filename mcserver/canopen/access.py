@@ -13,11 +13,11 @@ from canopen.objectdictionary import ODVariable
 from mcserver.can.cob import NmtState
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.configuration import PDO_OBJECTS
-from mcserver.canopen.node import Node, Phase
-from mcserver.canopen.sdo import NodeSdo
+from mcserver.canopen.node import Node, NodeAxis, Phase
 from mcserver.canopen.service import CanopenService
+from mcserver.canopen.settings import AXIS_OFFSET, DriveSettings
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
-from mcserver.canopen.views import DriveInfo, SdoTarget, SdoValue
+from mcserver.canopen.views import DriveInfo, MonitoredValue, SdoTarget, SdoValue
 from mcserver.drives.cia402.state import power_state
 from mcserver.drives.servosila.codec import fault_bits_text
 
@@ -29,7 +29,7 @@ _WARNING = 0x80
 MAX_WAITING = 16
 
 # What the cycle, the supervision and the scaling of positions rest on (CiA 301, CiA 402).
-_CYCLIC = frozenset({0x6040, 0x6060, 0x6071, 0x607A, 0x60FF})
+_CYCLIC = frozenset({0x6040, 0x6060, 0x6071, 0x607A, 0x60C1, 0x60FF})
 _WATCHING = frozenset({0x1016, 0x1017})
 _SCALING = frozenset({0x607C, 0x607E, 0x608F, 0x6091, 0x6092, 0x60C2})
 
@@ -40,8 +40,12 @@ _BY_FILE = "what it holds follows from the machine file; change it there and sta
 
 def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:
     """Why an object must not be written now, and what to do instead; None: it may be."""
+    if not node.settings.has_profile:
+        return "its drive's SDO takes no standard writes", "use its maker's own tool"
     if node.phase is not Phase.OPERATIONAL and node.nmt is not NmtState.OPERATIONAL:
         return None
+    if 0x6000 <= index < 0xA000:
+        index = 0x6000 + (index - 0x6000) % AXIS_OFFSET
     if index in _CYCLIC:
         return "the executor sends it in every cycle", _BY_PROGRAM
     if index in PDO_OBJECTS:
@@ -67,7 +71,8 @@ class OperatorAccess:
 
     def drives(self) -> list[DriveInfo]:
         now = time.monotonic()
-        return [_view(node, now) for node in self._service.nodes]
+        views = [_view(node, axis, now) for node in self._service.nodes for axis in node.axes]
+        return sorted(views, key=lambda view: view.axis)
 
     async def sdo_read(self, target: SdoTarget, kind: str | None) -> SdoValue:
         """Reads an object.
@@ -75,19 +80,19 @@ class OperatorAccess:
         Raises:
             DriveError: MC553 refused, MC554 no answer, MC559 no such drive, or not to be read as that type.
         """
-        node, sdo = self._find(target)
-        name = kind or self._type(node, target)
-        raw = await self._in_thread(lambda: sdo.upload(target.index, target.subindex))
+        node, settings = self._find(target)
+        name = kind or self._type(settings, target)
+        raw = await self._in_thread(lambda: node.sdo.upload(target.index, target.subindex))
         if name is None:
             name = {1: "u8", 2: "u16", 4: "u32"}.get(len(raw), "bytes")
         try:
             value = decode_value(name, raw)
         except ValueError as error:
             if kind is not None:
-                raise self._unfit(node, target, str(error)) from error
+                raise self._unfit(settings, target, str(error)) from error
             # the dictionary is wrong about its length: the bytes are right
             name, value = "bytes", decode_value("bytes", raw)
-        return _value(node, target, name, value, raw)
+        return _value(settings, target, name, value, raw)
 
     async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value) -> SdoValue:
         """Writes an object.
@@ -95,7 +100,7 @@ class OperatorAccess:
         Raises:
             DriveError: MC553, MC554, MC559 also: it would fight the cycle, or its type is not known.
         """
-        node, sdo = self._find(target)
+        node, settings = self._find(target)
         refusal = refusal_of_write(target.index, node)
         if refusal is not None:
             raise DriveError(
@@ -105,50 +110,48 @@ class OperatorAccess:
                 refusal[1],
                 axis=node.settings.axis,
             )
-        name = kind or self._type(node, target)
+        name = kind or self._type(settings, target)
         if name is None:
-            raise self._unfit(node, target, "its type is not known: the drive's dictionary does not have it")
+            raise self._unfit(
+                settings, target, "its type is not known: the drive's dictionary does not have it"
+            )
         try:
             raw = encode_value(name, value)
         except (ValueError, OverflowError) as error:
-            raise self._unfit(node, target, f"{value!r} is no {name}: {error}") from error
+            raise self._unfit(settings, target, f"{value!r} is no {name}: {error}") from error
         if not raw:
-            raise self._unfit(node, target, "an empty value cannot be written")
-        await self._in_thread(lambda: sdo.download(target.index, target.subindex, raw))
-        return _value(node, target, name, value, raw)
+            raise self._unfit(settings, target, "an empty value cannot be written")
+        await self._in_thread(lambda: node.sdo.download(target.index, target.subindex, raw))
+        return _value(settings, target, name, value, raw)
 
     # ------------------------------------------------------------ inside
 
-    def _find(self, target: SdoTarget) -> tuple[Node, NodeSdo]:
-        nodes = self._service.nodes
+    def _find(self, target: SdoTarget) -> tuple[Node, DriveSettings]:
+        every = [(node, axis.settings) for node in self._service.nodes for axis in node.axes]
         if target.axis is not None:
-            found = [node for node in nodes if node.settings.axis == target.axis]
+            found = [pair for pair in every if pair[1].axis == target.axis]
             named = f"axis {target.axis} has no drive on a CAN bus"
+            namesake = [settings for _, settings in every if settings.node == target.axis]
+            if namesake and not found:
+                named += f"; {target.axis} is the node of axis {namesake[0].axis}"
         else:
             found = [
-                node
-                for node in nodes
+                (node, axes[0].settings)
+                for node in self._service.nodes
                 if node.settings.node == target.node and target.bus in ("", node.settings.bus)
+                for axes in (node.axes,)
             ]
             named = f"there is no drive with node {target.node}" + (f" on {target.bus}" if target.bus else "")
         if len(found) > 1:
-            buses = ", ".join(node.settings.bus for node in found)
+            buses = ", ".join(settings.bus for _, settings in found)
             raise DriveError("MC559", f"node {target.node} is on several buses: {buses}", "name the bus too")
         if not found:
-            raise DriveError("MC559", named, "`mcctl drives` lists them")
-        sdo = found[0].sdo
-        if sdo is None:
-            raise DriveError(
-                "MC559",
-                f"{found[0].settings.name}: a {found[0].settings.kind} drive has no objects",
-                "use its maker's own tool",
-                axis=found[0].settings.axis,
-            )
-        return found[0], sdo
+            raise DriveError("MC559", named, "`mcctl drives` lists axes with their nodes")
+        return found[0]
 
-    def _type(self, node: Node, target: SdoTarget) -> str | None:
+    def _type(self, settings: DriveSettings, target: SdoTarget) -> str | None:
         """By the dictionary; None where it does not have the object."""
-        dictionary = self._service.dictionary(node.settings.axis)
+        dictionary = self._service.dictionary(settings.axis)
         variable = None if dictionary is None else dictionary.get_variable(target.index, target.subindex)
         return type_name(variable.data_type) if isinstance(variable, ODVariable) else None
 
@@ -161,24 +164,24 @@ class OperatorAccess:
         finally:
             self._waiting -= 1
 
-    def _unfit(self, node: Node, target: SdoTarget, what: str) -> DriveError:
+    def _unfit(self, settings: DriveSettings, target: SdoTarget, what: str) -> DriveError:
         return DriveError(
             "MC559",
-            f"{node.settings.name}: {object_text(target.index, target.subindex)}: {what}",
+            f"{settings.name}: {object_text(target.index, target.subindex)}: {what}",
             f"give its type: one of {', '.join(TYPES)}",
-            axis=node.settings.axis,
+            axis=settings.axis,
         )
 
 
-def _value(node: Node, target: SdoTarget, kind: str, value: Value, raw: bytes) -> SdoValue:
-    settings = node.settings
+def _value(settings: DriveSettings, target: SdoTarget, kind: str, value: Value, raw: bytes) -> SdoValue:
     return SdoValue(
         settings.axis, settings.bus, settings.node, target.index, target.subindex, kind, value, raw
     )
 
 
-def _view(node: Node, now: float) -> DriveInfo:
-    settings = node.settings
+def _view(node: Node, axis: NodeAxis, now: float) -> DriveInfo:
+    settings = axis.settings
+    word = node.statusword_of(axis)
     emergency = node.emergency
     return DriveInfo(
         axis=settings.axis,
@@ -188,8 +191,8 @@ def _view(node: Node, now: float) -> DriveInfo:
         state=node.phase.value,
         nmt="" if node.nmt is None else node.nmt.name.lower().replace("_", "-"),
         heartbeat_age_s=None if node.seen_at is None else max(0.0, now - node.seen_at),
-        statusword=node.statusword,
-        status=_status(settings.kind, node.statusword),
+        statusword=word,
+        status=_status(settings.kind, word),
         device_type=node.identity.device_type,
         vendor_id=node.identity.vendor_id,
         product_code=node.identity.product_code,
@@ -198,7 +201,21 @@ def _view(node: Node, now: float) -> DriveInfo:
         emergency_age_s=None if emergency is None else max(0.0, now - node.emergency_at),
         boot_ups=node.boot_ups,
         message=node.failure,
+        monitor=_monitored(node, axis),
     )
+
+
+def _monitored(node: Node, axis: NodeAxis) -> list[MonitoredValue]:
+    if not axis.settings.has_profile:
+        volts = node.dc_bus_volts
+        return [] if volts is None else [MonitoredValue("DC bus voltage [V]", round(volts, 3))]
+    shown = []
+    for index, subindex, name in axis.settings.monitor:
+        kind = axis.kinds[index, subindex]
+        raw = node.raw_of(axis, index, subindex, ODVariable.STRUCT_TYPES[TYPES[kind]].size)
+        value = None if raw is None else decode_value(kind, raw)
+        shown.append(MonitoredValue(name, None if isinstance(value, str) else value, index, subindex))
+    return shown
 
 
 def _status(kind: str, word: int | None) -> str:

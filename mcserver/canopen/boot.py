@@ -8,12 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mcserver.can.cob import NMT, NmtCommand, NmtState
-from mcserver.canopen.abort_codes import ABSENT
+from mcserver.canopen.abort_codes import ABSENT, UNMAPPABLE
 from mcserver.canopen.canopen_errors import DriveError, Stopped, object_text
-from mcserver.canopen.configuration import SdoWrite
+from mcserver.canopen.configuration import mode_refusal
+from mcserver.canopen.lss import LssOutcome, assign_node_number, identity_text
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node import Identity, Node
 from mcserver.canopen.sdo import NodeSdo
+from mcserver.canopen.sdo_write import SdoWrite
+from mcserver.canopen.settings import DriveSettings
 
 CIA_402 = 402
 # A reset is repeated after this time, then after twice as long, and so on: a slow drive must not be reset
@@ -51,10 +54,12 @@ class NodeBoot:
         """
         deadline = time.monotonic() + self._times.appear_s
         patience = FIRST_PATIENCE_S
+        if node.settings.lss is not None:
+            self._give_number(node)
         before = node.boot_ups
         while True:
             self._check_stopping()
-            if node.sdo is not None:
+            if node.settings.has_profile:
                 self._command(node, NmtCommand.RESET_COMMUNICATION)
             patience_end = min(deadline, time.monotonic() + patience)
             if self._appears(node, before, patience_end):
@@ -63,6 +68,39 @@ class NodeBoot:
                 raise self._unheard(node)
             patience *= 2.0
 
+    def wake(self, node: Node, sdo: NodeSdo) -> None:
+        """Bring a node that has stopped by an NMT command back to where it answers SDO.
+
+        In the state stopped a node answers no SDO (CiA 301, 7.3.2.2): it is sent to pre-operational, and one
+        that does not go there is reset.
+
+        Raises:
+            DriveError: MC555 neither helps. Stopped.
+        """
+        if node.nmt is not NmtState.STOPPED:
+            return
+        limit = node.silence_limit_s or FIRST_PATIENCE_S
+        for command in (NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.RESET_COMMUNICATION):
+            self._check_stopping()
+            self._command(node, command)
+            node.wait(lambda: node.nmt is not NmtState.STOPPED or self._stopping.is_set(), limit)
+            self._check_stopping()
+            if node.nmt is not NmtState.STOPPED:
+                return
+            try:
+                # without a heartbeat its answer is the only sign
+                sdo.upload(0x1000, 0, attempts=1)
+            except DriveError:
+                continue
+            node.nmt = None
+            return
+        raise DriveError(
+            "MC555",
+            f"{node.settings.name}: stays in the NMT state stopped, whatever it is commanded",
+            "see who commands it (another master on the bus?); switch it off and on",
+            axis=node.settings.axis,
+        )
+
     def configure(self, node: Node, sdo: NodeSdo, writes: Sequence[SdoWrite]) -> None:
         """Checks who it is, and writes its configuration.
 
@@ -70,13 +108,25 @@ class NodeBoot:
             DriveError: MC551 it is another device, MC553, MC554. Stopped.
         """
         node.identity = self._identify(node, sdo)
-        remarks = []
+        for axis in node.axes:
+            self._check_mode(axis.settings, sdo)
+        remarks: list[str] = []
+        dropped: set[str] = set()
         for write in writes:
             self._check_stopping()
+            if write.spare_pdo in dropped:
+                continue
             try:
-                sdo.download(write.index, write.subindex, write.payload)
+                self._write(node, sdo, write)
             except DriveError as error:
-                if not (write.optional and error.details.get("abort_code") in ABSENT):
+                code = error.details.get("abort_code")
+                if write.spare_pdo and code in UNMAPPABLE:
+                    dropped.add(write.spare_pdo)
+                    remarks.append(f"{write.spare_pdo} is not used: {error.message}")
+                elif write.optional and code in ABSENT:
+                    place = object_text(write.index, write.subindex)
+                    remarks.append(f"{place} is not there: no {write.what}")
+                else:
                     raise DriveError(
                         error.code,
                         f"{error.message} ({write.what})",
@@ -84,7 +134,7 @@ class NodeBoot:
                         axis=node.settings.axis,
                         **error.details,
                     ) from None
-                remarks.append(f"{object_text(write.index, write.subindex)} is not there: no {write.what}")
+        node.dropped = frozenset(dropped)
         node.remarks = tuple(remarks)
 
     def start(self, node: Node) -> None:
@@ -109,14 +159,68 @@ class NodeBoot:
             if node.nmt is NmtState.OPERATIONAL:
                 return
         state = "silent" if node.nmt is None else node.nmt.name.lower().replace("_", "-")
+        emergency = node.emergency
+        reason = f"; it sent the emergency {emergency.text}" if emergency and not emergency.cleared else ""
         raise DriveError(
             "MC555",
-            f"{node.settings.name}: does not become operational: it is {state}",
-            "its heartbeat (1017h) and its own fault memory may say why; try switching it off and on",
+            f"{node.settings.name}: does not become operational: it is {state}{reason}",
+            "look the emergency's code up in the drive's manual"
+            if reason
+            else "its heartbeat (1017h) and its own fault memory may say why; try switching it off and on",
             axis=node.settings.axis,
         )
 
     # ------------------------------------------------------------ inside
+
+    def _write(self, node: Node, sdo: NodeSdo, write: SdoWrite) -> None:
+        if write.unless is None and not write.verify:
+            sdo.download(write.index, write.subindex, write.payload)
+            return
+        held = sdo.upload(write.index, write.subindex)
+        if write.unless is not None:
+            if held != write.unless:
+                sdo.download(write.index, write.subindex, write.payload)
+        elif held != write.payload:
+            found, said = (int.from_bytes(value, "little") for value in (held, write.payload))
+            raise DriveError(
+                "MC551",
+                f"{node.settings.name}: {object_text(write.index, write.subindex)} holds 0x{found:X}, "
+                f"the EDS says 0x{said:X}",
+                "another firmware, or a mapping that was changed: take the EDS of this firmware, or bring "
+                "the drive back to its defaults",
+                axis=node.settings.axis,
+            )
+
+    def _check_mode(self, settings: DriveSettings, sdo: NodeSdo) -> None:
+        """Compare the mode with what the drive itself says that it has (6502h)."""
+        try:
+            supported = int.from_bytes(sdo.upload(0x6502 + settings.offset, 0), "little")
+        except DriveError as error:
+            if error.details.get("abort_code") is not None:
+                return
+            raise
+        refusal = mode_refusal(settings, supported) if supported else None
+        if refusal is not None:
+            raise DriveError(
+                "MC551",
+                f"{settings.name}: {object_text(0x6502 + settings.offset, 0)}: {refusal[0]}",
+                refusal[1],
+                axis=settings.axis,
+            )
+
+    def _give_number(self, node: Node) -> None:
+        identity = node.settings.lss
+        assert identity is not None
+        outcome = assign_node_number(self._network, identity, node.settings.node, self._check_stopping)
+        if outcome is not LssOutcome.REFUSED:
+            # one that nobody answers to may have its number already
+            return
+        raise DriveError(
+            "MC550",
+            f"{node.settings.name}: the node {identity_text(identity)} refuses this number by LSS",
+            "give another node number, or set it with the maker's tool",
+            axis=node.settings.axis,
+        )
 
     def _is_operational(self, node: Node) -> bool:
         return node.nmt is NmtState.OPERATIONAL or self._stopping.is_set()
@@ -127,12 +231,14 @@ class NodeBoot:
         def heard() -> bool:
             if self._stopping.is_set():
                 return True
-            return node.seen_at is not None if node.sdo is None else node.boot_ups != boot_ups_before
+            if not node.settings.has_profile:
+                return node.seen_at is not None
+            return node.boot_ups != boot_ups_before
 
         if node.wait(heard, max(0.0, until - time.monotonic())):
             self._check_stopping()
             return True
-        if node.sdo is None:
+        if not node.settings.has_profile:
             return False
         try:
             node.sdo.upload(0x1000, 0, attempts=1)
@@ -184,7 +290,9 @@ class NodeBoot:
 
     def _unheard(self, node: Node) -> DriveError:
         what = (
-            "sends no telemetry" if node.sdo is None else "does not answer: neither boot-up message nor SDO"
+            "does not answer: neither boot-up message nor SDO"
+            if node.settings.has_profile
+            else "sends no telemetry"
         )
         return DriveError(
             "MC550",

@@ -30,10 +30,11 @@ class CanDrives:
     """Drives on CAN buses, as the server holds them; without any it does nothing.
 
     Attributes:
-        access: for operators.
+        access: for operators. machine: with the process data that its drives have agreed to.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, machine: Machine, loop: asyncio.AbstractEventLoop) -> None:
+        self.machine = machine
         self.access: DriveAccess = NoDrives()
         self._loop = loop
         # the oldest go where nobody takes them
@@ -64,23 +65,30 @@ class CanDrives:
 
 @contextlib.asynccontextmanager
 async def booted(
-    machine: Machine, on_progress: Callable[[str], None], stopping: Callable[[], bool]
+    machine: Machine,
+    on_progress: Callable[[str], None],
+    stopping: Callable[[], bool],
+    *,
+    take_over: bool = False,
 ) -> AsyncIterator[CanDrives]:
     """The machine's drives on CAN buses, operational and without energy inside the block.
 
     Args:
         on_progress: a sentence for people, in any thread. stopping: whether to give up while drives boot.
+        take_over: reset the nodes even where another master is heard.
 
     Raises:
-        ConfigurationError: MC008, MC016 the packages are missing, MC552. RuntimeFault: MC424, MC550 … MC555.
+        ConfigurationError: MC008, MC016 the packages are missing, MC552.
+        RuntimeFault: MC424, MC550 … MC555, MC560.
         Stopped: ``stopping`` said so.
     """
-    drives = CanDrives(asyncio.get_running_loop())
+    drives = CanDrives(machine, asyncio.get_running_loop())
     if not uses_can(machine):
         yield drives
         return
-    service, access = await asyncio.to_thread(_start, machine, drives, on_progress, stopping)
+    service, access = await asyncio.to_thread(_start, machine, drives, on_progress, stopping, take_over)
     drives.access = access
+    drives.machine = service.agreed(machine)
     try:
         yield drives
     finally:
@@ -89,7 +97,11 @@ async def booted(
 
 
 def _start(
-    machine: Machine, drives: CanDrives, on_progress: Callable[[str], None], stopping: Callable[[], bool]
+    machine: Machine,
+    drives: CanDrives,
+    on_progress: Callable[[str], None],
+    stopping: Callable[[], bool],
+    take_over: bool,
 ) -> tuple[CanopenService, OperatorAccess]:
     try:
         from mcserver.canopen.access import OperatorAccess
@@ -102,5 +114,7 @@ def _start(
             f"drives on a CAN bus need the package {error.name}, which is not installed",
             "pip install 'mcserver[can]'",
         ) from error
-    service = CanopenService.start(machine, drives.on_event, on_progress, stopping=stopping)
+    service = CanopenService.start(
+        machine, drives.on_event, on_progress, stopping=stopping, take_over=take_over
+    )
     return service, OperatorAccess(service)

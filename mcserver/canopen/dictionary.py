@@ -18,9 +18,11 @@ _MAPPED = 8
 _VARIABLES = (
     (0x1000, "Device type", _U32, "ro"),
     (0x1001, "Error register", _U8, "ro"),
+    (0x1005, "COB-ID SYNC message", _U32, "rw"),
     (0x1008, "Manufacturer device name", datatypes.VISIBLE_STRING, "const"),
     (0x1009, "Manufacturer hardware version", datatypes.VISIBLE_STRING, "const"),
     (0x100A, "Manufacturer software version", datatypes.VISIBLE_STRING, "const"),
+    (0x1014, "COB-ID EMCY", _U32, "rw"),
     (0x1017, "Producer heartbeat time", _U16, "rw"),
     (0x6007, "Abort connection option code", _I16, "rw"),
     (0x603F, "Error code", _U16, "ro"),
@@ -52,6 +54,8 @@ _VARIABLES = (
     (0x6083, "Profile acceleration", _U32, "rw"),
     (0x6084, "Profile deceleration", _U32, "rw"),
     (0x6085, "Quick stop deceleration", _U32, "rw"),
+    (0x6098, "Homing method", _I8, "rw"),
+    (0x609A, "Homing acceleration", _U32, "rw"),
     (0x60B0, "Position offset", _I32, "rw"),
     (0x60B1, "Velocity offset", _I32, "rw"),
     (0x60B2, "Torque offset", _I16, "rw"),
@@ -71,6 +75,8 @@ _RECORDS = (
     (0x608F, "Position encoder resolution", (_U32, _U32), "rw"),
     (0x6091, "Gear ratio", (_U32, _U32), "rw"),
     (0x6092, "Feed constant", (_U32, _U32), "rw"),
+    (0x6099, "Homing speeds", (_U32, _U32), "rw"),
+    (0x60C1, "Interpolation data record", (_I32,), "rw"),
     (0x60C2, "Interpolation time period", (_U8, _I8), "rw"),
 )
 
@@ -111,6 +117,7 @@ def _variable(name: str, index: int, subindex: int, kind: int, access: str) -> O
     variable = ODVariable(name, index, subindex)
     variable.data_type = kind
     variable.access_type = access
+    variable.pdo_mappable = index >= 0x6000
     return variable
 
 

@@ -13,6 +13,7 @@ CanopenEventKind = Literal[
     "drive.rebooted",
     "drive.started",
     "drive.failed",
+    "bus.foreign_master",
     "bus.lost",
     "bus.back",
 ]

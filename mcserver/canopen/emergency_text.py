@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-from mcserver.drives.cia402.emergency_codes import emergency_text
+from mcserver.drives.cia402.emergency_codes import emergency_text, is_error
 
 _LAYOUT = struct.Struct("<HB5s")
 _REGISTER = (
@@ -35,7 +35,7 @@ class Emergency:
     @property
     def cleared(self) -> bool:
         """Whether it says that there is no error any more."""
-        return self.code & 0xFF00 == 0
+        return not is_error(self.code)
 
     @property
     def text(self) -> str:

@@ -9,7 +9,7 @@ from canopen.objectdictionary import ODVariable
 from mcserver.canopen.configuration import configuration_writes
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.eds import Description, load_description
-from mcserver.canopen.service_bus import MASTER
+from mcserver.canopen.listening import MASTER
 from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.machine.machine_file import Machine
@@ -55,7 +55,7 @@ def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
                 "see the drive's manual for another watch, and set it by sdo_writes",
             )
         )
-    if drive.heartbeat_ms == 0:
+    if drive.heartbeat_ms == 0 and described.dictionary.get_variable(0x1017, 0) is not None:
         doubts.append(
             _warning(
                 drive,

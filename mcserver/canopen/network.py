@@ -34,6 +34,8 @@ class PortNetwork(canopen.Network):
         self._port = port
         self._port_lock = threading.Lock()
         self._handlers: dict[int, OnPayload] = {}
+        self.lss_lock = threading.Lock()
+        self._observer: Callable[[int, bytes], None] | None = None
         self._transfers = 0
         self._transfer_lock = threading.Lock()
 
@@ -65,6 +67,10 @@ class PortNetwork(canopen.Network):
         """Calls ``handler`` with the payload of every frame of that identifier, in the receiving thread."""
         self._handlers[identifier] = handler
 
+    def observe(self, observer: Callable[[int, bytes], None] | None) -> None:
+        """Show every frame that comes to ``observer`` too, in the receiving thread; None: to nobody."""
+        self._observer = observer
+
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Sends a frame.
 
@@ -87,7 +93,10 @@ class PortNetwork(canopen.Network):
         """Hands over what has come; never waits, never raises for what a frame holds."""
         with self._port_lock:
             frames = self._port.drain()
+        observer = self._observer
         for identifier, payload in frames:
+            if observer is not None:
+                observer(identifier, bytes(payload))
             handler = self._handlers.get(identifier)
             if handler is None:
                 continue

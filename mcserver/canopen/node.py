@@ -6,14 +6,17 @@ import enum
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from mcserver.can.cob import Function, NmtState
 from mcserver.canopen.emergency_text import Emergency, decode_emergency
 from mcserver.canopen.network import PortNetwork
+from mcserver.canopen.process_data import PlannedProcessData
 from mcserver.canopen.sdo import NodeSdo
+from mcserver.canopen.sdo_write import SdoWrite
 from mcserver.canopen.settings import DriveSettings
+from mcserver.drives.servosila.codec import unpack_status
 
 # Heartbeats that may stay out, and the least time that counts as silence: a loaded computer reads late [s].
 MISSED_HEARTBEATS = 3
@@ -22,7 +25,11 @@ LEAST_SILENCE_S = 0.5
 TELEMETRY_SILENCE_S = 1.0
 # Emergency messages that wait to be told; those beyond are counted.
 MAX_EMERGENCIES = 16
-_STATUSWORD_BYTES = 2
+# A statusword that is older than this is shown no more [s].
+STALE_S = 1.0
+# Process data that are older than this are shown no more [s].
+STALE_S = 1.0
+STATUSWORD = 0x6041
 
 
 class Phase(enum.Enum):
@@ -45,22 +52,40 @@ class Identity:
     product_code: int | None = None
 
 
+@dataclass(frozen=True)
+class NodeAxis:
+    """One axis of a node.
+
+    Attributes:
+        settings: of the machine file. planned: its process data; None: it streams telemetry.
+        writes: its configuration. kinds: short names of the types of what is monitored, by object.
+    """
+
+    settings: DriveSettings
+    planned: PlannedProcessData | None = None
+    writes: tuple[SdoWrite, ...] = ()
+    kinds: Mapping[tuple[int, int], str] = field(default_factory=dict)
+
+
 class Node:
     """A drive's node. Handlers run in the bus's thread; what they set is read by any thread.
 
     Args:
-        settings: of the machine file. network: of its bus. sdo: None for drives without.
-        clock: seconds, never stepping.
+        axes: those of the node, its first axis first. network: of its bus.
+        sdo: its client. clock: seconds, never stepping.
     """
 
     def __init__(
         self,
-        settings: DriveSettings,
+        axes: Sequence[NodeAxis],
         network: PortNetwork,
-        sdo: NodeSdo | None,
+        sdo: NodeSdo,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.settings = settings
+        self.axes = tuple(axes)
+        self.settings = settings = axes[0].settings
+        # PDOs that the drive refused and that are not used
+        self.dropped: frozenset[str] = frozenset()
         self.sdo = sdo
         self.phase = Phase.BOOTING
         self.identity = Identity()
@@ -75,20 +100,23 @@ class Node:
         self.emergencies_dropped = 0
         self.tell_at = 0.0
         self.seen_at: float | None = None
-        self.status: bytes = b""
         self.retry_at = 0.0
         self.failures = 0
-        self._in_emergency = False
+        self._last_emergency: Emergency | None = None
+        # by COB-ID: the newest payload, and when it came
+        self._payloads: dict[int, tuple[bytes, float]] = {}
         self._clock = clock
         self._heard = threading.Condition()
         node = settings.node
-        if sdo is not None:
+        if settings.has_profile:
             network.handle(Function.HEARTBEAT + node, self._on_heartbeat)
             network.handle(Function.EMCY + node, self._on_emergency)
-            network.handle(Function.TPDO1 + node, self._on_status)
+            for axis in self.axes:
+                for pdo in axis.planned.process_data.tpdos if axis.planned else ():
+                    network.handle(pdo.cob_id, self._keeper(pdo.cob_id))
         else:
-            network.handle(Function.TPDO1 + node, self._on_telemetry)
-            network.handle(Function.TPDO2 + node, self._on_presence)
+            for function in (Function.TPDO1, Function.TPDO2):
+                network.handle(function + node, self._telemetry_keeper(function + node))
 
     # ------------------------------------------------------------ what it says
 
@@ -113,38 +141,85 @@ class Node:
             return
         self.emergency = emergency
         self.emergency_at = self._clock()
-        if emergency.cleared and not self._in_emergency:
-            # said at every reset by some devices, and no news
+        before, self._last_emergency = self._last_emergency, emergency
+        if emergency == before or (emergency.cleared and (before is None or before.cleared)):
+            # repeated, or said at every reset by some devices: no news
             return
-        self._in_emergency = not emergency.cleared
         if len(self.emergencies) == MAX_EMERGENCIES:
             self.emergencies_dropped += 1
         self.emergencies.append(emergency)
 
-    def _on_status(self, payload: bytes) -> None:
-        if len(payload) >= _STATUSWORD_BYTES:
-            self.status = payload[:_STATUSWORD_BYTES]
+    def _keeper(self, identifier: int) -> Callable[[bytes], None]:
+        """Keep process data as they come; they are looked into when somebody asks."""
 
-    def _on_telemetry(self, payload: bytes) -> None:
-        self._on_status(payload)
-        self._on_presence(payload)
+        def keep(payload: bytes) -> None:
+            self._payloads[identifier] = payload, self._clock()
 
-    def _on_presence(self, _payload: bytes) -> None:
-        with self._heard:
-            self.seen_at = self._clock()
-            self._heard.notify_all()
+        return keep
+
+    def _telemetry_keeper(self, identifier: int) -> Callable[[bytes], None]:
+        keep = self._keeper(identifier)
+
+        def present(payload: bytes) -> None:
+            keep(payload)
+            with self._heard:
+                self.seen_at = self._clock()
+                self._heard.notify_all()
+
+        return present
 
     # ------------------------------------------------------------ what is asked of it
 
+    def newest(self, identifier: int) -> bytes | None:
+        """The newest process data with a COB-ID; None where they are missing, or older than `STALE_S`: what
+        a lost node last showed is no state of it.
+        """
+        payload, at = self._payloads.get(identifier, (b"", 0.0))
+        return payload if payload and self._clock() - at <= STALE_S else None
+
     @property
     def statusword(self) -> int | None:
-        """The newest word of its first TPDO: the statusword, or a Servosila drive's fault bits."""
-        return int.from_bytes(self.status, "little") if self.status else None
+        """Of its first axis; as `statusword_of`."""
+        return self.statusword_of(self.axes[0])
+
+    def statusword_of(self, axis: NodeAxis) -> int | None:
+        """The newest statusword of an axis, or a Servosila drive's fault bits."""
+        if axis.planned is None:
+            payload = self.newest(Function.TPDO1 + self.settings.node)
+            return int.from_bytes(payload[:2], "little") if payload and len(payload) >= 2 else None
+        raw = self.raw_of(axis, STATUSWORD + axis.settings.offset, 0, 2)
+        return None if raw is None else int.from_bytes(raw, "little")
+
+    def raw_of(self, axis: NodeAxis, index: int, subindex: int, length: int) -> bytes | None:
+        """The newest bytes of an object in an axis's process data."""
+        for pdo in axis.planned.process_data.tpdos if axis.planned else ():
+            at = pdo.offset(index, subindex)
+            if at is None:
+                continue
+            payload = self.newest(pdo.cob_id)
+            return payload[at : at + length] if payload and len(payload) >= at + length else None
+        return None
+
+    @property
+    def dc_bus_volts(self) -> float | None:
+        """The supply that a Servosila drive reports [V]."""
+        payload = None if self.settings.has_profile else self.newest(Function.TPDO1 + self.settings.node)
+        status = unpack_status(payload) if payload else None
+        return None if status is None else status.dc_bus_volts
+
+    @property
+    def exchanged_at(self) -> float | None:
+        """When process data came last."""
+        return max((at for _, at in tuple(self._payloads.values())), default=None)
+
+    def forget_process_data(self) -> None:
+        """What came before counts no more."""
+        self._payloads.clear()
 
     @property
     def silence_limit_s(self) -> float | None:
         """Silence that means it is gone [s]; None: it is not watched."""
-        if self.sdo is None:
+        if not self.settings.has_profile:
             return TELEMETRY_SILENCE_S
         if self.settings.heartbeat_ms == 0:
             return None
@@ -153,7 +228,13 @@ class Node:
     def is_silent(self, now: float) -> bool:
         """Whether it has been silent for too long."""
         limit = self.silence_limit_s
-        return limit is not None and (self.seen_at is None or now - self.seen_at > limit)
+        if limit is None:
+            return False
+        seen = self.seen_at
+        if self.settings.has_profile and self.settings.heartbeat_ms == 0:
+            # without a heartbeat its process data are its signs of life, once the cycle exchanges them
+            seen = self.exchanged_at
+        return seen is None or now - seen > limit
 
     def wait(self, until: Callable[[], bool], timeout_s: float) -> bool:
         """Waits for something that a heartbeat, a boot-up or telemetry brings; whether it came."""

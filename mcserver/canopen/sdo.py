@@ -1,13 +1,12 @@
-"""SDO transfers with one node: one at a time, tried again, bounded in time and size."""
+"""SDO transfers with one node: one at a time, bounded in time and size; a write is never repeated blindly."""
 
 from __future__ import annotations
 
 import io
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TypeVar
 
 from can import CanError
@@ -19,6 +18,7 @@ from mcserver.can.cob import Function
 from mcserver.canopen.abort_codes import abort_remedy, abort_text
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.network import PortNetwork
+from mcserver.canopen.settings import SdoTimes
 
 T = TypeVar("T")
 
@@ -26,26 +26,13 @@ FRAME = 8
 MAX_BYTES = 64 * 1024
 # More than a transfer can be behind: what comes beside it is nobody's answer.
 MAX_WAITING_RESPONSES = 32
+# Store and restore parameters (CiA 301): a write to flash memory, answered when it is done.
+STORING = frozenset({0x1010, 0x1011})
 # Aborts that may go by themselves: the server's time-out, and no memory.
 _PASSING = frozenset({0x0504_0000, 0x0504_0005})
 _ABORT = 0x80
 # Server command specifiers of answers that name their object: initiate upload and download, abort.
 _NAMED = frozenset({0x40, 0x60, 0x80})
-
-
-@dataclass(frozen=True)
-class SdoTimes:
-    """How long a node may take.
-
-    Attributes:
-        response_s: for one answer. attempts: whole transfers. transfer_s: for a long one.
-        queue_s: behind another transfer with the same node.
-    """
-
-    response_s: float = 0.3
-    attempts: int = 3
-    transfer_s: float = 5.0
-    queue_s: float = 2.0
 
 
 class _Download(WritableStream):
@@ -78,6 +65,8 @@ class NodeSdo:
         self._times = times
         self._lock = threading.Lock()
         self._expected: tuple[int, int] | None = None
+        # segments carry no name: until a transfer is under way they belong to an earlier one
+        self._in_segments = False
         # an empty dictionary: lengths are the caller's business
         self._client = SdoClient(
             Function.SDO_REQUEST + node, Function.SDO_RESPONSE + node, ObjectDictionary()
@@ -88,61 +77,99 @@ class NodeSdo:
         network.handle(Function.SDO_RESPONSE + node, self._on_response)
 
     def upload(self, index: int, subindex: int, *, attempts: int = 0) -> bytes:
-        """Reads an object.
+        """Read an object; where no answer comes, ``attempts`` times (0: as configured).
 
         Raises:
             DriveError: MC553 the drive refuses, MC554 it does not answer in time.
         """
-
-        def transfer() -> bytes:
-            stream = ReadableStream(self._client, index, subindex)
-            deadline = time.monotonic() + self._times.transfer_s
-            found = bytearray()
-            while True:
-                segment = stream.read(7)
-                found += segment
-                if not segment:
-                    return bytes(found)
-                if len(found) > MAX_BYTES or time.monotonic() > deadline:
-                    self._client.abort()
-                    raise SdoCommunicationError(
-                        f"more than {MAX_BYTES} bytes, or longer than {self._times.transfer_s:g} s"
-                    )
-
-        return self._attempt(index, subindex, "read", transfer, attempts)
+        attempts = attempts or self._times.attempts
+        with self._alone(index, subindex):
+            for remaining in range(attempts - 1, -1, -1):
+                try:
+                    return self._read(index, subindex)
+                except SdoAbortedError as error:
+                    if not (error.code in _PASSING and remaining):
+                        raise self._refused(index, subindex, "read", error.code) from None
+                except (SdoCommunicationError, CanError) as error:
+                    if not remaining:
+                        raise self._silent(index, subindex, "read", str(error), attempts) from None
+        raise AssertionError("an attempt returns or raises")
 
     def download(self, index: int, subindex: int, payload: bytes, *, attempts: int = 0) -> None:
-        """Writes an object; ``payload`` is not empty.
+        """Write an object; ``payload`` is not empty.
+
+        A write whose answer stays out may have been carried out: it is repeated only where the object,
+        read back, does not hold the value. A store (1010h, 1011h) and a command are never repeated.
 
         Raises:
             DriveError: MC553, MC554.
         """
         if not payload:
             raise ValueError("nothing to write")
-
-        def transfer() -> None:
-            _Download(self._client, index, subindex, payload).run()
-
-        self._attempt(index, subindex, "written", transfer, attempts)
-
-    # ------------------------------------------------------------ inside
-
-    def _attempt(self, index: int, subindex: int, verb: str, transfer: Callable[[], T], attempts: int) -> T:
         attempts = attempts or self._times.attempts
         with self._alone(index, subindex):
-            for left in range(attempts - 1, -1, -1):
+            for remaining in range(attempts - 1, -1, -1):
                 try:
-                    return transfer()
+                    self._write(index, subindex, payload)
+                    return
                 except SdoAbortedError as error:
-                    if error.code in _PASSING and left:
-                        continue
-                    code = error.code
-                    raise self._refused(index, subindex, verb, code) from None
+                    if not (error.code in _PASSING and remaining) or index in STORING:
+                        raise self._refused(index, subindex, "written", error.code) from None
                 except (SdoCommunicationError, CanError) as error:
-                    if left:
-                        continue
-                    raise self._silent(index, subindex, verb, str(error), attempts) from None
-        raise AssertionError("an attempt returns or raises")
+                    if index in STORING:
+                        raise self._stored_or_not(index, subindex, str(error)) from None
+                    if self._holds(index, subindex, payload):
+                        return
+                    if not remaining:
+                        raise self._silent(index, subindex, "written", str(error), attempts) from None
+
+    # ------------------------------------------------------------ one transfer
+
+    def _read(self, index: int, subindex: int) -> bytes:
+        self._in_segments = False
+        stream = ReadableStream(self._client, index, subindex)
+        deadline = time.monotonic() + self._times.transfer_s
+        received = bytearray()
+        while True:
+            segment = stream.read(7)
+            received += segment
+            if not segment:
+                return bytes(received)
+            if len(received) > MAX_BYTES or time.monotonic() > deadline:
+                self._client.abort()
+                raise SdoCommunicationError(
+                    f"more than {MAX_BYTES} bytes, or longer than {self._times.transfer_s:g} s"
+                )
+
+    def _write(self, index: int, subindex: int, payload: bytes) -> None:
+        self._in_segments = False
+        client = self._client
+        client.RESPONSE_TIMEOUT = self._times.store_s if index in STORING else self._times.response_s
+        try:
+            _Download(client, index, subindex, payload).run()
+        finally:
+            client.RESPONSE_TIMEOUT = self._times.response_s
+
+    def _holds(self, index: int, subindex: int, payload: bytes) -> bool:
+        """Read back a write whose answer has stayed out.
+
+        Raises:
+            DriveError: MC554 the object cannot be read back, so nobody knows whether it was written.
+        """
+        why = ""
+        for _ in range(self._times.attempts):
+            try:
+                return self._read(index, subindex) == payload
+            except SdoAbortedError as error:
+                why = abort_text(error.code)
+                if error.code not in _PASSING:
+                    break
+            except (SdoCommunicationError, CanError) as error:
+                # it may be the late answer to the write: the next one is to the reading
+                why = str(error)
+        raise self._unknown(index, subindex, why)
+
+    # ------------------------------------------------------------ inside
 
     @contextmanager
     def _alone(self, index: int, subindex: int) -> Iterator[None]:
@@ -163,7 +190,7 @@ class NodeSdo:
             self._lock.release()
 
     def _on_response(self, payload: bytes) -> None:
-        """Takes the answers to the transfer under way; late ones to an earlier transfer are left out."""
+        """Take the answers to the transfer under way; late ones to an earlier transfer are left out."""
         expected = self._expected
         if len(payload) != FRAME or expected is None:
             return
@@ -172,6 +199,9 @@ class NodeSdo:
             named = (int.from_bytes(payload[1:3], "little"), payload[3])
             if named != expected and not (specifier == _ABORT and named == (0, 0)):
                 return
+            self._in_segments = True
+        elif not self._in_segments:
+            return
         responses = self._client.responses
         if responses.qsize() < MAX_WAITING_RESPONSES:
             responses.put_nowait(payload)
@@ -188,11 +218,37 @@ class NodeSdo:
         )
 
     def _silent(self, index: int, subindex: int, verb: str, why: str, attempts: int) -> DriveError:
+        return self._no_answer(
+            index,
+            subindex,
+            f"could not be {verb} in {attempts} attempts of {self._times.response_s:g} s: {why}",
+            "check the drive's power and the bus (`mcctl drives` shows who is there); a slow drive needs a "
+            "longer sdo_timeout_ms",
+        )
+
+    def _unknown(self, index: int, subindex: int, why: str) -> DriveError:
+        return self._no_answer(
+            index,
+            subindex,
+            "was sent to the drive once, no answer came, and it cannot be read back to see whether it was "
+            f"written: {why}",
+            "see what the drive does before it is written again; a slow drive needs a longer sdo_timeout_ms",
+        )
+
+    def _stored_or_not(self, index: int, subindex: int, why: str) -> DriveError:
+        return self._no_answer(
+            index,
+            subindex,
+            f"was sent once and not answered within {self._times.store_s:g} s: {why}; the drive may still be "
+            "storing",
+            "leave its power on, read the object again in a moment, and give a longer sdo_store_timeout_s",
+        )
+
+    def _no_answer(self, index: int, subindex: int, what: str, remedy: str) -> DriveError:
         return DriveError(
             "MC554",
-            f"{self._name}: {object_text(index, subindex)} could not be {verb} in {attempts} attempts of "
-            f"{self._times.response_s:g} s: {why}",
-            "check the drive's power and the bus; `mcctl drives` shows who is there",
+            f"{self._name}: {object_text(index, subindex)} {what}",
+            remedy,
             axis=self._axis,
             index=index,
             subindex=subindex,

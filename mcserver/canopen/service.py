@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 
+import msgspec
 from canopen.objectdictionary import ObjectDictionary
 
 from mcserver.can.open import open_port
+from mcserver.can.port import CanPort
 from mcserver.canopen.canopen_errors import DriveError, Stopped
-from mcserver.canopen.configuration import SdoWrite, configuration_writes
+from mcserver.canopen.configuration import configure
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.eds import load_description
-from mcserver.canopen.node import Node
-from mcserver.canopen.service_bus import MASTER, CanopenBus, OnEvent, ServiceTimes
+from mcserver.canopen.listening import MASTER, Listening, refuse_other_masters
+from mcserver.canopen.node import Node, NodeAxis
+from mcserver.canopen.service_bus import CanopenBus, OnEvent, ServiceTimes
 from mcserver.canopen.settings import DriveSettings, settings_of
+from mcserver.canopen.values import type_name
 from mcserver.errors import ConfigurationError, McError
 from mcserver.machine.machine_file import Machine
 
@@ -55,35 +59,42 @@ class CanopenService:
         on_progress: OnProgress = lambda _: None,
         times: ServiceTimes | None = None,
         stopping: Callable[[], bool] = lambda: False,
+        *,
+        take_over: bool = False,
     ) -> CanopenService:
-        """Opens the buses and boots every drive; waits for them.
+        """Open the buses, listen for other masters, boot every drive and wait for them.
 
         Args:
             on_event: called in threads; must not wait. on_progress: a sentence for people.
-            stopping: whether to give up.
+            stopping: whether to give up. take_over: reset the nodes whoever else is at work.
 
         Raises:
             ConfigurationError: MC008 an EDS, MC552 a drive that has no place for its configuration.
-            RuntimeFault: MC424 a bus; MC550, MC551, MC553, MC554, MC555 a drive (the first by axis; the
-                others are named).
+            RuntimeFault: MC424 a bus; MC560 another master; MC550, MC551, MC553, MC554, MC555 a drive (the
+                first by axis; the others are named).
             Stopped: ``stopping`` said so.
         """
         times = times or ServiceTimes()
         drives = settings_of(machine)
         dictionaries = {drive.axis: dictionary_of(drive) for drive in drives if drive.kind == "cia402"}
-        plans: dict[str, list[tuple[DriveSettings, list[SdoWrite]]]] = {}
+        plans: dict[str, list[NodeAxis]] = {}
         for drive in drives:
-            writes = []
-            if drive.kind == "cia402":
-                writes = configuration_writes(drive, machine.cycle_s, dictionaries[drive.axis], MASTER)
-            plans.setdefault(drive.bus, []).append((drive, writes))
+            plans.setdefault(drive.bus, []).append(
+                _plan(drive, machine.cycle_s, dictionaries.get(drive.axis))
+            )
         service = cls(dictionaries)
+        ports: list[CanPort] = []
         try:
+            for own in plans.values():
+                ports.append(open_port(own[0].settings.address))
+            if not take_over:
+                _listen(list(plans.values()), ports, times, stopping)
             for name, own in plans.items():
-                port = open_port(own[0][0].address)
-                service.buses.append(CanopenBus(name, port, own, on_event, times))
+                service.buses.append(CanopenBus(name, ports.pop(0), own, on_event, times))
             service._boot(on_progress, stopping)
         except BaseException:
+            for port in ports:
+                port.close()
             service.close()
             raise
         service._supervisor.start()
@@ -104,6 +115,22 @@ class CanopenService:
         """By axis."""
         every = [node for bus in self.buses for node in bus.nodes]
         return sorted(every, key=lambda node: node.settings.axis)
+
+    def agreed(self, machine: Machine) -> Machine:
+        """The machine with the process data that its drives have agreed to, for the cycle."""
+        data = {
+            axis.settings.axis: axis.planned.without(node.dropped & axis.planned.spare.keys())
+            for node in self.nodes
+            for axis in node.axes
+            if axis.planned is not None
+        }
+        axes = [
+            msgspec.structs.replace(
+                axis, drive=msgspec.structs.replace(axis.drive, process_data=data.get(axis.index))
+            )
+            for axis in machine.axes
+        ]
+        return msgspec.structs.replace(machine, axes=tuple(axes))
 
     def dictionary(self, axis: int) -> ObjectDictionary | None:
         """Of an axis's drive; None where it has none."""
@@ -145,6 +172,43 @@ class CanopenService:
                 # a computer without room for a thread now may have it a moment later
                 with suppress(RuntimeError):
                     bus.ensure_running()
+
+
+def _plan(drive: DriveSettings, cycle_s: float, dictionary: ObjectDictionary | None) -> NodeAxis:
+    if dictionary is None:
+        return NodeAxis(drive)
+    writes, planned = configure(drive, cycle_s, dictionary, MASTER)
+    kinds = {
+        (index, subindex): type_name(variable.data_type)
+        for index, subindex, _ in drive.monitor
+        if (variable := dictionary.get_variable(index, subindex)) is not None
+    }
+    return NodeAxis(drive, planned, tuple(writes), kinds)
+
+
+def _listen(
+    plans: Sequence[Sequence[NodeAxis]],
+    ports: Sequence[CanPort],
+    times: ServiceTimes,
+    stopping: Callable[[], bool],
+) -> None:
+    """Refuse buses on which another master is at work (MC560)."""
+    duration = times.listen_s
+    if duration is None:
+        duration = max((axis.settings.listen_s for own in plans for axis in own), default=0.0)
+    if duration <= 0.0:
+        return
+    buses = [
+        Listening(
+            own[0].settings.bus,
+            port,
+            {axis.settings.node for axis in own if axis.settings.has_profile},
+            {axis.settings.node for axis in own if not axis.settings.has_profile},
+            own[0].settings.foreign_sync,
+        )
+        for own, port in zip(plans, ports, strict=True)
+    ]
+    refuse_other_masters(buses, duration, stopping)
 
 
 def _failure(future: Future[None], node: Node) -> McError | None:

@@ -18,17 +18,16 @@ from mcserver.can.cob import NMT, Function, NmtCommand, NmtState
 from mcserver.can.port import CanPort
 from mcserver.canopen.boot import BootTimes, NodeBoot
 from mcserver.canopen.canopen_errors import DriveError, Stopped
-from mcserver.canopen.configuration import SdoWrite
 from mcserver.canopen.drive_events import CanopenEvent, CanopenEventKind
+from mcserver.canopen.listening import MASTER
 from mcserver.canopen.network import PortNetwork
-from mcserver.canopen.node import Node, Phase
-from mcserver.canopen.sdo import NodeSdo, SdoTimes
-from mcserver.canopen.settings import DriveSettings
+from mcserver.canopen.node import Node, NodeAxis, Phase
+from mcserver.canopen.sdo import NodeSdo
+from mcserver.canopen.settings import SdoTimes
 from mcserver.errors import McError
 
 log = logging.getLogger(__name__)
 
-MASTER = 127
 HEARTBEAT_S = 0.05
 ROUND_S = 0.02
 # Process data of the cycle come by the thousand; where nobody waits for an answer they are taken in lumps.
@@ -52,10 +51,11 @@ OnEvent = Callable[[CanopenEvent], None]
 
 @dataclass(frozen=True)
 class ServiceTimes:
-    """Every time limit of the service path."""
+    """Every time limit of the service path; None: that of the machine file."""
 
-    sdo: SdoTimes = field(default_factory=SdoTimes)
+    sdo: SdoTimes | None = None
     boot: BootTimes = field(default_factory=BootTimes)
+    listen_s: float | None = None
 
 
 class CanopenBus:
@@ -63,7 +63,7 @@ class CanopenBus:
 
     Args:
         name: as the machine file has it. port: open; it is closed by `close`.
-        plans: each drive with what is written into it.
+        plans: its axes, each with what is written into its drive.
         on_event: called in a thread of the bus; must not wait.
     """
 
@@ -71,7 +71,7 @@ class CanopenBus:
         self,
         name: str,
         port: CanPort,
-        plans: Sequence[tuple[DriveSettings, Sequence[SdoWrite]]],
+        plans: Sequence[NodeAxis],
         on_event: OnEvent,
         times: ServiceTimes,
     ) -> None:
@@ -81,20 +81,22 @@ class CanopenBus:
         self._on_event = on_event
         self._stopping = threading.Event()
         self._boot = NodeBoot(self._network, times.boot, self._stopping)
-        self._writes: dict[int, Sequence[SdoWrite]] = {}
         self.nodes: list[Node] = []
-        for settings, writes in plans:
-            sdo = None
-            if settings.kind == "cia402":
-                sdo = NodeSdo(self._network, settings.node, settings.name, settings.axis, times.sdo)
-            self._writes[settings.node] = writes
-            self.nodes.append(Node(settings, self._network, sdo))
+        for number in dict.fromkeys(axis.settings.node for axis in plans):
+            own = [axis for axis in plans if axis.settings.node == number]
+            own.sort(key=lambda axis: axis.settings.node_axis)
+            first = own[0].settings
+            sdo = NodeSdo(self._network, number, first.name, first.axis, times.sdo or first.sdo)
+            self.nodes.append(Node(own, self._network, sdo))
         self._workers = ThreadPoolExecutor(
             min(WORKERS, max(1, len(self.nodes))), thread_name_prefix=f"canopen {name} node"
         )
         self._under_way: dict[int, Future[None]] = {}
         self._known_boot_ups: dict[int, int] = {}
         self._down = False
+        self._foreign_beats = 0
+        self._foreign_reported = False
+        self._network.handle(Function.HEARTBEAT + MASTER, self._on_foreign_beat)
         self._next_beat = 0.0
         self._next_watch = 0.0
         self._booted = False
@@ -153,6 +155,7 @@ class CanopenBus:
                 now = time.monotonic()
                 self._beat(now)
                 self._watch_bus()
+                self._watch_for_masters()
                 if self._booted and now >= self._next_watch:
                     self._next_watch = now + ROUND_S
                     for node in self.nodes:
@@ -191,6 +194,19 @@ class CanopenBus:
             else:
                 self._tell("bus.back", None, f"the CAN bus {self.name} is back")
 
+    def _on_foreign_beat(self, _payload: bytes) -> None:
+        """Count heartbeats of node 127: that number is ours, and we do not hear ourselves."""
+        self._foreign_beats += 1
+
+    def _watch_for_masters(self) -> None:
+        if self._foreign_beats and not self._foreign_reported:
+            self._foreign_reported = True
+            message = (
+                f"another master is on the CAN bus {self.name}: node 127, whose heartbeat is this server's, "
+                "is heard from somebody else; both may command the same drives"
+            )
+            self._tell("bus.foreign_master", None, message, "MC560")
+
     def _watch(self, node: Node, now: float) -> None:
         self._tell_emergencies(node, now)
         number = node.settings.node
@@ -209,23 +225,24 @@ class CanopenBus:
         elif node.phase is Phase.FAILED:
             if now >= node.retry_at:
                 self._restart(node)
-        elif node.phase is Phase.LOST or (node.sdo is not None and node.nmt in _UNWANTED):
+        elif node.phase is Phase.LOST or (node.settings.has_profile and node.nmt in _UNWANTED):
             self._welcome(node)
 
     def _watch_silent(self, node: Node, now: float) -> None:
         if node.phase is Phase.OPERATIONAL:
             node.phase = Phase.LOST
             node.retry_at = now + SEEK_S
-            what = "telemetry" if node.sdo is None else "heartbeat"
+            what = _sign_of_life(node)
             message = f"{node.settings.name}: no {what} for {node.silence_limit_s:g} s"
             self._tell("drive.lost", node, message + "; check its power and the bus", "MC557")
-        elif node.sdo is not None and not self._down and now >= node.retry_at:
+        elif node.settings.has_profile and not self._down and now >= node.retry_at:
             # one that was switched off and on has no heartbeat before it is configured
-            self._under_way[node.settings.node] = self._workers.submit(self._seek, node, node.sdo)
+            self._under_way[node.settings.node] = self._workers.submit(self._seek, node)
 
     def _welcome(self, node: Node) -> None:
         """A node is heard again, or is heard to have left operation."""
-        if node.sdo is None or node.nmt is NmtState.OPERATIONAL:
+        unbeating = node.settings.heartbeat_ms == 0 and node.nmt is None
+        if not node.settings.has_profile or node.nmt is NmtState.OPERATIONAL or unbeating:
             node.phase = Phase.OPERATIONAL
             self._tell("drive.back", node, f"{node.settings.name}: is heard again")
             return
@@ -256,18 +273,19 @@ class CanopenBus:
     def _bring_up(self, node: Node, find: bool) -> None:
         if find:
             self._boot.find(node)
-        if node.sdo is not None:
-            self._configure(node, node.sdo)
+        if node.settings.has_profile:
+            self._boot.wake(node, node.sdo)
+            self._configure(node)
         node.phase = Phase.OPERATIONAL
         node.failure = ""
         node.failures = 0
 
-    def _configure(self, node: Node, sdo: NodeSdo) -> None:
+    def _configure(self, node: Node) -> None:
         """From pre-operational to operational, again where the node reboots in the middle of it."""
         for left in range(CONFIGURATIONS - 1, -1, -1):
             boot_ups = node.boot_ups
             try:
-                self._boot.configure(node, sdo, self._writes[node.settings.node])
+                self._boot.configure(node, node.sdo, [write for axis in node.axes for write in axis.writes])
                 self._boot.start(node)
             except DriveError:
                 if node.boot_ups == boot_ups or not left:
@@ -281,17 +299,26 @@ class CanopenBus:
             axis=node.settings.axis,
         )
 
-    def _seek(self, node: Node, sdo: NodeSdo) -> None:
-        """Asks a silent node whether it is there, and whether it still has its configuration.
+    def _seek(self, node: Node) -> None:
+        """Ask a silent node whether it is there, and whether it still has its configuration.
 
-        One that has it may be moving, and only its heartbeat is missing: it is left alone.
+        One that has it may be moving, and only its heartbeat is missing: it is left alone. Without a
+        heartbeat nothing tells a node that was stopped from one that is gone: its process data have been
+        missing for long, so that it is taken out of whatever state it is in and configured again.
         """
+        unbeating = node.settings.heartbeat_ms == 0
+        if unbeating or node.nmt is NmtState.STOPPED:
+            payload = bytes((NmtCommand.ENTER_PRE_OPERATIONAL, node.settings.node))
+            self._network.try_send(NMT, payload)
         try:
-            period = int.from_bytes(sdo.upload(0x1017, 0, attempts=1), "little")
-        except DriveError:
-            node.retry_at = time.monotonic() + SEEK_S
-            return
-        configured = period == node.settings.heartbeat_ms and node.phase is not Phase.FAILED
+            period = int.from_bytes(node.sdo.upload(0x1017, 0, attempts=1), "little")
+        except DriveError as error:
+            if error.details.get("abort_code") is None:
+                node.retry_at = time.monotonic() + SEEK_S
+                return
+            # a device without a heartbeat refuses to be asked for it, and so it is there
+            period = 0
+        configured = period == node.settings.heartbeat_ms and node.phase is not Phase.FAILED and not unbeating
         if configured or not node.is_silent(time.monotonic()):
             node.retry_at = time.monotonic() + SEEK_S
             return
@@ -299,6 +326,7 @@ class CanopenBus:
             node.phase = Phase.RESTARTING
             message = f"{node.settings.name}: is there again without its configuration, which it gets again"
             self._tell("drive.rebooted", node, message, "MC558")
+        node.forget_process_data()
         self._bring_back(node)
 
     def _bring_back(self, node: Node) -> None:
@@ -327,7 +355,7 @@ class CanopenBus:
     def _say_goodbye(self) -> None:
         """Nodes no longer watch the master, whose heartbeat ends now, and leave operation."""
         operational = [
-            node for node in self.nodes if node.phase is Phase.OPERATIONAL and node.sdo is not None
+            node for node in self.nodes if node.phase is Phase.OPERATIONAL and node.settings.has_profile
         ]
         self._booted = False
         if self._down:
@@ -337,14 +365,20 @@ class CanopenBus:
 
     def _dismiss(self, node: Node) -> None:
         watched = any(
-            (write.index, write.subindex) == GOODBYE_WATCH for write in self._writes[node.settings.node]
+            (write.index, write.subindex) == GOODBYE_WATCH for axis in node.axes for write in axis.writes
         )
-        if watched and node.sdo is not None:
+        if watched:
             try:
                 node.sdo.download(*GOODBYE_WATCH, b"\x00\x00\x00\x00", attempts=1)
             except DriveError as error:
                 log.info("%s", error)
         self._network.try_send(NMT, bytes((NmtCommand.ENTER_PRE_OPERATIONAL, node.settings.node)))
+
+
+def _sign_of_life(node: Node) -> str:
+    if not node.settings.has_profile:
+        return "telemetry"
+    return "heartbeat" if node.settings.heartbeat_ms else "process data"
 
 
 _UNWANTED = frozenset({NmtState.PRE_OPERATIONAL, NmtState.STOPPED, NmtState.BOOT_UP})

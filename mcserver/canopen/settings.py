@@ -6,12 +6,35 @@ import importlib.util
 from dataclasses import dataclass
 
 from mcserver.can.pdo_layout import Mode
-from mcserver.drives.cia402.scaling import scaling_objects
+from mcserver.drives.cia402.scaling import homing_objects, scaling_objects
 from mcserver.errors import Diagnostic
 from mcserver.machine.drive_section import CAN_KINDS
 from mcserver.machine.machine_file import Axis, Machine
 
-_MODES = {"csp": Mode.CYCLIC_POSITION, "csv": Mode.CYCLIC_VELOCITY}
+_MODES = {
+    "csp": Mode.CYCLIC_POSITION,
+    "csv": Mode.CYCLIC_VELOCITY,
+    "ip": Mode.INTERPOLATED_POSITION,
+}
+# From the objects of a node's axis to those of its next one (CiA 402).
+AXIS_OFFSET = 0x800
+
+
+@dataclass(frozen=True)
+class SdoTimes:
+    """How long a node may take.
+
+    Attributes:
+        response_s: for one answer. attempts: of a transfer that gets no answer. transfer_s: for a long one.
+        queue_s: behind another transfer with the same node. store_s: for the answer to a store (1010h,
+            1011h).
+    """
+
+    response_s: float = 0.3
+    attempts: int = 3
+    transfer_s: float = 5.0
+    queue_s: float = 2.0
+    store_s: float = 15.0
 
 
 @dataclass(frozen=True)
@@ -25,6 +48,11 @@ class DriveSettings:
         vendor_id, product_code: what 1018h has to say; 0: anything.
         heartbeat_ms: what the drive sends, 0: none. command_timeout_ms: silence of the master that stops it.
         sdo_writes: (index, subindex, value) or (index, subindex, value, length in bytes), written last.
+        node_axis: which axis of its node. pdo_node: whose COB-IDs its PDOs have, 0: the node's own.
+        fixed_pdos: the drive's mapping is taken as it is. torque: whether torques are used.
+        monitor: (index, subindex, name) of what telemetry shows. sdo: its times.
+        listen_s: for another master on its bus. lss: identity of a node that gets its number from here.
+        homing: (index, subindex, value) for the drive's own homing.
     """
 
     axis: int
@@ -40,6 +68,26 @@ class DriveSettings:
     heartbeat_ms: int = 100
     command_timeout_ms: int = 100
     sdo_writes: tuple[tuple[int, ...], ...] = ()
+    node_axis: int = 0
+    pdo_node: int = 0
+    fixed_pdos: bool = False
+    torque: bool = False
+    monitor: tuple[tuple[int, int, str], ...] = ()
+    sdo: SdoTimes = SdoTimes()
+    listen_s: float = 0.25
+    foreign_sync: bool = False
+    lss: tuple[int, int, int, int] | None = None
+    homing: tuple[tuple[int, int, int], ...] = ()
+
+    @property
+    def offset(self) -> int:
+        """From the objects of a node's first axis to those of this one."""
+        return AXIS_OFFSET * self.node_axis
+
+    @property
+    def has_profile(self) -> bool:
+        """Whether it is a node with the objects of CiA 402, which is configured, started and watched."""
+        return self.kind == "cia402"
 
     @property
     def name(self) -> str:
@@ -74,7 +122,28 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
         heartbeat_ms=drive.heartbeat_ms,
         command_timeout_ms=drive.command_timeout_ms,
         sdo_writes=tuple(tuple(write) for write in drive.sdo_writes),
+        node_axis=drive.node_axis,
+        pdo_node=drive.pdo_node,
+        fixed_pdos=drive.pdo == "fixed",
+        torque=drive.rated_torque > 0.0,
+        monitor=tuple(_monitored(text) for text in drive.monitor),
+        sdo=SdoTimes(
+            response_s=drive.sdo_timeout_ms / 1e3,
+            attempts=drive.sdo_tries,
+            transfer_s=max(5.0, 10.0 * drive.sdo_timeout_ms / 1e3),
+            store_s=drive.sdo_store_timeout_s,
+        ),
+        listen_s=bus.listen_ms / 1e3,
+        foreign_sync=bus.sync == "foreign",
+        lss=drive.lss,
+        homing=homing_objects(axis),
     )
+
+
+def _monitored(text: str) -> tuple[int, int, str]:
+    place, _, name = text.partition(" ")
+    index, _, subindex = place.partition(":")
+    return int(index.rstrip("hH"), 16), int(subindex or "0", 16), name.strip() or place
 
 
 def find_drive_faults(machine: Machine) -> list[Diagnostic]:

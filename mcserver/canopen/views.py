@@ -14,6 +14,15 @@ Value = int | float | str | bool
 DrivePhase = Literal["booting", "operational", "lost", "restarting", "failed", "closed"]
 
 
+class MonitoredValue(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One object that the machine file shows in telemetry (``monitor``); value None: none has come."""
+
+    name: str
+    value: int | float | bool | None
+    index: int = 0
+    subindex: int = 0
+
+
 class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One drive on a CAN bus.
 
@@ -24,6 +33,7 @@ class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
         device_type, vendor_id, product_code: 1000h, 1018h:01, 1018h:02.
         emergency: its last emergency message in words; emergency_code, emergency_age_s: of that.
         boot_ups: how often it has started since the server did. message: why its configuration failed.
+        monitor: what the machine file wants to see of it, newest values.
     """
 
     axis: int
@@ -43,6 +53,7 @@ class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     emergency_age_s: float | None = None
     boot_ups: int = 0
     message: str = ""
+    monitor: list[MonitoredValue] = []
 
 
 @dataclass(frozen=True)

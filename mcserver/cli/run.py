@@ -50,6 +50,10 @@ def run(
             "--zenoh-config", metavar="PATH", help="A Zenoh configuration (JSON5) for TLS and access rules."
         ),
     ] = None,
+    take_over: Annotated[
+        bool,
+        typer.Option("--take-over", help="Reset the drives on CAN buses even where another master is heard."),
+    ] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say more of what happens.")] = False,
 ) -> None:
     """Run the server, until Ctrl-C or SIGTERM, which stop every axis in a controlled way."""
@@ -72,6 +76,7 @@ def run(
             config_file=zenoh,
         ),
         journal=journal,
+        take_over=take_over,
         on_ready=lambda endpoints: announce(described, endpoints),
         on_progress=lambda sentence: narration().print(f"{described.name}: {sentence}", markup=False),
     )

@@ -14,6 +14,8 @@ from mcserver.drive_sim.fault_injection import BadRequest
 # A bus that is away is asked so often whether it has come back [s].
 AWAY_S = 0.05
 LONGEST_WAIT_S = 1.0
+# Within a backlog what is due is done after so many frames: about a millisecond of work.
+FRAMES_BETWEEN_POLLS = 32
 
 
 class Node(Protocol):
@@ -47,8 +49,9 @@ class SimulatedBusSegment:
         name: as the machine file has it. nodes: in the order of the machine's axes.
     """
 
-    def __init__(self, name: str, port: CanPort) -> None:
+    def __init__(self, name: str, port: CanPort, clock: Callable[[], float] = time.monotonic) -> None:
         self.name = name
+        self._clock = clock
         self.port = port
         self.nodes: list[Node] = []
         self._listeners: dict[int, list[Node]] = {}
@@ -79,6 +82,14 @@ class SimulatedBusSegment:
         for node in self.nodes:
             if node.wake <= now:
                 node.poll(now)
+
+    def serve(self, frames: Sequence[Frame]) -> None:
+        """Take frames and let nodes do what is due, heartbeats also in the midst of a backlog of frames."""
+        for first in range(0, max(1, len(frames)), FRAMES_BETWEEN_POLLS):
+            now = self._clock()
+            self.poll(now)
+            self.take(frames[first : first + FRAMES_BETWEEN_POLLS], now)
+        self.poll(self._clock())
 
     def _reroute(self) -> None:
         self._routes = sum(node.routes for node in self.nodes)
@@ -129,12 +140,10 @@ class DriveSimulation:
         while not self._stopping:
             others = requests.descriptors() if requests is not None else []
             ready = self._wait([*others, *([bell] if bell is not None else [])])
-            now = time.monotonic()
             for bus in self.buses:
                 descriptor = bus.port.fileno()
-                if descriptor in ready or descriptor < 0:
-                    bus.take(bus.port.drain(), now)
-                bus.poll(now)
+                frames = bus.port.drain() if descriptor in ready or descriptor < 0 else []
+                bus.serve(frames)
             if requests is not None:
                 requests.serve(ready)
             if on_booted is not None and self.booted:

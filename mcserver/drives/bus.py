@@ -29,6 +29,7 @@ class DriveMode(enum.IntEnum):
     POSITION = 4  # energize; follow position, with velocity as feed-forward
     VELOCITY = 5  # energize; follow velocity (position is its integral, for information)
     TORQUE = 6  # energize; apply torque
+    HOMING = 7  # energize; the drive homes itself, and holds where it ends
 
 
 class DriveState(enum.IntEnum):
@@ -39,6 +40,8 @@ class DriveState(enum.IntEnum):
     ENERGIZED = 2
     STOPPING = 3
     FAULT = 4  # latched until RESET
+    HOMING = 5  # told to home, under way
+    HOMED = 6  # it stands at its home position, which its reading shows
 
 
 class DriveFault(enum.IntEnum):
@@ -60,17 +63,38 @@ class DriveFault(enum.IntEnum):
     MODE = 13  # it is not in the mode of operation that it was told
     NOT_CONFIGURED = 14  # the machine file lacks what this mode needs
     POSITION_LOST = 15  # its encoder's reading jumped
+    HOMING_FAILED = 16  # its own homing ended with an error, or took too long
 
 
 def drives_mode(drive: Drive, mode: DriveMode) -> bool:
     """Whether a drive's section of the machine file has what this mode needs."""
     if drive.kind == "cia402":
-        return mode is not DriveMode.TORQUE or drive.rated_torque > 0.0
+        if mode is DriveMode.HOMING and drive.homing is None:
+            return False
+        if mode is DriveMode.TORQUE and drive.rated_torque <= 0.0:
+            return False
+        return _exchanges(drive, mode)
     if drive.kind == "servosila":
         if mode is DriveMode.TORQUE:
             return "torque" in drive.codes
         return mode is not DriveMode.VELOCITY or drive.pole_pairs > 0 or "rpm" in drive.codes
     return True
+
+
+# What has to be mapped for a mode, besides the mode of operation itself.
+_TARGETS = {DriveMode.VELOCITY: 0x60FF, DriveMode.TORQUE: 0x6071}
+
+
+def _exchanges(drive: Drive, mode: DriveMode) -> bool:
+    """Whether the process data that were agreed with a drive have what a mode needs."""
+    data = drive.process_data
+    if data is None or mode is DriveMode.POSITION or mode < DriveMode.POSITION:
+        return True
+    offset = 0x800 * drive.node_axis
+    mapped = {each.index - offset for pdo in data.rpdos for each in pdo.objects}
+    if mode is DriveMode.VELOCITY and drive.mode == "csv" and 0x60FF in mapped:
+        return True
+    return 0x6060 in mapped and _TARGETS.get(mode, 0x6060) in mapped
 
 
 @dataclass(frozen=True)

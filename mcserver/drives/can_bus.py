@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from mcserver.can.cob import SYNC, Function
+from mcserver.can.cob import SYNC
 from mcserver.can.open import open_port
 from mcserver.can.pdo_layout import TPDO1
 from mcserver.can.port import CanPort
@@ -67,6 +67,8 @@ class CanBus:
         streamed = [index for index, axis in enumerate(axes) if axis.drive.kind == "servosila"]
         self._limit = bus.silence_cycles
         self._servo = Cia402Axes([axes[index] for index in servo], servo, self._cycle) if servo else None
+        # on a bus with another producer of SYNC the drives act at its SYNC
+        self._sends_sync = self._servo is not None and bus.sync == "own"
         self._watch: NodeWatch | None = None
         if self._servo is not None:
             nodes = [axes[index] for index in servo]
@@ -152,7 +154,7 @@ class CanBus:
             lost += servo.send()
         for index, axis in self._streamed:
             lost += not self._exchange_streamed(index, axis, setpoints)
-        if servo is not None and not port.send_prepared(self._sync):
+        if self._sends_sync and not port.send_prepared(self._sync):
             lost += 1
         self._unsent = self._unsent + 1 if lost else 0
         return feedback
@@ -190,14 +192,7 @@ class CanBus:
             return
         self._tpdo1 = servo.open(port)
         self._others.update(watch.handlers())
-        for number, index in enumerate(servo.local):
-            self._others[Function.TPDO2 + self._axes[index].drive.node] = self._slow_of(servo, number)
-
-    def _slow_of(self, servo: Cia402Axes, number: int) -> Callable[[bytes], None]:
-        def slow(payload: bytes) -> None:
-            servo.take_slow(number, payload, self._feedback)
-
-        return slow
+        self._others.update(servo.handlers(self._feedback))
 
     def _take(self, port: CanPort) -> None:
         """Everything that has come; of each kind the latest value stays."""
@@ -215,7 +210,7 @@ class CanBus:
                         arena[where] = payload
                         came[index] = 1
                     else:
-                        servo.short += 1
+                        servo.note_length(place[1], len(payload))
                     continue
                 handler = others.get(identifier)
                 if handler is not None:
@@ -234,7 +229,7 @@ class CanBus:
             self._servo.send()
         for _, axis in self._streamed:
             axis.step(DriveMode.OFF, 0.0, 0.0, 0.0)
-        if self._servo is not None:
+        if self._sends_sync:
             port.send_prepared(self._sync)
 
     def _exchange_streamed(self, index: int, axis: ServosilaAxis, setpoints: Setpoints) -> bool:
@@ -292,7 +287,7 @@ class CanBus:
     def _fail_silent(self, servo: Cia402Axes) -> None:
         for number, age in enumerate(servo.ages.tolist()):
             if age >= self._limit:
-                servo.fail(number, DriveFault.COMMUNICATION, age)
+                servo.fail(number, DriveFault.COMMUNICATION, servo.silence_detail(number, age))
 
 
 _MODES = tuple(DriveMode)

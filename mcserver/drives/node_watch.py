@@ -8,7 +8,13 @@ from typing import Protocol
 
 from mcserver.can.cob import Function, NmtState
 from mcserver.drives.bus import BusEvent, BusEventKind, DriveFault
-from mcserver.drives.cia402.emergency_codes import NO_ERROR, emergency_text, unpack_emergency
+from mcserver.drives.cia402.emergency_codes import (
+    NO_ERROR,
+    EmergencyRule,
+    emergency_text,
+    is_error,
+    unpack_emergency,
+)
 from mcserver.machine.machine_file import Axis
 
 # A heartbeat that is late by this factor has stopped (CiA 301 leaves it to the consumer).
@@ -20,7 +26,7 @@ EVENTS = 64
 
 
 class Failing(Protocol):
-    """What is told of faults; `mcserver.drives.cia402.axes.Cia402Axes`."""
+    """Where faults are latched; `mcserver.drives.cia402.axes.Cia402Axes`."""
 
     def fail(self, index: int, fault: DriveFault, detail: int = 0) -> bool: ...
     def restart(self, index: int) -> None: ...
@@ -30,7 +36,7 @@ class NodeWatch:
     """The nodes of one bus.
 
     Args:
-        axes: the machine's axes with a node each. columns: of the machine. target: told of what stops an
+        axes: the machine's axes with a node each. columns: of the machine. target: latches what stops an
             axis.
     """
 
@@ -41,26 +47,29 @@ class NodeWatch:
         self._patience = [
             max(1, round(HEARTBEAT_PATIENCE * axis.drive.heartbeat_ms / 1e3 / cycle_s)) for axis in axes
         ]
+        self._rules = [EmergencyRule.of(axis.drive.stop_on, axis.drive.warn_on) for axis in axes]
         self._watched = [False] * len(axes)
         self._beats = [0] * len(axes)
         self._states = [int(NmtState.OPERATIONAL)] * len(axes)
-        self._told = [NO_ERROR] * len(axes)
+        self._reported = [NO_ERROR] * len(axes)
         self._cycle = 0
         self.events: deque[BusEvent] = deque(maxlen=EVENTS)
 
     def handlers(self) -> dict[int, Callable[[bytes], None]]:
         """What to call for which COB-ID."""
         handlers: dict[int, Callable[[bytes], None]] = {}
-        for index, node in enumerate(self._nodes):
-            handlers[Function.EMCY + node] = self._emergency_of(index)
-            handlers[Function.HEARTBEAT + node] = self._heartbeat_of(index)
+        for node in dict.fromkeys(self._nodes):
+            # what a node says concerns all of its axes
+            axes = [index for index, each in enumerate(self._nodes) if each == node]
+            handlers[Function.EMCY + node] = _for_all([self._emergency_of(index) for index in axes])
+            handlers[Function.HEARTBEAT + node] = _for_all([self._heartbeat_of(index) for index in axes])
         return handlers
 
     def forget(self) -> None:
         """The past does not count: the bus has just been booted, or is back."""
         self._watched = [False] * len(self._nodes)
         self._states = [int(NmtState.OPERATIONAL)] * len(self._nodes)
-        self._told = [NO_ERROR] * len(self._nodes)
+        self._reported = [NO_ERROR] * len(self._nodes)
 
     def look(self) -> None:
         """Once a cycle: heartbeats that have stopped."""
@@ -78,9 +87,13 @@ class NodeWatch:
             if message is None:
                 return
             code, _register = message
-            news = code != self._told[index]
-            self._told[index] = code
-            if code != NO_ERROR and self._target.fail(index, DriveFault.EMERGENCY, code):
+            if not is_error(code):
+                # the drive's error is gone, which is no news: the axis stays latched until it is reset
+                self._reported[index] = NO_ERROR
+                return
+            news = code != self._reported[index]
+            self._reported[index] = code
+            if self._rules[index].stops(code) and self._target.fail(index, DriveFault.EMERGENCY, code):
                 return
             if news:
                 self.events.append(BusEvent(self._columns[index], code, emergency_text(code)))
@@ -96,7 +109,7 @@ class NodeWatch:
             self._watched[index] = True
             if state == NmtState.BOOT_UP:
                 self._states[index] = state
-                self._told[index] = NO_ERROR
+                self._reported[index] = NO_ERROR
                 self._target.restart(index)
                 self._target.fail(index, DriveFault.REBOOTED)
             elif state != self._states[index]:
@@ -106,6 +119,17 @@ class NodeWatch:
                     self._target.fail(index, DriveFault.NOT_OPERATIONAL, state)
 
         return heartbeat
+
+
+def _for_all(handlers: Sequence[Callable[[bytes], None]]) -> Callable[[bytes], None]:
+    if len(handlers) == 1:
+        return handlers[0]
+
+    def handle(payload: bytes) -> None:
+        for each in handlers:
+            each(payload)
+
+    return handle
 
 
 def bus_back(column: int, name: str) -> BusEvent:

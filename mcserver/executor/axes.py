@@ -222,6 +222,14 @@ class AxisBank:
             self.stopping &= ~done
             self._tell(done, DriveMode.OFF)
 
+    def reported_fault(self, column: int) -> tuple[int, int]:
+        """The fault that a drive reports now (`DriveFault`, 0: none), and its number."""
+        for port in self._ports:
+            if column in port.bus.columns:
+                place = port.bus.columns.index(column)
+                return int(port.feedback.fault[place]), int(port.feedback.detail[place])
+        return 0, 0
+
     # ------------------------------------------------------------------ commands
 
     def _tell(self, mask: int, mode: DriveMode) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
 
 # A drive that does not do as told within this time is at fault [s].
 DRIVE_TIMEOUT_S = 5.0
@@ -186,6 +186,10 @@ class DrivesDone:
         self._waited += self._cycle.cycle_s
         if self._waited > DRIVE_TIMEOUT_S:
             column = bank.masks.columns(missing)[0]
+            fault, detail = bank.reported_fault(column)
+            if fault:
+                # such as a node that was stopped: it hears no reset
+                raise BarrierFault(code_of_drive_fault(fault), column, (float(fault), float(detail)))
             raise BarrierFault(FaultCode.NO_RESET, column, (self._waited, DRIVE_TIMEOUT_S))
         return False
 

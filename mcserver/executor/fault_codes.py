@@ -49,6 +49,7 @@ class FaultCode(enum.IntEnum):
     BUS_BACK = 433
     POSITION_LOST = 434
     NOT_OFF = 435
+    HOMING_FAILED = 437
 
 
 # Codes that are told and stop no program.
@@ -72,6 +73,7 @@ _OF_DRIVE = {
     DriveFault.MODE: FaultCode.MODE_REFUSED,
     DriveFault.NOT_CONFIGURED: FaultCode.MODE_NOT_CONFIGURED,
     DriveFault.POSITION_LOST: FaultCode.POSITION_LOST,
+    DriveFault.HOMING_FAILED: FaultCode.HOMING_FAILED,
 }
 
 
@@ -108,6 +110,8 @@ def _detail_text(code: int, detail: int) -> str:
     if code == FaultCode.NOT_OPERATIONAL:
         return {0x04: "stopped", 0x7F: "pre-operational"}.get(detail, f"{detail:02X}h")
     if code == FaultCode.DRIVE_SILENT:
+        if detail < 0:
+            return f": its process data come with {-detail - 1} bytes, which is not what was mapped"
         return f" for {detail} cycles" if detail else ""
     return f" (fault bits {fault_bits_text(detail)})" if detail else ""
 
@@ -219,6 +223,10 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.POSITION_LOST: (
         "the encoder of axis {axis} jumped further than the axis can go: its position is not known any more",
         "bring the axis to a known place; " + _RESET_HINT,
+    ),
+    FaultCode.HOMING_FAILED: (
+        "the drive of axis {axis} has not found its home position",
+        "look at its switches and its homing method (6098h); " + _RESET_HINT,
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

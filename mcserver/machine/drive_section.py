@@ -16,9 +16,16 @@ from typing import Literal
 import msgspec
 
 from mcserver.can.address import parse_address
+from mcserver.can.pdo import ProcessData
 from mcserver.errors import ConfigurationError
 from mcserver.machine.section_reader import Mistakes
-from mcserver.machine.sections import AxisSection, BusSection, CanDriveSection, DriveSection
+from mcserver.machine.sections import (
+    AxisSection,
+    BusSection,
+    CanDriveSection,
+    DriveHomingSection,
+    DriveSection,
+)
 from mcserver.machine.toml_positions import Path
 
 CAN_KINDS = ("cia402", "servosila")
@@ -67,6 +74,13 @@ class Drive(msgspec.Struct, frozen=True):
         command_timeout_ms: without commands for this time the drive acts by itself (1400h:5).
         sdo_writes: [index, subindex, value] or [index, subindex, value, bytes], at boot-up.
         codes: of commands (servosila). pole_pairs: of the motor. telemetry_hz: 0: at every cycle.
+        integral_time_s: of the same loop, 0: none. velocity_feed_forward: share of the setpoint's velocity.
+        zero_offset: position where the encoder's count is 0 [mm, deg].
+        pdo: "fixed" takes the drive's own mapping as it is. monitor: objects shown in telemetry.
+        node_axis: which axis of its node, each 800h further. pdo_node: whose COB-IDs its PDOs have, 0: the
+            node's own.
+        stop_on, warn_on: patterns of error codes in emergency messages. lss: identity of a node that gets
+            its number from here. process_data: as agreed with the drive at boot-up; None: the usual.
         eds: absolute path. The others: see `mcserver.machine.sections`.
     """
 
@@ -82,7 +96,7 @@ class Drive(msgspec.Struct, frozen=True):
     bus: str = ""
     node: int = 0
     eds: str = ""
-    mode: Literal["csp", "csv", "cst", "pp"] = "csp"
+    mode: Literal["csp", "csv", "cst", "pp", "ip"] = "csp"
     counts_per_motor_rev: int = 0
     encoder: tuple[int, int] | None = None
     gear: tuple[int, int] | None = None
@@ -99,6 +113,21 @@ class Drive(msgspec.Struct, frozen=True):
     codes: dict[str, int] = {}
     pole_pairs: int = 0
     telemetry_hz: float = 0.0
+    integral_time_s: float = 0.0
+    velocity_feed_forward: float = 1.0
+    zero_offset: float = 0.0
+    pdo: Literal["auto", "fixed"] = "auto"
+    monitor: list[str] = []
+    node_axis: int = 0
+    pdo_node: int = 0
+    stop_on: list[str] = []
+    warn_on: list[str] = []
+    sdo_timeout_ms: int = 300
+    sdo_tries: int = 3
+    sdo_store_timeout_s: float = 15.0
+    lss: tuple[int, int, int, int] | None = None
+    homing: DriveHomingSection | None = None
+    process_data: ProcessData | None = None
 
 
 class CanBusConfig(msgspec.Struct, frozen=True):
@@ -107,12 +136,16 @@ class CanBusConfig(msgspec.Struct, frozen=True):
     Attributes:
         name: as drives name it. address: see `mcserver.can.address`. bitrate: [bit/s].
         silence_cycles: so many cycles without an answer are a fault of the drive.
+        sync: who sends SYNC; "foreign": another one on the bus. listen_ms: for another master, before
+            anything is sent [ms].
     """
 
     name: str
     address: str
     bitrate: int = 1_000_000
     silence_cycles: int = 3
+    sync: Literal["own", "foreign"] = "own"
+    listen_ms: int = 250
 
 
 def read_buses(
@@ -145,20 +178,40 @@ def read_buses(
             mistakes.add(("bus", position, "name"), f"{section.name!r} is there twice", "name each bus once")
             continue
         address = section.address or section.name
-        bus = CanBusConfig(section.name, address, section.bitrate, section.silence_cycles)
+        bus = CanBusConfig(
+            section.name,
+            address,
+            section.bitrate,
+            section.silence_cycles,
+            section.sync,
+            section.listen_ms,
+        )
         add(bus, ("bus", position, "address"), "")
-    owners: dict[tuple[str, int], int] = {}
+    owners: dict[tuple[str, int, int], int] = {}
     for path, axis, drive in drives:
         if drive.kind not in CAN_KINDS or not drive.bus:
             continue
         if drive.bus not in buses:
             add(CanBusConfig(drive.bus, drive.bus), (*path, "bus"), f"node {drive.node}: ")
-        owner = owners.setdefault((drive.bus, drive.node), axis)
+        owner = owners.setdefault((drive.bus, drive.node, drive.node_axis), axis)
         if owner != axis and drive.node:
             mistakes.add(
                 (*path, "node"),
                 f"axes {owner} and {axis} both have node {drive.node} on bus {drive.bus}",
-                "give each drive of a bus a node number of its own",
+                "give each drive of a bus a node number of its own, or node_axis where it has several axes",
+            )
+    nodes = {(bus, node) for bus, node, _ in owners}
+    borrowed: dict[tuple[str, int], int] = {}
+    for path, axis, drive in drives:
+        key = (drive.bus, drive.pdo_node)
+        if not drive.pdo_node or drive.pdo_node == drive.node:
+            continue
+        other = borrowed.setdefault(key, axis)
+        if key in nodes or other != axis:
+            mistakes.add(
+                (*path, "pdo_node"),
+                f"the COB-IDs of node {drive.pdo_node} on bus {drive.bus} are in use",
+                "give the number of no node and of no other pdo_node",
             )
     return list(buses.values())
 
@@ -200,6 +253,12 @@ def complete_drive(
             "mode",
             f'mode = "{drive.mode}" cannot follow a path',
             'use "csp" (or "csv"): G1030 and G1040 change to velocity and torque mode by themselves',
+        )
+    if drive.node_axis and not drive.pdo_node:
+        bad(
+            "pdo_node",
+            f"axis {drive.node_axis} of a node needs COB-IDs of its own",
+            "give pdo_node = a node number that nobody on the bus has: its PDOs get that node's COB-IDs",
         )
     if drive.mode == "csv" and gain * cycle_s > GREATEST_GAIN:
         bad(

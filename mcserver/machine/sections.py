@@ -20,7 +20,19 @@ NotNegative = Annotated[float, Meta(ge=0.0, description="leave the key out if it
 Milliseconds = Annotated[int, Meta(ge=0, le=0xFFFF, description="100 is usual")]
 Unsigned32 = Annotated[int, Meta(ge=0, le=0xFFFFFFFF, description="see 1018h of the drive")]
 Count = Annotated[int, Meta(ge=1, le=0xFFFFFFFF)]
+_LSS = "vendor, product code, revision and serial number of 1018h"
 _TURN_BY_INVERT = Meta(description='give two numbers above 0; turn the motor with "invert"')
+_ERROR_CODE = "(0x|0X)?[0-9A-Fa-fxX?*]{4}h?"
+ErrorCode = Annotated[
+    str, Meta(pattern=f"^{_ERROR_CODE}$", description="four hexadecimal digits, x for any: '8611', '81xx'")
+]
+MonitoredObject = Annotated[
+    str,
+    Meta(
+        pattern=r"^[0-9A-Fa-f]{4}h?(:[0-9A-Fa-f]{1,2})?( .{1,40})?$",
+        description="index, subindex and a name: '6079h:00 DC link voltage'",
+    ),
+]
 AxisNumber = Annotated[int, Meta(ge=0, lt=MAX_AXES, description="number axes from 0 to 63")]
 
 
@@ -77,12 +89,45 @@ class CanDriveSection(DriveSection, frozen=True, tag="can"):
     command_timeout_ms: Milliseconds = 0
 
 
+class DriveHomingSection(msgspec.Struct, frozen=True):
+    """``[axis.drive.homing]``: how the drive homes itself (CiA 402, mode 6).
+
+    Attributes:
+        method: 6098h. speed_switch, speed_zero: 6099h:01, :02 [mm/s, deg/s].
+        acceleration: 609Ah [mm/s², deg/s²]. position: the axis is here at the home position [mm, deg].
+        timeout_s: longer than this it has failed.
+    """
+
+    method: Annotated[int, Meta(ge=-128, le=127, description="6098h, as the drive's manual numbers them")]
+    speed_switch: Positive = 10.0
+    speed_zero: Positive = 2.0
+    acceleration: Positive = 100.0
+    position: float = 0.0
+    timeout_s: Positive = 60.0
+
+
 class Cia402DriveSection(CanDriveSection, frozen=True, tag="cia402"):
     """``[axis.drive]`` of a CiA 402 drive."""
 
     eds: str = ""
-    mode: Literal["csp", "csv", "cst", "pp"] = "csp"
+    mode: Literal["csp", "csv", "cst", "pp", "ip"] = "csp"
     position_gain: NotNegative = 0.0
+    integral_time_s: NotNegative = 0.0
+    velocity_feed_forward: Annotated[float, Meta(ge=0.0, le=1.0, description="1 is usual")] = 1.0
+    zero_offset: float = 0.0
+    pdo: Literal["auto", "fixed"] = "auto"
+    monitor: Annotated[list[MonitoredObject], Meta(max_length=8, description="8 objects at most")] = []
+    node_axis: Annotated[int, Meta(ge=0, le=7, description="0 is the node's first axis")] = 0
+    pdo_node: Annotated[int, Meta(ge=0, le=GREATEST_NODE, description="a number that no node has")] = 0
+    stop_on: list[ErrorCode] = []
+    warn_on: list[ErrorCode] = []
+    sdo_timeout_ms: Annotated[int, Meta(ge=10, le=60_000, description="300 is usual")] = 300
+    sdo_tries: Annotated[int, Meta(ge=1, le=10, description="3 is usual")] = 3
+    sdo_store_timeout_s: Positive = 15.0
+    lss: Annotated[tuple[Unsigned32, Unsigned32, Unsigned32, Unsigned32], Meta(description=_LSS)] | None = (
+        None
+    )
+    homing: DriveHomingSection | None = None
     vendor_id: Unsigned32 = 0
     product_code: Unsigned32 = 0
     heartbeat_ms: Milliseconds = 100
@@ -162,6 +207,8 @@ class BusSection(msgspec.Struct, frozen=True):
         int, Meta(ge=10_000, le=1_000_000, description="1000000 is usual; classic CAN has no more")
     ] = 1_000_000
     silence_cycles: Annotated[int, Meta(ge=1, le=1000, description="3 is usual")] = 3
+    sync: Literal["own", "foreign"] = "own"
+    listen_ms: Annotated[int, Meta(ge=0, le=10_000, description="250 is usual")] = 250
 
 
 class DialectSection(msgspec.Struct, frozen=True):

@@ -43,6 +43,8 @@ class FakeDrive:
 
     Attributes:
         aborts: by object. unanswered: objects whose transfers get no answer, and how often.
+        swallowed: writes that are carried out and not answered, and how often. write_only: not to be read.
+        slow: how long a write of an object takes [s].
         muted: says nothing, and does nothing. boots: answers a reset with a boot-up message.
         starts: obeys NMT start. beats: sends heartbeats. written: in order.
     """
@@ -51,6 +53,9 @@ class FakeDrive:
     objects: dict[tuple[int, int], bytes] = field(default_factory=dict)
     aborts: dict[tuple[int, int], int] = field(default_factory=dict)
     unanswered: dict[tuple[int, int], int] = field(default_factory=dict)
+    swallowed: dict[tuple[int, int], int] = field(default_factory=dict)
+    write_only: set[tuple[int, int]] = field(default_factory=set)
+    slow: dict[tuple[int, int], float] = field(default_factory=dict)
     muted: bool = False
     boots: bool = True
     starts: bool = True
@@ -158,6 +163,9 @@ class FakeDrives:
             if code:
                 self._answer(drive, struct.pack("<BHBI", 0x80, index, subindex, code))
                 return
+        if specifier == 0x40 and place in drive.write_only:
+            self._answer(drive, struct.pack("<BHBI", 0x80, index, subindex, 0x0601_0001))
+            return
         head = struct.pack("<HB", index, subindex)
         if specifier == 0x40:
             value = drive.objects[place]
@@ -172,6 +180,10 @@ class FakeDrives:
             self._answer(drive, bytes((flags,)) + part.ljust(7, b"\0"))
         elif specifier == 0x20 and command & 2:
             self._write(drive, place, request[4 : 8 - (command >> 2 & 3)])
+            self._stopping.wait(drive.slow.get(place, 0.0))
+            if drive.swallowed.get(place, 0) > 0:
+                drive.swallowed[place] -= 1
+                return
             self._answer(drive, b"\x60" + head + bytes(4))
         elif specifier == 0x20:
             drive.download, drive.segments = place, b""

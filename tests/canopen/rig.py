@@ -11,14 +11,16 @@ from dataclasses import dataclass, field
 from mcserver.can.hub import Hub
 from mcserver.canopen.boot import BootTimes
 from mcserver.canopen.drive_events import CanopenEvent
-from mcserver.canopen.sdo import SdoTimes
 from mcserver.canopen.service import CanopenService
 from mcserver.canopen.service_bus import ServiceTimes
+from mcserver.canopen.settings import SdoTimes
 from mcserver.machine.machine_file import Machine, parse_machine
 
 LIMIT_S = 20.0
 # Answers on the loopback take a millisecond; a test that waits for none should not wait long.
-TIMES = ServiceTimes(sdo=SdoTimes(response_s=0.5, attempts=2), boot=BootTimes(appear_s=3.0, start_s=2.0))
+TIMES = ServiceTimes(
+    sdo=SdoTimes(response_s=0.5, attempts=2), boot=BootTimes(appear_s=3.0, start_s=2.0), listen_s=0.0
+)
 
 
 class RunningHub:
@@ -59,9 +61,11 @@ class Watched:
         machine: Machine,
         times: ServiceTimes = TIMES,
         stopping: Callable[[], bool] = lambda: False,
+        *,
+        take_over: bool = False,
     ) -> CanopenService:
         service = CanopenService.start(
-            machine, self.events.put, self.sentences.append, times, stopping=stopping
+            machine, self.events.put, self.sentences.append, times, stopping=stopping, take_over=take_over
         )
         self.services.append(service)
         return service
@@ -80,8 +84,15 @@ class Watched:
             seen.append(event)
 
 
-def machine_on(address: str, nodes: Sequence[int], keys: str = "", kind: str = "cia402") -> Machine:
-    """Axis i has the i-th node; ``keys`` go into every drive's section."""
+def machine_on(
+    address: str,
+    nodes: Sequence[int],
+    keys: str = "",
+    kind: str = "cia402",
+    bus: str = "",
+    own_keys: Sequence[str] = (),
+) -> Machine:
+    """Axis i has the i-th node; ``keys`` go into every drive's section, ``own_keys`` into one each."""
     axes = "".join(
         f"""
 [[axis]]
@@ -95,12 +106,13 @@ kind = "{kind}"
 bus = "left"
 node = {node}
 counts_per_motor_rev = 4096
+{own_keys[axis] if own_keys else ""}
 {keys}
 """
         for axis, node in enumerate(nodes)
     )
     return parse_machine(
-        f'[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "{address}"\n{axes}'
+        f'[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "{address}"\n{bus}\n{axes}'
     )
 
 

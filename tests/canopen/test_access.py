@@ -12,8 +12,8 @@ import pytest
 from mcserver.can.cob import Function
 from mcserver.canopen.access import MAX_WAITING, OperatorAccess
 from mcserver.canopen.canopen_errors import DriveError
-from mcserver.canopen.sdo import SdoTimes
 from mcserver.canopen.service_bus import ServiceTimes
+from mcserver.canopen.settings import SdoTimes
 from mcserver.canopen.views import NoDrives, SdoTarget
 from mcserver.errors import ServiceError
 from tests.canopen.fake_drives import PRODUCT, VENDOR, FakeDrives

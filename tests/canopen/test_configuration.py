@@ -8,7 +8,7 @@ import struct
 import pytest
 from canopen.objectdictionary import ObjectDictionary
 
-from mcserver.can.pdo_layout import RPDO1, RPDOS, TPDO2, TPDOS, Mode, Pdo
+from mcserver.can.pdo_layout import RPDO1, RPDO2, TPDO1, TPDO2, Mode, Pdo
 from mcserver.canopen.configuration import (
     SdoWrite,
     configuration_writes,
@@ -60,20 +60,21 @@ def test_a_pdo_is_invalidated_emptied_mapped_and_made_valid_in_this_order() -> N
     assert cobs[-1] == (1, 0x203)
 
 
-@pytest.mark.parametrize("pdo", [*RPDOS, *TPDOS])
-def test_the_mapping_is_that_of_the_layout(pdo: Pdo) -> None:
-    first, bit30 = (0x1600, 0) if pdo in RPDOS else (0x1A00, 1 << 30)
-    mapping = of(first + pdo.number - 1, writes())
+@pytest.mark.parametrize("pdo", [RPDO1, RPDO2, TPDO1])
+def test_with_torques_the_mapping_is_that_of_the_layout(pdo: Pdo) -> None:
+    first, bit30 = (0x1600, 0) if pdo in (RPDO1, RPDO2) else (0x1A00, 1 << 30)
+    found = writes(with_(torque=True))
+    mapping = of(first + pdo.number - 1, found)
     entries = [entry.index << 16 | entry.subindex << 8 | entry.bits for entry in pdo.entries]
     assert mapping == [(0, 0), *enumerate(entries, 1), (0, len(entries))]
-    last = of(first - 0x200 + pdo.number - 1, writes())[-1]
+    last = of(first - 0x200 + pdo.number - 1, found)[-1]
     assert last[1] & 0x8000_0000 == 0
     assert last[1] & (1 << 30) == bit30
 
 
 def test_transmission_types_are_those_of_the_layout() -> None:
     assert (2, RPDO1.transmission) in of(0x1400, writes())
-    assert (2, TPDO2.transmission) in of(0x1801, writes())
+    assert (2, TPDO2.transmission) in of(0x1801, writes(with_(torque=True)))
 
 
 @pytest.mark.parametrize("index", [0x1402, 0x1403, 0x1802, 0x1803])
@@ -166,7 +167,7 @@ sdo_writes = [[0x6065, 0, 500], [0x2000, 1, -2, 4]]
 def test_values_of_a_dcf_are_written_first_but_for_those_of_communication() -> None:
     text = (
         "[6065]\nParameterName=Window\nDataType=7\nAccessType=rw\nParameterValue=77\n"
-        "[6064]\nParameterName=Position\nDataType=4\nAccessType=ro\nParameterValue=1\n"
+        "[6064]\nParameterName=Position\nDataType=4\nAccessType=ro\nPDOMapping=1\nParameterValue=1\n"
         "[1017]\nParameterName=Heartbeat\nDataType=6\nAccessType=rw\nParameterValue=9\n"
     )
     dictionary = parse_description(text, NODE).dictionary
@@ -180,7 +181,7 @@ def test_values_of_a_dcf_are_written_first_but_for_those_of_communication() -> N
     assert of(0x1017, found) == [(0, 100)]
 
 
-@pytest.mark.parametrize("index", [0x1600, 0x1400, 0x1A01, 0x6060, 0x6064, 0x1017])
+@pytest.mark.parametrize("index", [0x1600, 0x6040, 0x6041, 0x607A, 0x6060, 0x6064, 0x1017])
 def test_an_eds_without_a_needed_object_is_refused_with_its_index(index: int) -> None:
     dictionary = generic_dictionary(NODE)
     del dictionary.indices[index]
@@ -200,12 +201,14 @@ def test_a_mapping_that_is_fixed_is_taken_where_it_is_the_right_one() -> None:
     mapping = dictionary[0x1600]
     for member in mapping.values():
         member.access_type = "const"
-    with pytest.raises(ConfigurationError, match=r"MC552.*1600h:00.*RPDO1 cannot be mapped"):
+    with pytest.raises(ConfigurationError, match=r"MC552.*1600h:00.*RPDOs cannot be mapped"):
         writes(dictionary=dictionary)
     mapping[0].default = 3
     for at, entry in enumerate(RPDO1.entries, 1):
         mapping[at].default = entry.index << 16 | entry.subindex << 8 | entry.bits
-    assert of(0x1600, writes(dictionary=dictionary)) == []
+    found = [write for write in writes(dictionary=dictionary) if write.index == 0x1600]
+    assert found
+    assert all(write.verify for write in found)
 
 
 @pytest.mark.parametrize("index", [0x1600, 0x1400, 0x6040, 0x608F, 0x1017, 0x60C2])

@@ -16,9 +16,9 @@ from mcclient.sync import Machine as Client
 
 from mcserver.canopen.boot import BootTimes
 from mcserver.canopen.canopen_errors import DriveError
-from mcserver.canopen.sdo import SdoTimes
 from mcserver.canopen.service import CanopenService
 from mcserver.canopen.service_bus import ServiceTimes
+from mcserver.canopen.settings import SdoTimes
 from mcserver.drive_sim.control import Control
 from mcserver.machine.machine_file import load_machine
 from tests.canopen.rig import TIMES, RunningHub, Watched, wait_until

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import socket
 import struct
@@ -11,13 +12,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from mcserver.can.cob import SYNC, Function
+from mcserver.can.cob import SYNC, Function, NmtCommand
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
+from mcserver.drive_sim.cia402_node import Cia402Node
 from mcserver.drive_sim.control import MAX_LINE, Control, ControlServer
 from mcserver.drive_sim.fault_injection import BadRequest
 from mcserver.drive_sim.from_machine import Choice, build_buses, hardware_of, start_turns
-from mcserver.drive_sim.simulation import DriveSimulation
+from mcserver.drive_sim.simulation import DriveSimulation, SimulatedBusSegment
 from mcserver.errors import RuntimeFault
 from mcserver.machine.machine_file import Machine, parse_machine
 from tests.can.hubs import LIMIT_S, address_of, receive, running_hub, wait_until
@@ -287,3 +289,44 @@ def test_a_bus_that_goes_and_comes_is_used_again() -> None:
             wait_until(lambda: not any(each.down for each in counters), "both buses are there again")
             with contextlib.closing(open_port(left)) as other:
                 assert read(other, 1, 0x1000, 0) == struct.pack("<I", 0x00020192)
+
+
+class Backlog:
+    """A port whose sends are noted with the time of a clock that each frame moves on."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.sent: list[tuple[float, int]] = []
+
+    def send(self, identifier: int, _payload: bytes) -> bool:
+        self.sent.append((self.now, identifier))
+        return True
+
+
+class Busy(Cia402Node):
+    """A drive on a loaded computer: each frame takes it a millisecond."""
+
+    port: Backlog
+
+    def receive(self, identifier: int, payload: bytes, now: float) -> None:
+        super().receive(identifier, payload, now)
+        self.port.now += 1e-3
+
+
+def test_heartbeats_are_sent_in_the_midst_of_a_backlog() -> None:
+    port = Backlog()
+    segment = SimulatedBusSegment("can0", port, lambda: port.now)  # type: ignore[arg-type]
+    node = Busy(1, segment.transmit)
+    node.port = port
+    segment.nodes.append(node)
+    node.switch_on(0.0)
+    port.now = 1.0
+    segment.serve([])
+    node.store.entry(0x1017).value = 100
+    segment.serve([(0x000, bytes((NmtCommand.START, 1)))])
+    node.nmt._restart_heartbeat(100)
+    port.sent.clear()
+    segment.serve([(SYNC, b"")] * 1000)
+    beats = [at for at, identifier in port.sent if identifier == Function.HEARTBEAT + 1]
+    assert len(beats) >= 9
+    assert max(later - earlier for earlier, later in itertools.pairwise(beats)) < 0.15

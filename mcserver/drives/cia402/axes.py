@@ -7,16 +7,25 @@ command has changed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import struct
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.can.cob import Function
-from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode, Pdo
+from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, Mode
 from mcserver.can.port import CanPort
-from mcserver.drives.bus import Array, DriveFault, DriveMode, DriveState, Feedback, Setpoints
+from mcserver.drives.bus import (
+    Array,
+    DriveFault,
+    DriveMode,
+    DriveState,
+    Feedback,
+    Setpoints,
+    drives_mode,
+)
+from mcserver.drives.cia402.frames import IncomingPdo, OutgoingPdo, frames_of
 from mcserver.drives.cia402.power_stage import PowerStage
 from mcserver.drives.cia402.scaling import TORQUE_LIMIT, PositionTracker, Scaling, wrapped
 from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS
@@ -30,6 +39,7 @@ STANDING_COUNTS = 2
 # and TPDO.
 DELAY_CYCLES = 2
 INT32 = 2.0**31 - 1.0
+_PERMILLE = struct.Struct("<h")
 # When a reading is taken as it is, after its drive was switched on.
 _DONE, _NOW, _NEXT_CYCLE = range(3)
 
@@ -37,8 +47,12 @@ _TPDO1 = np.dtype([("state", "<u2"), ("mode", "i1"), ("position", "<i4")])
 _RPDO1 = np.dtype([("controlword", "<u2"), ("mode", "i1"), ("position", "<i4")])
 _RPDO2 = np.dtype([("controlword", "<u2"), ("velocity", "<i4"), ("torque", "<i2")])
 
-# payload in the arena, prepared buffer, where in it
-_Send = tuple[memoryview, bytearray, slice]
+# pieces of the arenas with their places in the buffer, and the prepared buffer
+_Send = tuple[tuple[tuple[memoryview, slice], ...], bytearray]
+# bit 4 of the controlword: interpolation on (mode 7), homing starts (mode 6)
+_START = 0x0010
+_WITH_START = (Mode.INTERPOLATED_POSITION, Mode.HOMING)
+_BY_SPEED = (Mode.CYCLIC_VELOCITY, Mode.CYCLIC_TORQUE)
 
 
 class Cia402Axes:
@@ -74,6 +88,15 @@ class Cia402Axes:
         self._loops = np.array([axis.drive.mode == "csv" for axis in axes])
         self._any_loop = bool(self._loops.any())
         self._gain: Array = np.array([axis.drive.position_gain for axis in axes])
+        times = [axis.drive.integral_time_s for axis in axes]
+        self._integral_gain: Array = np.array([cycle_s / time if time > 0.0 else 0.0 for time in times])
+        self._feed_forward: Array = np.array([axis.drive.velocity_feed_forward for axis in axes])
+        self._integral: Array = np.zeros(count)
+        self._zero: Array = np.array([axis.drive.zero_offset * axis.type.si_per_unit for axis in axes])
+        self._frames = [frames_of(axis) for axis in axes]
+        self._shows_mode = [frames.shows_mode for frames in self._frames]
+        self._answers = [0] * count
+        self._wrong_lengths: dict[int, int] = {}
         self._speed_limit: Array = np.array([axis.max_velocity for axis in axes]) * 1.2
         self.stages = [_stage_of(axis, cycle_s) for axis in axes]
         refresh = [axis.drive.command_timeout_ms / 3e3 / cycle_s for axis in axes]
@@ -134,18 +157,82 @@ class Cia402Axes:
 
     def open(self, port: CanPort) -> dict[int, tuple[slice, int]]:
         """Prepares the frames; returns for each TPDO1's COB-ID the place of its payload, and the axis."""
-        nodes = [axis.drive.node for axis in self._axes]
-        self._buffers1 = [_prepare(port, RPDO1, node) for node in nodes]
-        self._buffers2 = [_prepare(port, RPDO2, node) for node in nodes]
-        at = port.payload_offset
-        self._payload1 = slice(at, at + RPDO1.packing.size)
-        self._payload2 = slice(at, at + RPDO2.packing.size)
+        self._outgoing = [
+            [
+                (pdo, self._pieces(index, pdo, port.payload_offset), port.prepare(pdo.cob_id, pdo.length))
+                for pdo in frames.rpdos
+            ]
+            for index, frames in enumerate(self._frames)
+        ]
         self._send = port.send_prepared
         size = TPDO1.packing.size
         return {
-            Function.TPDO1 + node: (slice(index * size, (index + 1) * size), index)
-            for index, node in enumerate(nodes)
+            frames.tpdos[0].cob_id: (slice(index * size, (index + 1) * size), index)
+            for index, frames in enumerate(self._frames)
+            if frames.usual
         }
+
+    def _pieces(self, index: int, pdo: OutgoingPdo, offset: int) -> tuple[tuple[memoryview, slice], ...]:
+        arenas = {1: memoryview(self._out1), 2: memoryview(self._out2)}
+        starts = {1: index * RPDO1.packing.size, 2: index * RPDO2.packing.size}
+        return tuple(
+            (
+                arenas[piece.arena][starts[piece.arena] + piece.first :][: piece.length],
+                slice(offset + piece.at, offset + piece.at + piece.length),
+            )
+            for piece in pdo.pieces
+        )
+
+    def handlers(self, feedback: Feedback) -> dict[int, Callable[[bytes], None]]:
+        """What to call for the COB-IDs of the other TPDOs."""
+        handlers = {}
+        for index, frames in enumerate(self._frames):
+            essential = sum(1 << bit for bit, pdo in enumerate(frames.tpdos) if pdo.essential)
+            for bit, pdo in enumerate(frames.tpdos):
+                if not (frames.usual and bit == 0):
+                    handlers[pdo.cob_id] = self._taker(index, pdo, bit, essential, feedback)
+        return handlers
+
+    def _taker(
+        self, index: int, pdo: IncomingPdo, bit: int, essential: int, feedback: Feedback
+    ) -> Callable[[bytes], None]:
+        start = index * TPDO1.packing.size
+        pieces = [
+            (
+                slice(start + piece.first, start + piece.first + piece.length),
+                piece.at,
+                piece.at + piece.length,
+            )
+            for piece in pdo.pieces
+        ]
+
+        def take(payload: bytes) -> None:
+            if len(payload) != pdo.length:
+                self.note_length(index, len(payload))
+                return
+            for where, first, end in pieces:
+                self._in[where] = payload[first:end]
+            if pdo.torque_at is not None:
+                (torque,) = _PERMILLE.unpack_from(payload, pdo.torque_at)
+                feedback.torque[self.local[index]] = torque * self._nm_per_permille[index]
+            if pdo.essential:
+                # an axis has answered once all of it has come
+                self._answers[index] |= 1 << bit
+                if self._answers[index] & essential == essential:
+                    self._answers[index] = 0
+                    self._came[index] = 1
+
+        return take
+
+    def note_length(self, index: int, length: int) -> None:
+        """Process data of another length than was mapped: they count as not come."""
+        self.short += 1
+        self._wrong_lengths[index] = length
+
+    def silence_detail(self, index: int, age: int) -> int:
+        """Why an axis does not answer: cycles, or below 0 the length of process data that were not taken."""
+        length = self._wrong_lengths.pop(index, None)
+        return age if length is None else -length - 1
 
     # ------------------------------------------------------------------ what has come
 
@@ -153,14 +240,6 @@ class Cia402Axes:
         """The arena for TPDO1s, and one flag an axis for those that came, cleared."""
         self._came[:] = self._none_came
         return self._in, self._came
-
-    def take_slow(self, index: int, payload: bytes, feedback: Feedback) -> None:
-        """TPDO2 of an axis; velocities are taken from positions, which come in every cycle."""
-        if len(payload) != TPDO2.packing.size:
-            self.short += 1
-            return
-        _, torque = TPDO2.packing.unpack(payload)
-        feedback.torque[self.local[index]] = torque * self._nm_per_permille[index]
 
     def came(self) -> list[int]:
         """Whose TPDO1 has come since `begin`, as indices of the bus."""
@@ -196,6 +275,7 @@ class Cia402Axes:
         tracker.follow(self._position)
         row = self._past[self._number % VELOCITY_CYCLES]
         np.multiply(tracker.counts, self._si_per_count, out=self._reading)
+        self._reading += self._zero
         moved = tracker.counts - row
         row[:] = tracker.counts
         self._moved = moved
@@ -236,7 +316,7 @@ class Cia402Axes:
         if self._any_capturing:
             self._capture(feedback)
         else:
-            self._target[:] = wrapped(np.rint(wanted * self._counts))
+            self._target[:] = wrapped(np.rint((wanted - self._zero) * self._counts))
         if self._needs_speed:
             self._nm[:] = setpoints.torque[local]
             self._fill_speeds()
@@ -256,7 +336,7 @@ class Cia402Axes:
             np.copyto(wanted, led, where=coasting)
             arrived = coasting & (self._states == DriveState.ENERGIZED)
             feedback.position[self._where] = np.where(arrived, led, self._reading)
-        counts = wrapped(np.rint(wanted * self._counts))
+        counts = wrapped(np.rint((wanted - self._zero) * self._counts))
         self._target[:] = np.where(capturing & ~coasting, self._position, counts)
 
     def _fill_speeds(self) -> None:
@@ -272,22 +352,29 @@ class Cia402Axes:
         self._torque[:] = torque
 
     def _closed(self, velocity: Array) -> Array:
-        """Speeds of drives whose position loop is closed here: the setpoint's own, and gain × error.
+        """Speeds of drives whose position loop is closed here: PI of the error, and the setpoint's own speed.
 
-        The reading belongs to the setpoint of `DELAY_CYCLES` ago.
+        The reading belongs to the setpoint of `DELAY_CYCLES` ago. The integral stands still while the speed
+        is at its limit (anti-windup).
         """
         past, length = self._earlier, DELAY_CYCLES + 1
         just = past[(self._number - 1) % length]
         then = past[(self._number - DELAY_CYCLES) % length]
         followed = (self._setpoint - just) / self._cycle
-        closed = followed + self._gain * (then - self._reading)
-        closed = np.clip(closed, -self._speed_limit, self._speed_limit)
+        error = self._gain * (then - self._reading)
+        raw = self._feed_forward * followed + error + self._integral
+        closed = np.clip(raw, -self._speed_limit, self._speed_limit)
         positioned = self._loops & (self._told == DriveMode.POSITION)
+        if self._integral_gain.any():
+            free = positioned & ~self._capturing & ((raw == closed) | (raw * error < 0.0))
+            self._integral += np.where(free, self._integral_gain * error, 0.0)
+            self._integral[~positioned | self._capturing] = 0.0
         result: Array = np.where(positioned, closed, velocity)
         return result
 
     def _step_stages(self, setpoints: Setpoints) -> None:
         told, bits, shown = self._told.tolist(), self._bits.tolist(), self._shown.tolist()
+        words = self._status.tolist()
         standing = (np.abs(self._moved) <= STANDING_COUNTS).tolist()
         busy = False
         captured = self._any_capturing
@@ -297,14 +384,18 @@ class Cia402Axes:
             state = stage.step(
                 _MODES[told[index]],
                 STATE_OF_BITS[bits[index]],
-                shown[index],
+                shown[index] if self._shows_mode[index] else stage.mode,
                 fresh=came,
                 standing=standing[index],
+                word=words[index],
             )
             self._states[index] = state
             self._faults[index] = stage.fault
             self._details[index] = stage.detail
-            self._controlword1[index] = self._controlword2[index] = stage.controlword
+            command = stage.controlword
+            if stage.running and stage.mode in _WITH_START and stage.started:
+                command |= _START
+            self._controlword1[index] = self._controlword2[index] = command
             self._mode[index] = stage.mode
             self._capturing[index] = stage.capturing
             busy = busy or not stage.settled
@@ -328,30 +419,27 @@ class Cia402Axes:
     def _plan_sends(self) -> None:
         """Which frames go out, by cycle: RPDO1 in position mode, else RPDO2 and now and then RPDO1."""
         sends: list[list[_Send]] = [[] for _ in range(self._refresh)]
-        first, second = memoryview(self._out1), memoryview(self._out2)
         self._needs_speed = False
-        one, two = RPDO1.packing.size, RPDO2.packing.size
         for index, stage in enumerate(self.stages):
             if stage.told is DriveMode.SILENT:
                 continue
-            by_speed = stage.told >= DriveMode.POSITION and stage.mode is not Mode.CYCLIC_POSITION
+            by_speed = stage.told >= DriveMode.POSITION and stage.mode in _BY_SPEED
             both = stage.changing or (by_speed and stage.capturing)
-            send1 = (first[index * one : (index + 1) * one], self._buffers1[index], self._payload1)
-            send2 = (second[index * two : (index + 1) * two], self._buffers2[index], self._payload2)
             for number, frames in enumerate(sends):
-                if not by_speed or both or number == index % self._refresh:
-                    frames.append(send1)
-                if by_speed or both:
-                    frames.append(send2)
+                positions = not by_speed or both or number == index % self._refresh
+                for pdo, pieces, buffer in self._outgoing[index]:
+                    if (pdo.by_position and positions) or (pdo.by_speed and (by_speed or both)):
+                        frames.append((pieces, buffer))
             self._needs_speed = self._needs_speed or by_speed or both
         self._sends = sends
 
     def send(self) -> int:
-        """Sends the RPDOs of this cycle; returns how many found no room."""
+        """Send the RPDOs of this cycle; returns how many found no room."""
         lost = 0
         send = self._send
-        for payload, buffer, where in self._sends[self._number % self._refresh]:
-            buffer[where] = payload
+        for pieces, buffer in self._sends[self._number % self._refresh]:
+            for payload, where in pieces:
+                buffer[where] = payload
             if not send(buffer):
                 lost += 1
         return lost
@@ -369,14 +457,22 @@ class Cia402Axes:
 _MODES = tuple(DriveMode)
 
 
-def _prepare(port: CanPort, pdo: Pdo, node: int) -> bytearray:
-    base = Function.RPDO1 if pdo is RPDO1 else Function.RPDO2
-    return port.prepare(base + node, pdo.packing.size)
-
-
 def _stage_of(axis: Axis, cycle_s: float) -> PowerStage:
-    base = Mode.CYCLIC_VELOCITY if axis.drive.mode == "csv" else Mode.CYCLIC_POSITION
-    modes = {DriveMode.POSITION: base, DriveMode.VELOCITY: Mode.CYCLIC_VELOCITY}
-    if axis.drive.rated_torque > 0.0:
-        modes[DriveMode.TORQUE] = Mode.CYCLIC_TORQUE
-    return PowerStage(base, modes, cycle_s)
+    base = _BASE_MODES[axis.drive.mode]
+    modes = {DriveMode.POSITION: base}
+    for mode, operation in (
+        (DriveMode.VELOCITY, Mode.CYCLIC_VELOCITY),
+        (DriveMode.TORQUE, Mode.CYCLIC_TORQUE),
+        (DriveMode.HOMING, Mode.HOMING),
+    ):
+        if drives_mode(axis.drive, mode):
+            modes[mode] = operation
+    homing = axis.drive.homing
+    return PowerStage(base, modes, cycle_s, 0.0 if homing is None else homing.timeout_s)
+
+
+_BASE_MODES = {
+    "csp": Mode.CYCLIC_POSITION,
+    "csv": Mode.CYCLIC_VELOCITY,
+    "ip": Mode.INTERPOLATED_POSITION,
+}

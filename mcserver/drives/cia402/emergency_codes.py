@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
 from types import MappingProxyType
 
 # error code, error register; five bytes of the manufacturer follow
@@ -76,6 +79,57 @@ _CODES = MappingProxyType(
         0x8700: "SYNC missing or irregular",
     }
 )
+
+
+# ``8611``, ``8611h``, ``0x8611``; x, X, ? and * stand for any digit: ``81xx``
+_PATTERN = re.compile(r"(?:0x)?([0-9a-fx?*]{4})h?", re.IGNORECASE)
+
+
+def is_error(code: int) -> bool:
+    """Whether an error code reports an error; the class 00xxh reports that errors are gone (CiA 301)."""
+    return code & 0xFF00 != 0
+
+
+def emergency_pattern(text: str) -> tuple[int, int]:
+    """Read a pattern of error codes as (mask, value).
+
+    Raises:
+        ValueError: it is no pattern.
+    """
+    found = _PATTERN.fullmatch(text.strip())
+    if found is None:
+        raise ValueError(f"{text!r} is no error code: give four hexadecimal digits, x for any")
+    mask = value = 0
+    for digit in found[1]:
+        known = digit not in "xX?*"
+        mask = mask << 4 | (0xF if known else 0)
+        value = value << 4 | (int(digit, 16) if known else 0)
+    return mask, value
+
+
+@dataclass(frozen=True)
+class EmergencyRule:
+    """Which emergency messages of a drive stop its axis: those of ``stop_on`` (empty: all), but for those of
+    ``warn_on`` that ``stop_on`` does not name.
+    """
+
+    stop_on: tuple[tuple[int, int], ...] = ()
+    warn_on: tuple[tuple[int, int], ...] = ()
+
+    @classmethod
+    def of(cls, stop_on: Iterable[str], warn_on: Iterable[str]) -> EmergencyRule:
+        """Make it from patterns such as ``81xx``; raises ValueError as `emergency_pattern` does."""
+        return cls(
+            tuple(emergency_pattern(text) for text in stop_on),
+            tuple(emergency_pattern(text) for text in warn_on),
+        )
+
+    def stops(self, code: int) -> bool:
+        """Whether an error code latches a fault."""
+        if any(code & mask == value for mask, value in self.stop_on):
+            return True
+        warned = any(code & mask == value for mask, value in self.warn_on)
+        return not self.stop_on and not warned
 
 
 def unpack_emergency(payload: bytes) -> tuple[int, int] | None:

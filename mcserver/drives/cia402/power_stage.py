@@ -44,6 +44,12 @@ _LEADS_TO = MappingProxyType(
 )
 
 
+# Statusword in homing mode: homing error; homing attained and target reached (CiA 402).
+HOMING_ERROR = 0x2000
+HOMING_ATTAINED = 0x1400
+HOMING_ANSWER_CYCLES = 2 * ANSWER_CYCLES
+
+
 class Phase(enum.IntEnum):
     """How far energizing has come."""
 
@@ -65,9 +71,17 @@ class PowerStage:
         controlword: for the next RPDOs. mode: for 6060h. capturing: the target is the actual position.
         changing: 6061h does not show the mode yet. fault: latched; detail: the vendor's number for it.
         settled: nothing will change unless the answers or the commands do.
+        started: interpolation, or homing, is under way by bit 4 of the controlword.
     """
 
-    def __init__(self, base: Mode, modes: dict[DriveMode, Mode], cycle_s: float) -> None:
+    def __init__(
+        self, base: Mode, modes: dict[DriveMode, Mode], cycle_s: float, homing_s: float = 0.0
+    ) -> None:
+        self._homing_patience = max(1, round(homing_s / cycle_s))
+        self._homing_cycles = 0
+        self._was_homing = False
+        self._word = 0
+        self.started = False
         self._modes = modes
         self._mode_patience = max(ANSWER_CYCLES, round(MODE_CHANGE_S / cycle_s))
         self._told = DriveMode.OFF
@@ -89,6 +103,11 @@ class PowerStage:
     def told(self) -> DriveMode:
         return self._told
 
+    @property
+    def running(self) -> bool:
+        """Whether the drive has been found energized in its mode."""
+        return self._phase is Phase.RUNNING
+
     def fail(self, fault: DriveFault, detail: int = 0) -> bool:
         """Latches a fault; False: one is latched already, or nobody commands the drive (G1011)."""
         if self.fault is not DriveFault.NONE or self._told is DriveMode.SILENT:
@@ -99,13 +118,20 @@ class PowerStage:
         return True
 
     def step(
-        self, told: DriveMode, power: PowerState, shown: int, *, fresh: bool, standing: bool
+        self,
+        told: DriveMode,
+        power: PowerState,
+        shown: int,
+        *,
+        fresh: bool,
+        standing: bool,
+        word: int = 0,
     ) -> DriveState:
         """One cycle.
 
         Args:
             power, shown: of the latest TPDO1: state and 6061h. fresh: it came in this cycle.
-            standing: the motor does not turn.
+            standing: the motor does not turn. word: the whole statusword, for homing.
 
         Returns:
             What is reported upwards; `controlword`, `mode`, `capturing` and `changing` hold what is sent.
@@ -116,6 +142,7 @@ class PowerStage:
         else:
             self._since += 1
         self.changing = False
+        self._word = word
         if told is DriveMode.RESET:
             state = self._reset(power, fresh)
         else:
@@ -127,15 +154,27 @@ class PowerStage:
         self._since_command = 0 if self.controlword != before[2] else self._since_command + 1
         # in the cycle in which it is found energized its reading goes upwards, and is its target, too
         self.capturing = self._phase is not Phase.RUNNING or before[0] is not Phase.RUNNING
+        if told is DriveMode.HOMING or self._was_homing:
+            # the drive moves by itself, and what it shows afterwards is where it is
+            self.capturing = True
+        self.started = self._phase is Phase.RUNNING and before[0] is Phase.RUNNING and not self.changing
         after = (self._phase, self._told, self.controlword, self.changing, self.fault)
         steady = self._since > ANSWER_CYCLES and self._phase in (Phase.IDLE, Phase.RUNNING, Phase.LOST)
         self.settled = steady and before == after and not self.changing and fresh
         if told in (DriveMode.STOP, DriveMode.RESET) and state is not DriveState.OFF:
             self.settled = False
+        if (
+            state is DriveState.HOMING
+            or self._was_homing
+            or (self.capturing and state is DriveState.ENERGIZED)
+        ):
+            self.settled = False
         return state
 
     def _change(self, told: DriveMode) -> None:
         energized = self._told >= DriveMode.POSITION and told >= DriveMode.POSITION
+        self._was_homing = energized and self._told is DriveMode.HOMING
+        self._homing_cycles = 0
         self._told = told
         self._since = 0
         if told < DriveMode.POSITION:
@@ -238,7 +277,9 @@ class PowerStage:
 
     def _run(self, power: PowerState, shown: int, fresh: bool) -> DriveState:
         if not fresh:
-            return DriveState.ENERGIZED
+            if self._told is DriveMode.HOMING:
+                return DriveState.HOMING
+            return DriveState.STARTING if self._was_homing else DriveState.ENERGIZED
         if power is not PowerState.OPERATION_ENABLED:
             self._phase = Phase.LOST
             self.controlword = Controlword.DISABLE_VOLTAGE
@@ -246,9 +287,30 @@ class PowerStage:
         self.changing = shown != self.mode
         self._switching = self._switching and self.changing
         self._unlike = self._unlike + 1 if self.changing else 0
+        if self._told is DriveMode.HOMING and not self.changing:
+            return self._home()
+        if self._was_homing:
+            self._was_homing = self.changing
         patience = self._mode_patience if self._switching else ANSWER_CYCLES
         if self._unlike >= patience and self.fail(DriveFault.MODE, shown):
             self._phase = Phase.LOST
             self.controlword = Controlword.DISABLE_VOLTAGE
             return DriveState.FAULT
+        if self._was_homing:
+            return DriveState.STARTING
         return DriveState.ENERGIZED
+
+    def _home(self) -> DriveState:
+        """Mode 6 with bit 4 set: homing attained (bits 10 and 12), homing error (bit 13), or under way."""
+        self._homing_cycles += 1
+        if self._homing_cycles <= HOMING_ANSWER_CYCLES:
+            # what is shown may be of the mode before, or of an earlier homing
+            return DriveState.HOMING
+        failed = bool(self._word & HOMING_ERROR) or self._homing_cycles > self._homing_patience
+        if failed and self.fail(DriveFault.HOMING_FAILED, self._word):
+            self._phase = Phase.LOST
+            self.controlword = Controlword.DISABLE_VOLTAGE
+            return DriveState.FAULT
+        if self._word & HOMING_ATTAINED == HOMING_ATTAINED:
+            return DriveState.HOMED
+        return DriveState.HOMING

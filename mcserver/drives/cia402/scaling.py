@@ -67,6 +67,28 @@ def scaling_objects(drive: Drive) -> tuple[tuple[int, int, int], ...]:
     )
 
 
+def homing_objects(axis: Axis) -> tuple[tuple[int, int, int], ...]:
+    """(index, subindex, value) for the drive's own homing, in increments; empty where it has none.
+
+    6098h method, 6099h speeds, 609Ah acceleration, 607Ch home offset: after homing the drive shows this
+    count at the home position.
+    """
+    homing = axis.drive.homing
+    if homing is None:
+        return ()
+    scale = Scaling.of(axis)
+    unit = axis.type.si_per_unit
+    speed = abs(scale.velocity_per_si) * unit
+    home = (homing.position - axis.drive.zero_offset) * unit * scale.counts_per_si
+    return (
+        (0x6098, 0, homing.method),
+        (0x6099, 1, max(1, round(homing.speed_switch * speed))),
+        (0x6099, 2, max(1, round(homing.speed_zero * speed))),
+        (0x609A, 0, max(1, round(homing.acceleration * abs(scale.counts_per_si) * unit))),
+        (0x607C, 0, round(home)),
+    )
+
+
 def wrapped(counts: Array) -> NDArray[np.int32]:
     """Whole numbers as 32-bit ones, modulo 2³²; shape as given."""
     return counts.astype(np.int64).astype(np.int32)

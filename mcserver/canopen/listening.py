@@ -1,0 +1,97 @@
+"""Listen on a bus before the first frame is sent: is another master at work there?
+
+Heartbeats and boot-up messages of nodes say nothing of a master. SYNC, NMT commands, SDO requests, commands
+to drives, the heartbeat of node 127 and process data of drives do: resetting such nodes may stop or drop a
+machine that somebody else moves.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+from mcserver.can.cob import NMT, SYNC, Function
+from mcserver.can.port import CanPort
+from mcserver.errors import RuntimeFault
+
+MASTER = 127
+ROUND_S = 0.01
+SHOWN = 6
+_FROM_MASTER = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)
+_FROM_DRIVE = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)
+
+
+@dataclass(frozen=True)
+class Listening:
+    """One bus that is listened on.
+
+    Attributes:
+        drives: numbers of its CiA 402 nodes. streaming: numbers of drives that send by themselves.
+        foreign_sync: SYNC comes from somebody else by agreement.
+    """
+
+    name: str
+    port: CanPort
+    drives: Collection[int]
+    streaming: Collection[int] = ()
+    foreign_sync: bool = False
+
+
+def sign_of_master(identifier: int, bus: Listening) -> str:
+    """What a frame says of another master, in words; empty: nothing."""
+    if identifier == SYNC:
+        return "" if bus.foreign_sync else "SYNC (080h)"
+    if identifier == NMT:
+        return "NMT commands (000h)"
+    if identifier == Function.HEARTBEAT + MASTER:
+        return "the heartbeat of node 127 (77Fh)"
+    node = identifier & 0x7F
+    function = identifier & 0x780
+    if function == Function.SDO_REQUEST and node:
+        return f"SDO requests to node {node} ({identifier:03X}h)"
+    if function in _FROM_MASTER and (node in bus.drives or node in bus.streaming):
+        return f"commands to node {node} ({identifier:03X}h)"
+    if function in _FROM_DRIVE and node in bus.drives:
+        return f"process data of node {node} ({identifier:03X}h)"
+    return ""
+
+
+def refuse_other_masters(
+    buses: Sequence[Listening],
+    duration_s: float,
+    stopping: Callable[[], bool] = lambda: False,
+    wait: Callable[[float], None] = time.sleep,
+) -> None:
+    """Listen on all buses at once; nothing is sent.
+
+    Raises:
+        RuntimeFault: MC560 another master is at work, with what was heard.
+    """
+    signs: dict[str, Counter[str]] = {bus.name: Counter() for bus in buses}
+    remaining = max(1, round(duration_s / ROUND_S))
+    while remaining and not stopping():
+        remaining -= 1
+        wait(ROUND_S)
+        for bus in buses:
+            found = (sign_of_master(identifier, bus) for identifier, _ in bus.port.drain())
+            signs[bus.name].update(sign for sign in found if sign)
+    heard = [(name, counted) for name, counted in signs.items() if counted]
+    if heard:
+        raise _other_master(heard, duration_s)
+
+
+def _other_master(heard: Iterable[tuple[str, Counter[str]]], duration_s: float) -> RuntimeFault:
+    texts = []
+    for name, counted in heard:
+        shown = [f"{sign} {count} times" for sign, count in counted.most_common(SHOWN)]
+        if len(counted) > SHOWN:
+            shown.append(f"and {len(counted) - SHOWN} more")
+        texts.append(f"bus {name}: {', '.join(shown)}")
+    return RuntimeFault(
+        "MC560",
+        f"another master is at work; within {duration_s:g} s was heard on {'; '.join(texts)}",
+        "stop it first; nothing was sent and no drive was reset. --take-over resets the nodes all the same; "
+        'where another device sends SYNC by agreement, set sync = "foreign" in [[bus]]',
+    )

@@ -1,0 +1,243 @@
+"""The service path and the cycle against python-canopen's own slaves, over EDS files written for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from mcserver.canopen.canopen_errors import DriveError
+from mcserver.canopen.service import CanopenService
+from mcserver.drives.bus import DriveMode, DriveState, Setpoints
+from mcserver.drives.can_bus import CanBus
+from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import Machine
+from tests.canopen.eds_files import U32, eds
+from tests.canopen.local_drives import LocalDrive, until
+from tests.canopen.rig import RunningHub, Watched, machine_on
+
+# python-canopen's own reader of EDS files
+pytestmark = pytest.mark.filterwarnings("ignore:The 'warn' method is deprecated:DeprecationWarning")
+
+Make = Callable[..., LocalDrive]
+INTERPOLATED = (
+    "[60C1]\nParameterName=Interpolation data\nObjectType=0x9\n[60C1sub0]\nParameterName=Count\nDataType=5\n"
+    "AccessType=ro\nDefaultValue=1\n[60C1sub1]\nParameterName=Setpoint\nDataType=4\nAccessType=rww\n"
+    "DefaultValue=0\nPDOMapping=1\n"
+)
+
+
+@pytest.fixture
+def make(hub: RunningHub, tmp_path: Path) -> Iterator[Make]:
+    made: list[LocalDrive] = []
+
+    def drive(text: str, node: int = 1, **keys: object) -> LocalDrive:
+        (tmp_path / f"drive{node}.eds").write_text(text)
+        made.append(LocalDrive(hub, text, node, **keys).start())  # type: ignore[arg-type]
+        return made[-1]
+
+    yield drive
+    for each in made:
+        each.close()
+
+
+class Cycle:
+    """The cycle on a bus whose drives have been booted: exchanges as the SYNCs are answered."""
+
+    def __init__(self, service: CanopenService, machine: Machine, drives: list[LocalDrive]) -> None:
+        self.machine = service.agreed(machine)
+        for drive in drives:
+            drive.listen()
+        self.bus = CanBus(self.machine, self.machine.buses[0], list(range(len(self.machine.axes))))
+        self.feedback = self.bus.boot()
+        self.setpoints = Setpoints.of(len(self.machine.axes))
+        self.setpoints.position[:] = self.feedback.position
+
+    def run(self, mode: DriveMode, until_state: DriveState, column: int = 0) -> None:
+        self.setpoints.mode[:] = mode
+
+        def reached() -> bool:
+            free = self.feedback.state != DriveState.ENERGIZED
+            self.setpoints.position[free] = self.feedback.position[free]
+            self.bus.exchange(self.setpoints)
+            return int(self.feedback.state[column]) == until_state
+
+        until(reached, f"{until_state.name}; it is {self.feedback.state} {self.feedback.fault}")
+
+    def close(self) -> None:
+        self.bus.close()
+
+
+def keys(folder: Path, more: str = "") -> str:
+    return f'eds = "{folder}/drive1.eds"\ncommand_timeout_ms = 5000\nheartbeat_ms = 200\n{more}'
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_a_drive_with_the_default_mapping_of_the_profile_moves(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path, fixed: bool
+) -> None:
+    drive = make(eds(fixed=fixed), positions=(777,))
+    machine = machine_on(hub.address(), [1], keys(tmp_path), bus="silence_cycles = 1000")
+    cycle = Cycle(watched.start(machine), machine, [drive])
+    try:
+        cycle.run(DriveMode.POSITION, DriveState.ENERGIZED)
+        assert drive.targets[0][0] == 777
+        cycle.setpoints.position[:] = cycle.feedback.position + 0.01
+        until(lambda: bool(cycle.bus.exchange(cycle.setpoints)) and drive.position[0] > 4000, "motion")
+        assert drive.position[0] == pytest.approx(777 + 4096, abs=1)
+    finally:
+        cycle.close()
+    mapped = {index for index, _, _ in drive.written if 0x1600 <= index < 0x1700}
+    assert bool(mapped) is not fixed
+
+
+def test_a_drive_without_csp_moves_by_interpolated_position(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    drive = make(eds(without=[0x607A], changes={0x6502: {"DefaultValue": "0x40"}}, more=INTERPOLATED))
+    machine = machine_on(hub.address(), [1], keys(tmp_path, 'mode = "ip"'), bus="silence_cycles = 1000")
+    cycle = Cycle(watched.start(machine), machine, [drive])
+    try:
+        cycle.run(DriveMode.POSITION, DriveState.ENERGIZED)
+        until(lambda: bool(cycle.bus.exchange(cycle.setpoints)) and bool(drive.targets[0]), "interpolation")
+        cycle.setpoints.position[:] = 0.01
+        until(lambda: bool(cycle.bus.exchange(cycle.setpoints)) and drive.position[0] > 4000, "motion")
+        assert set(drive.targets[0]) == {0, 4096}
+    finally:
+        cycle.close()
+
+
+def test_the_drive_homes_itself_and_its_position_is_read_afterwards(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    drive = make(eds(), positions=(50_000,))
+    homing = "[axis.drive.homing]\nmethod = 33\nposition = 2.5\nspeed_switch = 20.0\n"
+    machine = machine_on(hub.address(), [1], keys(tmp_path, homing), bus="silence_cycles = 1000")
+    service = watched.start(machine)
+    assert drive.value(0x6098) == 33
+    assert drive.value(0x607C) == 1024
+    assert drive.value(0x6099, 1) == 8192
+    cycle = Cycle(service, machine, [drive])
+    try:
+        cycle.run(DriveMode.HOMING, DriveState.HOMED)
+        assert cycle.feedback.position[0] == pytest.approx(0.0025, abs=1e-5)
+        cycle.run(DriveMode.POSITION, DriveState.ENERGIZED)
+        assert drive.targets[0][0] == pytest.approx(1024, abs=1)
+    finally:
+        cycle.close()
+
+
+def test_two_axes_of_one_node_move_each_by_its_own_objects(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    drive = make(eds(axes=2), positions=(100, 2000))
+    first = machine_on(hub.address(), [1, 1], keys(tmp_path), own_keys=("", "node_axis = 1\npdo_node = 9"))
+    cycle = Cycle(watched.start(first), first, [drive])
+    try:
+        cycle.run(DriveMode.POSITION, DriveState.ENERGIZED)
+        cycle.run(DriveMode.POSITION, DriveState.ENERGIZED, 1)
+        assert (drive.targets[0][0], drive.targets[1][0]) == (100, 2000)
+        cycle.setpoints.position[1] += 0.01
+        until(lambda: bool(cycle.bus.exchange(cycle.setpoints)) and drive.position[1] > 6000, "motion")
+        assert drive.position[0] == 100
+        assert drive.position[1] == pytest.approx(2000 + 4096, abs=1)
+    finally:
+        cycle.close()
+
+
+def test_monitored_objects_are_mapped_and_shown(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    from mcserver.canopen.access import OperatorAccess
+
+    drive = make(eds())
+    machine = machine_on(
+        hub.address(),
+        [1],
+        keys(tmp_path, 'monitor = ["6079h:00 DC link voltage"]'),
+        bus="silence_cycles = 1000",
+    )
+    service = watched.start(machine)
+    access = OperatorAccess(service)
+    cycle = Cycle(service, machine, [drive])
+    try:
+        until(
+            lambda: bool(cycle.bus.exchange(cycle.setpoints)) and _shown(access) == 48000, "DC link voltage"
+        )
+    finally:
+        cycle.close()
+        access.close()
+
+
+def _shown(access: object) -> object:
+    (info,) = access.drives()  # type: ignore[attr-defined]
+    (shown,) = info.monitor
+    return shown.value
+
+
+def test_an_emergency_is_told_of_its_sender_although_a_dcf_gives_it_another_s_cob_id(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    text = eds(changes={0x1014: {"ParameterValue": "0x82"}, 0x1017: {"ParameterValue": "77"}})
+    text += "[2000]\nParameterName=Node-ID\nDataType=5\nAccessType=rw\nDefaultValue=1\nParameterValue=2\n"
+    drive = make(text)
+    make(eds(), node=2)
+    machine = machine_on(hub.address(), [1, 2], keys(tmp_path))
+    watched.start(machine)
+    assert drive.value(0x1014) == 0x81
+    assert drive.value(0x1017) == 200
+    assert not [write for write in drive.written if write[0] == 0x2000]
+    drive.emergency(0x3210)
+    event = watched.expect("drive.emergency")
+    assert (event.axis, event.code) == (0, "MC556")
+    # the same once more is no news, and that it is gone has no code
+    drive.emergency(0x3210)
+    drive.emergency(0x0000)
+    assert watched.expect("drive.emergency").code == ""
+
+
+def test_a_drive_that_says_it_has_no_csp_is_refused_with_what_it_has(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    make(eds(changes={0x6502: {"DefaultValue": "0x45"}}))
+    with pytest.raises(ConfigurationError, match=r'MC552.*6502h.*it has pp, pv, ip.*mode = "ip"'):
+        watched.start(machine_on(hub.address(), [1], keys(tmp_path)))
+    # the firmware may differ from the EDS
+    (tmp_path / "drive1.eds").write_text(eds())
+    with pytest.raises(DriveError, match=r"MC551.*6502h.*it has pp, pv, ip"):
+        watched.start(machine_on(hub.address(), [1], keys(tmp_path)))
+
+
+def test_a_mapping_that_is_not_that_of_the_eds_is_refused(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    make(eds(fixed=True, rpdos=((0x60400010,), (0x60400010, 0x607A0020), (0x60400010,), (0x60400010,))))
+    (tmp_path / "drive1.eds").write_text(eds(fixed=True))
+    with pytest.raises(DriveError, match=r"MC551.*160[12]h.* holds 0x"):
+        watched.start(machine_on(hub.address(), [1], keys(tmp_path)))
+
+
+def test_a_stopped_node_is_started_again(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    drive = make(eds())
+    watched.start(machine_on(hub.address(), [1], keys(tmp_path)))
+    drive.local.nmt.state = "STOPPED"
+    watched.expect("drive.rebooted")
+    watched.expect("drive.started")
+    assert drive.local.nmt.state == "OPERATIONAL"
+
+
+def test_objects_that_no_mode_needs_may_be_missing(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    assert U32 == 7
+    drive = make(eds(without=[0x60FF, 0x6061, 0x1014, 0x1005]))
+    more = keys(tmp_path).replace("heartbeat_ms = 200", "heartbeat_ms = 0")
+    machine = machine_on(hub.address(), [1], more, bus="silence_cycles = 1000")
+    cycle = Cycle(watched.start(machine), machine, [drive])
+    try:
+        cycle.run(DriveMode.POSITION, DriveState.ENERGIZED)
+    finally:
+        cycle.close()
