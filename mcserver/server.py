@@ -141,7 +141,7 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
             booted(machine, on_progress, stopping.is_set, take_over=options.take_over) as drives,
             contextlib.AsyncExitStack() as stack,
         ):
-            executor = ExecutorProcess(drives.machine)
+            executor = ExecutorProcess(drives.machine or machine)
             executor.launch()
             stack.callback(executor.stop)
             planning = ProcessPlanning(machine, executor)

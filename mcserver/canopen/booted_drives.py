@@ -33,8 +33,8 @@ class CanDrives:
         access: for operators. machine: with the process data that its drives have agreed to.
     """
 
-    def __init__(self, machine: Machine, loop: asyncio.AbstractEventLoop) -> None:
-        self.machine = machine
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.machine: Machine | None = None
         self.access: DriveAccess = NoDrives()
         self._loop = loop
         # the oldest go where nobody takes them
@@ -82,7 +82,8 @@ async def booted(
         RuntimeFault: MC424, MC550 … MC555, MC560.
         Stopped: ``stopping`` said so.
     """
-    drives = CanDrives(machine, asyncio.get_running_loop())
+    drives = CanDrives(asyncio.get_running_loop())
+    drives.machine = machine
     if not uses_can(machine):
         yield drives
         return

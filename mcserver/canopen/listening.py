@@ -18,6 +18,7 @@ from mcserver.errors import RuntimeFault
 
 MASTER = 127
 ROUND_S = 0.01
+ROUNDS_AFTER_SIGN = 10
 SHOWN = 6
 _FROM_MASTER = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)
 _FROM_DRIVE = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)
@@ -77,6 +78,9 @@ def refuse_other_masters(
         for bus in buses:
             found = (sign_of_master(identifier, bus) for identifier, _ in bus.port.drain())
             signs[bus.name].update(sign for sign in found if sign)
+        if any(signs.values()):
+            # enough to refuse; a little longer, so that it can be said what else is there
+            remaining = min(remaining, ROUNDS_AFTER_SIGN)
     heard = [(name, counted) for name, counted in signs.items() if counted]
     if heard:
         raise _other_master(heard, duration_s)

@@ -18,6 +18,7 @@ from tests.drives.fake_can import FakeBus
 
 Make = Callable[..., FakeDrives]
 LISTENS = ServiceTimes(SdoTimes(0.5, 2), BootTimes(appear_s=3.0, start_s=2.0), listen_s=0.05)
+PATIENT = ServiceTimes(SdoTimes(0.5, 2), BootTimes(appear_s=3.0, start_s=2.0), listen_s=20.0)
 
 
 def listening(port: FakeBus, *, foreign_sync: bool = False) -> Listening:
@@ -62,7 +63,7 @@ def test_a_server_does_not_reset_the_nodes_of_another_one(
     watched.start(machine_on(hub.address(), [1]))
     resets = drives[1].resets
     with pytest.raises(RuntimeFault, match=r"MC560.*bus left: the heartbeat of node 127"):
-        Watched().start(machine_on(hub.address(), [1]), LISTENS)
+        Watched().start(machine_on(hub.address(), [1]), PATIENT)
     assert drives[1].resets == resets
     assert drives[1].state is NmtState.OPERATIONAL
 
