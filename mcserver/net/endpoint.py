@@ -158,7 +158,7 @@ class MachineEndpoint:
         """Declares what clients may use, the liveliness token last."""
         keys, session, loop = self.keys, self._session, self._loop
         self._rpc = RpcServer(keys, Methods(service, jogging, checker, drives or NoDrives()).table())
-        queries: Inbox[zenoh.Query] = Inbox(loop, self._rpc.on_query, limit=QUERIES, refuse=zenoh.Query.drop)
+        queries: Inbox[zenoh.Query] = Inbox(loop, self._rpc.on_query, limit=QUERIES, refuse=self._rpc.refuse)
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
         tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)
         stops: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stop, service), limit=64)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -19,7 +20,8 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-BUDGET = 256
+# of one turn of the loop: the rest waits until the loop has been round
+BUDGET_S = 0.005
 
 
 class Inbox(Generic[T]):
@@ -73,14 +75,15 @@ class Inbox(Generic[T]):
     def _drain(self) -> None:
         self._woken = False
         items = self._items
-        for _ in range(BUDGET):
-            if not items:
-                return
+        until = time.monotonic() + BUDGET_S
+        while items:
             item = items.popleft()
             try:
                 self._deliver(item)
             except Exception as error:
                 self.failed.add(f"a message could not be handled: {error}", error)
+            if time.monotonic() >= until:
+                break
         # a burst does not keep the loop from its other work
         if items and not self._woken:
             self._woken = True

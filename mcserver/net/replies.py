@@ -1,7 +1,8 @@
 """Replies on their way out: a caller that takes none of them holds up nobody else's.
 
-A reply blocks while its caller's link is full, up to the time after which Zenoh closes that link. So replies
-never leave from the loop: a few threads send them, and each caller has at most one of these at a time.
+A reply blocks while its caller's link is full, up to the time after which Zenoh closes that link; so does
+giving a query up, which tells its caller that no reply comes. So neither is done in the loop: a few threads
+send, and each caller has at most one of these at a time.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ log = logging.getLogger(__name__)
 # more callers than this would have to be stuck at the same moment for another one to wait
 SENDERS = 16
 CALLER_REPLIES = 256
-# the largest replies (a simulation of a long program) are some MiB
-CALLER_BYTES = 32 * 1024 * 1024
+# of what waits behind the reply that is being sent, which may be larger: a simulation of a long program
+CALLER_BYTES = 4 * 1024 * 1024
 TOTAL_BYTES = 128 * 1024 * 1024
 
 Send = Callable[[], None]
@@ -30,7 +31,7 @@ class Outgoing(msgspec.Struct, frozen=True):
     """One reply that waits.
 
     Attributes:
-        size: of its payload [bytes]. send: sends it; may block. drop: gives it up; does not block.
+        size: of its payload [bytes]. send: sends it; may block. drop: gives it up; may block.
     """
 
     size: int
@@ -78,14 +79,31 @@ class ReplySender:
         self._idle = 0
         self._size = 0
         self._closed = False
+        self._discarded: queue.SimpleQueue[Send | None] = queue.SimpleQueue()
+        self._discarding = False
+
+    def has_room(self, caller: str) -> bool:
+        """Whether another reply to this caller would be taken: asked before any work is done for it."""
+        with self._lock:
+            lane = self._lanes.get(caller)
+            return lane is None or self._fits(lane, 0)
+
+    def discard(self, drop: Send) -> None:
+        """Give a query up without a reply; from any thread, without blocking."""
+        self.dropped += 1
+        self._discarded.put(drop)
+        with self._lock:
+            start = not self._discarding and not self._closed
+            self._discarding = self._discarding or start
+        if start:
+            threading.Thread(target=self._discard_all, name="reply-discard", daemon=True).start()
 
     def push(self, caller: str, reply: Outgoing) -> None:
         """Queue a reply; from any thread, without blocking."""
         with self._lock:
             taken = self._take(caller, reply)
         if not taken:
-            self.dropped += 1
-            reply.drop()
+            self.discard(reply.drop)
 
     def close(self) -> None:
         """Take no more; a thread that is blocked ends when its link does."""
@@ -98,7 +116,10 @@ class ReplySender:
             for _ in range(self._threads):
                 self._ready.put(None)
         for reply in waiting:
-            reply.drop()
+            self._discarded.put(reply.drop)
+        self._discarded.put(None)
+        if not self._discarding:
+            self._discard_all()
 
     def _take(self, caller: str, reply: Outgoing) -> bool:
         lane = self._lanes.get(caller)
@@ -106,7 +127,7 @@ class ReplySender:
             return False
         if lane is None:
             lane = self._lanes[caller] = _Lane(deque())
-        elif len(lane.replies) >= self._caller_replies or lane.size + reply.size > self._caller_bytes:
+        elif not self._fits(lane, reply.size):
             return False
         lane.replies.append(reply)
         lane.size += reply.size
@@ -117,6 +138,17 @@ class ReplySender:
                 self._threads += 1
                 threading.Thread(target=self._run, name=f"reply-{self._threads}", daemon=True).start()
         return True
+
+    def _fits(self, lane: _Lane, size: int) -> bool:
+        behind = lane.size - lane.replies[0].size
+        return len(lane.replies) < self._caller_replies and behind + size <= self._caller_bytes
+
+    def _discard_all(self) -> None:
+        while (drop := self._discarded.get()) is not None:
+            try:
+                drop()
+            except Exception:
+                log.exception("a query could not be given up")
 
     def _run(self) -> None:
         while True:

@@ -95,6 +95,13 @@ class RpcServer:
         """One query; it is dropped once it is answered."""
         key = str(query.key_expr)
         call = self._info if _RPC_CHUNK not in key else self._keys.call_of(key)
+        if call is self._info:
+            # nobody knows who asks: some lanes for all, so that one that is stuck leaves the others
+            self._info_lane = (self._info_lane + 1) % INFO_LANES
+        if not self._replies.has_room(self._lane_of(call or self._info)):
+            # it takes no replies: it may ask again, and no work is done for it until then
+            self.refuse(query)
+            return
         try:
             if call is None:
                 raise Refused(
@@ -106,6 +113,10 @@ class RpcServer:
             self._carry_out(query, call, self._method(key, call))
         except Exception as error:
             self._send(query, call or self._info, self._failed(key, error))
+
+    def refuse(self, query: zenoh.Query) -> None:
+        """Give a query up unanswered; from any thread."""
+        self._replies.discard(query.drop)
 
     async def close(self) -> None:
         """Cancel what is still being worked on."""
@@ -196,15 +207,13 @@ class RpcServer:
         return Answer(False, encode_error(error))
 
     def _send(self, query: zenoh.Query, call: Call, answer: Answer) -> None:
-        caller = call.client
-        if call is self._info:
-            # nobody knows who asks: some lanes for all, so that one that is stuck leaves the others
-            self._info_lane = (self._info_lane + 1) % INFO_LANES
-            caller = f"info/{self._info_lane}"
         self._replies.push(
-            caller,
+            self._lane_of(call),
             Outgoing(len(answer.payload), partial(self._reply, query, call, answer), query.drop),
         )
+
+    def _lane_of(self, call: Call) -> str:
+        return f"info/{self._info_lane}" if call is self._info else call.client
 
     def _reply(self, query: zenoh.Query, call: Call, answer: Answer) -> None:
         key = self._keys.info if call is self._info else self._keys.rpc(call.client, call.method)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 
 from mcserver.net.replies import Outgoing, ReplySender
@@ -36,16 +37,32 @@ def test_replies_of_one_caller_keep_their_order() -> None:
 
 
 def test_what_waits_for_one_caller_is_bounded_by_count_and_by_bytes() -> None:
-    sender = ReplySender(senders=1, caller_replies=3, caller_bytes=100)
+    sender = ReplySender(senders=1, caller_replies=3, caller_bytes=50)
     freed = threading.Event()
-    dropped: list[str] = []
-    sender.push("stuck", reply(40, send=lambda: freed.wait(LIMIT_S)))
+    dropped: queue.SimpleQueue[str] = queue.SimpleQueue()
+    assert sender.has_room("stuck")
+    # the one that is being sent may be of any size
+    sender.push("stuck", reply(4000, send=lambda: freed.wait(LIMIT_S)))
     sender.push("stuck", reply(40))
-    sender.push("stuck", reply(40, drop=lambda: dropped.append("bytes")))
+    sender.push("stuck", reply(40, drop=lambda: dropped.put("bytes")))
+    assert dropped.get(timeout=LIMIT_S) == "bytes"
+    assert sender.has_room("stuck")
     sender.push("stuck", reply(1))
-    sender.push("stuck", reply(1, drop=lambda: dropped.append("count")))
-    assert dropped == ["bytes", "count"]
+    assert not sender.has_room("stuck")
+    assert sender.has_room("another")
+    sender.push("stuck", reply(1, drop=lambda: dropped.put("count")))
+    assert dropped.get(timeout=LIMIT_S) == "count"
     assert sender.dropped == 2
+    freed.set()
+
+
+def test_giving_up_blocks_nobody_either() -> None:
+    sender = ReplySender()
+    freed, served = threading.Event(), threading.Event()
+    for _ in range(50):
+        sender.discard(lambda: freed.wait(LIMIT_S))
+    sender.push("honest", reply(send=served.set))
+    assert served.wait(LIMIT_S)
     freed.set()
 
 
@@ -68,4 +85,4 @@ def test_what_still_waits_at_the_end_is_dropped() -> None:
     sender.push("one", reply(drop=dropped.set))
     sender.close()
     freed.set()
-    assert dropped.is_set()
+    assert dropped.wait(LIMIT_S)
