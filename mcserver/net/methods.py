@@ -10,8 +10,10 @@ import msgspec
 
 from mcserver.canopen.views import DriveAccess, SdoTarget, SdoValue
 from mcserver.errors import ServiceError
+from mcserver.net import arming_messages as arming_wire
 from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
+from mcserver.net.arming_methods import ArmingMethods
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
 from mcserver.service.deferred import Deferred
@@ -44,6 +46,7 @@ class Methods:
         self._checker = checker
         self._drives = drives
         self._units = EdgeUnits(service.machine)
+        self._arming = ArmingMethods(service, checker)
 
     def table(self) -> dict[str, Method]:
         """All methods by name."""
@@ -60,6 +63,9 @@ class Methods:
             "reset": (wire.ResetRequest, self.reset),
             "estop": (wire.EstopRequest, self.estop),
             "sdo_write": (drive_wire.SdoWriteRequest, self.sdo_write),
+            "request_run": (arming_wire.RunRequestRequest, self._arming.request_run),
+            "run_armed": (arming_wire.RunArmedRequest, self._arming.run_armed),
+            "arm": (arming_wire.ArmRequest, self._arming.arm),
         }
         reading: dict[str, tuple[type[wire.Request], Handler]] = {
             "status": (wire.StatusRequest, self.status),
@@ -68,6 +74,7 @@ class Methods:
             "check": (wire.CheckRequest, self.check),
             "simulate": (wire.SimulateRequest, self.simulate),
             "drives": (drive_wire.DrivesRequest, self.drives),
+            "run_requests": (arming_wire.RunRequestsRequest, self._arming.requests),
             "sdo_read": (drive_wire.SdoReadRequest, self.sdo_read),
             "info": (wire.Request, self.info),
         }

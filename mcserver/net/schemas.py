@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from mcserver.net import drive_messages, messages
+from mcserver.net import arming_messages, drive_messages, messages
 from mcserver.net.keys import VERSION_CHUNK
 
 _ID = f"mc/{VERSION_CHUNK}"
@@ -22,7 +22,7 @@ def message_types() -> dict[str, type[msgspec.Struct]]:
     """Every message by name."""
     return {
         name: value
-        for name, value in sorted({**vars(messages), **vars(drive_messages)}.items())
+        for name, value in sorted({**vars(messages), **vars(drive_messages), **vars(arming_messages)}.items())
         if isinstance(value, type) and issubclass(value, msgspec.Struct) and value is not msgspec.Struct
     }
 

@@ -18,14 +18,17 @@ from mcserver.security.site import EVERY_MACHINE, Role, Site, User, machine_iden
 LOOKING = ("info", "status", "programs", "events")
 CHECKING = ("check", "simulate", "drives", "sdo_read")
 STOPPING = ("estop",)
+# an agent asks for runs that an operator arms, and may stop along the path
+ASKING = ("request_run", "run_armed", "run_requests", "hold", "abort")
+ARMING = ("arm", "run_requests")
 OPERATING = ("open", "submit", "close", "hold", "resume", "step", "abort", "override", "jog", "reset")
 ENGINEERING = ("sdo_write",)
 
 METHODS: dict[Role, tuple[str, ...]] = {
     Role.OBSERVER: LOOKING + STOPPING,
-    Role.AGENT: LOOKING + CHECKING + STOPPING,
-    Role.OPERATOR: LOOKING + CHECKING + STOPPING + OPERATING,
-    Role.ENGINEER: LOOKING + CHECKING + STOPPING + OPERATING + ENGINEERING,
+    Role.AGENT: LOOKING + CHECKING + STOPPING + ASKING,
+    Role.OPERATOR: LOOKING + CHECKING + STOPPING + OPERATING + ARMING,
+    Role.ENGINEER: LOOKING + CHECKING + STOPPING + OPERATING + ARMING + ENGINEERING,
 }
 MOVERS = frozenset({Role.OPERATOR, Role.ENGINEER})
 

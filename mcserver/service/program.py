@@ -73,6 +73,8 @@ class Program:
         self.closed = False
         self.held = False
         self.override = 1.0
+        # the greatest override that whoever armed the program allows
+        self.override_limit = float("inf")
         self.rejected = 0
         self.diagnostics: list[WireDiagnostic] = []
         self.fault: Fault | None = None

@@ -63,6 +63,8 @@ class MachineService:
         self.port = port
         self.options = options
         self.override = 1.0
+        # emergency stops asked for so far
+        self.stops = 0
         self._loop = asyncio.get_running_loop()
         self._table = ProgramTable(port, planning.planner, options, on_ack=on_ack, on_event=on_event)
         self._planning = planning
@@ -313,9 +315,9 @@ class MachineService:
         if program_id is None:
             self.override = ratio
         for program in chosen:
-            program.override = ratio
+            program.override = min(ratio, program.override_limit)
             if program.slot is not None:
-                self.port.override(program.slot, ratio)
+                self.port.override(program.slot, program.override)
         self.events.publish("override", program=program_id, percent=100.0 * ratio)
         return chosen
 
@@ -347,6 +349,7 @@ class MachineService:
 
     def emergency_stop(self, client: str, reason: str) -> None:
         """Latch the stop, here and in the executor; a stop that is latched already is confirmed again."""
+        self.stops += 1
         self.port.emergency_stop()
         if self._estop is not None:
             self._confirm_stop(self._estop)

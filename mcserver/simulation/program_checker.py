@@ -18,6 +18,8 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
+import msgspec
+
 from mcserver.errors import Diagnostic, Refused
 from mcserver.machine.machine_file import Machine
 
@@ -93,9 +95,12 @@ class ProgramChecker:
         """
         return await self._run(client, check_text, text, self._machine, positions)
 
-    async def simulate(self, client: str, text: str) -> dict[str, Any]:
-        """Make the object of ``mcserver simulate --json``. Raises as `check`."""
-        return await self._run(client, simulate_text, text, self._machine)
+    async def simulate(
+        self, client: str, text: str, positions: Mapping[int, float] | None = None
+    ) -> dict[str, Any]:
+        """Make the object of ``mcserver simulate --json``; ``positions`` as in `check`. Raises as `check`."""
+        machine = self._machine if positions is None else starting_at(self._machine, positions)
+        return await self._run(client, simulate_text, text, machine)
 
     def close(self) -> None:
         """End the workers, whatever they are at."""
@@ -233,3 +238,12 @@ def simulate_text(text: str, machine: Machine) -> dict[str, Any]:
     kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
     report: dict[str, Any] = simulation.simulate(text, machine, kinematics=kinematics).report
     return report
+
+
+def starting_at(machine: Machine, positions: Mapping[int, float]) -> Machine:
+    """Return the machine with its axes at other positions [m or rad], within their travel."""
+    axes = tuple(
+        msgspec.structs.replace(axis, initial_position=positions.get(axis.index, axis.initial_position))
+        for axis in machine.axes
+    )
+    return msgspec.structs.replace(machine, axes=axes)

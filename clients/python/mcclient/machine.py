@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from mcclient.arming import ArmingCalls
 from mcclient.calls import DEADLINE_S, Caller
 from mcclient.discovery import CONNECT_S, find_machine, new_client_id
 from mcclient.drives import DriveCalls
@@ -40,7 +41,7 @@ LONG_JOB_S = 120.0
 EVENTS_A_PAGE = 1000
 
 
-class Machine(DriveCalls):
+class Machine(ArmingCalls, DriveCalls):
     """A connected machine.
 
     Attributes:

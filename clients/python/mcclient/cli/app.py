@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from mcclient.cli import console, drives, look, operate, run, send, watch
+from mcclient.cli import arm, console, drives, look, operate, run, send, watch
 from mcclient.cli.output import exit_code_of, say, show_error
 from mcclient.errors import MotionError
 
@@ -66,6 +66,7 @@ def build_app() -> typer.Typer:
     app.command("jog", context_settings={"ignore_unknown_options": True})(operate.jog)
     app.command("reset")(operate.reset)
     app.command("estop")(operate.estop)
+    app.command("arm")(arm.arm)
     app.command("drives")(drives.drives)
     app.add_typer(drives.build_sdo_app(), name="sdo")
     return app

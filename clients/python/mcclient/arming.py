@@ -1,0 +1,50 @@
+"""Runs that an operator has to arm: ask for one, look at what waits, arm it, start what is armed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mcclient.calls import Caller
+from mcclient.wire import unpack
+
+LONG_S = 300.0
+
+
+class ArmingCalls:
+    """What `mcclient.Machine` offers of them; answers are the maps of docs/keyspace.md."""
+
+    _caller: Caller
+
+    async def request_run(self, text: str, name: str = "", axes: list[int] | None = None) -> dict[str, Any]:
+        """Ask for a run; the text is checked and simulated from where the axes stand, and nothing moves."""
+        return await self._ask("request_run", {"text": text, "name": name, "axes": axes}, LONG_S)
+
+    async def run_requests(self) -> list[dict[str, Any]]:
+        """List what waits for an operator, is armed, or was started lately."""
+        found: list[dict[str, Any]] = (await self._ask("run_requests", {}))["requests"]
+        return found
+
+    async def arm(self, sha256: str, *, seconds: float = 60.0, override: float = 100.0) -> dict[str, Any]:
+        """Allow a text to be started once.
+
+        Args:
+            sha256: of the text, or at least its first 8 digits.
+            seconds: how long it may be started. override: the greatest feed override [%].
+
+        Raises:
+            RequestRefused: MC570 nothing waits with this hash, MC575 who asked may not arm.
+        """
+        return await self._ask("arm", {"sha256": sha256, "seconds": seconds, "override": override})
+
+    async def run_armed(self, text: str) -> dict[str, Any]:
+        """Start an armed program.
+
+        Raises:
+            RequestRefused: MC571 not armed, or no longer; MC572 the axes have moved or are in use; MC573.
+        """
+        return await self._ask("run_armed", {"text": text}, 15.0)
+
+    async def _ask(self, method: str, fields: dict[str, Any], seconds: float = 5.0) -> dict[str, Any]:
+        reply = await self._caller.call(method, fields, deadline_s=seconds, attempt_s=seconds)
+        answer: dict[str, Any] = unpack(reply)
+        return answer

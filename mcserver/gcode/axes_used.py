@@ -1,0 +1,44 @@
+"""Find the axes that a program names or moves, tools' chains included; for leases."""
+
+from __future__ import annotations
+
+from mcserver.gcode.text.parser import scan_line
+from mcserver.gcode.text.source import split_lines
+from mcserver.gcode.text.syntax import Command
+from mcserver.gcode.text.words import Word
+from mcserver.machine.machine_file import Machine
+
+_ARC_AXES = frozenset((0, 1, 2))
+
+
+def axes_used(text: str, machine: Machine) -> tuple[int, ...]:
+    """Return the axes that a program may need, sorted.
+
+    An axis too many is possible, such as the letters of a tool's pose; one too few is not. Axis commands
+    without P act on what the program has leased and need none.
+    """
+    known = {axis.index for axis in machine.axes}
+    chains = {tool.number: tool.axes for tool in machine.tools}
+    found: set[int] = set()
+    for number, line in enumerate(split_lines(text), start=1):
+        for group in scan_line(line, number).groups:
+            for command in group:
+                found |= _axes_of(command, chains)
+    return tuple(sorted(found & known))
+
+
+def _axes_of(command: Command, chains: dict[int, tuple[int, ...]]) -> set[int]:
+    found: set[int] = set()
+    on_arc = False
+    for item in command.items:
+        if not isinstance(item, Word) or item.value != item.value:
+            continue
+        if item.axis >= 0:
+            found.add(item.axis)
+        elif item.letter == "T":
+            found.update(chains.get(int(item.value), ()))
+        elif item.letter in "IJKR":
+            on_arc = True
+        elif item.letter == "P" and command.spec is not None and command.spec.operation is not None:
+            found.add(int(item.value))
+    return found | _ARC_AXES if on_arc else found

@@ -1,0 +1,220 @@
+"""Programs that are asked for and that an operator has to arm: this very text, once, for a limited time.
+
+A request moves nothing. It keeps the text, its simulation's extents and the positions that it starts from. An
+operator arms it by the text's hash; then the one who asked may start it, with the same text, once, before the
+time is over and while the axes stand where the simulation began. Pure bookkeeping: the clock is passed in.
+"""
+
+from __future__ import annotations
+
+import enum
+import hashlib
+from collections.abc import Callable, Mapping
+from collections.abc import Set as AbstractSet
+
+import msgspec
+
+from mcserver.errors import Refused
+
+MAX_REQUESTS = 16  # kept at once, of all clients
+CLIENT_REQUESTS = 4
+MAX_TEXT = 256 * 1024  # characters
+WAIT_S = 3600.0  # a request that nobody arms is forgotten after this time
+MAX_ARMED_S = 3600.0
+LEAST_HASH = 8  # hexadecimal digits that name a text
+
+
+class RunState(enum.Enum):
+    """Where a request stands."""
+
+    WAITING = "waiting"
+    ARMED = "armed"
+    STARTED = "started"
+
+
+class Extent(msgspec.Struct, frozen=True):
+    """Least and greatest setpoint of an axis [mm or deg]."""
+
+    axis: int
+    low: float
+    high: float
+    unit: str
+
+
+class RunRequest(msgspec.Struct, frozen=True):
+    """A program that waits for an operator.
+
+    Attributes:
+        client: who asked and alone may start it. sha256: of the text in UTF-8.
+        axes: the only axes that it may move.
+        start: positions of those axes that the simulation began from [m or rad].
+        until: end of the wait, or of the arming [s of the clock].
+        override: the greatest feed override that the operator allows, 1 as programmed.
+        operator: who armed it.
+    """
+
+    client: str
+    sha256: str
+    text: str
+    name: str
+    axes: tuple[int, ...]
+    start: Mapping[int, float]
+    duration_s: float
+    extents: tuple[Extent, ...]
+    until: float
+    state: RunState = RunState.WAITING
+    override: float = 1.0
+    operator: str = ""
+
+
+def hash_of(text: str) -> str:
+    """Return the SHA-256 of a text in UTF-8, hexadecimal."""
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def user_of(client: str) -> str:
+    """Return the user of a client id: what stands before its first dot."""
+    return client.partition(".")[0]
+
+
+class Arming:
+    """The requests of one machine.
+
+    Args:
+        clock: monotonic [s].
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._requests: dict[str, RunRequest] = {}
+
+    def requests(self) -> list[RunRequest]:
+        """Return what waits, is armed, or was started lately; the oldest first."""
+        self._forget()
+        return list(self._requests.values())
+
+    def check_room(self, client: str, text: str) -> None:
+        """Refuse a request that cannot be kept.
+
+        Raises:
+            ServiceError: MC574 too many wait, or the text is too long.
+        """
+        self._forget()
+        if len(text) > MAX_TEXT:
+            raise Refused(
+                "MC574", f"the text is longer than {MAX_TEXT} characters", "an operator runs it: mcctl run"
+            )
+        others = {sha: each for sha, each in self._requests.items() if sha != hash_of(text)}
+        own = sum(each.client == client for each in others.values())
+        if len(others) >= MAX_REQUESTS or own >= CLIENT_REQUESTS:
+            raise Refused("MC574", "too many requests wait for an operator", "wait until they are over")
+
+    def request(self, wanted: RunRequest) -> RunRequest:
+        """Keep a request; a repeated one waits for an operator anew.
+
+        Raises:
+            ServiceError: MC573 another client waits with the same text; MC574 as `check_room`.
+        """
+        self.check_room(wanted.client, wanted.text)
+        before = self._requests.get(wanted.sha256)
+        if before is not None and before.client != wanted.client:
+            raise Refused("MC573", "another client waits with the same text", "that client may start it")
+        kept = msgspec.structs.replace(wanted, until=self._clock() + WAIT_S, state=RunState.WAITING)
+        self._requests[wanted.sha256] = kept
+        return kept
+
+    def arm(self, operator: str, sha256: str, *, seconds: float, override: float) -> RunRequest:
+        """Allow a text to be started once.
+
+        Args:
+            sha256: of the text, or at least its first 8 digits.
+            seconds: how long it may be started.
+            override: the greatest feed override, 1 as programmed.
+
+        Raises:
+            ServiceError: MC570 nothing waits with this hash, MC575 who asked may not arm.
+        """
+        self._forget()
+        matching = [
+            each
+            for each in self._requests.values()
+            if len(sha256) >= LEAST_HASH
+            and each.sha256.startswith(sha256.lower())
+            and each.state is RunState.WAITING
+        ]
+        if len(matching) != 1:
+            raise Refused("MC570", f"no single program waits with the hash {sha256[:64]}", "see: mcctl arm")
+        (request,) = matching
+        if user_of(request.client) == user_of(operator):
+            raise Refused("MC575", "who asks for a run may not arm it", "another person has to look at it")
+        armed = msgspec.structs.replace(
+            request,
+            state=RunState.ARMED,
+            operator=operator,
+            override=override,
+            until=self._clock() + min(seconds, MAX_ARMED_S),
+        )
+        self._requests[request.sha256] = armed
+        return armed
+
+    def disarm(self) -> None:
+        """Take every arming back, as after an emergency stop."""
+        for sha, request in self._requests.items():
+            if request.state is RunState.ARMED:
+                self._requests[sha] = msgspec.structs.replace(request, state=RunState.WAITING)
+
+    def start(
+        self,
+        client: str,
+        text: str,
+        positions: Mapping[int, float],
+        tolerance: Mapping[int, float],
+        busy: AbstractSet[int],
+    ) -> RunRequest:
+        """Use an arming up and return it.
+
+        Args:
+            positions: where all axes stand [m or rad].
+            tolerance: how far each may be from where the simulation began [m or rad].
+            busy: axes that another program moves.
+
+        Raises:
+            ServiceError: MC571 not armed, or no longer; MC572 the axes have moved; MC573 another client's.
+        """
+        self._forget()
+        request = self._requests.get(hash_of(text))
+        if request is None:
+            raise Refused(
+                "MC571", "this very text is not armed", "ask with request_run; an operator arms it: mcctl arm"
+            )
+        if request.client != client:
+            raise Refused("MC573", "another client asked for this run", "only who asked may start it")
+        if request.state is not RunState.ARMED:
+            what = "was started already" if request.state is RunState.STARTED else "waits for an operator"
+            raise Refused("MC571", f"the program {what}", "an operator arms it, once: mcctl arm")
+        taken = sorted(busy & set(request.axes))
+        if taken:
+            raise Refused(
+                "MC572", f"the axes {', '.join(map(str, taken))} are in use", "wait for their program"
+            )
+        moved = [
+            axis
+            for axis, start in request.start.items()
+            if not abs(positions[axis] - start) <= tolerance[axis]
+        ]
+        if moved:
+            names = ", ".join(map(str, moved))
+            raise Refused(
+                "MC572",
+                f"the axes {names} no longer stand where the simulation began",
+                "request the run again",
+            )
+        started = msgspec.structs.replace(request, state=RunState.STARTED)
+        self._requests[request.sha256] = started
+        return started
+
+    def _forget(self) -> None:
+        """Drop what is over: an arming that ran out leaves nothing that could still be started."""
+        now = self._clock()
+        for sha in [sha for sha, request in self._requests.items() if now >= request.until]:
+            del self._requests[sha]
