@@ -21,6 +21,7 @@ from mcserver.cli import (
     doctor,
     drive_sim,
     fix,
+    gateway,
     grammar,
     lsp,
     machine,
@@ -77,6 +78,7 @@ def build_app() -> typer.Typer:
     app.command("plot")(plot.plot)
     app.command("view")(view.view)
     app.command("web")(web.web)
+    app.command("gateway")(gateway.gateway)
     app.command("doctor")(doctor.doctor)
     app.command("drive-sim")(drive_sim.drive_sim)
     app.add_typer(machine.build_app(), name="machine")

@@ -6,7 +6,6 @@ import asyncio
 import html
 import logging
 import signal
-import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,9 +21,10 @@ from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
-from mcserver.errors import ConfigurationError, ServiceError
+from mcserver.errors import ConfigurationError
 from mcserver.web.fleet import Fleet
 from mcserver.web.fleet_page import FleetPage
+from mcserver.web.listening import LOOPBACK, listen
 from mcserver.web.machine_page import MachinePage
 from mcserver.web.metrics import metrics_text
 from mcserver.web.sessions import COOKIE, Sessions, Visitor
@@ -32,7 +32,6 @@ from mcserver.web.users import read_users
 
 log = logging.getLogger(__name__)
 
-LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 MAX_FORM_BYTES = 4096
 STATIC = Path(__file__).parent / "static"
 
@@ -85,7 +84,7 @@ async def serve(options: WebOptions) -> None:
     sessions = Sessions(users, time.monotonic)
     fleet = Fleet(options.connect, options.config_file, options.folder)
     site = build_site(sessions, fleet, secure=options.certificate is not None, host=options.host)
-    listener = _listen(options.host, options.port)
+    listener = listen(options.host, options.port)
     server = uvicorn.Server(
         uvicorn.Config(
             site,
@@ -189,16 +188,6 @@ def _head() -> None:
     ui.colors(primary="#1d4ed8", positive="#166534", negative="#b91c1c", warning="#92400e")
     ui.add_head_html('<link rel="stylesheet" href="/mc-static/page.css"><html lang="en">')
     ui.add_body_html('<script src="/mc-static/page.js"></script>')
-
-
-def _listen(host: str, port: int) -> socket.socket:
-    try:
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        return socket.create_server((host, port), family=family, reuse_port=False)
-    except OSError as error:
-        raise ServiceError(
-            "MC065", f"{host}:{port} cannot be listened on: {error.strerror}", "give another --host or --port"
-        ) from error
 
 
 def _login_page(message: str) -> str:

@@ -26,6 +26,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("service", "simulation"),
     ("net", "plot"),
     ("view", "doctor", "web"),
+    ("gateway",),
     ("server",),
     ("cli",),
     ("__main__", "__init__"),

@@ -1,0 +1,361 @@
+"""One client of the gateway, with a Zenoh session of its own: leases and access rules see it as a client.
+
+It outlives its connection by `GRACE_S`: who comes back within it takes it up again, with its programs. After
+that its token goes, and its programs end as their ``on_disconnect`` says.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcclient.calls import Caller
+from mcclient.discovery import machines, new_client_id
+from mcclient.errors import MotionError, RequestRefused
+from mcclient.estop import send_until_confirmed
+from mcclient.keys import Keys, is_name, live_key
+from mcclient.presence import Presence
+from mcclient.transport import Arrived, Link, Subscription, endpoints_of
+
+from mcserver.gateway import frames
+from mcserver.gateway.tokens import Principal, role_for
+
+log = logging.getLogger(__name__)
+
+GRACE_S = 10.0
+# the client's own request numbers, apart from those that the gateway gives
+CLIENT_NUMBERS = 2**54
+CONNECT_S = 3.0
+LOOK_S = 1.0
+# of one client; what is more is refused with MC071
+CALLS_A_SECOND = 200.0
+CALLS_AT_ONCE = 400.0
+CALLS_UNDER_WAY = 64
+SUBSCRIPTIONS = 64
+MACHINES = 16
+LONG_CALLS_S = {"check": 120.0, "simulate": 120.0}
+CALL_S = 5.0
+# of messages that wait for a slow reader; the oldest of a topic that may be lost goes first
+WAITING_MESSAGES = 256
+WAITING_BYTES = 4 * 1024 * 1024
+LOSSY = frozenset({"state", "samples", "presence"})
+
+
+class SlowReader(Exception):
+    """What must not be lost cannot be delivered: the connection is closed, and the client asks again."""
+
+
+class Outbox:
+    """Frames that wait for the connection: bounded in number and bytes.
+
+    A message of a lossy topic makes room by being dropped, and the next one of its subscription says how many
+    were; for all others a full outbox is the end of the connection.
+    """
+
+    def __init__(self) -> None:
+        self._frames: deque[tuple[int | None, bytes]] = deque()
+        self._bytes = 0
+        self._missed: dict[int, int] = {}
+        self._arrived = asyncio.Event()
+        self._taken = asyncio.Event()
+        self.overrun = False
+
+    def put(self, frame: object) -> None:
+        """A reply, or a message that may not be lost."""
+        self._append(None, msgspec.msgpack.encode(frame))
+
+    def put_message(self, subscription: int, payload: bytes, *, lossy: bool) -> None:
+        if lossy and self._is_full:
+            self._drop_oldest(subscription)
+        missed = self._missed.pop(subscription, 0) if lossy else 0
+        frame = frames.Message(subscription, msgspec.Raw(payload), missed)
+        self._append(subscription if lossy else None, msgspec.msgpack.encode(frame))
+
+    async def take(self) -> bytes:
+        """The next frame. Raises SlowReader once something was lost that may not be."""
+        while not self._frames:
+            if self.overrun:
+                raise SlowReader
+            self._arrived.clear()
+            await self._arrived.wait()
+        if self.overrun:
+            raise SlowReader
+        _, frame = self._frames.popleft()
+        self._bytes -= len(frame)
+        self._taken.set()
+        return frame
+
+    async def room(self) -> None:
+        """Waits until replies fit: who does not read them is not read from."""
+        while self._is_full and not self.overrun:
+            self._taken.clear()
+            await self._taken.wait()
+
+    def clear(self) -> None:
+        """Forgets what waited for a connection that is gone."""
+        self._frames.clear()
+        self._missed.clear()
+        self._bytes, self.overrun = 0, False
+        self._taken.set()
+
+    @property
+    def _is_full(self) -> bool:
+        return len(self._frames) >= WAITING_MESSAGES or self._bytes >= WAITING_BYTES
+
+    def _append(self, subscription: int | None, frame: bytes) -> None:
+        if subscription is None and (
+            len(self._frames) >= 2 * WAITING_MESSAGES or self._bytes >= 2 * WAITING_BYTES
+        ):
+            self.overrun = True
+        else:
+            self._frames.append((subscription, frame))
+            self._bytes += len(frame)
+        self._arrived.set()
+
+    def _drop_oldest(self, subscription: int) -> None:
+        for index, (owner, frame) in enumerate(self._frames):
+            if owner is not None:
+                del self._frames[index]
+                self._bytes -= len(frame)
+                self._missed[owner] = self._missed.get(owner, 0) + 1
+                return
+        self._missed[subscription] = self._missed.get(subscription, 0) + 1
+
+
+class Budget:
+    """A token bucket: `CALLS_A_SECOND` in the long run, `CALLS_AT_ONCE` in a burst."""
+
+    def __init__(self) -> None:
+        self._tokens = CALLS_AT_ONCE
+        self._at = time.monotonic()
+
+    def take(self) -> bool:
+        now = time.monotonic()
+        self._tokens = min(CALLS_AT_ONCE, self._tokens + (now - self._at) * CALLS_A_SECOND)
+        self._at = now
+        if self._tokens < 1.0:
+            return False
+        self._tokens -= 1.0
+        return True
+
+
+class Peer:
+    """One machine as a session uses it."""
+
+    def __init__(self, link: Link, name: str, client: str) -> None:
+        self.presence = Presence(name)
+        self.keys = Keys(name, client)
+        self.caller = Caller(link, self.keys, self.presence)
+        self.token_declared = False
+        self.watch: Subscription | None = None
+
+
+class GatewaySession:
+    """A client's link, subscriptions and outbox.
+
+    Attributes:
+        client: its id in the key space. secret: takes the session up again.
+        outbox: what waits for the connection.
+    """
+
+    def __init__(self, link: Link, client: str, principal: Principal) -> None:
+        self.client = client
+        self.secret = secrets.token_urlsafe(24)
+        self.principal = principal
+        self.outbox = Outbox()
+        self.connection: object | None = None
+        self._link = link
+        self._peers: dict[str, Peer] = {}
+        self._subscriptions: dict[int, Subscription] = {}
+        self._budget = Budget()
+        self._tasks: set[asyncio.Task[None]] = set()
+        link.believe(lambda source: any(peer.presence.is_server(source) for peer in self._peers.values()))
+
+    @classmethod
+    async def open(
+        cls, connect: tuple[str, ...], config_file: Path | None, principal: Principal
+    ) -> GatewaySession:
+        """Connects to the motion servers.
+
+        Raises:
+            MotionError: MC530 nothing answers there.
+        """
+        link = await Link.open(endpoints_of(connect or None), timeout_s=CONNECT_S, config_file=config_file)
+        return cls(link, new_client_id(f"gw-{principal.name}"), principal)
+
+    async def close(self) -> None:
+        """Ends the link; the client's token goes with it."""
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._link.close()
+
+    # ------------------------------------------------------------ frames in
+
+    def handle(self, request: frames.Request) -> None:
+        """One frame of the client; whatever is wrong with it is answered."""
+        if isinstance(request, frames.Unsubscribe):
+            self._unsubscribe(request.id)
+            return
+        if len(self._tasks) >= CALLS_UNDER_WAY or not (
+            self._budget.take() or isinstance(request, frames.Estop)
+        ):
+            refusal = RequestRefused(
+                "MC071", "too many calls at once", "wait for the replies", details={"limit": CALLS_A_SECOND}
+            )
+            self._refuse(request.id, refusal)
+            return
+        task = asyncio.ensure_future(self._answer(request))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _answer(self, request: frames.Call | frames.Subscribe | frames.Estop | frames.Machines) -> None:
+        try:
+            value = await self._carry_out(request)
+        except MotionError as error:
+            self._refuse(request.id, error)
+        except Exception as error:
+            log.exception("a frame could not be handled")
+            self._refuse(
+                request.id, MotionError("MC516", f"the gateway made a mistake: {error}", "see its log")
+            )
+        else:
+            self.outbox.put(frames.Reply(request.id, True, value))
+
+    async def _carry_out(
+        self, request: frames.Call | frames.Subscribe | frames.Estop | frames.Machines
+    ) -> Any:
+        if isinstance(request, frames.Machines):
+            return await self.machine_names()
+        if isinstance(request, frames.Estop):
+            await self.emergency_stop(request.machine, request.reason)
+            return None
+        if isinstance(request, frames.Subscribe):
+            await self._subscribe(request)
+            return None
+        payload = await self.call(request.machine, request.method, request.params, request.request)
+        return msgspec.Raw(payload)
+
+    async def call(
+        self, machine: str, method: str, params: dict[str, Any], request: int | None = None
+    ) -> bytes:
+        """A method's reply, as it came.
+
+        Raises:
+            MotionError: MC072 the role does not allow it; what `Caller.call` raises.
+        """
+        needed = role_for(method)
+        if self.principal.role < needed:
+            raise RequestRefused(
+                "MC072",
+                f"{method} needs the role {needed.name.lower()}, {self.principal.name} has a lesser one",
+                "use a token that has it",
+            )
+        if not is_name(method):
+            raise RequestRefused("MC501", f"there is no method {method!r}", "see `info`")
+        peer = await self.peer(machine)
+        if method == "open" and not peer.token_declared:
+            # before the first program: the server ends programs whose token has gone
+            self._link.declare_token(peer.keys.token)
+            peer.token_declared = True
+        limit = LONG_CALLS_S.get(method, CALL_S)
+        fields = {key: value for key, value in params.items() if key not in ("client", "request")}
+        if request is not None:
+            fields["request"] = CLIENT_NUMBERS + request
+        return await peer.caller.call(
+            method, fields, deadline_s=limit, attempt_s=min(limit, 2.0) if limit == CALL_S else limit
+        )
+
+    async def machine_names(self) -> list[str]:
+        """The machines that are there."""
+        return await machines(self._link, timeout_s=CONNECT_S)
+
+    async def emergency_stop(self, machine: str, reason: str) -> None:
+        """Stops a machine; returns once it has confirmed. Whoever may look may stop."""
+        peer = await self.peer(machine)
+        await send_until_confirmed(self._link, peer.keys, reason=reason, timeout_s=CALL_S)
+
+    async def peer(self, name: str) -> Peer:
+        """One machine, looked for on first use.
+
+        Raises:
+            MotionError: MC530 it is not there, MC537 it is no name, MC071 too many machines.
+        """
+        peer = self._peers.get(name)
+        if peer is None:
+            key = live_key(name)
+            if len(self._peers) >= MACHINES:
+                raise RequestRefused("MC071", f"{MACHINES} machines are in use", "use another connection")
+            peer = self._peers[name] = Peer(self._link, name, self.client)
+            peer.watch = self._link.watch_tokens(key, peer.presence.on_token)
+        if not await peer.presence.wait_online(LOOK_S):
+            raise MotionError(
+                "MC530", f"no machine {name!r} is there", "the frame `machines` lists those that are"
+            )
+        return peer
+
+    # ------------------------------------------------------------ subscriptions
+
+    async def _subscribe(self, request: frames.Subscribe) -> None:
+        if len(self._subscriptions) >= SUBSCRIPTIONS:
+            raise RequestRefused("MC071", f"{SUBSCRIPTIONS} subscriptions are open", "end some of them")
+        peer = await self.peer(request.machine)
+        keys, topic = peer.keys, request.topic
+        lossy = topic in LOSSY
+
+        def deliver(arrived: Arrived) -> None:
+            self.outbox.put_message(request.id, arrived.payload, lossy=lossy)
+
+        def deliver_presence(arrived: Arrived) -> None:
+            instance = arrived.key.rpartition("/")[2]
+            payload = msgspec.msgpack.encode({"online": not arrived.gone, "instance": instance})
+            self.outbox.put_message(request.id, payload, lossy=False)
+
+        self._unsubscribe(request.id)
+        kind, _, program = topic.partition("/")
+        if topic == "presence":
+            subscription = self._link.watch_tokens(keys.live, deliver_presence)
+        elif topic == "events":
+            subscription = self._link.subscribe_recovering(keys.event, deliver, limit=4096)
+        elif kind == "ack" and is_name(program):
+            subscription = self._link.subscribe(keys.ack(program), deliver, limit=64)
+        elif topic in LOSSY:
+            subscription = self._link.subscribe(
+                keys.state if topic == "state" else keys.samples, deliver, limit=256
+            )
+        else:
+            raise RequestRefused(
+                "MC073", f"there is no topic {topic!r}", "state, samples, events, presence or ack/{program}"
+            )
+        self._subscriptions[request.id] = subscription
+
+    def _unsubscribe(self, number: int) -> None:
+        subscription = self._subscriptions.pop(number, None)
+        if subscription is not None:
+            subscription.close()
+
+    def end_subscriptions(self) -> None:
+        """Ends all of them: their connection is gone, and a new one subscribes anew."""
+        for number in list(self._subscriptions):
+            self._unsubscribe(number)
+        self.outbox.clear()
+
+    def _refuse(self, number: int, error: MotionError) -> None:
+        self.outbox.put(frames.Reply(number, False, None, error_map(error)))
+
+
+def error_map(error: MotionError) -> dict[str, Any]:
+    """An error as the `ErrorReply` of the key space."""
+    return {
+        "code": error.code,
+        "message": error.message,
+        "hint": error.hint,
+        "details": dict(error.details),
+        "diagnostics": [msgspec.to_builtins(each) for each in error.diagnostics],
+    }

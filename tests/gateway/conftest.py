@@ -1,0 +1,80 @@
+"""A motion server on simulated axes, and a gateway to it: each one for all tests of this folder."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.servers import ROOT, ServerProcess, environment
+
+
+class GatewayProcess:
+    """``mcserver gateway`` as a process of its own."""
+
+    def __init__(self, endpoint: str, *options: str) -> None:
+        command = [sys.executable, "-m", "mcserver", "gateway", "--port", "0", "--connect", endpoint]
+        self.process = subprocess.Popen(
+            [*command, "--json", *options], stdout=subprocess.PIPE, text=True, env=environment(), cwd=ROOT
+        )
+        assert self.process.stdout is not None
+        self.url: str = json.loads(self.process.stdout.readline())["url"].rstrip("/")
+        self.ws = self.url.replace("http", "ws", 1) + "/v1/ws"
+
+    def close(self) -> None:
+        """Ends it in order; kills it where it does not end."""
+        self.process.terminate()
+        try:
+            self.process.wait(20.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+
+MACHINE = """
+[machine]
+name = "cell"
+""" + "".join(
+    f"""
+[[axis]]
+index = {index}
+type = "linear"
+max_velocity = 500.0
+max_acceleration = 5000.0
+drive = {{ kind = "ideal" }}
+"""
+    for index in range(3)
+)
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    folder = tmp_path_factory.mktemp("server")
+    (folder / "cell.toml").write_text(MACHINE, "utf-8")
+    made = ServerProcess(folder, str(folder / "cell.toml"), "cell")
+    made.start()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="session")
+def tokens(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """The token file, and a token for each role."""
+    from mcserver.gateway.tokens import add_token
+    from mcserver.web.users import Role
+
+    file = tmp_path_factory.mktemp("tokens") / "tokens"
+    return file, {role.name.lower(): add_token(file, role.name.lower(), role) for role in Role}
+
+
+@pytest.fixture(scope="session")
+def gateway(server: ServerProcess, tokens: tuple[Path, dict[str, str]]) -> Iterator[GatewayProcess]:
+    made = GatewayProcess(server.endpoint, "--tokens", str(tokens[0]), "--origin", "https://panel.example")
+    yield made
+    made.close()

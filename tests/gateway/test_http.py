@@ -1,0 +1,132 @@
+"""HTTP and JSON, and the OpenAPI description of it."""
+
+from __future__ import annotations
+
+import json
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.gateway.conftest import GatewayProcess
+
+Tokens = tuple[Path, dict[str, str]]
+
+
+def ask(gateway: GatewayProcess, path: str, token: str, body: object = None) -> tuple[int, Any]:
+    request = urllib.request.Request(
+        gateway.url + path,
+        None if body is None else json.dumps(body).encode(),
+        {"Authorization": f"Bearer {token}", "Content-Type": "application/json"},
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=60.0) as answer:
+            return answer.status, json.load(answer)
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, json.loads(error.read())
+
+
+def test_a_program_is_opened_filled_closed_and_finished(gateway: GatewayProcess, tokens: Tokens) -> None:
+    token = tokens[1]["operator"]
+    assert ask(gateway, "/v1/machines", token) == (200, ["cell"])
+    assert ask(gateway, "/v1/machines/cell/info", token)[1]["machine"] == "cell"
+    program = ask(gateway, "/v1/machines/cell/programs", token, {"name": "by http"})[1]["program"]
+    root = f"/v1/machines/cell/programs/{program}"
+    lines = {"first": 1, "lines": ["G1010", "G01 X5 F6000", "G01 X0"]}
+    assert ask(gateway, f"{root}/lines", token, lines)[1]["accepted"] == 3
+    assert ask(gateway, f"{root}/close", token, {"last": 3})[0] == 200
+    for _ in range(1000):
+        found = ask(gateway, "/v1/machines/cell/programs", token)[1]["programs"][0]
+        if found["state"] == "finished":
+            break
+    assert (found["program"], found["state"], found["done"]) == (program, "finished", 3)
+
+
+def test_a_text_is_checked_with_the_place_of_its_faults(gateway: GatewayProcess, tokens: Tokens) -> None:
+    status, answer = ask(
+        gateway, "/v1/machines/cell/check", tokens[1]["observer"], {"text": "G01 X1 F60\nG02 X9 R1"}
+    )
+    assert (status, answer["ok"]) == (200, False)
+    assert answer["diagnostics"][0]["line"] == 2
+
+
+@pytest.mark.parametrize(
+    ("path", "role", "body", "status", "code"),
+    [
+        ("/v1/machines/cell/hold", "observer", {}, 403, "MC072"),
+        ("/v1/machines/cell/status", "nobody", None, 401, "MC072"),
+        ("/v1/machines/nothere/status", "observer", None, 404, "MC530"),
+        ("/v1/machines/a*b/status", "observer", None, 400, "MC500"),
+        ("/v1/machines/cell/override", "operator", {"percent": 300}, 400, "MC500"),
+        ("/v1/machines/cell/abort", "operator", {"program": "none-such"}, 404, "MC503"),
+        ("/v1/machines/cell/programs", "operator", {"axes": [40]}, 400, "MC507"),
+    ],
+)
+def test_a_refusal_has_a_status_and_a_code(
+    gateway: GatewayProcess, tokens: Tokens, path: str, role: str, body: object, status: int, code: str
+) -> None:
+    answered, answer = ask(gateway, path, tokens[1].get(role, "x"), body)
+    assert (answered, answer["code"]) == (status, code)
+
+
+def test_the_emergency_stop_is_confirmed(gateway: GatewayProcess, tokens: Tokens) -> None:
+    assert ask(gateway, "/v1/machines/cell/estop", tokens[1]["observer"], {"reason": "test"})[0] == 200
+    assert ask(gateway, "/v1/machines/cell/status", tokens[1]["observer"])[1]["state"] == "estop"
+    assert ask(gateway, "/v1/machines/cell/reset", tokens[1]["operator"], {})[0] == 200
+
+
+def test_the_openapi_description_names_every_route(gateway: GatewayProcess, tokens: Tokens) -> None:
+    described = ask(gateway, "/openapi.json", tokens[1]["observer"])[1]
+    routes = {path.rpartition("/")[2] for path in described["paths"]}
+    assert {
+        "info",
+        "status",
+        "programs",
+        "check",
+        "simulate",
+        "lines",
+        "close",
+        "hold",
+        "resume",
+        "abort",
+        "estop",
+    } <= routes
+
+
+def test_random_requests_by_the_description_never_break_the_gateway(
+    gateway: GatewayProcess, tokens: Tokens
+) -> None:
+    schemathesis = pytest.importorskip("schemathesis", reason="schemathesis is not installed")
+    from hypothesis import HealthCheck, Phase, given, settings
+
+    described = ask(gateway, "/openapi.json", tokens[1]["observer"])[1]
+    schema = schemathesis.openapi.from_dict(described)
+    # an observer's token: nothing of what is made up here may move the machine
+    headers = {"Authorization": f"Bearer {tokens[1]['observer']}"}
+    limits = settings(
+        max_examples=8,
+        deadline=None,
+        database=None,
+        phases=[Phase.explicit, Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    asked = 0
+    for result in schema.get_all_operations():
+        operation = result.ok()
+        if operation.path.endswith(("estop", "simulate")):
+            continue
+
+        @limits
+        @given(case=operation.as_strategy())
+        def probe(case: Any) -> None:
+            nonlocal asked
+            asked += 1
+            answer = case.call(base_url=gateway.url, headers=headers)
+            assert answer.status_code < 500, (case.path, answer.status_code, answer.text)
+
+        probe()
+    assert asked > 20
+    assert gateway.process.poll() is None
