@@ -20,6 +20,9 @@ MAX_SHOWN_LINES = 60
 MAX_SHOWN_SOURCE = 60
 TIMES_WIDTH = 50
 
+# A line that takes this many times its requested time shows a reason.
+RAMPS_SHOWN = 1.0005
+
 
 def diagnostics_of(report: Mapping[str, Any]) -> list[Diagnostic]:
     """The diagnostics of a report as values."""
@@ -57,7 +60,7 @@ def _table_of_lines(lines: Sequence[Mapping[str, Any]], source_lines: Sequence[s
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("bound by", no_wrap=True)
     # the numbers come whole; a narrow terminal costs the program's text
-    bound = max(8, *(len(each["bound_by"] or "") for each in lines))
+    bound = max(8, *(len(_bound_of(each)) for each in lines))
     room = max(8, width - TIMES_WIDTH - bound)
     table.add_column("program", no_wrap=True, overflow="ellipsis", max_width=min(room, MAX_SHOWN_SOURCE))
     for each in lines:
@@ -69,10 +72,17 @@ def _table_of_lines(lines: Sequence[Mapping[str, Any]], source_lines: Sequence[s
             f"{each['end_s']:.3f}",
             _number(each["requested_s"]),
             _number(each["stretched_by"]),
-            each["bound_by"] or "",
+            _bound_of(each),
             Text(source),
         )
     return table
+
+
+def _bound_of(line: Mapping[str, Any]) -> str:
+    """Return what stretched a line: a limit, or under G94 the ramps to its speed and from it."""
+    if line["bound_by"]:
+        return str(line["bound_by"])
+    return "ramps" if (line["stretched_by"] or 1.0) >= RAMPS_SHOWN else ""
 
 
 def _table_of_axes(axes: Mapping[str, Mapping[str, Any]]) -> Table:

@@ -157,9 +157,9 @@ def _rapid(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
             return barrier
     _brake_captured(slot, slot.captured, left)
     slot.captured = 0
-    hold_position(cycle, control.axes & (bank.speed | bank.torque_mode), slot.index, slot.rapid_ramp, left)
+    hold_position(cycle, control.axes & (bank.speed | bank.torque_mode), slot.index, left)
     for column in bank.masks.columns(control.axes):
-        motions.move(column, slot.index, targets[column], left, slot.rapid_ramp)
+        motions.move(column, slot.index, targets[column], left, slot.rapid_rate)
     cycle.row.velocity[bank.masks.bools(control.axes & ~motions.mask)] = 0.0
     return None
 
@@ -183,10 +183,10 @@ def _speed(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
             return barrier
     turning = control.axes & bank.torque_mode
     for column in bank.masks.columns(turning):
-        hold_position(slot.cycle, 1 << column, slot.index, slot.rapid_ramp, left)
+        hold_position(slot.cycle, 1 << column, slot.index, left)
     bank.power(control.axes, DriveMode.VELOCITY)
     for column in bank.masks.columns(control.axes):
-        slot.cycle.motions.speed(column, slot.index, control.values[column], left, slot.rapid_ramp)
+        slot.cycle.motions.speed(column, slot.index, control.values[column], left)
     return None
 
 
@@ -265,10 +265,10 @@ def _halt(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Bar
         return None
     _check_lease(slot, control.axes)
     axes = control.axes & bank.energized
-    hold_position(cycle, axes & (bank.speed | bank.torque_mode), slot.index, slot.rapid_ramp, left)
+    hold_position(cycle, axes & (bank.speed | bank.torque_mode), slot.index, left)
     for column in bank.masks.columns(axes & motions.mask):
         if not motions.halting >> column & 1:
-            motions.halt(column, slot.index, slot.rapid_ramp, left)
+            motions.halt(column, slot.index, left)
     return AtRest(cycle, control.axes)
 
 

@@ -14,7 +14,6 @@ from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.independent import IndependentMotions
-from mcserver.executor.playback.rate import RateRamp
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import (
     CYCLE,
@@ -78,9 +77,6 @@ class Executor:
         self._reset_estop = self._estop_seen
         self._hold = False
         self._override = 1.0
-        # position motions that outlive their program
-        self._orphans = RateRamp(machine.cycle_s)
-        self._ramps = {-1: self._orphans, **{slot.index: slot.rapid_ramp for slot in self._slots}}
         self.late_cycles = 0
 
     @property
@@ -192,7 +188,7 @@ class Executor:
             if slot.running:
                 owned |= slot.axes
                 slot.stop(state)
-        stop_independent(self._cycle, self.bank.all & ~owned, -1, self._orphans)
+        stop_independent(self._cycle, self.bank.all & ~owned, -1)
 
     def _latch_estop(self) -> None:
         if self._cycle.estop:
@@ -233,13 +229,11 @@ class Executor:
     def _advance(self) -> None:
         for slot in self._used:
             slot.prepare()
-        motions, orphans = self.motions, self._orphans
-        if motions.mask:
-            wanted = 0.0 if self._hold else min(1.0, self._override)
-            orphans.begin_cycle()
-            if orphans.rate != wanted:
-                orphans.step(wanted, motions.slopes(-1, orphans.rate))
-        motions.advance(self._ramps)
+        # position motions that outlive their program follow the machine's orders
+        rates = {-1: 0.0 if self._hold else min(1.0, self._override)}
+        for slot in self._slots:
+            rates[slot.index] = slot.rapid_rate
+        self.motions.advance(rates)
         for slot in self._used:
             slot.advance()
 

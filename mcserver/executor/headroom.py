@@ -22,8 +22,6 @@ RATE_MAX = 2.0
 # Rows that are handed over ahead, as a multiple of what the longest stop passes: one stop of the rows' own,
 # and one of playback that leaves some of the limits to the rows.
 STOPS_AHEAD = 3.2
-# Largest change of the rate a second, where axes hardly move.
-SLOPE_MAX = 500.0
 
 
 @dataclass(frozen=True)

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from mcserver.drives.bus import DriveMode
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.playback.rate import RateRamp
 
 # A speed command's setpoint is kept where its encoder is no further behind than the axis goes in this time
 # [s].
 KEPT_LAG_S = 0.01
 
 
-def hold_position(cycle: Cycle, mask: int, slot: int, ramp: RateRamp, left: float = 0.0) -> None:
+def hold_position(cycle: Cycle, mask: int, slot: int, left: float = 0.0) -> None:
     """Brings axes in speed or torque mode to rest in position mode, within their limits.
 
     The setpoint goes on from the one before; where the encoder is far from it (a torque, or a speed that was
     never reached), from the encoder.
 
     Args:
-        slot: whose motion it is, -1: the machine's. ramp: the rate of its position motions.
+        slot: whose motion it is, -1: the machine's.
         left: what is left of the cycle [cycles].
     """
     bank, row, motions = cycle.bank, cycle.row, cycle.motions
@@ -33,7 +32,7 @@ def hold_position(cycle: Cycle, mask: int, slot: int, ramp: RateRamp, left: floa
         kept = bool(bank.speed & bit) and lag <= min(axis.max_following_error, axis.max_velocity * KEPT_LAG_S)
         bank.power(bit, DriveMode.POSITION)
         if kept:
-            motions.halt(column, slot, ramp, left, jerk=not cycle.estop)
+            motions.halt(column, slot, left, jerk=not cycle.estop)
             continue
         motions.drop(bit)
         row.setpoint[column] = row.actual[column]
@@ -41,13 +40,9 @@ def hold_position(cycle: Cycle, mask: int, slot: int, ramp: RateRamp, left: floa
         motions.halt_from(column, slot, state, left, jerk=not cycle.estop)
 
 
-def stop_independent(cycle: Cycle, mask: int, slot: int, ramp: RateRamp) -> None:
-    """Brings axes to rest that move by themselves, that hold a speed or a torque, or wait for their drives.
-
-    Args:
-        ramp: the rate of the position motions among them.
-    """
+def stop_independent(cycle: Cycle, mask: int, slot: int) -> None:
+    """Bring axes to rest that move by themselves, hold a speed or a torque, or wait for their drives."""
     bank, motions = cycle.bank, cycle.motions
     for column in bank.masks.columns(mask & motions.mask & ~bank.speed):
-        motions.halt(column, slot, ramp, jerk=not cycle.estop)
-    hold_position(cycle, mask & (bank.speed | bank.torque_mode), slot, ramp)
+        motions.halt(column, slot, jerk=not cycle.estop)
+    hold_position(cycle, mask & (bank.speed | bank.torque_mode), slot)

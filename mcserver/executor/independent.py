@@ -1,19 +1,20 @@
 """Independent motion: one Ruckig trajectory an axis, sampled each cycle (G00, G1020, G1030, stops).
 
 A trajectory is calculated once, from the axis's setpoint state at the exact moment of the command, so a
-command to a moving axis supersedes it within the axis's limits. Position motions pass time at the rate of
-feed hold and of overrides below 100 %; speed commands and stops do not.
+command to a moving axis supersedes it within the axis's limits. Feed hold and overrides below 100 % supersede
+position motions likewise: a hold by a stop, an override by its share of the axis's speed. So every order
+keeps velocity, acceleration and jerk. Speed commands and stops follow neither.
 """
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import math
 from collections.abc import Mapping
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
-from mcserver.executor.playback.rate import RateAccelerationLimits, RateRamp
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.machine.machine_file import Axis, Machine
 
@@ -45,9 +46,21 @@ class Motion:
     Attributes:
         slot: whose rate applies, -1: the machine's. elapsed: time on the trajectory [s].
         origin: position at which the trajectory starts. final: position and velocity at its end.
+        target: of a position motion. rate: share of the axis's speed that it is planned with; 0: it is held.
     """
 
-    __slots__ = ("column", "duration", "elapsed", "final", "kind", "origin", "slot", "trajectory")
+    __slots__ = (
+        "column",
+        "duration",
+        "elapsed",
+        "final",
+        "kind",
+        "origin",
+        "rate",
+        "slot",
+        "target",
+        "trajectory",
+    )
 
     def __init__(
         self,
@@ -66,6 +79,13 @@ class Motion:
         self.elapsed = 0.0
         self.origin = origin
         self.final = final
+        self.target = final[0]
+        self.rate = 1.0
+
+    @property
+    def held(self) -> bool:
+        """Whether it is a position motion that stands in feed hold."""
+        return self.kind is MotionKind.POSITION and self.rate <= 0.0 and self.elapsed >= self.duration
 
     def at(self, elapsed: float) -> State:
         """Position, velocity and acceleration on the trajectory."""
@@ -100,29 +120,28 @@ class IndependentMotions:
 
     # ------------------------------------------------------------------ commands
 
-    def move(self, column: int, slot: int, target: float, left: float, ramp: RateRamp) -> None:
-        """To a position; ``left``: what is left of this cycle [cycles], ``ramp``: the slot's rate."""
-        state = self.state(column, left, ramp)
+    def move(self, column: int, slot: int, target: float, left: float, rate: float) -> None:
+        """To a position; ``left``: what is left of this cycle [cycles], ``rate``: the slot's, up to 1."""
+        state = self.state(column, left)
         if column not in self._motions and state[0] == target:
             return
-        trajectory = self._to_position(column, state, target)
-        self._start(column, slot, MotionKind.POSITION, trajectory, state[0], target)
-        self._pass(self._motions[column], 0.5 * (ramp.at(left) + ramp.rate), ramp.rate, left)
+        self._go(column, slot, state, target, rate)
+        self._pass(self._motions[column], left)
 
-    def speed(self, column: int, slot: int, velocity: float, left: float, ramp: RateRamp) -> None:
+    def speed(self, column: int, slot: int, velocity: float, left: float) -> None:
         """To a speed, within the axis's limit of speed; it is held until superseded."""
         top = self._axes[column].max_velocity
         velocity = max(-top, min(top, velocity))
-        state = self.state(column, left, ramp)
+        state = self.state(column, left)
         trajectory = self._to_velocity(column, state, velocity, jerk=True)
         self._start(column, slot, MotionKind.SPEED, trajectory, state[0], velocity)
         self._guard(self._motions[column])
-        self._pass(self._motions[column], 1.0, 1.0, left)
+        self._pass(self._motions[column], left)
 
-    def halt(self, column: int, slot: int, ramp: RateRamp, left: float = 0.0, *, jerk: bool = True) -> None:
+    def halt(self, column: int, slot: int, left: float = 0.0, *, jerk: bool = True) -> None:
         """To standstill as soon as the limits allow; without ``jerk`` at full deceleration at once."""
         if column in self._motions:
-            self.halt_from(column, slot, self.state(column, left, ramp), left, jerk=jerk)
+            self.halt_from(column, slot, self.state(column, left), left, jerk=jerk)
 
     def halt_from(
         self, column: int, slot: int, state: State, left: float = 0.0, *, jerk: bool = True
@@ -130,7 +149,7 @@ class IndependentMotions:
         """To standstill from a given state, for instance that of a captured axis that coasts."""
         trajectory = self._to_velocity(column, state, 0.0, jerk=jerk)
         self._start(column, slot, MotionKind.HALT, trajectory, state[0], 0.0)
-        self._pass(self._motions[column], 1.0, 1.0, left)
+        self._pass(self._motions[column], left)
 
     def drop(self, mask: int) -> None:
         """Forgets motions; the setpoints stay where they are."""
@@ -147,18 +166,20 @@ class IndependentMotions:
 
     # ------------------------------------------------------------------ states
 
-    def state(self, column: int, left: float, ramp: RateRamp) -> State:
-        """The axis's setpoint state, ``left`` cycles before the end of this cycle."""
+    def state(self, column: int, left: float) -> State:
+        """Return the axis's setpoint state, ``left`` cycles before the end of this cycle."""
         motion = self._motions.get(column)
         if motion is None:
             return float(self._row.setpoint[column]), 0.0, 0.0
-        if motion.kind is not MotionKind.POSITION:
-            return motion.at(motion.elapsed - left * self._cycle)
-        pace = ramp.at(left)
-        passed = left * 0.5 * (pace + ramp.rate)
-        position, velocity, acceleration = motion.at(motion.elapsed - passed * self._cycle)
-        change = (ramp.rate - ramp.before) / self._cycle
-        return position, velocity * pace, acceleration * pace * pace + velocity * change
+        return motion.at(motion.elapsed - left * self._cycle)
+
+    def stands(self, slot: int) -> bool:
+        """Return whether all position motions of a slot stand in feed hold."""
+        return all(
+            motion.held
+            for motion in self._motions.values()
+            if motion.slot == slot and motion.kind is MotionKind.POSITION
+        )
 
     def end_left(self, mask: int) -> float:
         """How much of this cycle was left when the last of these axes came to rest [cycles]."""
@@ -174,55 +195,54 @@ class IndependentMotions:
                 mask |= 1 << motion.column
         return mask
 
-    def slopes(self, slot: int, rate: float) -> RateAccelerationLimits:
-        """How fast the rate of a slot's position motions may fall and rise [1/s]."""
-        slopes = RateAccelerationLimits()
-        for motion in self._motions.values():
-            if motion.slot != slot or motion.kind is not MotionKind.POSITION:
-                continue
-            limit = self._axes[motion.column].max_acceleration
-            for ahead in (0.0, self._cycle * rate, 2.0 * self._cycle * rate):
-                _, velocity, acceleration = motion.at(motion.elapsed + ahead)
-                slopes.limit(abs(velocity), math.copysign(1.0, velocity) * acceleration * rate * rate, limit)
-        return slopes
-
     # ------------------------------------------------------------------ the cycle
 
-    def advance(self, ramps: Mapping[int, RateRamp]) -> None:
-        """One cycle; ``ramps``: of position motions, by slot."""
+    def advance(self, rates: Mapping[int, float]) -> None:
+        """Step one cycle; ``rates``: of position motions, up to 1, by slot."""
         self.ended = 0
         self._left.clear()
         self.limited.clear()
         for motion in tuple(self._motions.values()):
-            if motion.kind is MotionKind.POSITION:
-                ramp = ramps[motion.slot]
-                self._pass(motion, ramp.mean, ramp.rate, 1.0)
-                continue
             if motion.kind is MotionKind.SPEED:
                 self._guard(motion)
-            self._pass(self._motions[motion.column], 1.0, 1.0, 1.0)
+            elif motion.kind is MotionKind.POSITION and rates[motion.slot] != motion.rate:
+                state = motion.at(motion.elapsed)
+                # where there is no such motion the one under way goes on, and the next cycle tries again
+                with contextlib.suppress(TrajectoryError):
+                    self._go(motion.column, motion.slot, state, motion.target, rates[motion.slot])
+            self._pass(self._motions[motion.column], 1.0)
 
-    def _pass(self, motion: Motion, pace: float, end_pace: float, share: float) -> None:
-        """Lets ``share`` of a cycle pass on a motion, and ends it where it is over.
+    def _go(self, column: int, slot: int, state: State, target: float, rate: float) -> None:
+        """Start a position motion from a state with a share of the axis's speed; 0: to a stop on the way."""
+        if rate > 0.0:
+            trajectory = self._to_position(column, state, target, rate)
+            self._start(column, slot, MotionKind.POSITION, trajectory, state[0], target)
+        else:
+            trajectory = self._to_velocity(column, state, 0.0, jerk=True)
+            rest = state[0] + trajectory.at_time(trajectory.duration)[0][0]
+            self._start(column, slot, MotionKind.POSITION, trajectory, state[0], rest)
+        self._motions[column].target = target
+        self._motions[column].rate = rate
 
-        Args:
-            pace: mean of the rate in that time. end_pace: at its end.
-        """
-        motion.elapsed += self._cycle * pace * share
+    def _pass(self, motion: Motion, share: float) -> None:
+        """Let ``share`` of a cycle pass on a motion, and end it where it is over."""
+        motion.elapsed += self._cycle * share
         column = motion.column
         position, velocity, _ = motion.at(motion.elapsed)
         row = self._row
         if motion.elapsed >= motion.duration and motion.kind is not MotionKind.SPEED:
-            over = (motion.elapsed - motion.duration) / (self._cycle * pace) if pace > 0.0 else 0.0
             row.setpoint[column] = motion.final[0]
             row.velocity[column] = 0.0
+            if motion.held and motion.final[0] != motion.target:
+                return
+            over = (motion.elapsed - motion.duration) / self._cycle
             del self._motions[column]
             self.ended |= 1 << column
             self._left[column] = min(over, share)
             self._remask()
             return
         row.setpoint[column] = position
-        row.velocity[column] = velocity * end_pace
+        row.velocity[column] = velocity
 
     def _start(
         self, column: int, slot: int, kind: MotionKind, trajectory: Trajectory, origin: float, goal: float
@@ -271,8 +291,9 @@ class IndependentMotions:
             return None
         return trajectory if result in (Result.Working, Result.Finished) else None
 
-    def _to_position(self, column: int, state: State, target: float) -> Trajectory:
+    def _to_position(self, column: int, state: State, target: float, rate: float = 1.0) -> Trajectory:
         wanted = self._input(column, state, jerk=True)
+        wanted.max_velocity = [self._axes[column].max_velocity * rate]
         way = target - state[0]
         # where two shapes of profile meet, rounding may find neither: a way next to it has one
         for share in _NEARBY:
@@ -313,10 +334,7 @@ class IndependentMotions:
 
 
 def _bounded_acceleration(axis: Axis, state: State) -> float:
-    """The acceleration of a state, no more than can be taken back before the speed is above its limit.
-
-    A trajectory's own acceleration is always less; that of a rate which rises in its midst may be more.
-    """
+    """Return the acceleration of a state, bounded so that it can be taken back within the axis's speed."""
     _, velocity, acceleration = state
     bound = axis.max_acceleration
     if velocity * acceleration > 0.0:

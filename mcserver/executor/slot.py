@@ -16,7 +16,6 @@ from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import NEAR_U, Playback
-from mcserver.executor.playback.rate import RateRamp
 from mcserver.executor.playback.rate_control import RateControl
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
@@ -48,7 +47,7 @@ class ProgramSlot:
         self.playback = Playback(ring, cycle.row, cycle.bank.masks, cycle.machine)
         self._queue = ControlQueue(ring, self.playback)
         self.ramp = RateControl(ring, self.playback, cycle.machine)
-        self.rapid_ramp = RateRamp(cycle.cycle_s)
+        self.rapid_rate = 1.0
         self.axes = 0
         self.u = 0.0
         self._state = SlotState.IDLE
@@ -122,7 +121,7 @@ class ProgramSlot:
         self._override = orders.override * machine.override
         if not self._started:
             self.ramp.jump(self._wanted(1.0))
-            self.rapid_ramp.jump(self._wanted(1.0))
+            self.rapid_rate = self._wanted(1.0)
         if orders.abort != (seen.abort if seen else 0):
             self.stop(SlotState.STOPPED)
         barrier = self.barrier
@@ -147,7 +146,7 @@ class ProgramSlot:
             self.barrier = None
             self.pending = None
             mask = self.cycle.motions.owned_by(self.index) | self.axes & ~self.cycle.motions.mask
-            stop_independent(self.cycle, mask, self.index, self.rapid_ramp)
+            stop_independent(self.cycle, mask, self.index)
         elif state is SlotState.FAULTED:
             self._stop_state = state
 
@@ -324,11 +323,7 @@ class ProgramSlot:
 
     def _step_rate(self) -> float:
         """Step the rates of this cycle; return the rows that u passes in it."""
-        rapid = self.rapid_ramp
-        wanted = self._wanted(1.0)
-        rapid.begin_cycle()
-        if rapid.rate != wanted:
-            rapid.step(wanted, self.cycle.motions.slopes(self.index, rapid.rate))
+        wanted = self.rapid_rate = self._wanted(1.0)
         ramp = self.ramp
         mean = ramp.rate
         if self.barrier is not None and self.playback.active:
@@ -380,7 +375,7 @@ class ProgramSlot:
     def _note_state(self) -> None:
         if isinstance(self.barrier, Paused):
             self.state = SlotState.PAUSED
-        elif self._held and self.rapid_ramp.rate <= STANDSTILL:
+        elif self._held and self.cycle.motions.stands(self.index):
             self.state = SlotState.HELD
         elif self._starved:
             self.state = SlotState.STARVED

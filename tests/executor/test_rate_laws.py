@@ -142,6 +142,28 @@ def test_any_sequence_of_orders_keeps_velocity_acceleration_and_jerk_on_the_path
     assert np.array_equal(rig.setpoint[-1], rows.position[-1])
 
 
+@settings(max_examples=16, deadline=None)
+@given(
+    jerk=st.sampled_from([None, JERK]),
+    orders=st.lists(st.tuples(st.integers(1, 60), st.sampled_from(ORDERS)), max_size=30),
+)
+def test_any_sequence_of_orders_keeps_the_limits_of_rapids(
+    jerk: float | None, orders: list[tuple[int, str | float]]
+) -> None:
+    rig = Rig(machine(jerk=None if jerk is None else 1000.0 * jerk))
+    rig.program.rapid({0: 0.5, 1: -0.2})
+    rig.program.wait(3)
+    rig.program.finish()
+    for cycles, order in orders:
+        rig.step(cycles)
+        give(rig, order)
+    give(rig, "resume")
+    give(rig, 1.0)
+    rig.run()
+    assert_limits(rig, jerk)
+    assert rig.setpoint[-1].tolist() == [0.5, -0.2]
+
+
 @pytest.mark.parametrize("jerk", [None, JERK])
 def test_a_hold_from_a_steady_speed_takes_no_longer_than_the_limits_ask(jerk: float | None) -> None:
     rig, _ = start("line", 0.2, jerk)
