@@ -42,6 +42,7 @@ _PROGRAM_NUMBER = re.compile(r"[ \t]*[O:][ \t]*[0-9]+[ \t]*\Z")
 _MACRO = re.compile(r"[ \t]*([A-Z_][A-Z_]{2,}[A-Z0-9_]*)(?![0-9.+-])")
 _HEAD = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?([GMT])[ \t]*([0-9]+(?:\.[0-9]+)?)")
 _REFERENCE_ONLY = re.compile(r",|G[ \t]*1[0-9]{3}\b")
+_FOREIGN = re.compile(r"[DEHLOQSdehloqs]")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
 _OFFSET_LETTERS = frozenset("IJKRP")
 
@@ -62,13 +63,15 @@ class ProfileReader:
         """Parse a line; faults are kept in `ParsedLine.faults`."""
         if number == 1:
             text = text.removeprefix(BOM)
-        parsed = scan_line(text, number)
-        if parsed.simple is not None:
-            return parsed
+        if not _FOREIGN.search(text):
+            # most lines of most programs are simple blocks of the reference
+            parsed = scan_line(text, number)
+            if parsed.simple is not None:
+                return parsed
         code = _blank(text).upper()
         if not code.strip():
             return _line(number, text, code, [], FaultList(number), ProfileWords())
-        return self._read(text, code, number) or parsed
+        return self._read(text, code, number) or scan_line(text, number)
 
     def _read(self, text: str, code: str, number: int) -> ParsedLine | None:
         """Parse a line with code; None for what only the reference has: comma groups and axis commands."""
