@@ -18,6 +18,7 @@ from mcclient.cli.output import as_plain, error_as_json, exit_code_of, narration
 from mcclient.cli.progress import Display, LiveDisplay, NoDisplay, PlainDisplay, Snapshot, duration
 from mcclient.cli.source import ProgramSource
 from mcclient.cli.tables import axes_text
+from mcclient.cli.timeline import RunClock, Timeline
 from mcclient.errors import (
     MotionError,
     NobodyAnswers,
@@ -85,6 +86,7 @@ class Job:
         self._display = self._choose_display()
         self._status: ProgramStatus | None = None
         self._behind = ""
+        self._clock: RunClock | None = None
         self._all_accepted = False
         self._rejection_shown = False
 
@@ -252,14 +254,30 @@ class Job:
         """Shows progress inside the block."""
         telemetry = asyncio.create_task(self._follow_telemetry(machine, program.id))
         shown = asyncio.create_task(self._show(machine, program))
+        simulated = asyncio.create_task(self._simulate_ahead(machine))
         self._display.start()
         try:
             yield
         finally:
-            for task in (telemetry, shown):
+            for task in (telemetry, shown, simulated):
                 task.cancel()
-            await asyncio.gather(telemetry, shown, return_exceptions=True)
+            await asyncio.gather(telemetry, shown, simulated, return_exceptions=True)
             self._display.stop()
+
+    async def _simulate_ahead(self, machine: Machine) -> None:
+        """Learn the times of the whole program from the server's simulation while it begins to run."""
+        path = Path(self._source.path)
+        if self._source.total is None or self._options.step or path.stat().st_size > CHECKED_BYTES:
+            return
+        try:
+            report = await machine.simulate(path.read_bytes().decode("utf-8"))
+        except (MotionError, UnicodeDecodeError):
+            # the run tells its own faults; the time left is estimated from the lines then
+            return
+        if not report["ok"]:
+            return
+        self._clock = RunClock(Timeline(report), self._options.from_line)
+        say(f"{self._source.name}: {duration(self._clock.total_s)} at 100 %")
 
     async def _follow_telemetry(self, machine: Machine, program: str) -> None:
         status: MachineStatus
@@ -280,6 +298,11 @@ class Job:
         first = self._options.from_line
         done = max(program.done_through, first - 1)
         line = max(done, status.line if status is not None else 0)
+        override = status.override if status is not None else 100.0
+        remaining = None
+        if self._clock is not None:
+            running = program.state == "running"
+            remaining = self._clock.observe(time.monotonic(), done, override, running=running)
         return Snapshot(
             state=program.state,
             first=first,
@@ -287,9 +310,11 @@ class Job:
             line=line,
             done=done,
             text=self._source.text_of(line) or "",
-            override=status.override if status is not None else 100.0,
+            override=override,
             elapsed_s=time.monotonic() - self._started_at,
             planned_s=status.eta_s if status is not None else None,
+            remaining_s=remaining,
+            share=None if self._clock is None else self._clock.fraction(),
             behind=self._behind,
             online=online,
         )

@@ -32,6 +32,7 @@ class Snapshot:
         first, total: numbers of the first and the last line; total None: not known.
         line: the line under way. done: the last one that has ended.
         planned_s: until the end of what is planned [s]; None: not known.
+        remaining_s: until the program's end, by its simulation [s]. share: of its time that has passed.
         behind: the programs that have the axes, and which; empty: it waits for none.
         online: the server is there.
     """
@@ -47,6 +48,8 @@ class Snapshot:
     planned_s: float | None = None
     behind: str = ""
     online: bool = True
+    remaining_s: float | None = None
+    share: float | None = None
 
     @property
     def shown_state(self) -> str:
@@ -57,14 +60,18 @@ class Snapshot:
 
     @property
     def fraction(self) -> float | None:
-        """Share of the lines that are done."""
+        """Share of the program's time that has passed; of its lines where the times are not known."""
+        if self.share is not None:
+            return self.share
         if self.total is None or self.total < self.first:
             return None
         return min(1.0, max(0.0, (self.done - self.first + 1) / (self.total - self.first + 1)))
 
     @property
     def eta_s(self) -> float | None:
-        """By the lines done so far, and at least what is planned."""
+        """By the program's simulation; without one by the lines done so far, and at least what is planned."""
+        if self.remaining_s is not None:
+            return self.remaining_s
         fraction = self.fraction
         by_lines = None
         if fraction is not None and fraction > 0.0:

@@ -1,0 +1,86 @@
+"""When each line of a program ends, as the server simulates it, and so how long a run still takes."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Mapping
+from itertools import accumulate
+from typing import Any
+
+
+class Timeline:
+    """Times of a whole program at 100 %.
+
+    Args:
+        report: the answer of the method ``simulate``, ``ok`` true.
+
+    Attributes:
+        duration_s: of the whole program [s].
+    """
+
+    def __init__(self, report: Mapping[str, Any]) -> None:
+        timed = sorted(
+            (int(each["line"]), float(each["start_s"]), float(each["end_s"])) for each in report["lines"]
+        )
+        self._lines = [line for line, _, _ in timed]
+        self._starts = [start for _, start, _ in timed]
+        self._ends = list(accumulate((end for _, _, end in timed), max))
+        self.duration_s = float(report["duration_s"])
+
+    def remaining_s(self, done: int, in_line_s: float = 0.0) -> float:
+        """Return the time from here to the program's end at 100 % [s].
+
+        Args:
+            done: the last line of which all before it, and itself, have ended.
+            in_line_s: for how long the lines behind it have run since then [s], at 100 %.
+        """
+        behind = bisect_right(self._lines, done)
+        reached = self._ends[behind - 1] if behind else 0.0
+        # a line that takes longer than it was simulated keeps the time at its end
+        limit = self._ends[behind] if behind < len(self._ends) else self.duration_s
+        return max(0.0, self.duration_s - min(reached + in_line_s, max(limit, reached)))
+
+    def start_of(self, line: int) -> float:
+        """Return when the first timed line from ``line`` on begins [s]."""
+        at = bisect_left(self._lines, line)
+        return self._starts[at] if at < len(self._starts) else self.duration_s
+
+
+class RunClock:
+    """Follows a run along its timeline: time passes while the program runs, at the rate of its override.
+
+    Args:
+        first: number of the first line that runs.
+    """
+
+    def __init__(self, timeline: Timeline, first: int) -> None:
+        self._timeline = timeline
+        self._done = first - 1
+        self._in_line_s = 0.0
+        self._seen_at: float | None = None
+        self.total_s = timeline.duration_s - timeline.start_of(first)
+
+    def observe(self, now: float, done: int, override: float, *, running: bool) -> float:
+        """Note how far the run is; return the time until its end at this override [s].
+
+        Args:
+            now: a clock [s]. done: the last line that has ended. override: [%].
+            running: False while it is held, paused or queued.
+        """
+        passed = 0.0 if self._seen_at is None else max(0.0, now - self._seen_at)
+        self._seen_at = now
+        if done > self._done:
+            self._done, self._in_line_s = done, 0.0
+        elif running:
+            self._in_line_s += passed * override / 100.0
+        return self.remaining_s() * 100.0 / max(override, 1.0)
+
+    def remaining_s(self) -> float:
+        """Return the time until the end at 100 % [s]."""
+        return self._timeline.remaining_s(self._done, self._in_line_s)
+
+    def fraction(self) -> float:
+        """Return the share of the run's time that has passed."""
+        if self.total_s <= 0.0:
+            return 1.0
+        return min(1.0, max(0.0, 1.0 - self.remaining_s() / self.total_s))

@@ -1,0 +1,98 @@
+"""The time left of a run, against the truth, over programs of all kinds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from mcclient.cli.progress import Snapshot
+from mcclient.cli.timeline import RunClock, Timeline
+
+from mcserver.machine.machine_file import builtin_text, parse_machine
+from mcserver.simulation.simulation import simulate
+from tests.cli.command import EXAMPLES
+
+IDEAL = parse_machine(builtin_text("cartesian").replace('kind = "simulated"', 'kind = "ideal"'))
+PROGRAMS = {
+    "arcs": (EXAMPLES / "arcs.gcode").read_text("utf-8"),
+    "one long line": "G1010\nG01 X1000 F3000",
+    "slow end": "G1010\n" + "G01 X10 F6000\nX0\n" * 20 + "G01 Y100 F600",
+    "dwells": "G1010\nG04 P2\nG01 X50 F600\nG04 P3\nG00 X0\nG04 P1",
+    "blending": "G1010\nG64 P0.1\n"
+    + "".join(f"G01 X{i % 7} Y{i % 5} F{600 + 90 * (i % 9)}\n" for i in range(80)),
+}
+
+
+@pytest.fixture(scope="module", params=sorted(PROGRAMS))
+def report(request: pytest.FixtureRequest) -> dict[str, Any]:
+    answer = simulate(PROGRAMS[request.param], IDEAL).report
+    assert answer["ok"], answer["diagnostics"]
+    return answer
+
+
+def done_at(report: dict[str, Any], time_s: float) -> int:
+    return max((each["line"] for each in report["lines"] if each["end_s"] <= time_s), default=0)
+
+
+@pytest.mark.parametrize("override", [100.0, 50.0])
+def test_the_time_left_is_true_at_10_50_and_90_percent(report: dict[str, Any], override: float) -> None:
+    clock = RunClock(Timeline(report), 1)
+    whole = report["duration_s"] * 100.0 / override
+    step = 0.1
+    asked = [round(whole * share / step) for share in (0.1, 0.5, 0.9)]
+    for count in range(asked[-1] + 1):
+        now = count * step
+        left = clock.observe(now, done_at(report, now * override / 100.0), override, running=True)
+        if count in asked:
+            assert left == pytest.approx(whole - now, abs=0.02 * whole)
+            assert clock.fraction() == pytest.approx(now / whole, abs=0.02)
+
+
+def test_the_whole_duration_is_known_at_the_start(report: dict[str, Any]) -> None:
+    clock = RunClock(Timeline(report), 1)
+    assert clock.observe(5.0, 0, 100.0, running=True) == pytest.approx(report["duration_s"], abs=0.01)
+
+
+def test_no_time_passes_while_a_program_is_held() -> None:
+    report = {"duration_s": 10.0, "lines": [{"line": 1, "start_s": 0.0, "end_s": 10.0}]}
+    clock = RunClock(Timeline(report), 1)
+    clock.observe(0.0, 0, 100.0, running=True)
+    assert clock.observe(4.0, 0, 100.0, running=True) == pytest.approx(6.0)
+    assert clock.observe(9.0, 0, 100.0, running=False) == pytest.approx(6.0)
+    assert clock.observe(10.0, 0, 50.0, running=True) == pytest.approx(11.0)
+
+
+def test_a_line_that_takes_longer_than_simulated_keeps_the_time_of_those_behind_it() -> None:
+    lines = [{"line": 1, "start_s": 0.0, "end_s": 2.0}, {"line": 3, "start_s": 2.0, "end_s": 6.0}]
+    clock = RunClock(Timeline({"duration_s": 6.0, "lines": lines}), 1)
+    clock.observe(0.0, 0, 100.0, running=True)
+    assert clock.observe(5.0, 0, 100.0, running=True) == pytest.approx(4.0)
+
+
+def test_a_run_from_a_later_line_has_the_time_of_the_rest() -> None:
+    lines = [{"line": n, "start_s": n - 1.0, "end_s": float(n)} for n in range(1, 11)]
+    clock = RunClock(Timeline({"duration_s": 10.0, "lines": lines}), 8)
+    assert clock.total_s == pytest.approx(3.0)
+    assert clock.observe(0.0, 7, 100.0, running=True) == pytest.approx(3.0)
+    assert clock.fraction() == pytest.approx(0.0)
+
+
+def test_a_program_without_times_is_over_at_once() -> None:
+    clock = RunClock(Timeline({"duration_s": 0.0, "lines": []}), 1)
+    assert clock.observe(0.0, 0, 0.0, running=True) == 0.0
+    assert clock.fraction() == 1.0
+
+
+def test_the_simulated_time_goes_before_every_estimate() -> None:
+    common = {
+        "state": "running",
+        "first": 1,
+        "total": 10,
+        "line": 2,
+        "done": 1,
+        "text": "",
+        "override": 100.0,
+    }
+    assert Snapshot(**common, elapsed_s=1.0, planned_s=2.0).eta_s == pytest.approx(9.0)  # type: ignore[arg-type]
+    known = Snapshot(**common, elapsed_s=1.0, planned_s=2.0, remaining_s=4.0, share=0.2)  # type: ignore[arg-type]
+    assert (known.eta_s, known.fraction) == (4.0, 0.2)
