@@ -25,7 +25,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("planning",),
     ("service", "simulation"),
     ("net", "plot"),
-    ("view", "doctor", "web"),
+    ("view", "doctor", "web", "security"),
     ("gateway",),
     ("server",),
     ("cli",),
