@@ -69,10 +69,16 @@ def test_mcctl_drives_shows_node_status_and_emergency(mcctl: Run) -> None:
     assert json.loads(mcctl("drives", "--json")[1])[0]["node"] == 5
 
 
+def test_mcctl_drives_watch_looks_again_and_again(mcctl: Run) -> None:
+    code, out, err = mcctl("drives", "watch", "--count", "2", "--interval", "0.05")
+    assert (code, err) == (0, "")
+    assert "operation enabled" in out
+
+
 def test_mcctl_sdo_reads_and_writes(mcctl: Run) -> None:
-    assert mcctl("sdo", "read", "2", "6041")[1] == "axis 2  6041h:00  u16  5687 (0x1637)\n"
+    assert mcctl("sdo", "read", "2", "6041")[1] == "axis 2 (node 5 on can0)  6041h:00  u16  5687 (0x1637)\n"
     assert mcctl("sdo", "write", "2", "2000:3", "-5", "--type", "i16")[1].startswith(
-        "axis 2  2000h:03  i16  -5"
+        "axis 2 (node 5 on can0)  2000h:03  i16  -5"
     )
     shown = json.loads(mcctl("sdo", "read", "2", "0x6041", "--json")[1])
     assert (shown["ok"], shown["value"], shown["raw"]) == (True, 0x1637, "3716")

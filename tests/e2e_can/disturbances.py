@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from mcclient import Machine, RequestRefused
 
-from mcserver.can.cob import Function
+from mcserver.can.cob import NMT, Function, NmtCommand
+from mcserver.can.open import open_port
 from mcserver.drives.node_watch import HEARTBEAT_PATIENCE
 from tests.e2e_can.bench import CYCLE_HZ, NODE, VICTIM
 from tests.e2e_can.cell import Cell
@@ -73,6 +74,19 @@ def ask(fault: str, **values: float) -> Act:
     return request
 
 
+def frame(identifier: int, payload: bytes) -> Act:
+    """A frame on the victim's bus, as another master or a faulty node would send it."""
+
+    def send(cell: Cell) -> None:
+        port = open_port(cell.addresses[0])
+        try:
+            port.send(identifier, payload)
+        finally:
+            port.close()
+
+    return send
+
+
 def reboot_with(fault: str, **values: float) -> Act:
     """The drive boots, and its configuration goes wrong."""
 
@@ -84,7 +98,7 @@ def reboot_with(fault: str, **values: float) -> Act:
 
 
 def nothing(_: Cell) -> None:
-    """It mends itself."""
+    """It ends by itself."""
 
 
 async def read_an_object(machine: Machine) -> str:
@@ -144,6 +158,14 @@ def disturbances(cycle_hz: float = CYCLE_HZ) -> tuple[Disturbance, ...]:
             ANSWER,
             returns=STARTED,
         ),
+        Disturbance(
+            "NMT stop by another master",
+            frame(NMT, bytes((NmtCommand.STOP, NODE))),
+            nothing,
+            ANSWER,
+            returns=STARTED,
+        ),
+        Disturbance("EMCY, no error any more", frame(Function.EMCY + NODE, bytes(8)), nothing, None),
         Disturbance("heartbeat stops", ask("heartbeat_stop"), CLEAR, overdue),
         Disturbance("shaft jams", ask("following_error"), CLEAR, Behind(VICTIM, FOLLOWING_MM)),
         Disturbance(

@@ -249,6 +249,16 @@ class Info:
 
 
 @dataclass(frozen=True, slots=True)
+class MonitoredValue:
+    """What the machine file shows of a drive (``monitor``); ``value`` None: none has come lately."""
+
+    name: str
+    value: int | float | bool | None = None
+    index: int = 0
+    subindex: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class DriveInfo:
     """One drive on a CAN bus.
 
@@ -273,6 +283,7 @@ class DriveInfo:
     emergency_age_s: float | None = None
     boot_ups: int = 0
     message: str = ""
+    monitor: tuple[MonitoredValue, ...] = ()
 
 
 SdoValue = bool | int | float | str

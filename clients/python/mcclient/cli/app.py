@@ -67,7 +67,7 @@ def build_app() -> typer.Typer:
     app.command("reset")(operate.reset)
     app.command("estop")(operate.estop)
     app.command("arm")(arm.arm)
-    app.command("drives")(drives.drives)
+    app.add_typer(drives.build_drives_app(), name="drives")
     app.add_typer(drives.build_sdo_app(), name="sdo")
     return app
 

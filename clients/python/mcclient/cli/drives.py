@@ -1,11 +1,14 @@
-"""Drives on CAN buses: ``drives``, ``sdo read``, ``sdo write``."""
+"""Drives on CAN buses: ``drives``, ``drives watch``, ``sdo read``, ``sdo write``."""
 
 from __future__ import annotations
 
+import asyncio
 import re
 from typing import Annotated
 
 import typer
+from rich.console import Group
+from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
@@ -34,13 +37,72 @@ _TYPES = (
 _STYLES = {"operational": "green", "booting": "yellow", "restarting": "yellow", "closed": "dim"}
 
 
-def drives(
+def build_drives_app() -> typer.Typer:
+    """``mcctl drives``, and ``mcctl drives watch``."""
+    app = typer.Typer(invoke_without_command=True)
+    app.callback()(drives)
+    app.command("watch")(watch)
+    return app
+
+
+def watch(
+    interval: Annotated[
+        float, typer.Option("--interval", metavar="S", min=0.05, help="Seconds between two looks.")
+    ] = 0.5,
+    count: Annotated[
+        int, typer.Option("--count", metavar="N", min=0, help="End after so many looks; 0: on Ctrl-C.")
+    ] = 0,
     machine: MachineOption = None,
     connect: ConnectOption = None,
     zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Every drive on a CAN bus: node, heartbeat, statusword, identity, last emergency."""
+    """Look at the drives again and again: states, emergencies, monitored objects."""
+
+    async def work() -> int:
+        looks = 0
+        async with Target(machine, connect, zenoh).open() as one:
+            with Live(console=results(), auto_refresh=False, transient=False) as live:
+                while not count or looks < count:
+                    if looks:
+                        await asyncio.sleep(interval)
+                    found = await one.drives()
+                    looks += 1
+                    if json:
+                        write_json(found)
+                    else:
+                        live.update(Group(drives_table(found), *monitor_lines(found)), refresh=True)
+        return looks
+
+    carry_out(work, json)
+
+
+def monitor_lines(drives: list[DriveInfo]) -> list[Text]:
+    """What machine files show of drives, and last emergencies: one line each."""
+    lines = []
+    for drive in drives:
+        for shown in drive.monitor:
+            value = "–" if shown.value is None else f"{shown.value:g}"
+            place = f"  ({shown.index:04X}h:{shown.subindex:02X})" if shown.index else ""
+            lines.append(Text(f"axis {drive.axis}: {shown.name} {value}{place}"))
+        if drive.emergency_code:
+            age = "" if drive.emergency_age_s is None else f" ({drive.emergency_age_s:.1f} s ago)"
+            lines.append(Text(f"axis {drive.axis}: emergency {drive.emergency}{age}"))
+        if drive.message:
+            lines.append(Text(f"axis {drive.axis}: {drive.message}"))
+    return lines
+
+
+def drives(
+    context: typer.Context,
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Every drive on a CAN bus: node, heartbeat, statusword, identity, last emergency, monitored objects."""
+    if context.invoked_subcommand is not None:
+        return
 
     async def work() -> tuple[str, list[DriveInfo]]:
         async with Target(machine, connect, zenoh).open() as one:
@@ -51,12 +113,8 @@ def drives(
         write_json(found)
     elif found:
         results().print(drives_table(found))
-        for drive in found:
-            if drive.emergency_code:
-                age = "" if drive.emergency_age_s is None else f" ({drive.emergency_age_s:.1f} s ago)"
-                results().print(f"axis {drive.axis}: emergency {drive.emergency}{age}", markup=False)
-            if drive.message:
-                results().print(f"axis {drive.axis}: {drive.message}", markup=False)
+        for line in monitor_lines(found):
+            results().print(line)
     else:
         say(f"{name}: no drive is on a CAN bus")
 
@@ -190,4 +248,5 @@ def _tell(found: SdoObject, as_json: bool) -> None:
         shown_value = f"{value} (0x{int.from_bytes(found.raw, 'little'):0{width}X})"
     else:
         shown_value = str(value)
-    results().print(f"axis {found.axis}  {place}  {found.type}  {shown_value}", markup=False)
+    who = f"axis {found.axis} (node {found.node} on {found.bus})"
+    results().print(f"{who}  {place}  {found.type}  {shown_value}", markup=False)
