@@ -7,6 +7,7 @@ an option nor the file names, but for the loopback default where neither says an
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,6 +18,9 @@ from mcserver.errors import ConfigurationError
 
 DEFAULT_LISTEN = ("tcp/127.0.0.1:7447",)
 LEASE_MS = 2000
+
+# "… at /home/…/net/runtime.rs:123."
+_SOURCE_PLACE = re.compile(r"\s*(?:\(?\bat\s+)?\S*/\S+\.rs:\d+(?::\d+)?\.?\)?")
 
 # What holds unless a file says otherwise. Each trades memory or a slow peer's patience for the others' time.
 SETTINGS: dict[str, object] = {
@@ -138,9 +142,16 @@ def _configuration(
             config.insert_json5(key, json.dumps(value))
     except zenoh.ZError as error:
         raise ConfigurationError(
-            "MC521", f"Zenoh refuses the configuration: {error}", "endpoints look like tcp/127.0.0.1:7447"
+            "MC521",
+            f"Zenoh refuses the configuration: {plain(error)}",
+            "endpoints look like tcp/127.0.0.1:7447",
         ) from error
     return config
+
+
+def plain(error: Exception) -> str:
+    """What an error of Zenoh says, without places in Zenoh's own sources."""
+    return _SOURCE_PLACE.sub("", str(error)).strip().rstrip(".")
 
 
 def has_free_port(endpoint: str) -> bool:
@@ -169,7 +180,7 @@ class _Written:
         except (zenoh.ZError, OSError, ValueError) as error:
             raise ConfigurationError(
                 "MC521",
-                f"{self._path} is no Zenoh configuration: {error}",
+                f"{self._path} is no Zenoh configuration: {plain(error)}",
                 "mcserver security init makes one: docs/security.md",
             ) from error
 

@@ -12,6 +12,7 @@ import msgspec
 import zenoh
 
 from mcserver.errors import ServiceError
+from mcserver.net.configuration import plain
 from mcserver.net.messages import ENCODING
 from mcserver.net.qos import Qos
 
@@ -75,7 +76,7 @@ class ZenohSession:
         except zenoh.ZError as error:
             raise ServiceError(
                 "MC522",
-                f"Zenoh cannot be opened: {error}",
+                f"Zenoh cannot be opened: {plain(error)}",
                 "is the port taken by another server? see --listen",
             ) from error
         return cls(session)
