@@ -88,12 +88,12 @@ $(BIN)/python:
 
 # pip ≥ 25.1 reads [dependency-groups]; the stamps are remade when a project file changes
 $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
-	$(PIP) install --quiet --editable '.[kinematics,plot]'
+	$(PIP) install --quiet --editable '.[plot]'
 	$(PIP) install --quiet --editable '$(SDK)[cli]'
 	@echo "compiling the planner, once for this computer"
 	@$(BIN)/python -m mcserver.motion.warm_up
 	@touch $@
 
 $(VENV)/.for-development: $(VENV)/.for-demo
-	$(PIP) install --quiet --editable '.[kinematics,plot,can,view,lsp]' --group dev
+	$(PIP) install --quiet --editable '.[plot,view,lsp]' --group dev
 	@touch $@

@@ -1,4 +1,4 @@
-; Lines, arcs by radius and by centre, and a full circle: the controller reference's listing, mended where
+; Lines, arcs by radius and by centre, and a full circle: the controller reference's listing, corrected where
 ; the printed text has letters for digits. Feed path 17 273.5 mm.
 G1010                        ; energize all axes
 G94 F30000                   ; millimetres per minute: 500 mm/s

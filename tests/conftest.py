@@ -28,6 +28,7 @@ REALTIME = (
     "e2e_can",
     "executor/test_process.py",
     "net",
+    "packaging",
     "planning/test_planner_process.py",
     "security",
     "socketcan",

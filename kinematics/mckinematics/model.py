@@ -11,17 +11,14 @@ import importlib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mckinematics.chain import Chain
+from mckinematics.description import AxisDescription, ToolDescription
 from mckinematics.errors import ModelError
 from mckinematics.pose import Array, BoolArray
-
-if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Axis
-    from mcserver.machine.tool_section import Tool
 
 
 @dataclass(frozen=True)
@@ -40,7 +37,7 @@ class RobotModel:
 
 
 def import_pinocchio() -> Any:
-    """The module Pinocchio, imported when a machine with tools asks for it, and SciPy, that the solver needs.
+    """Import Pinocchio when a machine with tools asks for it, and SciPy, which the solver needs.
 
     Raises:
         ModelError: one of them is not installed.
@@ -51,7 +48,7 @@ def import_pinocchio() -> Any:
     except ImportError as error:
         raise ModelError(
             f"tools need the packages pin (Pinocchio) and scipy, which cannot be imported: {error}",
-            "install it with: pip install 'mcserver[kinematics]'",
+            "install them with: pip install pin scipy",
         ) from error
 
 
@@ -103,7 +100,7 @@ def load_model(urdf: str) -> RobotModel:
     return RobotModel(urdf, links, model)
 
 
-def build_chain(robot: RobotModel, tool: Tool, axes: dict[int, Axis]) -> Chain:
+def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDescription]) -> Chain:
     """The chain from the base to a tool's frame.
 
     Args:
@@ -177,7 +174,7 @@ def build_chain(robot: RobotModel, tool: Tool, axes: dict[int, Axis]) -> Chain:
     )
 
 
-def _frame_id(pinocchio: Any, robot: RobotModel, tool: Tool) -> int:
+def _frame_id(pinocchio: Any, robot: RobotModel, tool: ToolDescription) -> int:
     # a link and a joint may share a name: the link is meant
     model = robot.pinocchio_model
     for kind in (pinocchio.FrameType.BODY, pinocchio.FrameType.FIXED_JOINT, pinocchio.FrameType.JOINT):
@@ -191,7 +188,7 @@ def _frame_id(pinocchio: Any, robot: RobotModel, tool: Tool) -> int:
     )
 
 
-def _limits(model: Any, joint: int, name: str, axis: Axis, tool: int) -> tuple[float, float]:
+def _limits(model: Any, joint: int, name: str, axis: AxisDescription, tool: int) -> tuple[float, float]:
     lower, upper = axis.min_position, axis.max_position
     if model.nqs[joint] == 1:
         place = model.idx_qs[joint]

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
+from mckinematics.description import MachineDescription
 from mckinematics.errors import ModelError
 from mckinematics.search import LIMIT_SLACK
 from mckinematics.solver import build_machine_tool, load_machine_model, refuse_shared_joints
 from mckinematics.text import joint_text
 from mckinematics.tool import Targets, ToolModel
-
-if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Machine
 
 # a start whose smallest singular value is below this leaves only few paths
 POOR_CONDITIONING = 0.01
@@ -39,7 +37,7 @@ class Finding:
     code: str = ModelError.code
 
 
-def check_machine(machine: Machine) -> tuple[Finding, ...]:
+def check_machine(machine: MachineDescription) -> tuple[Finding, ...]:
     """Every fault of the machine's tools; empty if all fit or there are no tools.
 
     Faults: a missing or broken URDF, an unknown frame, another number or kind of joints than axes, limits
@@ -72,7 +70,7 @@ def _finding(error: ModelError) -> Finding:
     return Finding(error.message, error.hint, error.tool, error.axis)
 
 
-def _start_findings(machine: Machine, tool: ToolModel) -> list[Finding]:
+def _start_findings(machine: MachineDescription, tool: ToolModel) -> list[Finding]:
     chain = tool.chain
     start = {axis.index: axis.initial_position for axis in machine.axes}
     joints = np.array([start[axis] for axis in chain.axes])

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mckinematics.description import MachineDescription, ToolDescription
 from mckinematics.errors import ModelError
 from mckinematics.model import RobotModel, build_chain, load_model
 from mckinematics.path_solver import solve_tool_path
@@ -14,10 +14,6 @@ from mckinematics.pose import Array, JointPath, Pose, ToolPath, Triple
 from mckinematics.pose_solver import solve_target
 from mckinematics.rotation import euler_to_matrix, matrix_to_euler, rotation_vectors
 from mckinematics.tool import ToolModel, build_tool
-
-if TYPE_CHECKING:
-    from mcserver.machine.machine_file import Machine
-    from mcserver.machine.tool_section import Tool
 
 
 class MachineKinematics:
@@ -30,7 +26,7 @@ class MachineKinematics:
             `mckinematics.solution_check.check_machine` lists all that does not.
     """
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: MachineDescription) -> None:
         self._tools: dict[int, ToolModel] = {}
         if machine.tools:
             robot = load_machine_model(machine)
@@ -105,7 +101,7 @@ class MachineKinematics:
         return solve_tool_path(model, path, _column(model, joints))
 
 
-def load_machine_model(machine: Machine) -> RobotModel:
+def load_machine_model(machine: MachineDescription) -> RobotModel:
     """The machine's URDF.
 
     Raises:
@@ -116,7 +112,7 @@ def load_machine_model(machine: Machine) -> RobotModel:
     return load_model(machine.urdf)
 
 
-def build_machine_tool(robot: RobotModel, tool: Tool, machine: Machine) -> ToolModel:
+def build_machine_tool(robot: RobotModel, tool: ToolDescription, machine: MachineDescription) -> ToolModel:
     """One tool of the machine file over the loaded robot.
 
     Raises:

@@ -113,7 +113,7 @@ def _start(
         raise ConfigurationError(
             "MC016",
             f"drives on a CAN bus need the package {error.name}, which is not installed",
-            "pip install 'mcserver[can]'",
+            "pip install canopen python-can",
         ) from error
     service = CanopenService.start(
         machine, drives.on_event, on_progress, stopping=stopping, take_over=take_over

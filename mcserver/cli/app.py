@@ -20,6 +20,7 @@ from mcserver.cli import (
     check,
     doctor,
     drive_sim,
+    examples,
     fix,
     gateway,
     grammar,
@@ -79,6 +80,7 @@ def build_app() -> typer.Typer:
     app.command("view")(view.view)
     app.command("web")(web.web)
     app.command("gateway")(gateway.gateway)
+    app.command("examples")(examples.examples)
     app.command("doctor")(doctor.doctor)
     app.command("drive-sim")(drive_sim.drive_sim)
     app.add_typer(machine.build_app(), name="machine")

@@ -79,7 +79,7 @@ def drive_sim(
         from mcserver.drive_sim.from_machine import Choice, build_buses
     except ImportError as error:
         raise ConfigurationError(
-            "MC016", f"simulated drives need {error.name}", "pip install 'mcserver[can]'"
+            "MC016", f"simulated drives need {error.name}", "pip install canopen python-can"
         ) from error
     if realtime:
         _take_priority(realtime)

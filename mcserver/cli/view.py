@@ -75,10 +75,6 @@ def view(
         if not _installed("viser"):
             raise ConfigurationError("MC016", "mcserver view needs viser", "pip install 'mcserver[view]'")
         described = load_machine(machine)
-        if described.tools and not _installed("pinocchio"):
-            raise ConfigurationError(
-                "MC016", "the machine has tools, which need Pinocchio", "pip install 'mcserver[kinematics]'"
-            )
         kinematics = build_kinematics(described)
     shown = _Address(host, port, up.value, json)
     if file is not None:

@@ -33,10 +33,10 @@ class Package(msgspec.Struct, frozen=True):
 PACKAGES = (
     Package("eclipse-zenoh", "zenoh", "", "the network"),
     Package("ruckig", "ruckig", "", "independent motion"),
-    Package("pin", "pinocchio", "kinematics", "tools and inverse kinematics"),
-    Package("scipy", "scipy", "kinematics", "tools and inverse kinematics"),
-    Package("canopen", "canopen", "can", "CiA 402 drives"),
-    Package("python-can", "can", "can", "drives on a CAN bus"),
+    Package("pin", "pinocchio", "", "tools and inverse kinematics"),
+    Package("scipy", "scipy", "", "tools and inverse kinematics"),
+    Package("canopen", "canopen", "", "CiA 402 drives"),
+    Package("python-can", "can", "", "drives on a CAN bus"),
     Package("matplotlib", "matplotlib", "plot", "mcserver plot"),
 )
 

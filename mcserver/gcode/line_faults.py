@@ -53,7 +53,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC310": "there is no such tool",
         "MC311": "the tool takes no orientation",
         "MC312": "axes cannot be named while a tool is in force",
-        "MC313": "tools need the kinematics extra",
+        "MC313": "tools need inverse kinematics",
     }
 )
 

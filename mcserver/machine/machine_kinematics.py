@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-
 from mckinematics.errors import KinematicsError
 from mckinematics.solver import MachineKinematics
 
@@ -12,12 +10,12 @@ from mcserver.machine.machine_file import Machine
 
 
 def build_kinematics(machine: Machine) -> MachineKinematics | None:
-    """The tools' kinematics; None without tools, and without Pinocchio (the dialect says so at a T word).
+    """Return the tools' kinematics; None without tools.
 
     Raises:
-        ConfigurationError: MC301 the URDF or a tool's definition does not fit.
+        ConfigurationError: MC301 the URDF or a tool's definition does not fit, or Pinocchio is not installed.
     """
-    if not machine.tools or importlib.util.find_spec("pinocchio") is None:
+    if not machine.tools:
         return None
     try:
         return MachineKinematics(machine)

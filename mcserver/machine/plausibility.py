@@ -137,7 +137,7 @@ def _doubts_of_bus(machine: Machine, axis: Axis) -> list[Diagnostic]:
                     "MC022",
                     axis,
                     f"a {drive.kind} drive needs the package {module}",
-                    "pip install 'mcserver[can]'",
+                    "pip install canopen python-can",
                 )
             )
     address = parse_address(machine.bus_of(axis).address)

@@ -45,7 +45,7 @@ def measure() -> list[Figure]:
         from mcserver.canopen.service_bus import MASTER
         from mcserver.canopen.settings import settings_of
     except ModuleNotFoundError as error:
-        raise NotAvailable(f"{error.name} is not installed: pip install 'mcserver[can]'") from error
+        raise NotAvailable(f"{error.name} is not installed: pip install canopen python-can") from error
     with _simulated() as machine:
         times = []
         for _ in range(RUNS):

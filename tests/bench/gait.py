@@ -20,7 +20,7 @@ WAYPOINTS = 100
 def measure() -> list[Figure]:
     """One line: four tool paths solved from end to end, beside forward kinematics of as many poses."""
     if importlib.util.find_spec("pinocchio") is None:
-        raise NotAvailable("no Pinocchio: pip install 'mcserver[kinematics]'")
+        raise NotAvailable("no Pinocchio: pip install pin scipy")
     from mckinematics.solver import MachineKinematics
 
     machine = load_machine("robot-dog")

@@ -19,7 +19,7 @@ STROKES = {
 def measure() -> list[Figure]:
     """Each stroke solved and evaluated at its 1000 waypoints; the peers solve each waypoint from the last."""
     if importlib.util.find_spec("pinocchio") is None:
-        raise NotAvailable("no Pinocchio: pip install 'mcserver[kinematics]'")
+        raise NotAvailable("no Pinocchio: pip install pin scipy")
     from tests.bench.strokes import WAYPOINTS, DensePinocchio, kdl, largest_error, solve, stroke
 
     figures = []

@@ -171,4 +171,4 @@ def test_missing_packages_are_told_with_the_command_that_brings_them(hub: Runnin
     )
     assert done.returncode == 3
     assert "error[MC016]" in done.stderr
-    assert "pip install 'mcserver[can]'" in done.stderr
+    assert "pip install canopen python-can" in done.stderr

@@ -110,4 +110,4 @@ def test_without_pinocchio_the_package_to_install_is_named(
     assert run_command_line(["machine", "check", "arm6"]) == 3
     said = capsys.readouterr().err
     assert "error[MC301]" in said
-    assert "mcserver[kinematics]" in said
+    assert "pip install pin scipy" in said

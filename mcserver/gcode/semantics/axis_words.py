@@ -117,7 +117,7 @@ def apply_tool_word(block: BlockState, word: Word) -> None:
             "MC313",
             f"{word.shown} needs inverse kinematics, which is not installed",
             block.span(word),
-            f"install the extra 'mcserver[kinematics]'; the machine's tools are {known}",
+            f"pip install pin scipy; the machine's tools are {known}",
         )
         block.change(tool=ASSUMED_TOOL)
         return
