@@ -26,6 +26,7 @@ from mcserver.motion.lookahead.parallel_groups import sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
+from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
 from mcserver.units import AxisType
 
 # Segments that come into the window between two plans of a stream, and the most that it holds: enough for any
@@ -56,13 +57,17 @@ class MotionPlanner:
         # how what is left in the window was planned before the last segments came: it ends at rest
         self._reserve: PlannedRun | None = None
         self._left = WINDOW // 2
+        self._smoother = ChordSmoother(self._limits)
+        # lines that may be chords of a curve, and what of the curve at the window's end may still change
+        self._chords: list[Segment] = []
+        self._open: OpenCurve | None = None
         self._active = 0
         self._announced = 0
 
     @property
     def pending(self) -> int:
-        """Number of segments in the window."""
-        return len(self._window.table)
+        """Number of segments in the window, and of lines that wait to come into it."""
+        return len(self._window.table) + len(self._chords)
 
     @property
     def full(self) -> bool:
@@ -80,6 +85,7 @@ class MotionPlanner:
     @property
     def end_u(self) -> float:
         """Where all that is in the window ends [cycles]."""
+        self._take_chords()
         if not self._window.table:
             return self.u
         try:
@@ -104,6 +110,13 @@ class MotionPlanner:
         segment.active = self._active
         self._plan = None
         segment.tolerance = 0.0 if from_rest else tolerance
+        if segment.tolerance > 0.0 and _may_be_chord(segment):
+            self._chords.append(segment)
+            return
+        self._take_chords()
+        self._append(segment, from_rest=from_rest)
+
+    def _append(self, segment: Segment, *, from_rest: bool = False) -> None:
         if segment.tolerance > 0.0 and self._window.table and self._round(segment):
             return
         self._window.append(segment, from_rest=from_rest)
@@ -117,6 +130,7 @@ class MotionPlanner:
         straight = StraightRun.of(run, self._slots, self.position)
         if straight is None:
             return False
+        self._take_chords()
         self._active |= straight.mask
         self._plan = None
         self._window.append_run(straight, self._active, from_rest=from_rest)
@@ -148,6 +162,71 @@ class MotionPlanner:
             self._reserve = None
         return True
 
+    def _take_chords(self) -> None:
+        """Let the lines that wait into the window, chords among them as parts of a curve."""
+        lines, self._chords = self._chords, []
+        if not lines:
+            return
+        table = self._window.table
+        curve, self._open = self._open, None
+        if curve is not None:
+            further = self._smoother.go_on(curve, lines)
+            if further is not None and self._put(len(table) - len(curve.chords), None, further):
+                return
+        last = table.segments[-1] if table else None
+        if last is None or not (last.closes and _may_be_chord(last)):
+            self._put(len(table), None, self._smoother.smooth(lines, rests=False))
+            return
+        rests = len(table) == 1 and self._window.entry == 0.0 and self._reserve is None
+        first, *items = self._smoother.smooth([last, *lines], rests=rests)
+        if isinstance(first, SmoothRun):
+            done = self._put(len(table) - 1, None, [first, *items])
+        else:
+            done = self._put(len(table), first, items)
+        if not done:
+            for line in lines:
+                self._append(line)
+
+    def _put(self, count: int, last: Segment | None, items: list[Item]) -> bool:
+        """Put items behind the first ``count`` segments of the window, where nothing else stays.
+
+        Args:
+            last: what is left of the last of these segments; None: all of it.
+
+        Returns:
+            False, and nothing changed, where the motion under way may not be able to stop on that.
+        """
+        table = self._window.table
+        touched = max(min(count, len(table) - 1), 0)
+        saved = table.save(touched)
+        reserve, self._reserve = self._reserve, None
+        table.truncate(count)
+        if last is not None and last is not table.segments[-1]:
+            table.replace(-1, last)
+        for item in items:
+            if isinstance(item, Segment):
+                self._append(item)
+                continue
+            for index, part in enumerate(item.parts):
+                if index > 0 or item.joined:
+                    self._window.append_smooth(part)
+                else:
+                    self._window.append(part)
+        if items and isinstance(items[-1], SmoothRun):
+            self._open = items[-1].open
+        if reserve is None or touched >= reserve.window:
+            self._reserve = reserve
+            return True
+        # the stop that is held in reserve runs to the end that was there: only a plan that is sure to hold
+        # may take its place
+        try:
+            self._plan = self._window.plan()
+        except PlanningError:
+            table.put_back(saved)
+            self._open, self._reserve = None, reserve
+            return False
+        return True
+
     def _solved(self) -> PlannedRun:
         """Return the velocity profile of all that is in the window.
 
@@ -172,6 +251,7 @@ class MotionPlanner:
         Returns:
             The output, to be taken in full before the next call; None where only the stop is left.
         """
+        self._take_chords()
         if not self._window.table:
             return None
         try:
@@ -188,6 +268,7 @@ class MotionPlanner:
         moment = plan.at_end(moment)
         rest = plan.after(moment)
         table.drop(int(plan.window_index[len(plan.segments) - len(rest.segments)]))
+        self._settle_curve()
         first = rest.segments[0]
         if first.begin > table.segments[0].begin:
             # what is left of a segment under way
@@ -199,6 +280,12 @@ class MotionPlanner:
         self._plan = None
         return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
 
+    def _settle_curve(self) -> None:
+        """What of the open curve is under way stays as it is."""
+        if self._open is not None:
+            under_way = len(self._open.chords) - len(self._window.table) + 1
+            self._open = self._open.without(max(under_way, 0))
+
     def _fall_back(self) -> Iterator[Piece]:
         """Commit the stop that was planned before the last segments came; they go on from there.
 
@@ -209,6 +296,7 @@ class MotionPlanner:
         if plan is None:
             raise PlanningError(self._window.table.segments[0].line)
         self._window.table.drop(plan.window)
+        self._open = None
         self._window.entry = 0.0
         self._reserve = None
         self._plan = None
@@ -217,6 +305,7 @@ class MotionPlanner:
 
     def close(self) -> Iterator[Piece]:
         """Commit all that is in the window, its stop included."""
+        self._take_chords()
         if not self._window.table:
             return iter(())
         try:
@@ -228,6 +317,7 @@ class MotionPlanner:
         # the row at the first whole cycle holds the target; what follows starts there
         self.u = float(whole_cycle(end))
         self._window = Lookahead(self._limits)
+        self._open = None
         self._plan = None
         mask = self._active
         self._active = 0
@@ -389,3 +479,8 @@ class MotionPlanner:
         )
         self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
         return sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle), runs, end
+
+
+def _may_be_chord(segment: Segment) -> bool:
+    """Whether a curve may stand for a segment: a line without a time of its own."""
+    return segment.straight and segment.duration is None

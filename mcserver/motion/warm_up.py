@@ -36,6 +36,7 @@ from mcserver.motion.lookahead.path_limits import AccelerationLimit
 from mcserver.motion.profile.setpoint_sampling import sample
 from mcserver.motion.profile.speed_ramps import min_time_profiles
 from mcserver.motion.profile.velocity_profile import join
+from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
 
 _SLOTS = {0: 0, 1: 1}
 # A helper that takes longer is not waited for [s].
@@ -101,6 +102,7 @@ def _call(*parts: Part) -> None:
     if Part.CORNERS in parts:
         _find_trajectories()
         _round_corners(limits)
+        _smooth_chords(limits)
 
 
 def _plan_lines(limits: AxisLimits) -> None:
@@ -167,6 +169,22 @@ def _round_corners(limits: AxisLimits) -> None:
         run = window.plan()
         assert run.timed.any()
         sample(run, 0.0, 1, math.ceil(run.phases.duration / limits.cycle), limits.cycle)
+
+
+def _smooth_chords(limits: AxisLimits) -> None:
+    """Chords of a curve."""
+    lines = []
+    position = np.zeros(2)
+    for number in range(1, 6):
+        end = (0.001 * number, 1e-5 * number * number)
+        line = LineCurve((0, 1), (float(position[0]), float(position[1])), end, 0.001)
+        lines.append(_segment(FeedGroup((line,), requested=0.01, speed=0.1), number, position))
+        lines[-1].tolerance = 1e-4
+    (curve,) = ChordSmoother(limits).smooth(lines, rests=True)
+    assert isinstance(curve, SmoothRun)
+    window = Lookahead(limits)
+    window.append(curve.parts[0])
+    sample(window.plan(), 0.0, 1, 10, limits.cycle)
 
 
 def main(part: str | None = None) -> None:

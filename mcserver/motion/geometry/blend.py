@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array, PolynomialCurve, SampledCurve
 from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
+from mcserver.motion.geometry.spline_curve import SplineCurve
 from mcserver.motion.kernels.junctions import length_of
 from mcserver.motion.kernels.polynomials import SAMPLES, polynomial_samples, power_basis, restrict_polynomial
 from mcserver.motion.kernels.straight_corner import (
@@ -85,7 +86,7 @@ def can_be_rounded(segment: Segment) -> bool:
     pose, G93 lines their time.
     """
     return segment.duration is None and not any(
-        isinstance(curve, SampledCurve | PolynomialCurve) for curve in segment.curves
+        isinstance(curve, SampledCurve | PolynomialCurve | SplineCurve) for curve in segment.curves
     )
 
 

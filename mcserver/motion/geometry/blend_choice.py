@@ -33,7 +33,8 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
                 found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, gain)
         return found
     best: Blend | None = None
-    from_rest, _ = _time(limits, [before, dataclasses.replace(after, tolerance=0.0)], fast=False)
+    whole = [before, dataclasses.replace(after, tolerance=0.0)]
+    from_rest, _ = _time(limits, whole, fast=False, stops=speed <= 0.0)
     least = math.inf
     if speed <= 0.0:
         least, _ = _time(limits, [before, after], fast=True)
@@ -71,15 +72,17 @@ def _gain_in_time(limits: AxisLimits, before: Segment, after: Segment) -> float:
     return 2.0 * behind.corner.blend_time - float(corner[0]) if len(corner) and behind.corner else 0.0
 
 
-def _time(limits: AxisLimits, parts: list[Segment], *, fast: bool) -> tuple[float, float]:
+def _time(
+    limits: AxisLimits, parts: list[Segment], *, fast: bool, stops: bool = False
+) -> tuple[float, float]:
     """Return the time of the parts from entry to rest [s], and the greatest speed on those in the middle.
 
     Args:
-        fast: from the speed that the first one could have, not from rest.
+        fast: from the speed that the first one could have, not from rest. stops: at every joint.
     """
     window = Lookahead(limits)
     for part in parts:
-        window.append(dataclasses.replace(part))
+        window.append(dataclasses.replace(part), from_rest=stops)
     top = float(window.table.columns.segment_vmax[1:-1].min(initial=math.inf))
     if fast:
         window.enter_fast()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup, PlainRun
-from mcserver.motion.geometry.curves import Array, Curve, LineCurve
+from mcserver.motion.geometry.curves import Array, Curve, LineCurve, SampledCurve
 from mcserver.units import MM
 
 _NOWHERE = np.zeros(0)
@@ -125,6 +125,11 @@ class Segment:
     def may_be_split(self) -> bool:
         """Whether it is planned in zones if it is long: lines without a T of their own."""
         return self.straight and self.duration is None
+
+    @property
+    def may_be_rounded(self) -> bool:
+        """Whether corners at its ends may be: tool paths keep their pose, G93 lines their time."""
+        return self.duration is None and not any(isinstance(curve, SampledCurve) for curve in self.curves)
 
     @property
     def extent(self) -> float:

@@ -20,6 +20,8 @@ VERTEX_SHARE = 0.5
 POLYLINE_TURN = 0.35
 # A joint that can be passed at no more than this many times max_acceleration·dt is a stop.
 CRAWL = 10.0
+# Where the jerk limit holds at vertices too: share of it that a step of velocity may ask for.
+STEP_JERK = 0.02
 # Tangents that differ by less than this share of an axis's acceleration are one tangent.
 _ONE_TANGENT = 1e-12
 
@@ -77,6 +79,7 @@ def junction_vmax_of(
     limits: Array,
     cycle: float,
     may_be_split: bool,
+    jerk_too: bool,
     samples: Array,
 ) -> tuple[float, float]:
     """Return the greatest speed over a junction, and what it demands of both sides.
@@ -84,7 +87,8 @@ def junction_vmax_of(
     Args:
         last, d2q_end: dp/ds and d²p/ds² at the end of the segment before, shape (K,). first, d2q_start: at
             the start of the one after. before_scale: of the one before.
-        may_be_split: whether both are planned in parts if they are long.
+        may_be_split: whether both are planned in parts if they are long. jerk_too: whether a step of the
+            velocity has to keep the jerk limits, and not only those of acceleration within a cycle.
         samples: shape (2, 5 K + 2), zeroed; written where the joint is passed with a bounded speed.
 
     Returns:
@@ -122,6 +126,13 @@ def junction_vmax_of(
             # many short segments: a polyline stands for a curve, and the speed is that of the curve
             speed = min(most, dense)
             isolated = False
+        if jerk_too:
+            for k in range(width):
+                step = abs(first[k] / scale - last[k] / before_scale)
+                # a step of velocity within a cycle is a third difference of step/dt²
+                smooth = STEP_JERK * limits[2, k] * cycle * cycle / max(step, TINY)
+                if smooth < speed:
+                    speed, isolated = smooth, True
         if isolated and speed < CRAWL * cycle * crawl_limit:
             return 0.0, 0.0
     sharpest = 0.0
@@ -186,7 +197,7 @@ def append_straight_junctions(
         if last_scale > 0.0:
             parts = may_be_split and last_in_parts
             speed, scale = junction_vmax_of(
-                last, d2q, last_scale, travels[i], still, limits, cycle, parts, vertex
+                last, d2q, last_scale, travels[i], still, limits, cycle, parts, False, vertex
             )
         if not scale > 0.0:
             scale = scales[i]

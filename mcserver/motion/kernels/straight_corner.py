@@ -164,7 +164,7 @@ def corner_time(corner: Corner, left: float, right: float, entry: float) -> tupl
     still = np.zeros(width)
     lines, samples = np.zeros((2, 5 * width + 2)), np.zeros((2, 5 * width + 2))
     end, begin = length_of(last), length_of(first)
-    speed, _ = junction_vmax_of(last, still, end, first, still, limits, corner.cycle, True, samples)
+    speed, _ = junction_vmax_of(last, still, end, first, still, limits, corner.cycle, True, True, samples)
     segment_vmax = np.empty(2)
     segment_vmax[0], _ = line_sample(last, end, limits, lines[:1])
     segment_vmax[1], _ = line_sample(first, begin, limits, lines[1:])

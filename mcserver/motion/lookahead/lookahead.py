@@ -8,6 +8,7 @@ the tangent is. Its nodes are the joints, each with the greatest speed at which 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -19,7 +20,7 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun
 from mcserver.motion.geometry.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
 from mcserver.motion.kernels.groups import START, Groups, Segments, group_segments
-from mcserver.motion.kernels.junctions import PrecedingEnd, append_straight_junctions
+from mcserver.motion.kernels.junctions import PrecedingEnd, append_straight_junctions, length_of
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
 from mcserver.motion.kernels.rest_vertices import slow_vertices
 from mcserver.motion.kernels.sample_limits import limit_junctions
@@ -103,6 +104,13 @@ class Lookahead:
             cap, segment.scale, vertex = met.speed, met.scale, met.samples
         samples, limit = samples_of(segment, self._limits)
         self.table.append(segment, cap, limit, samples, vertex)
+
+    def append_smooth(self, segment: Segment) -> None:
+        """Join a segment that continues the curve of the last one, with all derivatives by one parameter."""
+        last = self.table.segments[-1]
+        segment.scale = last.scale * length_of(segment.first) / length_of(last.last)
+        samples, limit = samples_of(segment, self._limits)
+        self.table.append(segment, math.inf, limit, samples, None)
 
     def append_run(self, run: StraightRun, active: int, *, from_rest: bool = False) -> None:
         """Append segments on end, as `append` does one by one."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array, LineCurve, PolynomialCurve, SampledCurve
 from mcserver.motion.geometry.segment import AxisLimits, Segment
+from mcserver.motion.geometry.spline_curve import SplineCurve
 from mcserver.motion.kernels.junctions import junction_vmax_of, line_sample
 from mcserver.motion.kernels.polynomials import KINDS, SAMPLES, limit_of, polynomial_samples
 from mcserver.motion.kernels.ramp_kernels import MAX_TABLE_ROWS
@@ -69,6 +70,11 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
         power[:, segment.columns[0]] = segment.curves[0].coefficients
         rows = np.zeros((SAMPLES, 5 * width + 2))
         polynomial_samples(power, segment.scale, rows, np.empty(SAMPLES))
+        return rows, speed_limit(rows, limits)
+    if isinstance(segment.curves[0], SplineCurve):
+        slope, bend, twist = segment.derivatives(segment.curves[0].samples(), width)
+        scale = segment.scale
+        rows = sample_rows(slope / scale, bend / scale**2, twist / scale**3)
         return rows, speed_limit(rows, limits)
     count = 2
     for curve in segment.curves:
@@ -152,6 +158,7 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
 
     The velocity of an axis may step by max_acceleration·dt, its acceleration by max_jerk·dt. Where that
     leaves less than a crawl, the motion stops there: a stop costs hardly more and keeps the jerk limit too.
+    Where a tolerance is given the jerk limit holds at the vertex as well: the tolerance is there to round it.
     """
     samples = np.zeros((2, 5 * len(before.last) + 2))
     speed, scale = junction_vmax_of(
@@ -163,6 +170,7 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         limits.rows,
         limits.cycle,
         before.may_be_split and after.may_be_split,
+        after.tolerance > 0.0 and before.may_be_rounded and after.may_be_rounded,
         samples,
     )
     if scale == 0.0:

@@ -44,6 +44,16 @@ class TableSnapshot:
     vertex_after: int
 
 
+@dataclass(frozen=True)
+class SavedSegments:
+    """Segments of a table from an index on, to put back in place of others."""
+
+    index: int
+    segments: list[Segment]
+    columns: tuple[NDArray[np.generic], ...]
+    samples: Array
+
+
 class SegmentTable:
     """Segments on end.
 
@@ -218,6 +228,41 @@ class SegmentTable:
         columns.vertex_after[-1] = snapshot.vertex_after
         columns.length[-1] = snapshot.length
         self._samples.truncate(int(columns.sample_end[-1]) - self._dropped)
+
+    def save(self, index: int) -> SavedSegments:
+        """Copy the segments from ``index`` on; the vertex between them and the one before stays as it is."""
+        low = self._first_sample(index)
+        columns = tuple(each.rows[index:].copy() for each in self._columns)
+        return SavedSegments(index, self.segments[index:], columns, self.samples[low:].copy())
+
+    def truncate(self, count: int) -> None:
+        """Remove all but the first ``count`` segments, and the vertex behind these."""
+        columns = self.columns
+        if count > 0:
+            columns.sample_end[count - 1] -= columns.vertex_after[count - 1]
+            columns.vertex_after[count - 1] = 0
+        self._samples.truncate(self._first_sample(count))
+        self.segments = self.segments[:count]
+        for column in self._columns:
+            column.truncate(count)
+        self._view = None
+
+    def put_back(self, saved: SavedSegments) -> None:
+        """Put saved segments in the place of those that stand there now.
+
+        The segment before them must have the samples that it had.
+        """
+        self._samples.truncate(self._first_sample(saved.index))
+        self._samples.add(saved.samples)
+        self.segments = [*self.segments[: saved.index], *saved.segments]
+        for column, values in zip(self._columns, saved.columns, strict=True):
+            column.truncate(saved.index)
+            column.add(values)
+        self._view = None
+
+    def _first_sample(self, index: int) -> int:
+        """Where the samples of a segment begin, or would."""
+        return int(self.columns.sample_end[index - 1]) - self._dropped if index > 0 else 0
 
     def mark_knots(self, indices: NDArray[np.intp], bits: NDArray[np.intp]) -> None:
         """Note which edges of which segments a plan had to make knots; the next plan begins with them."""

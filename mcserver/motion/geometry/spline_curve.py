@@ -1,0 +1,106 @@
+"""A part of a quintic spline as a curve: what stands for one programmed line of many short ones."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array, span_of
+from mcserver.motion.kernels.compiled import compiled
+
+# Samples of the limits in one span of knots, where q''' goes from one parabola to the next.
+SAMPLES_A_SPAN = 4
+
+
+@compiled
+def spline_at(breaks: Array, spans: Array, t: Array, found: Array) -> None:
+    """Write the place and three derivatives of a spline, shape (4, n, K), at parameters ``t``, shape (n,).
+
+    Args:
+        breaks: where its m spans meet, shape (m+1,). spans: their polynomials, constant first, (m, 6, K).
+    """
+    span, last = 0, len(spans) - 1
+    if len(t) > 0:
+        span = min(max(np.searchsorted(breaks, t[0], side="right") - 1, 0), last)
+    for i in range(len(t)):
+        while span < last and breaks[span + 1] <= t[i]:
+            span += 1
+        while span > 0 and breaks[span] > t[i]:
+            span -= 1
+        x = t[i] - breaks[span]
+        for k in range(spans.shape[2]):
+            c1, c2, c3 = spans[span, 1, k], spans[span, 2, k], spans[span, 3, k]
+            c4, c5 = spans[span, 4, k], spans[span, 5, k]
+            found[0, i, k] = spans[span, 0, k] + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
+            found[1, i, k] = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
+            found[2, i, k] = 2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
+            found[3, i, k] = 6.0 * c3 + x * (24.0 * c4 + x * 60.0 * c5)
+
+
+@dataclass(frozen=True)
+class Spline:
+    """A quintic spline that is three times continuously differentiable, and more.
+
+    Attributes:
+        breaks: where its m spans meet, shape (m+1,). spans: their polynomials in the distance from their
+            start, constant first, shape (m, 6, K) [m or rad].
+        end: its last place, to the last bit, shape (K,).
+    """
+
+    breaks: Array
+    spans: Array
+    end: Array
+
+    def at(self, t: Array) -> Array:
+        """Place and three derivatives by t, shape (4, n, K)."""
+        found = np.empty((4, len(t), self.spans.shape[2]))
+        spline_at(self.breaks, self.spans, t, found)
+        return found
+
+
+@dataclass(frozen=True)
+class SplineCurve:
+    """The part of a spline between two parameters; s is the share of it that has been passed.
+
+    Attributes:
+        axes: machine columns, K of them. low, high: parameters at s = 0 and 1. length: not measured.
+    """
+
+    axes: tuple[int, ...]
+    spline: Spline
+    low: float
+    high: float
+    length: float = 0.0
+
+    def position(self, s: Array) -> Array:
+        places: Array = self.spline.at(self._t(s))[0]
+        if self.high >= self.spline.breaks[-1]:
+            # a target is met to the last bit
+            places[np.asarray(s) >= 1.0] = self.spline.end
+        return places
+
+    def derivatives(self, s: Array) -> tuple[Array, Array, Array]:
+        found = self.spline.at(self._t(s))
+        span = self.high - self.low
+        return found[1] * span, found[2] * span**2, found[3] * span**3
+
+    def bounds(self) -> tuple[Array, Array]:
+        return span_of(self.position(self.samples()))
+
+    def samples(self) -> Array:
+        """Shares at which limits are looked at, from 0 to 1."""
+        breaks = self.spline.breaks
+        inside: NDArray[np.intp] = np.nonzero((breaks > self.low) & (breaks < self.high))[0]
+        first = max(int(np.searchsorted(breaks, self.low, side="right")) - 1, 0)
+        last = min(int(inside[-1]) + 1 if len(inside) else first + 1, len(breaks) - 1)
+        step = float(np.diff(breaks[first : last + 1]).min()) / SAMPLES_A_SPAN
+        count = max(1, math.ceil((self.high - self.low) / step - 1e-9))
+        places: Array = np.linspace(0.0, 1.0, count + 1)
+        return places
+
+    def _t(self, s: Array) -> Array:
+        t: Array = self.low + np.asarray(s, dtype=np.float64) * (self.high - self.low)
+        return t

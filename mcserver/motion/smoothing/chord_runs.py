@@ -1,0 +1,77 @@
+"""Which of the lines on end stand for one curve, and which are meant as they are.
+
+A vertex between two lines that turns by δ is missed by about 0.22 d δ if it is rounded from d before it to
+d behind it: the tolerance ε asks for d = ε / 0.22 δ. A line is a *chord* where that is more than its half at
+both of its vertices, so that their roundings would meet: neither the line nor its vertices are meant, but the
+curve that they stand for. Where d is shorter, the bend is larger than its neighbours suggest: a corner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.segment import Segment
+
+# Share of a line that a rounding at one of its ends may use, as `mcserver.motion.geometry.blend.SHARE`.
+SHARE = 0.49
+# A vertex is missed by this share of d times the difference of the tangents.
+MISS = 0.22
+# Vertices that turn by more are corners [length of the difference of the unit tangents].
+SHARPEST = 0.6
+# Turns below are rounding.
+STRAIGHT = 1e-9
+
+
+@dataclass(frozen=True)
+class Chords:
+    """Lines on end in tolerance metric: metres, a degree counting as a millimetre.
+
+    Attributes:
+        lengths: shape (n,). turns, tolerances: at the vertices between them, shape (n-1,).
+    """
+
+    lengths: Array
+    turns: Array
+    tolerances: Array
+
+    @classmethod
+    def of(cls, lines: list[Segment], weights: Array) -> Chords:
+        """Of straight segments; what has been passed of the first is left out."""
+        travels = np.array([each.first for each in lines]) * weights
+        lengths = np.sqrt(np.einsum("ij,ij->i", travels, travels))
+        tangents = travels / lengths[:, None]
+        turns = np.linalg.norm(np.diff(tangents, axis=0), axis=1)
+        remaining = np.array([each.finish - each.begin for each in lines])
+        return cls(lengths * remaining, turns, np.array([each.tolerance for each in lines[1:]]))
+
+    def bends(self, vertex: int) -> bool:
+        """Return whether a curve may pass a vertex."""
+        return bool(self.turns[vertex] <= SHARPEST and self.tolerances[vertex] > 0.0)
+
+    def runs(self, linked: int | None = None) -> list[tuple[int, int]]:
+        """Find the runs of vertices that one curve rounds: the first and last of each.
+
+        Vertex 0 is between lines 0 and 1.
+
+        Args:
+            linked: the first run begins at vertex 0 and holds so many more, whatever they are; None: it need
+                not.
+        """
+        may = (self.turns <= SHARPEST) & (self.tolerances > 0.0)
+        with np.errstate(divide="ignore"):
+            distance = np.where(may, self.tolerances / (MISS * self.turns), 0.0)
+        inner: NDArray[np.bool_] = SHARE * self.lengths[1:-1] < np.minimum(distance[:-1], distance[1:])
+        if linked is not None:
+            inner[:linked] = True
+        found: list[tuple[int, int]] = []
+        first = 0
+        for last in [*np.nonzero(~inner)[0].tolist(), len(self.turns) - 1]:
+            forced = linked is not None and first == 0
+            if forced or (last > first and self.turns[first : last + 1].max() > STRAIGHT):
+                found.append((first, last))
+            first = last + 1
+        return found

@@ -1,0 +1,337 @@
+"""Lines on end with the chords among them replaced by parts of splines, one for each line."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, columns_of
+from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
+from mcserver.motion.smoothing.chord_runs import SHARE, Chords
+from mcserver.motion.smoothing.spline_fit import AT_REST, JOINED, first_reach, fit
+from mcserver.units import MM
+
+# The longest smoothing length [m], or this many times the longest chord of a run.
+LONGEST, CHORD_LENGTHS = 4e-3, 2.5
+# L at a single vertex to begin with, in tolerances over its turn; the right one is some third of it.
+VERTEX_REACH = 8.0
+# How far from the last vertex of a run its curve reaches into the line beside it, in L: what a vertex does to
+# a curve fades as exp(-x / 2 L).
+FADE = 8.0
+# What the fit may use of the tolerance.
+TOLERANCE_SHARE = 0.98
+# What is left of a line between the curves at both of its ends, at least.
+REST = 0.02
+
+
+@dataclass(frozen=True)
+class OpenCurve:
+    """What of a curve may still change, since it ends at rest for want of more lines.
+
+    Attributes:
+        lead: the line before it, whose part of the curve stays; None: it begins at rest. chords: the lines
+            that it stands for. jets: its place and three derivatives by its parameter at the start of each
+            line and at its end, shape (n+1, 4, K).
+    """
+
+    lead: Segment | None
+    chords: list[Segment]
+    jets: Array
+
+    def without(self, count: int) -> OpenCurve | None:
+        """What is left where the parts of its first lines stay; None where nothing is."""
+        if count == 0:
+            return self
+        if count > len(self.chords):
+            return None
+        return OpenCurve(self.chords[count - 1], self.chords[count:], self.jets[count:])
+
+
+@dataclass(frozen=True)
+class SmoothRun:
+    """Parts of one spline, one for each line.
+
+    Attributes:
+        parts: in order. joined: whether it continues the curve before it. open: what may still change of it.
+    """
+
+    parts: list[Segment]
+    joined: bool
+    open: OpenCurve | None
+
+
+Item = Segment | SmoothRun
+
+
+@dataclass(frozen=True)
+class _Bounds:
+    """Where a curve begins and ends: shares of its first and its last line, and conditions there."""
+
+    begin: float
+    finish: float
+    start: int
+    end: int
+
+
+class ChordSmoother:
+    """Smooths under the limits of a machine."""
+
+    def __init__(self, limits: AxisLimits) -> None:
+        self._weights = limits.weights
+        self._metric = limits.weights / MM
+
+    def smooth(self, lines: list[Segment], *, rests: bool) -> list[Item]:
+        """Replace chords among straight segments on end.
+
+        Args:
+            rests: whether the motion rests at the start of the first line.
+
+        Returns:
+            What to drive instead, in order; what is left of the first line, if anything, comes first.
+        """
+        runs = Chords.of(lines, self._weights).runs() if len(lines) > 2 else []
+        return self._items(lines, runs, rests=rests) or list(lines)
+
+    def go_on(self, curve: OpenCurve, lines: list[Segment]) -> list[Item] | None:
+        """Let an open curve go on over more lines; None where it cannot."""
+        known = len(curve.chords)
+        if curve.lead is None:
+            every = [*curve.chords, *lines]
+            return self._items(every, Chords.of(every, self._weights).runs(known - 2), rests=True)
+        every = [curve.lead, *curve.chords, *lines]
+        chords = Chords.of(every, self._weights)
+        if not chords.bends(0):
+            return None
+        runs = chords.runs(max(known - 1, 0))
+        return self._items(every, runs, rests=False, jet=curve.jets[0])
+
+    def _items(
+        self, lines: list[Segment], runs: list[tuple[int, int]], *, rests: bool, jet: Array | None = None
+    ) -> list[Item] | None:
+        """Items of lines with these runs of vertices.
+
+        Args:
+            jet: what the first run begins with; None is returned where it cannot.
+        """
+        lines = list(lines)
+        items: list[Item] = []
+        index = 0 if jet is None else 1
+        for first, last in runs:
+            made = self._curve(
+                lines, (first, last), rests=rests and first == 0, jet=jet if first == 0 else None
+            )
+            if made is None and jet is not None and first == 0:
+                return None
+            if made is None:
+                continue
+            items += [*lines[index:first], *made]
+            index = last + 2
+            if isinstance(made[-1], Segment):
+                # what is left of the last line is the first one of what follows
+                items.pop()
+                index = last + 1
+                lines[index] = made[-1]
+        return [*items, *lines[index:]]
+
+    def _curve(
+        self, lines: list[Segment], run: tuple[int, int], *, rests: bool, jet: Array | None = None
+    ) -> list[Item] | None:
+        """What is left of the line before a run of vertices, its curve, and what is left of the line behind.
+
+        Args:
+            rests: whether it may begin at the start of its first line. jet: what it begins with at its first
+                vertex.
+        """
+        first, last = run[0], run[1] + 1
+        inner = lines[first : last + 1]
+        chords = Chords.of(inner, self._weights)
+        longest = max(LONGEST, CHORD_LENGTHS * float(chords.lengths[1:-1].max(initial=0.0)))
+        allowed = chords.tolerances * TOLERANCE_SHARE
+        tolerances = np.minimum(np.append(allowed, allowed[-1]), np.append(allowed[0], allowed))
+        reaches = np.full(len(chords.turns), longest)
+        np.divide(
+            VERTEX_REACH * allowed,
+            chords.turns,
+            out=reaches,
+            where=chords.turns * longest > VERTEX_REACH * allowed,
+        )
+        before, after = inner[0], inner[-1]
+        begin, start = inner[1].begin, JOINED
+        if jet is None:
+            begin, start = _begin(before, FADE * float(reaches[0]), chords, rests=rests)
+        ends = last == len(lines) - 1
+        finish, end = _finish(after, FADE * float(reaches[-1]), chords, ends=ends)
+        skip = 1 if jet is not None else 0
+        bounds = _Bounds(begin, finish, start, end)
+        drawn = inner[skip:]
+        spline = self._fit(drawn, bounds, chords.turns[skip:], tolerances[skip:], jet, longest)
+        if spline is None:
+            return None
+        curve = self._parts(
+            drawn, bounds, spline, jet is not None, ends and end == AT_REST, inner[0] if skip else None
+        )
+        made: list[Item] = []
+        if jet is None and begin > before.begin:
+            made.append(dataclasses.replace(before, finish=begin, closes=False))
+        made.append(curve)
+        if finish < after.finish:
+            made.append(dataclasses.replace(after, begin=finish, opens=False))
+        return made
+
+    def _fit(
+        self,
+        lines: list[Segment],
+        bounds: _Bounds,
+        turns: Array,
+        tolerances: Array,
+        jet: Array | None,
+        longest: float,
+    ) -> tuple[Spline, Array, NDArray[np.intp]] | None:
+        """The spline, the parameters of the lines' ends, shape (n+1,), and its columns."""
+        mask = 0
+        for each in lines:
+            mask |= each.mask
+        columns = columns_of(mask)
+        metric = self._metric[columns]
+        ends = [each.base + each.first for each in lines]
+        ends[-1] = lines[-1].base + bounds.finish * lines[-1].first if bounds.finish < 1.0 else lines[-1].end
+        places = [lines[0].base + bounds.begin * lines[0].first, *ends]
+        if jet is not None:
+            places[0] = lines[0].base + lines[0].begin * lines[0].first
+        origin = places[0][columns]
+        points: Array = (np.array(places)[:, columns] - origin) * metric
+        travels = np.diff(points, axis=0)
+        lengths = np.sqrt(np.einsum("ij,ij->i", travels, travels))
+        if not lengths.min() > 0.0:
+            return None
+        t = np.concatenate(([0.0], np.cumsum(lengths)))
+        first, last = np.zeros((2, 4, len(columns)))
+        first[0], first[1] = points[0], travels[0] / lengths[0]
+        last[0], last[1] = points[-1], travels[-1] / lengths[-1]
+        if jet is not None:
+            first[:] = jet[:, columns] * metric
+            first[0] = (jet[0, columns] - origin) * metric
+        limit = tolerances / MM
+        reach = first_reach(t, turns, limit, VERTEX_REACH, longest / MM)
+        found, knots, spans = fit(
+            t, points, reach, longest / MM, limit, (bounds.start, first), (bounds.end, last)
+        )
+        if not found:
+            return None
+        spans /= metric
+        spans[:, 0] += origin
+        return Spline(knots[5:-5].copy(), spans, places[-1][columns]), t, columns
+
+    def _parts(
+        self,
+        lines: list[Segment],
+        bounds: _Bounds,
+        fitted: tuple[Spline, Array, NDArray[np.intp]],
+        joined: bool,
+        is_open: bool,
+        lead: Segment | None,
+    ) -> SmoothRun:
+        spline, t, columns = fitted
+        width = len(self._weights)
+        jets = np.zeros((len(t), 4, width))
+        jets[:, :, columns] = spline.at(t).transpose(1, 0, 2)
+        rest = np.ones(width, np.bool_)
+        rest[columns] = False
+        jets[:, 0, rest] = lines[0].base[rest]
+        for index, condition, line in ((0, bounds.start, lines[0]), (-1, bounds.end, lines[-1])):
+            if condition == JOINED and not (joined and index == 0):
+                # the same as the line's, to the last bit
+                jets[index, 1] = line.first / float(
+                    np.linalg.norm(line.first[columns] * self._metric[columns])
+                )
+                jets[index, 2:] = 0.0
+        mask = active = 0
+        for each in lines:
+            mask, active = mask | each.mask, active | each.active
+        axes = tuple(columns.tolist())
+        parts = []
+        for index, line in enumerate(lines):
+            curve = SplineCurve(axes, spline, float(t[index]), float(t[index + 1]))
+            span = curve.high - curve.low
+            whole = (index > 0 or bounds.begin <= line.begin) and (
+                index < len(lines) - 1 or bounds.finish >= line.finish
+            )
+            parts.append(
+                dataclasses.replace(
+                    line,
+                    curves=(curve,),
+                    columns=(columns,),
+                    mask=mask,
+                    active=active,
+                    feed=_feed(line, curve, columns),
+                    requested=line.requested if whole else 0.0,
+                    first=jets[index, 1] * span,
+                    last=jets[index + 1, 1] * span,
+                    d2q_start=jets[index, 2] * span**2,
+                    d2q_end=jets[index + 1, 2] * span**2,
+                    scale=float(np.linalg.norm(jets[index, 1])) * span,
+                    begin=0.0,
+                    finish=1.0,
+                    base=lines[0].base,
+                    opens=line.opens if index > 0 or bounds.begin <= line.begin else False,
+                    closes=line.closes if index < len(lines) - 1 or bounds.finish >= line.finish else False,
+                    straight=False,
+                    tolerance=line.tolerance if index == 0 and not joined else 0.0,
+                    corner=None,
+                )
+            )
+        if bounds.begin > lines[0].begin:
+            # the line begins with what is left of it, without a turn
+            parts[0].tolerance = 0.0
+        return SmoothRun(parts, joined, _open_curve(lines, bounds, jets, t, lead) if is_open else None)
+
+
+def _open_curve(
+    lines: list[Segment], bounds: _Bounds, jets: Array, t: Array, lead: Segment | None
+) -> OpenCurve:
+    """What may still change: all that the end at rest can be felt in."""
+    fade = min(FADE * LONGEST / MM, 0.5 * float(t[-1]))
+    keep = int(np.searchsorted(t, float(t[-1]) - fade, side="right")) - 1
+    keep = min(max(keep, 0), len(lines) - 1)
+    if keep > 0:
+        return OpenCurve(lines[keep - 1], lines[keep:], jets[keep:])
+    if lead is not None or bounds.start == AT_REST:
+        return OpenCurve(lead, list(lines), jets)
+    # it begins on a line, which leads to it without a turn
+    rest = dataclasses.replace(lines[0], begin=bounds.begin, opens=False, tolerance=lines[1].tolerance)
+    return OpenCurve(lines[0], [rest, *lines[1:]], jets)
+
+
+def _begin(line: Segment, wanted: float, chords: Chords, *, rests: bool) -> tuple[float, int]:
+    """Where on the line before its first vertex a curve begins, and how many conditions hold there."""
+    remaining = float(chords.lengths[0])
+    if rests and remaining <= 2.0 * wanted:
+        return line.begin, AT_REST
+    whole = remaining / (line.finish - line.begin)
+    room = min(wanted, SHARE * whole, (1.0 - REST) * remaining)
+    return line.finish - room / whole, JOINED
+
+
+def _finish(line: Segment, wanted: float, chords: Chords, *, ends: bool) -> tuple[float, int]:
+    """Where on the line behind its last vertex a curve ends, and how many conditions hold there."""
+    remaining = float(chords.lengths[-1])
+    if ends and remaining <= 2.0 * wanted:
+        return line.finish, AT_REST
+    whole = remaining / (line.finish - line.begin)
+    return line.begin + min(wanted, SHARE * whole) / whole, JOINED
+
+
+def _feed(line: Segment, curve: SplineCurve, columns: NDArray[np.intp]) -> float:
+    """Greatest ds/dt of a part of a spline that keeps the feed rate of its line [1/s]."""
+    slopes = curve.derivatives(curve.samples())[0]
+    counted = np.isin(columns, line.feed_columns)
+    whole = float(np.linalg.norm(line.first[line.feed_columns]))
+    if math.isfinite(line.feed_speed) and whole > NO_TRAVEL:
+        return line.feed_speed / max(float(np.linalg.norm(slopes[:, counted], axis=1).max()), 1e-300)
+    whole = float(np.linalg.norm(line.first))
+    return line.feed * whole / max(float(np.linalg.norm(slopes, axis=1).max()), 1e-300)

@@ -1,0 +1,246 @@
+"""Many chords as one curve: as quick as what they stand for, within the tolerance and every limit."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
+from mcserver.motion.planner import MotionPlanner
+from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
+from tests.motion.measure import (
+    ACCELERATION_SLACK,
+    JERK_SLACK,
+    VELOCITY_SLACK,
+    acceleration_ratio,
+    farthest_from_path,
+    jerk_ratio,
+    path_missed_by,
+    row_velocity_ratio,
+    speed_over_feed,
+    velocity_ratio,
+)
+from tests.motion.support import (
+    AxisSpec,
+    Commit,
+    Motion,
+    Move,
+    alike,
+    arc_curve,
+    at_speed,
+    line_curve,
+    machine_of,
+    plan,
+    polyline,
+)
+from tests.motion.test_laws import law
+
+JERK = 50_000.0
+
+
+def circle(radius: float, chord: float, turn: float) -> Array:
+    """Points of a circle from the origin, rounded as a program writes them [m]."""
+    angles = np.arange(round(turn * radius / chord) + 1) * chord / radius
+    points = np.column_stack((radius * np.sin(angles), radius * (1.0 - np.cos(angles))))
+    rounded: Array = np.round(points, 7)
+    return rounded
+
+
+def rounded(
+    machine: Machine, points: Array, speed: float, tolerance: float, commits: Sequence[Commit] = ()
+) -> Motion:
+    moves = [Move(group, tolerance=tolerance) for group in polyline(machine, points.tolist(), speed)]
+    start = np.pad(points[0], (0, len(machine.axes) - points.shape[1]))
+    return plan(machine, moves, start=start, commits=commits)
+
+
+def assert_kept(motion: Motion, tolerance: float) -> None:
+    """Every limit at every cycle, vertices included, F, and the tolerance in both directions."""
+    assert velocity_ratio(motion) <= VELOCITY_SLACK
+    assert row_velocity_ratio(motion) <= VELOCITY_SLACK
+    assert acceleration_ratio(motion) <= ACCELERATION_SLACK
+    if all(math.isfinite(axis.max_jerk) for axis in motion.machine.axes):
+        assert jerk_ratio(motion) <= JERK_SLACK
+    assert speed_over_feed(motion) <= VELOCITY_SLACK
+    assert farthest_from_path(motion) <= tolerance
+    fastest = max(axis.max_acceleration for axis in motion.machine.axes)
+    bow = math.sqrt(len(motion.machine.axes)) * fastest * motion.cycle**2 / 4.0
+    assert path_missed_by(motion) <= tolerance + bow
+
+
+@pytest.mark.parametrize(
+    ("radius", "chord", "tolerance"),
+    [(0.01, 5e-4, 1e-5), (0.02, 2e-3, 5e-5), (0.002, 2e-4, 2e-5), (0.1, 2e-3, 1e-5)],
+)
+def test_chords_of_a_circle_take_hardly_longer_than_the_circle(
+    radius: float, chord: float, tolerance: float
+) -> None:
+    machine = alike(2, jerk=JERK)
+    points = circle(radius, chord, 0.1 / radius)
+    motion = rounded(machine, points, 0.1, tolerance)
+    assert_kept(motion, tolerance)
+    turn = (len(points) - 1) * chord / radius
+    arc = plan(machine, [at_speed(0.1, arc_curve((0.0, 0.0), (0.0, radius), turn))])
+    assert motion.duration <= 1.10 * arc.duration
+
+
+def test_each_line_is_reported_once_in_order_and_ends_on_its_target() -> None:
+    machine = alike(2, jerk=JERK)
+    points = circle(0.01, 5e-4, 2.0)
+    motion = rounded(machine, points, 0.1, 1e-5)
+    count = len(points) - 1
+    assert list(motion.starts) == list(motion.ends) == list(range(1, count + 1))
+    for line in range(1, count):
+        assert motion.ends[line] == motion.starts[line + 1]
+    assert (motion.position[-1] == points[-1]).all()
+
+
+def test_parts_of_a_curve_meet_with_three_equal_derivatives() -> None:
+    machine = alike(3, jerk=JERK)
+    points = np.column_stack((circle(0.01, 3e-4, 3.0), np.linspace(0.0, 2e-3, 101)))
+    slots, linear, position = {0: 0, 1: 1, 2: 2}, np.ones(3, np.bool_), points[0].copy()
+    lines = []
+    for number, group in enumerate(polyline(machine, points.tolist(), 0.1), start=1):
+        lines.append(segment_of(group, number, slots, linear))
+        anchor(lines[-1], position)
+        lines[-1].tolerance = 1e-5
+    (curve,) = ChordSmoother(AxisLimits.of(machine)).smooth(lines, rests=True)
+    assert isinstance(curve, SmoothRun)
+    assert [part.line for part in curve.parts] == list(range(1, 101))
+    for before, after in itertools.pairwise(curve.parts):
+        (one,), (two,) = before.curves, after.curves
+        scale = two.high - two.low, one.high - one.low  # type: ignore[attr-defined]
+        assert one.position(np.array([1.0])) == pytest.approx(two.position(np.array([0.0])), abs=1e-15)
+        for order, (last, first) in enumerate(
+            zip(one.derivatives(np.array([1.0])), two.derivatives(np.array([0.0])), strict=True), start=1
+        ):
+            size = np.abs(last).max() / scale[1] ** order
+            assert last / scale[1] ** order == pytest.approx(
+                first / scale[0] ** order, abs=1e-6 * size + 1e-9
+            )
+
+
+def test_a_corner_that_is_meant_stays_one_within_the_tolerance() -> None:
+    """Two arcs of chords that meet at a right angle: the curve is rounded there, and not cut short."""
+    machine = alike(2, jerk=JERK)
+    first = circle(0.01, 5e-4, math.pi / 2.0)
+    second = first[-1] + circle(0.01, 5e-4, math.pi / 2.0)
+    motion = rounded(machine, np.concatenate((first, second[1:])), 0.1, 2e-5)
+    assert_kept(motion, 2e-5)
+
+
+def test_lines_beside_chords_are_joined_without_a_stop() -> None:
+    machine = alike(2, jerk=JERK)
+    arc = circle(0.02, 5e-4, math.pi / 2.0)
+    points = np.concatenate(([[-0.05, 0.0]], arc, [arc[-1] + (0.0, 0.05)]))
+    motion = rounded(machine, points, 0.1, 2e-5)
+    assert_kept(motion, 2e-5)
+    speeds = np.linalg.norm(motion.velocity, axis=1)
+    middle = slice(len(speeds) // 4, 3 * len(speeds) // 4)
+    assert speeds[middle].min() >= 0.09
+
+
+def test_all_axes_are_smoothed_and_a_degree_counts_as_a_millimetre() -> None:
+    machine = machine_of(
+        [
+            AxisSpec(200.0, 2000.0, JERK),
+            AxisSpec(200.0, 2000.0, JERK),
+            AxisSpec(360.0, 7200.0, JERK, rotary=True),
+        ]
+    )
+    points = circle(0.01, 5e-4, 3.0)
+    angles = np.radians(20.0) * np.sin(np.linspace(0.0, 3.0, len(points)))
+    moves = []
+    path = np.column_stack((points, angles))
+    for before, after in itertools.pairwise(path.tolist()):
+        moves.append(Move(at_speed(0.05, line_curve(machine, (0, 1, 2), before, after)), tolerance=5e-5))
+    motion = plan(machine, moves)
+    assert_kept(motion, 5e-5)
+    assert np.linalg.norm(motion.velocity[:, :2], axis=1)[100:-100].min() >= 0.04
+
+
+@pytest.mark.parametrize("every", [1, 3, 17, 60])
+@pytest.mark.parametrize("ahead", [20.0, 200.0, math.inf])
+def test_a_curve_that_comes_piece_by_piece_keeps_limits_and_tolerance(every: int, ahead: float) -> None:
+    machine = alike(2, jerk=JERK)
+    points = circle(0.01, 5e-4, 6.0)
+    commits = [Commit(after, ahead) for after in range(every, len(points), every)]
+    motion = rounded(machine, points, 0.1, 1e-5, commits=commits)
+    assert_kept(motion, 1e-5)
+    assert sorted(motion.starts) == sorted(motion.ends) == list(range(1, len(points)))
+    assert (motion.position[-1] == points[-1]).all()
+
+
+def test_a_curve_that_comes_in_time_does_not_stop_where_its_pieces_meet() -> None:
+    machine = alike(2, jerk=JERK)
+    points = circle(0.01, 5e-4, 12.0)
+    commits = [Commit(after, 20.0) for after in range(60, len(points), 20)]
+    whole = rounded(machine, points, 0.1, 1e-5)
+    motion = rounded(machine, points, 0.1, 1e-5, commits=commits)
+    assert_kept(motion, 1e-5)
+    assert motion.duration <= 1.10 * whole.duration
+
+
+def test_without_a_tolerance_the_chords_are_exact() -> None:
+    machine = alike(2, jerk=JERK)
+    motion = rounded(machine, circle(0.01, 5e-4, 1.0), 0.1, 0.0)
+    assert farthest_from_path(motion) <= 1e-12
+
+
+def test_the_window_says_how_many_lines_wait_in_it() -> None:
+    machine = alike(2, jerk=JERK)
+    planner = MotionPlanner(machine, np.zeros(2))
+    for number, group in enumerate(polyline(machine, circle(0.01, 5e-4, 1.0).tolist(), 0.1), start=1):
+        planner.append(planner.segment(group, number), tolerance=1e-5)
+        assert planner.pending == number
+
+
+@st.composite
+def chord_programs(draw: st.DrawFn) -> tuple[Array, float, float, float, float]:
+    """Chords under a curvature that changes from place to place, with corners and long lines between."""
+    heading, place, points = 0.0, np.zeros(2), [np.zeros(2)]
+    for _ in range(draw(st.integers(2, 5))):
+        chord = draw(st.sampled_from([1e-4, 3e-4, 1e-3, 2e-3]))
+        curvature = draw(st.sampled_from([0.0, 10.0, -60.0, 200.0, -500.0]))
+        growth = draw(st.sampled_from([0.0, 0.0, 1.0, -1.0])) * curvature
+        heading += draw(st.sampled_from([0.0, 0.0, 0.2, -0.5, 1.5]))
+        count = draw(st.integers(2, 25))
+        for index in range(count):
+            heading += chord * (curvature + growth * index / count)
+            place = place + chord * np.array([math.cos(heading), math.sin(heading)])
+            points.append(place)
+        if draw(st.booleans()):
+            place = place + draw(st.sampled_from([5e-3, 0.03])) * np.array(
+                [math.cos(heading), math.sin(heading)]
+            )
+            points.append(place)
+    digits = draw(st.sampled_from([6, 7]))
+    tolerance = draw(st.sampled_from([1e-5, 3e-5, 1e-4]))
+    return (
+        np.round(points, digits),
+        tolerance,
+        draw(st.sampled_from([0.03, 0.1, 0.3])),
+        draw(st.sampled_from([500.0, 2000.0, 10_000.0])),
+        draw(st.sampled_from([30_000.0, 100_000.0])),
+    )
+
+
+@given(chord_programs(), st.sampled_from([0, 1, 7, 30]), st.sampled_from([20.0, 300.0, math.inf]))
+@law(40)
+def test_any_chords_keep_every_limit_at_every_cycle_and_the_tolerance(
+    program: tuple[Array, float, float, float, float], every: int, ahead: float
+) -> None:
+    points, tolerance, speed, acceleration, jerk = program
+    machine = alike(2, acceleration=acceleration, jerk=jerk)
+    commits = [Commit(after, ahead) for after in range(every, len(points), every)] if every else []
+    motion = rounded(machine, points, speed, tolerance, commits=commits)
+    assert_kept(motion, tolerance)
+    assert sorted(motion.starts) == sorted(motion.ends) == list(range(1, len(points)))
