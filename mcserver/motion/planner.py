@@ -207,11 +207,7 @@ class MotionPlanner:
             if isinstance(item, Segment):
                 self._append(item)
                 continue
-            for index, part in enumerate(item.parts):
-                if index > 0 or item.joined:
-                    self._window.append_smooth(part)
-                else:
-                    self._window.append(part)
+            self._window.append_parts(item.parts, item.samples, joined=item.joined)
         if items and isinstance(items[-1], SmoothRun):
             self._open = items[-1].open
         if reserve is None or touched >= reserve.window:

@@ -183,7 +183,7 @@ def _smooth_chords(limits: AxisLimits) -> None:
     (curve,) = ChordSmoother(limits).smooth(lines, rests=True)
     assert isinstance(curve, SmoothRun)
     window = Lookahead(limits)
-    window.append(curve.parts[0])
+    window.append_parts(curve.parts, curve.samples, joined=False)
     sample(window.plan(), 0.0, 1, 10, limits.cycle)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array, span_of
+from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.kernels.compiled import compiled
 
 # Samples of the limits in one span of knots, where q''' goes from one parabola to the next.
@@ -40,7 +41,7 @@ def spline_at(breaks: Array, spans: Array, t: Array, found: Array) -> None:
             found[3, i, k] = 6.0 * c3 + x * (24.0 * c4 + x * 60.0 * c5)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spline:
     """A quintic spline that is three times continuously differentiable, and more.
 
@@ -104,3 +105,9 @@ class SplineCurve:
     def _t(self, s: Array) -> Array:
         t: Array = self.low + np.asarray(s, dtype=np.float64) * (self.high - self.low)
         return t
+
+
+def spline_part(segment: Segment) -> SplineCurve | None:
+    """The part of a spline that a segment is, if it is one."""
+    curve = segment.curves[0] if segment.curves else None
+    return curve if isinstance(curve, SplineCurve) else None

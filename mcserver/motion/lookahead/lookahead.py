@@ -8,7 +8,6 @@ the tangent is. Its nodes are the joints, each with the greatest speed at which 
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -29,6 +28,7 @@ from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.segment_table import SegmentTable, empty_columns
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from mcserver.motion.profile.velocity_profile import Phases, ProfileSolver, join_phases
+from mcserver.motion.smoothing.part_samples import PartSamples, scale_samples
 
 # Late segments of one window that stops are tried for.
 MOST_STOPS = 8
@@ -105,12 +105,31 @@ class Lookahead:
         samples, limit = samples_of(segment, self._limits)
         self.table.append(segment, cap, limit, samples, vertex)
 
-    def append_smooth(self, segment: Segment) -> None:
-        """Join a segment that continues the curve of the last one, with all derivatives by one parameter."""
-        last = self.table.segments[-1]
-        segment.scale = last.scale * length_of(segment.first) / length_of(last.last)
-        samples, limit = samples_of(segment, self._limits)
-        self.table.append(segment, math.inf, limit, samples, None)
+    def append_parts(self, parts: list[Segment], samples: PartSamples, *, joined: bool) -> None:
+        """Append the parts of a spline.
+
+        Args:
+            samples: of all of them. joined: whether the last segment ends with the derivatives that the first
+                part begins with, by the same parameter.
+        """
+        first = parts[0]
+        low = 0
+        if joined:
+            last = self.table.segments[-1]
+            first.scale = last.scale * length_of(first.first) / length_of(last.last)
+        else:
+            self.append(first)
+            low = 1
+        unit = first.scale / float(samples.spans[0])
+        begin = int(samples.offset[low])
+        rows, offset = samples.rows[begin:].copy(), samples.offset[low:] - begin
+        vmax, by = np.empty(len(parts) - low), np.empty((len(parts) - low, 2), np.intp)
+        if not len(vmax):
+            return
+        scale_samples(rows, unit, offset, self._limits.rows, vmax, by)
+        for part, span in zip(parts, samples.spans.tolist(), strict=True):
+            part.scale = unit * span
+        self.table.append_parts(parts[low:], vmax, by, rows, offset)
 
     def append_run(self, run: StraightRun, active: int, *, from_rest: bool = False) -> None:
         """Append segments on end, as `append` does one by one."""

@@ -190,6 +190,37 @@ class SegmentTable:
             own.add(new)
         self._view = None
 
+    def append_parts(
+        self,
+        parts: list[Segment],
+        vmax: Array,
+        by: NDArray[np.intp],
+        samples: Array,
+        offset: NDArray[np.intp],
+    ) -> None:
+        """Add segments that continue each other with all derivatives.
+
+        Args:
+            vmax, by: greatest speeds by the axes, shape (n,), and what they are by, shape (n, 2).
+            samples, offset: theirs, and where those of each begin and end, shape (n+1,).
+        """
+        columns = empty_columns(len(parts))
+        columns.length[:] = [each.extent for each in parts]
+        columns.feed[:] = [each.feed * each.scale for each in parts]
+        columns.requested[:] = [each.requested for each in parts]
+        columns.junction_vmax[:] = np.inf
+        columns.axis_vmax[:] = vmax
+        np.minimum(vmax, columns.feed, out=columns.segment_vmax)
+        columns.duration[:], columns.tolerance[:] = np.nan, 0.0
+        columns.limit_column[:], columns.limit_kind[:] = by.T
+        columns.sample_end[:] = self._dropped + len(self.samples) + offset[1:]
+        columns.vertex_before[:] = columns.vertex_after[:] = columns.knot_edges[:] = 0
+        self._samples.add(samples)
+        self.segments.extend(parts)
+        for own, new in zip(self._columns, columns, strict=True):
+            own.add(new)
+        self._view = None
+
     def replace(self, index: int, segment: Segment) -> None:
         """Put a trimmed segment in the place of a whole one."""
         if index == 0:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.row_sampling import locate_samples, sample_lines
 from mcserver.motion.lookahead.planned_run import PlannedRun
 
@@ -71,10 +72,11 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
         )
     if not all(straight):
         # segments are in order along time, so equal indices stand together
+        of_splines = _sample_splines(run, index, low, high, sigma, speed, position, velocity)
         cuts = [0, *(np.nonzero(np.diff(here))[0] + 1).tolist(), len(u)]
         for start, stop in pairwise(cuts):
             segment = segments[here[start]]
-            if not segment.straight:
+            if not segment.straight and not of_splines[here[start]]:
                 part = slice(start, stop)
                 which = int(index[start])
                 s = segment.begin + (sigma[part] - run.bounds[which]) / segment.scale
@@ -85,3 +87,53 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
     axes = np.array([each.active for each in segments], dtype=np.uint64)[here]
     line = np.array([each.line for each in segments], dtype=np.int64)[here]
     return Rows(first, position, velocity, axes, line)
+
+
+def _sample_splines(
+    run: PlannedRun,
+    index: NDArray[np.intp],
+    low: int,
+    high: int,
+    sigma: Array,
+    speed: Array,
+    position: Array,
+    velocity: Array,
+) -> list[bool]:
+    """Write the rows on parts of splines, all of one spline at once.
+
+    Args:
+        index: the segment of each row, shape (n,). low, high: of those that there are rows on.
+        sigma, speed: of each row, shape (n,). position, velocity: written there, shape (n, K).
+
+    Returns:
+        Which of the segments are parts of splines.
+    """
+    parts = [spline_part(segment) for segment in run.segments[low:high]]
+    first = 0
+    for spline, group in groupby(parts, lambda part: None if part is None else part.spline):
+        curves = [part for part in group if part is not None]
+        if spline is None:
+            first = next((i for i in range(first, len(parts)) if parts[i] is not None), len(parts))
+            continue
+        segments = run.segments[low + first : low + first + len(curves)]
+        start, stop = np.searchsorted(index, (low + first, low + first + len(curves))).tolist()
+        at = slice(start, stop)
+        here = index[at] - (low + first)
+        low_t, begin, finish, span, scale = np.array(
+            [
+                (curve.low, each.begin, each.finish, curve.high - curve.low, each.scale)
+                for curve, each in zip(curves, segments, strict=True)
+            ]
+        ).T
+        begins, ends, rates = low_t + begin * span, low_t + finish * span, span / scale
+        t = begins[here] + (sigma[at] - run.bounds[index[at]]) * rates[here]
+        passed = sigma[at] >= run.bounds[index[at] + 1]
+        t = np.where(passed, ends[here], np.clip(t, begins[here], ends[here]))
+        found = spline.at(t)
+        found[0][t >= spline.breaks[-1]] = spline.end
+        columns = segments[0].columns[0]
+        position[at], velocity[at] = segments[0].base, 0.0
+        position[at, columns] = found[0]
+        velocity[at, columns] = found[1] * (rates[here] * speed[at])[:, None]
+        first += len(curves)
+    return [part is not None for part in parts]

@@ -13,6 +13,7 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, columns_of
 from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
 from mcserver.motion.smoothing.chord_runs import SHARE, Chords
+from mcserver.motion.smoothing.part_samples import PartSamples, count_samples, sample_parts
 from mcserver.motion.smoothing.spline_fit import AT_REST, JOINED, first_reach, fit
 from mcserver.units import MM
 
@@ -57,10 +58,12 @@ class SmoothRun:
     """Parts of one spline, one for each line.
 
     Attributes:
-        parts: in order. joined: whether it continues the curve before it. open: what may still change of it.
+        parts: in order. samples: of their limits. joined: whether it continues the curve before it.
+            open: what may still change of it.
     """
 
     parts: list[Segment]
+    samples: PartSamples
     joined: bool
     open: OpenCurve | None
 
@@ -196,6 +199,10 @@ class ChordSmoother:
         mask = 0
         for each in lines:
             mask |= each.mask
+        if jet is not None:
+            # what still moves where the curve goes on
+            for column in np.nonzero(jet[1:].any(axis=0))[0].tolist():
+                mask |= 1 << column
         columns = columns_of(mask)
         metric = self._metric[columns]
         ends = [each.base + each.first for each in lines]
@@ -250,11 +257,14 @@ class ChordSmoother:
                     np.linalg.norm(line.first[columns] * self._metric[columns])
                 )
                 jets[index, 2:] = 0.0
-        mask = active = 0
+        mask, active = sum(1 << column for column in columns.tolist()), 0
         for each in lines:
-            mask, active = mask | each.mask, active | each.active
+            active |= each.active
         axes = tuple(columns.tolist())
         parts = []
+        samples, slopes = self._samples(lines, spline, t, columns)
+        feeds = _feeds(lines, np.diff(t), slopes).tolist()
+        lengths = (np.linalg.norm(jets[:, 1], axis=1)[:-1] * np.diff(t)).tolist()
         for index, line in enumerate(lines):
             curve = SplineCurve(axes, spline, float(t[index]), float(t[index + 1]))
             span = curve.high - curve.low
@@ -268,13 +278,13 @@ class ChordSmoother:
                     columns=(columns,),
                     mask=mask,
                     active=active,
-                    feed=_feed(line, curve, columns),
+                    feed=feeds[index],
                     requested=line.requested if whole else 0.0,
                     first=jets[index, 1] * span,
                     last=jets[index + 1, 1] * span,
                     d2q_start=jets[index, 2] * span**2,
                     d2q_end=jets[index + 1, 2] * span**2,
-                    scale=float(np.linalg.norm(jets[index, 1])) * span,
+                    scale=lengths[index],
                     begin=0.0,
                     finish=1.0,
                     base=lines[0].base,
@@ -288,7 +298,20 @@ class ChordSmoother:
         if bounds.begin > lines[0].begin:
             # the line begins with what is left of it, without a turn
             parts[0].tolerance = 0.0
-        return SmoothRun(parts, joined, _open_curve(lines, bounds, jets, t, lead) if is_open else None)
+        remaining = _open_curve(lines, bounds, jets, t, lead) if is_open else None
+        return SmoothRun(parts, samples, joined, remaining)
+
+    def _samples(
+        self, lines: list[Segment], spline: Spline, t: Array, columns: NDArray[np.intp]
+    ) -> tuple[PartSamples, Array]:
+        offset = np.empty(len(t), np.intp)
+        count_samples(spline.breaks, t, offset)
+        rows, slopes = np.zeros((offset[-1], 5 * len(self._weights) + 2)), np.empty((len(lines), 2))
+        fed = np.zeros((len(lines), len(self._weights)), np.bool_)
+        for index, line in enumerate(lines):
+            fed[index, line.feed_columns] = True
+        sample_parts(spline.breaks, spline.spans, t, offset, columns, fed[:, columns], rows, slopes)
+        return PartSamples(rows, offset, np.diff(t)), slopes
 
 
 def _open_curve(
@@ -326,12 +349,18 @@ def _finish(line: Segment, wanted: float, chords: Chords, *, ends: bool) -> tupl
     return line.begin + min(wanted, SHARE * whole) / whole, JOINED
 
 
-def _feed(line: Segment, curve: SplineCurve, columns: NDArray[np.intp]) -> float:
-    """Greatest ds/dt of a part of a spline that keeps the feed rate of its line [1/s]."""
-    slopes = curve.derivatives(curve.samples())[0]
-    counted = np.isin(columns, line.feed_columns)
-    whole = float(np.linalg.norm(line.first[line.feed_columns]))
-    if math.isfinite(line.feed_speed) and whole > NO_TRAVEL:
-        return line.feed_speed / max(float(np.linalg.norm(slopes[:, counted], axis=1).max()), 1e-300)
-    whole = float(np.linalg.norm(line.first))
-    return line.feed * whole / max(float(np.linalg.norm(slopes, axis=1).max()), 1e-300)
+def _feeds(lines: list[Segment], spans: Array, slopes: Array) -> Array:
+    """Greatest ds/dt of each part that keeps the feed rate of its line [1/s].
+
+    Args:
+        spans: of the parts in the spline's parameter, shape (n,). slopes: as `sample_parts` writes them.
+    """
+    found = np.empty(len(lines))
+    for index, line in enumerate(lines):
+        whole = float(np.linalg.norm(line.first[line.feed_columns]))
+        if math.isfinite(line.feed_speed) and whole > NO_TRAVEL:
+            found[index] = line.feed_speed / max(slopes[index, 0], 1e-300)
+        else:
+            found[index] = line.feed * float(np.linalg.norm(line.first)) / max(slopes[index, 1], 1e-300)
+    found /= spans
+    return found

@@ -1,0 +1,115 @@
+"""Samples of the limits along a spline, for the part of each line."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.spline_curve import SAMPLES_A_SPAN
+from mcserver.motion.kernels.compiled import compiled
+from mcserver.motion.kernels.polynomials import limit_of
+
+
+class PartSamples(NamedTuple):
+    """Samples of the limits of n parts in the parameter of their spline.
+
+    Attributes:
+        rows: see `mcserver.motion.kernels.sample_limits`. offset: the first of each part, and one past the
+            last, shape (n+1,). spans: of the parts in that parameter, shape (n,).
+    """
+
+    rows: Array
+    offset: NDArray[np.intp]
+    spans: Array
+
+
+@compiled
+def count_samples(breaks: Array, t: Array, offset: NDArray[np.intp]) -> None:
+    """Write where the samples of each part begin, and one past the last, shape (n+1,).
+
+    Args:
+        breaks: where the spans meet. t: where the n parts begin, and the end, shape (n+1,).
+    """
+    offset[0] = 0
+    span = 0
+    for part in range(len(t) - 1):
+        while span < len(breaks) - 2 and breaks[span + 1] <= t[part]:
+            span += 1
+        least, which = math.inf, span
+        while which < len(breaks) - 1 and (which == span or breaks[which] < t[part + 1]):
+            least = min(least, breaks[which + 1] - breaks[which])
+            which += 1
+        steps = max(1, math.ceil((t[part + 1] - t[part]) / (least / SAMPLES_A_SPAN) - 1e-9))
+        offset[part + 1] = offset[part] + steps + 1
+
+
+@compiled
+def sample_parts(
+    breaks: Array,
+    spans: Array,
+    t: Array,
+    offset: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    fed: NDArray[np.bool_],
+    rows: Array,
+    slopes: Array,
+) -> None:
+    """Write samples in the spline's own parameter, as `mcserver.motion.kernels.sample_limits` has them.
+
+    Args:
+        spans: polynomials of K columns, shape (m, 6, K). offset: as `count_samples` writes it.
+        columns: the machine's, shape (K,). fed: which of them each part's feed counts, shape (n, K).
+        rows: zeroed; written. slopes: written: the greatest speed that feeds count by parameter, and of all
+            columns, shape (n, 2).
+    """
+    width = (rows.shape[1] - 2) // 5
+    span = 0
+    for part in range(len(t) - 1):
+        count = offset[part + 1] - offset[part] - 1
+        slopes[part, 0] = slopes[part, 1] = 0.0
+        for i in range(count + 1):
+            place = t[part] + (t[part + 1] - t[part]) * i / count
+            while span < len(spans) - 1 and breaks[span + 1] <= place:
+                span += 1
+            while span > 0 and breaks[span] > place:
+                span -= 1
+            x = place - breaks[span]
+            row = rows[offset[part] + i]
+            counted = every = 0.0
+            for k in range(len(columns)):
+                c1, c2, c3 = spans[span, 1, k], spans[span, 2, k], spans[span, 3, k]
+                c4, c5 = spans[span, 4, k], spans[span, 5, k]
+                first = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
+                row[columns[k]] = abs(first)
+                row[width + columns[k]] = abs(2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5)))
+                row[2 * width + columns[k]] = abs(6.0 * c3 + x * (24.0 * c4 + x * 60.0 * c5))
+                every += first * first
+                if fed[part, k]:
+                    counted += first * first
+            row[5 * width] = row[5 * width + 1] = math.inf
+            slopes[part, 0] = max(slopes[part, 0], math.sqrt(counted))
+            slopes[part, 1] = max(slopes[part, 1], math.sqrt(every))
+
+
+@compiled
+def scale_samples(
+    rows: Array, unit: float, offset: NDArray[np.intp], limits: Array, vmax: Array, by: NDArray[np.intp]
+) -> None:
+    """Change samples to another parameter, and find the greatest constant speed on each part.
+
+    Args:
+        unit: of the new parameter in one of the old one. vmax: written, shape (n,). by: written: the column
+            and the kind of limit that it is by, shape (n, 2).
+    """
+    width = (rows.shape[1] - 2) // 5
+    for row in rows:
+        for k in range(width):
+            row[k] /= unit
+            row[width + k] /= unit * unit
+            row[2 * width + k] /= unit * unit * unit
+    for part in range(len(offset) - 1):
+        vmax[part], by[part, 0], by[part, 1] = limit_of(rows[offset[part] : offset[part + 1]], limits)
