@@ -10,35 +10,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array, span_of
 from mcserver.motion.geometry.segment import Segment
-from mcserver.motion.kernels.compiled import compiled
-
-# Samples of the limits in one span of knots, where q''' goes from one parabola to the next.
-SAMPLES_A_SPAN = 4
-
-
-@compiled
-def spline_at(breaks: Array, spans: Array, t: Array, found: Array) -> None:
-    """Write the place and three derivatives of a spline, shape (4, n, K), at parameters ``t``, shape (n,).
-
-    Args:
-        breaks: where its m spans meet, shape (m+1,). spans: their polynomials, constant first, (m, 6, K).
-    """
-    span, last = 0, len(spans) - 1
-    if len(t) > 0:
-        span = min(max(np.searchsorted(breaks, t[0], side="right") - 1, 0), last)
-    for i in range(len(t)):
-        while span < last and breaks[span + 1] <= t[i]:
-            span += 1
-        while span > 0 and breaks[span] > t[i]:
-            span -= 1
-        x = t[i] - breaks[span]
-        for k in range(spans.shape[2]):
-            c1, c2, c3 = spans[span, 1, k], spans[span, 2, k], spans[span, 3, k]
-            c4, c5 = spans[span, 4, k], spans[span, 5, k]
-            found[0, i, k] = spans[span, 0, k] + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
-            found[1, i, k] = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
-            found[2, i, k] = 2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
-            found[3, i, k] = 6.0 * c3 + x * (24.0 * c4 + x * 60.0 * c5)
+from mcserver.motion.kernels.spline_samples import SAMPLES_A_SPAN, spline_at
 
 
 @dataclass(frozen=True, eq=False)

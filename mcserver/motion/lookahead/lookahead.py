@@ -23,12 +23,12 @@ from mcserver.motion.kernels.junctions import PrecedingEnd, append_straight_junc
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
 from mcserver.motion.kernels.rest_vertices import slow_vertices
 from mcserver.motion.kernels.sample_limits import limit_junctions
+from mcserver.motion.kernels.spline_samples import PartSamples, scale_samples
 from mcserver.motion.lookahead.path_limits import RunLimits, junction, samples_of
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.segment_table import SegmentTable, empty_columns
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from mcserver.motion.profile.velocity_profile import Phases, ProfileSolver, join_phases
-from mcserver.motion.smoothing.part_samples import PartSamples, scale_samples
 
 # Late segments of one window that stops are tried for.
 MOST_STOPS = 8

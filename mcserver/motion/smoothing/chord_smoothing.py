@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, columns_of
 from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
+from mcserver.motion.kernels.spline_fit import AT_REST, JOINED, first_reach, fit
+from mcserver.motion.kernels.spline_samples import PartSamples, count_samples, sample_parts
 from mcserver.motion.smoothing.chord_runs import SHARE, Chords
-from mcserver.motion.smoothing.part_samples import PartSamples, count_samples, sample_parts
-from mcserver.motion.smoothing.spline_fit import AT_REST, JOINED, first_reach, fit
 from mcserver.units import MM
 
 # The longest smoothing length [m], or this many times the longest chord of a run.

@@ -14,7 +14,7 @@ import numpy as np
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.smoothing.spline_basis import (
+from mcserver.motion.kernels.spline_basis import (
     DEGREE,
     ORDER,
     basis,

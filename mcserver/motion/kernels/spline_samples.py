@@ -1,4 +1,4 @@
-"""Samples of the limits along a spline, for the part of each line."""
+"""A spline at given parameters, and samples of the limits along it for the part of each line."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.spline_curve import SAMPLES_A_SPAN
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.polynomials import limit_of
+
+# Samples of the limits in one span of knots, where q''' goes from one parabola to the next.
+SAMPLES_A_SPAN = 4
 
 
 class PartSamples(NamedTuple):
@@ -25,6 +27,31 @@ class PartSamples(NamedTuple):
     rows: Array
     offset: NDArray[np.intp]
     spans: Array
+
+
+@compiled
+def spline_at(breaks: Array, spans: Array, t: Array, found: Array) -> None:
+    """Write the place and three derivatives of a spline, shape (4, n, K), at parameters ``t``, shape (n,).
+
+    Args:
+        breaks: where its m spans meet, shape (m+1,). spans: their polynomials, constant first, (m, 6, K).
+    """
+    span, last = 0, len(spans) - 1
+    if len(t) > 0:
+        span = min(max(np.searchsorted(breaks, t[0], side="right") - 1, 0), last)
+    for i in range(len(t)):
+        while span < last and breaks[span + 1] <= t[i]:
+            span += 1
+        while span > 0 and breaks[span] > t[i]:
+            span -= 1
+        x = t[i] - breaks[span]
+        for k in range(spans.shape[2]):
+            c1, c2, c3 = spans[span, 1, k], spans[span, 2, k], spans[span, 3, k]
+            c4, c5 = spans[span, 4, k], spans[span, 5, k]
+            found[0, i, k] = spans[span, 0, k] + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
+            found[1, i, k] = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
+            found[2, i, k] = 2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
+            found[3, i, k] = 6.0 * c3 + x * (24.0 * c4 + x * 60.0 * c5)
 
 
 @compiled
