@@ -187,6 +187,12 @@ class AxisBank:
             self._state_bytes = states
             self._note_states()
 
+    @property
+    def follows(self) -> bool:
+        """Whether axes are at their setpoints in the same exchange, and none changes its condition."""
+        changing = self.starting | self.resetting | self.stopping | self.failed | self.dropped
+        return self.exact == self.all and not changing | self.speed | self.torque_mode and self.all_fresh
+
     def _lead_starting(self) -> None:
         """A drive that closes its loop in this exchange finds the setpoint where a coasting axis will be."""
         row, where = self.row, self.masks.bools(self.starting & self.positioned)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from mcserver.executor.entries import Control, ControlKind
@@ -85,6 +86,20 @@ class ControlQueue:
                 self._stops.append(control.u)
             self.last_u = control.u
         self._decoded = number
+
+    def marks_until(self, u: float, limit: int) -> int:
+        """Return how many rows after a whole u, up to ``limit``, meet no entry but marks of lines."""
+        for control in self._waiting:
+            if control.u > u + limit:
+                return limit
+            whole = round(control.u)
+            blurred = control.u != whole and abs(control.u - whole) <= 2.0 * NEAR_U
+            if control.kind not in (ControlKind.LINE_START, ControlKind.LINE_END) or blurred:
+                return max(0, math.ceil(control.u - u - 2.0 * NEAR_U) - 1)
+        if self._decoded < self._ring.controls_written:
+            # more entries follow, which have not been taken out yet
+            limit = min(limit, max(0, math.ceil(self.last_u - u) - 1))
+        return limit
 
     def edge(self, u: float) -> tuple[float | None, bool]:
         """Before which u the motion under way has to be able to stop, and whether more rows would move that

@@ -7,11 +7,16 @@ exchanged with; faults are looked for; barriers see the fresh feedback; the cycl
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.drives.bus import DriveBus
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.headroom import Array
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.shm.event_ring import EventRing
@@ -34,6 +39,17 @@ from mcserver.machine.machine_file import Machine
 
 # Beside the columns to reset: a reset was asked for at all.
 _RESET_ASKED = 1 << 64
+# Cycles below which a stretch costs more than it saves.
+LEAST_STRETCH = 4
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Cycles that were played in one go: lines (n,), setpoints and encoder readings (n, K) [m or rad]."""
+
+    lines: NDArray[np.int64]
+    setpoint: Array
+    actual: Array
 
 
 class Executor:
@@ -67,6 +83,7 @@ class Executor:
         # slots that have had a program; the others cost no time
         self._used: list[ProgramSlot] = []
         self._supervision = Supervision(self._cycle, self._slots, feedback)
+        self._rings = tuple(rings)
         self._mailbox = mailbox
         self._feedback = feedback
         self._events = events
@@ -125,6 +142,44 @@ class Executor:
             self._care_for_latches()
         self._report()
         cycle.number += 1
+
+    def play_stretch(self, time: float, limit: int) -> Stretch | None:
+        """Play rows of the one program that runs, one a cycle, to the same effect as `cycle`.
+
+        A regular cycle has to follow. Only for drives without lag, and on a virtual clock.
+
+        Args:
+            time: executor time of the first cycle [s]. limit: cycles at the most.
+
+        Returns:
+            The cycles played; None where the next one is no such cycle.
+        """
+        running = [slot for slot in self._used if slot.running]
+        quiet = self._mailbox.changes == self._changes and self._mailbox.estop == self._estop_seen
+        if len(running) != 1 or not quiet or self.motions.mask or not self.bank.follows:
+            return None
+        if self._cycle.estop or self._reset_wanted or self._used[0] is not running[0]:
+            return None
+        slot, ring = running[0], self._rings[running[0].index]
+        rows = slot.stretch(limit)
+        driven = slot.playback.driven
+        if len(rows) < LEAST_STRETCH or slot.playback.active & ~self.bank.energized:
+            return None
+        setpoint = np.tile(self._row.setpoint, (len(rows), 1))
+        actual = np.tile(self._row.actual, (len(rows), 1))
+        setpoint[:, driven] = actual[:, driven] = ring.position[rows][:, driven]
+        count = self._supervision.within_travel(setpoint)
+        if count < LEAST_STRETCH:
+            return None
+        setpoint, actual = setpoint[:count], actual[:count]
+        lines = ring.row_line[rows[:count]].copy()
+        slot.play_stretch(setpoint, time)
+        cycle = self._cycle
+        for number in range(max(0, count - len(cycle.history)), count):
+            cycle.history[(cycle.number + number) % len(cycle.history)] = actual[number]
+        self._feedback.skip(count)
+        cycle.number += count
+        return Stretch(lines, setpoint, actual)
 
     def stop_all(self, code: FaultCode | None = None) -> None:
         """Stops all motion within its limits, and reports why; axes stay energized."""

@@ -8,12 +8,18 @@ cycles: 1 at its beginning, 0 at the exchange with the drives.
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
 from mcserver.executor.barriers import Barrier, BarrierFault, Paused
 from mcserver.executor.control_queue import ControlQueue
 from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.headroom import Array
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import NEAR_U, Playback
 from mcserver.executor.playback.rate_control import RateControl
@@ -216,6 +222,47 @@ class ProgramSlot:
             self._finish_stop()
         elif self.running:
             self._note_state()
+
+    # ------------------------------------------------------------------ stretches
+
+    def stretch(self, limit: int) -> NDArray[np.intp]:
+        """Return the places in the ring of rows that are played one a cycle, past no entry but marks."""
+        nothing = np.zeros(0, np.intp)
+        plays = self._state is SlotState.RUNNING and self._started and self.barrier is None
+        if not plays or not self.playback.active or not self.ramp.steady or self._starved:
+            return nothing
+        if self._hold or self._override != 1.0 or self.u != round(self.u):
+            return nothing
+        queue = self._queue
+        queue.decode(self.u)
+        self.playback.seek(self.u)
+        edge, _ = queue.edge(self.u)
+        if edge is not None:
+            limit = min(limit, self.ramp.rows_before(self.u, edge))
+        return self.playback.stretch(self.u, min(limit, queue.marks_until(self.u, limit)))
+
+    def play_stretch(self, setpoints: Array, time: float) -> None:
+        """Pass the marks and the rows of a stretch.
+
+        Args:
+            setpoints: of its cycles, shape (n, K). time: executor time of the first one [s].
+        """
+        cycle, start = self.cycle, self.u
+        first = round(time / cycle.cycle_s)
+        passed, left, here = 0, 1.0, start
+        while (control := self._queue.head) is not None and control.u <= start + len(setpoints) + NEAR_U:
+            number = max(1, math.ceil(control.u - start - NEAR_U))
+            if number != passed:
+                passed, left, here = number, 1.0, start + number - 1.0
+                cycle.time = (first + number - 1) * cycle.cycle_s
+            if control.u > here:
+                left = max(0.0, left - (control.u - here))
+                here = control.u
+            self._queue.pop()
+            self._pass(control, left)
+        self.u = start + len(setpoints)
+        self.playback.skip(self.u, setpoints)
+        self.shown_line = self.playback.line
 
     def finish(self, line: int, left: float) -> None:
         """The program has ended; axes that move by themselves go on."""

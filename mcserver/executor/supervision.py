@@ -12,6 +12,7 @@ from mcserver.executor.axes import mask_of
 from mcserver.executor.barriers import DRIVE_TIMEOUT_S
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
+from mcserver.executor.headroom import Array
 from mcserver.executor.shm.feedback import FeedbackRing
 from mcserver.executor.slot import ProgramSlot
 
@@ -86,6 +87,12 @@ class Supervision:
             else:
                 slot.lose(column)
                 slot.fault(FaultCode.SOFT_LIMIT, slot.shown_line, column, (wanted, limit))
+
+    def within_travel(self, setpoints: Array) -> int:
+        """Return how many setpoints (n, K) from the first on stay within every axis's travel."""
+        outside = ((setpoints > self._high) | (setpoints < self._low)).any(axis=1)
+        (where,) = np.nonzero(outside)
+        return int(where[0]) if len(where) else len(setpoints)
 
     # ------------------------------------------------------------------ feedback
 

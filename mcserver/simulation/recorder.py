@@ -76,6 +76,28 @@ class Recorder:
         row[2 + self._width :] = actual
         self._fill += 1
 
+    def stretch(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
+        """Record cycles in one go: times and lines (n,), setpoints and encoder readings (n, K)."""
+        np.minimum(self.low, setpoint.min(axis=0), out=self.low)
+        np.maximum(self.high, setpoint.max(axis=0), out=self.high)
+        self.last[:] = setpoint[-1]
+        self.line = int(lines[-1])
+        if not self._keep:
+            return
+        done = 0
+        while done < len(times):
+            if self._fill == _BLOCK:
+                self._blocks.append(np.empty((_BLOCK, 2 + 2 * self._width)))
+                self._fill = 0
+            part = slice(done, min(len(times), done + _BLOCK - self._fill))
+            count = part.stop - part.start
+            rows = self._blocks[-1][self._fill : self._fill + count]
+            rows[:, 0], rows[:, 1] = times[part], lines[part]
+            rows[:, 2 : 2 + self._width] = setpoint[part]
+            rows[:, 2 + self._width :] = actual[part]
+            self._fill += count
+            done += count
+
     def recording(self) -> Recorded | None:
         """All cycles, if they were kept."""
         if not self._keep:

@@ -5,6 +5,10 @@ tests.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.drives.bus import DriveBus
 from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
@@ -18,6 +22,16 @@ from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
 from mcserver.machine.machine_file import Machine
 
 Recorder = Callable[[float, int, Array, Array], None]
+
+
+@runtime_checkable
+class StretchRecorder(Protocol):
+    """A recorder that takes many cycles in one go: with it stretches without events are played so."""
+
+    def __call__(self, time: float, line: int, setpoint: Array, actual: Array) -> None: ...
+
+    def stretch(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
+        """Record cycles: times and lines (n,), setpoints and encoder readings (n, K)."""
 
 
 class VirtualExecutor:
@@ -79,11 +93,20 @@ class VirtualExecutor:
         """Lets cycles pass."""
         executor, recorder = self.executor, self.recorder
         cycle_s = self.machine.cycle_s
-        for number in range(self._cycles, self._cycles + cycles):
-            executor.cycle(number * cycle_s)
+        in_stretches = recorder if isinstance(recorder, StretchRecorder) else None
+        end = self._cycles + cycles
+        while self._cycles < end:
+            if in_stretches is not None and end - self._cycles > 1:
+                stretch = executor.play_stretch(self._cycles * cycle_s, end - self._cycles - 1)
+                if stretch is not None:
+                    numbers = range(self._cycles, self._cycles + len(stretch.lines))
+                    times = np.array([number * cycle_s for number in numbers])
+                    in_stretches.stretch(times, stretch.lines, stretch.setpoint, stretch.actual)
+                    self._cycles += len(stretch.lines)
+            executor.cycle(self._cycles * cycle_s)
+            self._cycles += 1
             if recorder is not None:
                 recorder(executor.time, executor.line(), executor.row.setpoint, executor.row.actual)
-        self._cycles += cycles
 
     def events(self) -> list[ExecutorEvent]:
         """Reports since the last call, in order."""

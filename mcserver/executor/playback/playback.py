@@ -204,6 +204,33 @@ class Playback:
         """Whether a first row has not been looked at."""
         return self._unchecked != 0
 
+    # ------------------------------------------------------------------ stretches
+
+    def stretch(self, u: float, limit: int) -> NDArray[np.intp]:
+        """Return the places in the ring of up to ``limit`` rows after a whole u that are played one a cycle.
+
+        They follow u and each other without a gap, drive all active columns, and each belongs to a line.
+        """
+        ring, number = self._ring, self.following
+        nothing = np.zeros(0, np.intp)
+        if self._fresh or self._unchecked or number - 1 < self.first:
+            return nothing
+        if self._u_cells[(number - 1) % ring.rows] != u:
+            return nothing
+        rows = np.arange(number, min(ring.rows_written, number + limit)) % ring.rows
+        active = np.uint64(self.active)
+        fits = (ring.row_u[rows] == int(u) + 1 + np.arange(len(rows))) & (ring.row_line[rows] != 0)
+        fits &= (ring.row_mask[rows] & active) == active
+        return rows if fits.all() else rows[: int(np.argmin(fits))]
+
+    def skip(self, u: float, setpoints: Array) -> None:
+        """Move on to u: the rows up to there were played; ``setpoints``: of those cycles, shape (n, K)."""
+        self.seek(u)
+        self.line = self._line_cells[(self.following - 1) % self._ring.rows]
+        for setpoint in setpoints[-4:]:
+            self._recent[self._cycles & 3] = setpoint
+            self._cycles += 1
+
     # ------------------------------------------------------------------ playing
 
     def play(self, u: float, rate: float) -> None:

@@ -101,6 +101,15 @@ class RateControl:
         self._plan = None
         self._refused = 0
 
+    @property
+    def steady(self) -> bool:
+        """Whether rows are played one a cycle, with no change of the rate under way."""
+        return self._plan is None and self.rate == 1.0
+
+    def rows_before(self, u: float, edge: float) -> int:
+        """Return the rows that u may pass before a stop at an edge has to be thought of."""
+        return max(0, int(edge - u - self._far) - 1)
+
     def advance(self, u: float, target: float, edge: float | None, *, urgent: bool) -> float:
         """Step one cycle towards ``target``; return the rows that u passes in it.
 

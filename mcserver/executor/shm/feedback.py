@@ -151,6 +151,10 @@ class FeedbackRing:
         self._rows[written % self._cycles] = row
         self._counter[0] = written + 1
 
+    def skip(self, count: int) -> None:
+        """Count cycles whose rows nobody is to read."""
+        self._counter[0] += count
+
     def newest_setpoint(self, axes: int) -> Array:
         """Setpoints of the cycle before, for the writer; shape (K,). All 0 before the first."""
         part: Array = self._rows[(self._counter[0] - 1) % self._cycles, _HEAD : _HEAD + axes]

@@ -1,0 +1,92 @@
+"""Stretches of rows that a simulation plays in one go: the same to the bit as cycle by cycle."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mcserver.executor.executor import Executor, Stretch
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.simulation.simulation import Simulation, simulate
+
+PROGRAM = """G1010
+G94 F9000
+G01 X10 Y5
+X20.05 Y5.03
+X20.1 Y5.07
+X20.13 Y5.12
+G02 X30.13 Y-4.88 I0 J-10
+G04 P0.013
+G01 X0 Y0 Z3, G01 [3]40 F720
+G09 G01 X3 F3000
+G00 X-4 Y2
+G1020 Z20
+G01 X5 Y9 F12000
+M00
+G93 G01 X0 Y0 F240
+G01 X7 Y1 [3]90 F111
+G1030 [4]20
+G94 G01 X2 Y2 F3000
+G1030 [4]0
+G01 X0
+"""
+
+
+def machine(drive: str, travel: str = "") -> Machine:
+    text = '[machine]\nname = "test"\n[motion]\npath_tolerance_mm = 0.02\n'
+    for index in range(5):
+        kind = "linear" if index < 3 else "rotary"
+        text += (
+            f'[[axis]]\nindex = {index}\ntype = "{kind}"\nmax_velocity = 300.0\nmax_acceleration = 3000.0\n'
+            f'max_jerk = 90000.0\n{travel}[axis.drive]\nkind = "{drive}"\n'
+        )
+    return parse_machine(text)
+
+
+def timeless(report: dict[str, Any]) -> dict[str, Any]:
+    lines = [
+        {name: value for name, value in line.items() if name != "planning_s"} for line in report["lines"]
+    ]
+    return {**report, "lines": lines}
+
+
+def both(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> tuple[Simulation, Simulation, int]:
+    """A run in stretches, one cycle by cycle, and how many cycles the stretches had."""
+    played = 0
+    play = Executor.play_stretch
+
+    def counting(executor: Executor, time: float, limit: int) -> Stretch | None:
+        nonlocal played
+        stretch = play(executor, time, limit)
+        played += 0 if stretch is None else len(stretch.lines)
+        return stretch
+
+    monkeypatch.setattr(Executor, "play_stretch", counting)
+    in_stretches = simulate(PROGRAM, machine, record=True)
+    monkeypatch.setattr(Executor, "play_stretch", lambda *_: None)
+    return in_stretches, simulate(PROGRAM, machine, record=True), played
+
+
+def assert_same(first: Simulation, second: Simulation) -> None:
+    assert timeless(first.report) == timeless(second.report)
+    assert first.recording is not None
+    assert second.recording is not None
+    for name in ("time_s", "line", "setpoint", "actual"):
+        assert np.array_equal(getattr(first.recording, name), getattr(second.recording, name))
+
+
+def test_stretches_are_the_same_to_the_bit_as_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, played = both(machine("ideal"), monkeypatch)
+    assert first.exit_code == 0
+    assert_same(first, second)
+    assert second.recording is not None
+    assert played > 0.5 * len(second.recording.time_s)
+
+
+def test_drives_with_a_lag_are_simulated_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, played = both(machine("simulated"), monkeypatch)
+    assert first.exit_code == 0
+    assert played == 0
+    assert_same(first, second)
