@@ -95,5 +95,5 @@ $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
 	@touch $@
 
 $(VENV)/.for-development: $(VENV)/.for-demo
-	$(PIP) install --quiet --editable '.[plot,view,lsp]' --group dev
+	$(PIP) install --quiet --editable '.[plot,view,lsp,mcp]' --group dev
 	@touch $@

@@ -26,6 +26,7 @@ from mcserver.cli import (
     grammar,
     lsp,
     machine,
+    mcp,
     plot,
     run,
     security,
@@ -75,6 +76,7 @@ def build_app() -> typer.Typer:
     app.command("format")(fix.format_file)
     app.command("grammar")(grammar.grammar)
     app.command("lsp")(lsp.lsp)
+    app.command("mcp")(mcp.mcp)
     app.command("simulate")(simulate.simulate_program)
     app.command("plot")(plot.plot)
     app.command("view")(view.view)

@@ -1,0 +1,145 @@
+"""Answers that need no server: the machine, the dialect by topic, faults, and drafts of programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mcserver.errors import Refused
+from mcserver.executor.fault_codes import remedy_of
+from mcserver.gcode.line_faults import TITLES
+from mcserver.gcode.text.command_table import COMMANDS, find_command
+from mcserver.gcode.text.word_table import WORDS, find_word
+from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
+from mcserver.language.lsp.knowledge import describe_code, describe_word
+from mcserver.language.rules import rules
+from mcserver.machine.machine_file import Machine
+
+MAX_POINTS = 5000
+TOPICS = {
+    "lines": ("D-01", "D-01a", "D-02", "D-03", "D-04"),
+    "modes": ("D-10", "D-11", "D-12", "D-13", "D-14", "D-15"),
+    "moves": ("D-20", "D-21", "D-25", "D-28"),
+    "arcs": ("D-22", "D-23"),
+    "time": ("D-30", "D-31", "D-32", "D-33"),
+    "corners": ("D-34", "D-35", "D-36"),
+    "axes": ("D-26", "D-27", "D-40"),
+    "tools": ("D-50", "D-51", "D-52", "D-53", "D-54"),
+}
+
+
+def machine_facts(machine: Machine) -> dict[str, Any]:
+    """Describe a machine in the units of programs: mm, degrees and seconds."""
+    letters = {axis: letter for letter, axis in AXIS_LETTERS.items() if letter not in INCREMENTAL_LETTERS}
+    axes = []
+    for axis in machine.axes:
+        unit = axis.type.si_per_unit
+        limits = {
+            "min_position": axis.min_position / unit,
+            "max_position": axis.max_position / unit,
+            "max_velocity": axis.max_velocity / unit,
+            "max_acceleration": axis.max_acceleration / unit,
+            "max_jerk": axis.max_jerk / unit,
+        }
+        axes.append(
+            {
+                "word": letters.get(axis.index, f"[{axis.index}]"),
+                "axis": axis.index,
+                "type": axis.type.value,
+                "unit": axis.type.unit,
+                "start": axis.initial_position / unit,
+                **{name: value if abs(value) != float("inf") else None for name, value in limits.items()},
+            }
+        )
+    tools = [
+        {
+            "word": f"T{tool.number}",
+            "axes": list(tool.axes),
+            "orientation": tool.orientation,
+            "euler": tool.euler,
+        }
+        for tool in machine.tools
+    ]
+    return {"machine": machine.name, "axes": axes, "tools": tools}
+
+
+def dialect_topic(topic: str, machine: Machine) -> str:
+    """Explain a topic, a code (``G02``), a word (``R``) or a rule (``D-22``) in Markdown."""
+    asked = topic.strip()
+    rule = rules().get(asked[:2].upper() + asked[2:].lower())
+    if rule is not None:
+        return f"**{rule.name}** {rule.title}. {rule.text}"
+    if asked.lower() in TOPICS:
+        return "\n\n".join(
+            f"**{name}** {rules()[name].title}. {rules()[name].text}" for name in TOPICS[asked.lower()]
+        )
+    spec = find_command(asked[:1].upper(), asked[1:])
+    if spec is not None:
+        return describe_code(spec)
+    word = find_word(asked.upper())
+    if word is not None:
+        return describe_word(word, machine, asked.upper())
+    return overview()
+
+
+def overview() -> str:
+    """List every code and word on a line of its own, with an example, and the topics."""
+    codes = "\n".join(f"{spec.name}: {spec.title}, such as {spec.example}" for spec in COMMANDS)
+    words = "\n".join(f"{' '.join(spec.letters)}: {spec.title}" for spec in WORDS)
+    return (
+        "A program starts with G1010 (energize); a feed move needs F. mm and mm/min unless G20, G93.\n\n"
+        f"{codes}\n\n{words}\n\nTopics: {', '.join(TOPICS)}; or a code, a word, a rule such as D-22."
+    )
+
+
+def fault_facts(code: str) -> dict[str, str]:
+    """Explain the code of a fault.
+
+    Raises:
+        ServiceError: MC511 the code is not known.
+    """
+    asked = code.strip().upper()
+    if asked in TITLES:
+        return {
+            "code": asked,
+            "title": TITLES[asked],
+            "help": "`check` gives line, columns, values and a hint",
+        }
+    if asked.startswith("MC4") and asked[2:].isdigit():
+        message, hint = remedy_of(int(asked[2:]), 0)
+        return {"code": asked, "title": message, "help": hint}
+    raise Refused(
+        "MC511", f"{asked[:20]} is not a code of a program or of a run", "codes look like MC104 or MC401"
+    )
+
+
+def draft(points: Sequence[Sequence[float]], feed: float, words: str, *, rapid_first: bool) -> str:
+    """Write a program through points: capture, rapid to the first, straight lines through the others.
+
+    Args:
+        points: coordinates in mm (degrees of rotary axes), one for each of ``words``.
+        feed: above zero [mm/min].
+        words: axis letters such as ``XY``.
+
+    Raises:
+        ServiceError: MC511 letters, counts or numbers that do not fit.
+    """
+    letters = words.upper()
+    if not letters or len(set(letters)) != len(letters) or not set(letters) <= set("XYZABC"):
+        raise Refused("MC511", f"{words[:20]!r} are not different letters of XYZABC", "such as XY or XYZ")
+    if not 1 <= len(points) <= MAX_POINTS or any(len(point) != len(letters) for point in points):
+        raise Refused("MC511", f"1 to {MAX_POINTS} points of {len(letters)} numbers are needed", "")
+    numbers = [feed, *(value for point in points for value in point)]
+    if not all(-1e6 < value < 1e6 for value in numbers) or feed < 1e-3:
+        raise Refused("MC511", "a number is out of range", "mm or degrees, and a feed above zero")
+    lines = ["G1010", f"G21 G90 G94 F{_number(feed)}"]
+    for place, point in enumerate(points):
+        code = "G00" if place == 0 and rapid_first else "G01"
+        lines.append(
+            " ".join([code, *(f"{letter}{_number(at)}" for letter, at in zip(letters, point, strict=True))])
+        )
+    return "\n".join([*lines, "M30", ""])
+
+
+def _number(value: float) -> str:
+    return f"{value:.4f}".rstrip("0").rstrip(".") or "0"
