@@ -23,6 +23,7 @@ class Dialect(msgspec.Struct, frozen=True):
         ignore: codes and macros that are accepted without effect, besides the profile's own.
         spindle: axis that M3, M4, M5 and S turn; None: they have no effect.
         dwell_unit: of G04 P [s]. tool_change: what M6 does where the tool differs from the one before.
+        systems: work coordinate systems that programs start with, number → axis → [m or rad].
         cutters: length of each tool of the tool table, for G43 [m].
     """
 
@@ -34,6 +35,7 @@ class Dialect(msgspec.Struct, frozen=True):
     dwell_unit: float = 1.0
     tool_change: Literal["pause", "ignore"] = "pause"
     cutters: Mapping[int, float] = {}
+    systems: Mapping[int, Mapping[int, float]] = {}
 
     @property
     def reference(self) -> bool:

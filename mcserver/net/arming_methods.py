@@ -49,7 +49,7 @@ class ArmingMethods:
                 "MC511", f"the text needs the axes {', '.join(map(str, named))}", "ask for all of them"
             )
         positions = self._positions()
-        report = await self._checker.simulate(client, request.text, positions)
+        report = await self._checker.simulate(client, request.text, positions, self._service.work_systems)
         found = [wire_diagnostic(msgspec.convert(each, Diagnostic)) for each in report["diagnostics"]]
         if not report["ok"]:
             return wire.RunRequestReply(False, found)

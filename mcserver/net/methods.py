@@ -183,12 +183,12 @@ class Methods:
         positions = None
         if request.positions is not None:
             positions = self._service.positions_si(request.positions)
-        found = await self._checker.check(client, request.text, positions)
+        found = await self._checker.check(client, request.text, positions, self._service.work_systems)
         faulty = any(diagnostic.severity == "error" for diagnostic in found)
         return wire.CheckReply(not faulty, [wire_diagnostic(diagnostic) for diagnostic in found])
 
     async def simulate(self, client: str, request: wire.SimulateRequest) -> dict[str, Any]:
-        return await self._checker.simulate(client, request.text)
+        return await self._checker.simulate(client, request.text, systems=self._service.work_systems)
 
     def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
         return drive_wire.DrivesReply(self._drives.drives())

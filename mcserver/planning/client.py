@@ -24,6 +24,7 @@ import msgspec
 from mcserver.errors import RuntimeFault
 from mcserver.executor.client import ExecutorProcess
 from mcserver.executor.view import ExecutorView
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.compiling import PATIENCE_S
@@ -266,8 +267,11 @@ class ProcessPlanning:
         """Make the planner's client, in the loop; `wait` comes before."""
         return PlannerProcess(self._child, self._launch, on_events)
 
-    def modal_before(self, lines: Sequence[str]) -> ModalState:
+    def modal_before(self, lines: Sequence[str], frame: Frame | None = None) -> ModalState:
         """Read lines without moving anything, for the modal state behind them; from any thread.
+
+        Args:
+            frame: work offsets that the program starts with.
 
         Raises:
             ProgramRejected: one of them has a fault.
@@ -282,6 +286,7 @@ class ProcessPlanning:
             self._machine,
             kinematics=build_kinematics(self._machine),
             positions=self._view.positions(),
+            frame=frame,
         ).modal
 
     def close(self) -> None:

@@ -17,6 +17,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.headroom import stopping_rows
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.text.parser import ParsedLine
@@ -68,6 +69,7 @@ class Pipeline:
         energized: axes that hold a position at the start.
         lease: axes that the program may name; None: all.
         modal: state to start with, for a program that starts in its middle.
+        frame: work offsets to start with, where ``modal`` is None.
         on_fault: effect of a faulty line.
         clock: for the time of inverse kinematics [s].
     """
@@ -83,6 +85,7 @@ class Pipeline:
         energized: frozenset[int] = frozenset(),
         lease: frozenset[int] | None = None,
         modal: ModalState | None = None,
+        frame: Frame | None = None,
         on_fault: FaultRule = FaultRule.END,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
@@ -92,8 +95,9 @@ class Pipeline:
         self._on_fault = on_fault
         self._solving = None if kinematics is None else TimedKinematics(kinematics, clock)
         self._interpreter = Interpreter(
-            machine, kinematics=self._solving, positions=positions, lease=lease, modal=modal
+            machine, kinematics=self._solving, positions=positions, lease=lease, modal=modal, frame=frame
         )
+        self._frame = self._interpreter.frame
         # the executor begins to stop when fewer rows are left than a stop takes
         self._stop = min(stopping_rows(machine), LONGEST_STOP)
         # read, but not interpreted before the executor has reported positions
@@ -350,6 +354,11 @@ class Pipeline:
         planning_s = 0.0 if self._solving is None else self._solving.take()
         if planning_s > 0.0:
             plan.reports.append(Report(ReportKind.SOLVED, parsed.number, planning_s=planning_s))
+        frame = self._interpreter.frame
+        if frame is not self._frame:
+            self._frame = frame
+            if frame is not None:
+                plan.reports.append(Report(ReportKind.FRAME, parsed.number, frame=frame))
         if self._interpreter.ended:
             self._end_of_text()
         return True

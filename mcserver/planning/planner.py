@@ -27,6 +27,7 @@ from mcserver.planning.planner_messages import (
     Consumed,
     DropProgram,
     ExecutorEvents,
+    FrameChanged,
     HaltProgram,
     LineRejected,
     Lines,
@@ -234,6 +235,8 @@ class Planner:
         if timed:
             self._events.append(Planned(plan.program, timed))
         for report in reports:
+            if report.frame is not None:
+                self._events.append(FrameChanged(plan.program, report.frame))
             if report.kind is ReportKind.REJECTED:
                 self._reject(plan, report.line, report.diagnostics)
 

@@ -10,6 +10,7 @@ import msgspec
 
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import ExecutorEvent
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 
@@ -36,11 +37,13 @@ class PipelineRequest(msgspec.Struct, frozen=True):
 
     Attributes:
         axes: that the program may name. modal: state to start with; None: a program's own beginning.
+        frame: work offsets of that beginning; None: none.
     """
 
     program: str
     axes: frozenset[int]
     modal: ModalState | None = None
+    frame: Frame | None = None
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):
@@ -101,6 +104,7 @@ class ReportKind(enum.Enum):
     SOLVED = "solved"  # inverse kinematics has solved the line: `planning_s`
     BOUND = "bound"  # a limit has stretched the line: `bound_by`
     REJECTED = "rejected"  # a fault in the line; nothing of it moves, nothing after it is read
+    FRAME = "frame"  # the line has set work offsets: `frame`
     FINISHED = "finished"  # all that was submitted has been handed over, the end of the program included
 
 
@@ -121,6 +125,14 @@ class Report(msgspec.Struct, frozen=True):
     feed_length: float = 0.0
     planning_s: float = 0.0
     diagnostics: tuple[Diagnostic, ...] = ()
+    frame: Frame | None = None
+
+
+class FrameChanged(msgspec.Struct, frozen=True, tag=True):
+    """A line has set work offsets."""
+
+    program: str
+    frame: Frame
 
 
 class Consumed(msgspec.Struct, frozen=True, tag=True):
@@ -168,7 +180,7 @@ class PlannerFailed(msgspec.Struct, frozen=True, tag=True):
     message: str
 
 
-PlannerEvent = Consumed | LineRejected | Planned | Validated | ExecutorEvents | PlannerFailed
+PlannerEvent = Consumed | LineRejected | FrameChanged | Planned | Validated | ExecutorEvents | PlannerFailed
 
 OnPlannerEvents = Callable[[Sequence[PlannerEvent]], None]
 
@@ -195,8 +207,10 @@ class PlannerClient(Protocol):
 class Planning(Protocol):
     """What plans a machine's programs: `mcserver.planning.client.ProcessPlanning`."""
 
-    def modal_before(self, lines: Sequence[str]) -> ModalState:
-        """Modal state after lines that are only read; from any thread. Raises ProgramRejected."""
+    def modal_before(self, lines: Sequence[str], frame: Frame | None = None) -> ModalState:
+        """Modal state after lines that are only read, from ``frame`` on; from any thread.
+
+        Raises ProgramRejected."""
 
     def planner(self, on_events: OnPlannerEvents) -> PlannerClient:
         """Make a planner that hands over its events in the loop, in order."""

@@ -96,6 +96,7 @@ class PipelineFactory:
             energized=self._view.energized(),
             lease=request.axes,
             modal=request.modal,
+            frame=request.frame,
             on_fault=FaultRule.RETRY,
         )
 

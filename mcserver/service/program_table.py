@@ -23,6 +23,7 @@ from mcserver.planning.planner_messages import (
     Consumed,
     DropProgram,
     ExecutorEvents,
+    FrameChanged,
     HaltProgram,
     LineRejected,
     Lines,
@@ -46,6 +47,7 @@ from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
 from mcserver.service.reports import Ack, Event, Fault, ProgramState, wire_diagnostic
 from mcserver.service.reports import EventKind as Kind
+from mcserver.service.work_offsets import WorkOffsets
 
 log = logging.getLogger(__name__)
 
@@ -75,6 +77,7 @@ class ProgramTable:
     Attributes:
         programs: open ones and the last `ENDED_PROGRAMS` that have ended, oldest first.
         faults: latched until a reset.
+        offsets: work coordinate systems, which outlive programs and the server.
         journal_damage: of the journal as it was found at this start; None: it is sound.
         journal_failure: why the journal cannot be written now; empty: it can.
     """
@@ -111,6 +114,7 @@ class ProgramTable:
         except BaseException:
             self._lock.release()
             raise
+        self.offsets = WorkOffsets(options.journal.with_name(f"{options.journal.name}.offsets.json"))
         self.planner = planner(self._planner_events)
         self.heartbeat = Heartbeat(port.beat, lambda: self.planner.last_seen)
 
@@ -192,7 +196,7 @@ class ProgramTable:
             program.slot = grant.slot
             # here, so that no hold or abort can reach the executor before it
             self.port.begin(grant.slot, grant.axes, ratio=program.override, held=program.held)
-            request = PipelineRequest(program.program, grant.axes, program.modal)
+            request = PipelineRequest(program.program, grant.axes, program.modal, self.offsets.frame())
             self.planner.send(Begin(request, grant.slot, program.step))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
@@ -288,6 +292,8 @@ class ProgramTable:
             match event:
                 case Consumed():
                     self._consumed(program, event)
+                case FrameChanged():
+                    self.offsets.keep(event.frame)
                 case Planned():
                     program.progress.planned(event.reports)
                 case Validated():

@@ -83,6 +83,8 @@ class MachineService:
         self._table.planner.start()
         self._table.heartbeat.start()
         self.events.publish("server.started", message=f"machine {self.machine.name}")
+        if self._table.offsets.failure:
+            self.events.publish("warning", reason="MC529", message=self._table.offsets.failure)
         damage = self._table.journal_damage
         if damage is not None:
             message = f"the journal was damaged: {damage.message}; as it was it is kept in {damage.kept}"
@@ -111,6 +113,11 @@ class MachineService:
     @property
     def events(self) -> EventLog:
         return self._table.events
+
+    @property
+    def work_systems(self) -> Mapping[int, Mapping[int, float]]:
+        """Work coordinate systems that a program starts with, number → axis → [m or rad]."""
+        return self._table.offsets.systems
 
     def now(self) -> float:
         """Executor time [s]."""
@@ -158,7 +165,8 @@ class MachineService:
                 f"{len(before)} lines before line {start_line}: lines 1 … {start_line - 1} are meant",
                 "give all of them, or none",
             )
-        modal = await asyncio.to_thread(self._planning.modal_before, before) if before else None
+        frame = self._table.offsets.frame()
+        modal = await asyncio.to_thread(self._planning.modal_before, before, frame) if before else None
         self._check_limits(client)
         self._ready()
         self._counter += 1

@@ -24,6 +24,7 @@ from mcserver.errors import Diagnostic, Refused
 from mcserver.machine.machine_file import Machine
 
 T = TypeVar("T")
+Systems = Mapping[int, Mapping[int, float]]
 
 # Programs that are computed at the same time: one client's long one does not keep the others' waiting.
 WORKERS = 2
@@ -87,19 +88,30 @@ class ProgramChecker:
         self._requests: Counter[str] = Counter()
         self._eviction: asyncio.TimerHandle | None = None
 
-    async def check(self, client: str, text: str, positions: dict[int, float] | None) -> list[Diagnostic]:
-        """Find every fault of a text; ``positions`` [m or rad] by axis number.
+    async def check(
+        self,
+        client: str,
+        text: str,
+        positions: dict[int, float] | None,
+        systems: Systems | None = None,
+    ) -> list[Diagnostic]:
+        """Find every fault of a text; ``positions`` [m or rad] by axis number, ``systems``: work offsets.
 
         Raises:
             ServiceError: MC508 too many wait; MC523 it took too long, or the worker died.
         """
-        return await self._run(client, check_text, text, self._machine, positions)
+        return await self._run(client, check_text, text, in_systems(self._machine, systems), positions)
 
     async def simulate(
-        self, client: str, text: str, positions: Mapping[int, float] | None = None
+        self,
+        client: str,
+        text: str,
+        positions: Mapping[int, float] | None = None,
+        systems: Systems | None = None,
     ) -> dict[str, Any]:
-        """Make the object of ``mcserver simulate --json``; ``positions`` as in `check`. Raises as `check`."""
+        """Make the object of ``mcserver simulate --json``; the others as in `check`. Raises as `check`."""
         machine = self._machine if positions is None else starting_at(self._machine, positions)
+        machine = in_systems(machine, systems)
         return await self._run(client, simulate_text, text, machine)
 
     def close(self) -> None:
@@ -238,6 +250,14 @@ def simulate_text(text: str, machine: Machine) -> dict[str, Any]:
     kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
     report: dict[str, Any] = simulation.simulate(text, machine, kinematics=kinematics).report
     return report
+
+
+def in_systems(machine: Machine, systems: Systems | None) -> Machine:
+    """Return the machine with work coordinate systems that its programs start with."""
+    if not systems:
+        return machine
+    dialect = msgspec.structs.replace(machine.dialect, systems=systems)
+    return msgspec.structs.replace(machine, dialect=dialect)
 
 
 def starting_at(machine: Machine, positions: Mapping[int, float]) -> Machine:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from mcserver.simulation.program_checker import ProgramChecker
+from mcserver.simulation.program_checker import ProgramChecker, Systems
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 
@@ -19,9 +19,13 @@ def quick_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is planned: the test of the agents' server simulates for real."""
 
     async def simulate(
-        checker: ProgramChecker, client: str, text: str, positions: dict[int, float] | None = None
+        checker: ProgramChecker,
+        client: str,
+        text: str,
+        positions: dict[int, float] | None = None,
+        systems: Systems | None = None,
     ) -> dict[str, Any]:
-        found = await checker.check(client, text, positions)
+        found = await checker.check(client, text, positions, systems)
         axes = {str(axis): {"position": 10.0, "min": 0.0, "max": 10.0, "unit": "mm"} for axis in range(3)}
         shown = [each.as_json() for each in found]
         return {"ok": not found, "duration_s": 1.0, "lines": [], "axes": axes, "diagnostics": shown}

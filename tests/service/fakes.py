@@ -14,6 +14,7 @@ import numpy as np
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.view import SlotView
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.planning.line_buffer import LineBuffer
@@ -281,10 +282,10 @@ class FakePipelines:
     def planner(self, on_events: OnPlannerEvents) -> LoopPlanner:
         return LoopPlanner(Planner(self.port, self, time.monotonic), on_events)
 
-    def modal_before(self, lines: Sequence[str]) -> ModalState:
+    def modal_before(self, lines: Sequence[str], frame: Frame | None = None) -> ModalState:
         if "bad" in lines:
             raise ProgramRejected([Diagnostic(code="MC101", message="bad line", line=lines.index("bad") + 1)])
-        return ModalState(inch="G20" in lines, incremental="G91" in lines)
+        return ModalState(inch="G20" in lines, incremental="G91" in lines, frame=frame)
 
     def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> FakePipeline:
         if self.failure is not None:

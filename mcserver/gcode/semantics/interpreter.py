@@ -10,6 +10,7 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic
 from mcserver.gcode.fast_path.block import SimpleBlockInterpreter
 from mcserver.gcode.fast_path.runs import MAX_LINES, RunInterpreter
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.reader import reader_of
 from mcserver.gcode.semantics.block_interpreter import BlockInterpreter, faults_of
 from mcserver.gcode.semantics.block_state import BlockState, set_up
@@ -31,6 +32,7 @@ class Interpreter:
         positions: commanded positions at the start [m or rad]; the drives' initial ones by default.
         lease: axes that the program may use; all by default.
         modal: state to start from, for a program that goes on from its middle.
+        frame: work offsets to start from where ``modal`` is None (D-62).
     """
 
     def __init__(
@@ -41,11 +43,13 @@ class Interpreter:
         positions: Mapping[int, float] | None = None,
         lease: frozenset[int] | None = None,
         modal: ModalState | None = None,
+        frame: Frame | None = None,
     ) -> None:
         self._setup = set_up(machine, kinematics, lease)
         initial = {axis.index: axis.initial_position for axis in machine.axes}
         self._commanded = CommandedState({**initial, **(positions or {})})
-        self._modal = initial_modal(machine) if modal is None else modal
+        self._modal = initial_modal(machine, frame) if modal is None else modal
+        self._frame = self._modal.frame
         self._ended = False
         self._capture_due = machine.dialect.auto_capture
         self._parse = reader_of(machine.dialect)
@@ -56,6 +60,11 @@ class Interpreter:
     def modal(self) -> ModalState:
         """Return the modal state between lines, from which another interpreter can start."""
         return self._modal
+
+    @property
+    def frame(self) -> Frame | None:
+        """Return the work offsets in force, behind the program's end those it left; None: never any."""
+        return self._frame
 
     @property
     def positions(self) -> Mapping[int, float]:
@@ -177,6 +186,7 @@ class Interpreter:
 
     def _commit(self, interpreted: BlockInterpreter) -> None:
         self._modal = interpreted.block.modal
+        self._frame = self._modal.frame or self._frame
         self._commanded = interpreted.block.commanded
         self._ended = interpreted.ended
 
@@ -245,6 +255,7 @@ def modal_before(
     *,
     kinematics: Kinematics | None = None,
     positions: Mapping[int, float] | None = None,
+    frame: Frame | None = None,
 ) -> Resumption:
     """Rebuild the state before line ``number`` of a program from the lines before it; nothing moves.
 
@@ -252,11 +263,12 @@ def modal_before(
         lines: the whole program, or at least the lines before ``number``.
         number: from 1.
         positions: where the program started; the drives' initial positions by default.
+        frame: work offsets that it started with.
 
     Raises:
         ProgramRejected: a line before it has a fault.
     """
-    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions)
+    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, frame=frame)
     for at, text in enumerate(lines, start=1):
         if at >= number:
             break

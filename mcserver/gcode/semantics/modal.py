@@ -55,10 +55,15 @@ class ModalState(msgspec.Struct, frozen=True):
 INITIAL = ModalState()
 
 
-def initial_modal(machine: Machine) -> ModalState:
+def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
     """Return the state at a program's start (D-10); cnc and printer start in G17 (D-61)."""
     profile = machine.dialect.profile
-    return INITIAL if profile in ("reference", "robot") else ModalState(plane=17)
+    start = INITIAL if profile in ("reference", "robot") else ModalState(plane=17)
+    if frame is None and machine.dialect.systems:
+        frame = Frame(systems=machine.dialect.systems)
+    if frame is None or profile not in ("cnc", "robot"):
+        return start
+    return msgspec.structs.replace(start, frame=frame, shift=frame.shift())
 
 
 def read_feed(number: float, modal: ModalState) -> Feed:

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from mcclient.cli import arm, console, drives, look, operate, run, send, watch
+from mcclient.cli import arm, console, drives, look, operate, run, send, watch, zero
 from mcclient.cli.output import exit_code_of, say, show_error
 from mcclient.errors import MotionError
 
@@ -56,6 +56,7 @@ def build_app() -> typer.Typer:
     app.command("watch")(watch.watch)
     app.command("run")(run.run)
     app.command("send")(send.send)
+    app.command("zero")(zero.zero)
     app.command("console")(console.console)
     app.command("hold")(operate.hold)
     app.command("resume")(operate.resume)
