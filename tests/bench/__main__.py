@@ -22,6 +22,7 @@ SECTIONS = {
     "squares": "a 100 mm square",
     "polylines": "polylines that stand for an arc",
     "short_segments": "10 000 segments of 0.05 mm",
+    "simulate": "simulation against the machine's time",
     "gait": "a line of four legs",
     "inverse_kinematics": "tool waypoints a second",
     "hold": "feed hold",
