@@ -204,7 +204,7 @@ class _Reader:
         except ValueError as error:
             if kind in datatypes.INTEGER_TYPES or kind in datatypes.FLOAT_TYPES or key == "ParameterValue":
                 raise self._fault(
-                    section, key, f"{text!r} is no value of its type ({error})", "mend the value there"
+                    section, key, f"{text!r} is no value of its type ({error})", "correct the value there"
                 ) from error
             # what a default of a string of bytes means is the writer's secret
             return None

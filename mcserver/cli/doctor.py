@@ -1,4 +1,4 @@
-"""``mcserver doctor``: what this computer lacks, each line with its mend."""
+"""``mcserver doctor``: what this computer lacks, each line with its fix."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def doctor(
         bool, typer.Option("--strict", help="Exit code 1 where only advice is given, too.")
     ] = False,
 ) -> None:
-    """Say what this computer lacks, each line with its mend. Exit code 1 where the server cannot run."""
+    """Say what this computer lacks, each line with its fix. Exit code 1 where the server cannot run."""
     with json_answer_on_error(json):
         findings = examine(None if machine is None else load_machine(machine))
     gravest = worst(findings)
@@ -51,7 +51,7 @@ def doctor(
                         "title": each.title,
                         "state": each.state.value,
                         "found": each.found,
-                        "mend": each.mend,
+                        "fix": each.fix,
                     }
                     for each in findings
                 ],
@@ -64,7 +64,7 @@ def doctor(
 
 
 def print_findings(findings: Sequence[Finding], console: Console) -> None:
-    """One line a finding, its mend below, and a closing count."""
+    """One line a finding, its fix below, and a closing count."""
     area = ""
     for finding in findings:
         if finding.area != area:
@@ -72,8 +72,8 @@ def print_findings(findings: Sequence[Finding], console: Console) -> None:
             console.print(Text(area, style="bold"))
         mark, colour = MARKS[finding.state]
         console.print(Text.assemble("  ", (f"{mark:<8}", colour), f"{finding.title}: {finding.found}"))
-        if finding.mend:
-            console.print(Text.assemble(" " * 10, ("mend", "bold"), f": {finding.mend}"))
+        if finding.fix:
+            console.print(Text.assemble(" " * 10, ("fix", "bold"), f": {finding.fix}"))
     lacking = sum(finding.state is State.ADVICE for finding in findings)
     required = sum(finding.state is State.MISSING for finding in findings)
     console.print(f"{len(findings)} looked at, {lacking} with advice, {required} required and missing")

@@ -1,4 +1,4 @@
-"""What this computer lacks for running motion, each finding with its mend.
+"""What this computer lacks for running motion, each finding with its fix.
 
 Probes read facts and judge nothing; judges are pure functions from facts to findings.
 """

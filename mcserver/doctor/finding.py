@@ -23,14 +23,14 @@ class Finding(msgspec.Struct, frozen=True):
         area: ``python``, ``realtime``, ``can``, ``buses`` or ``service``.
         title: what was looked at.
         found: the value seen.
-        mend: what to do; empty where nothing lacks.
+        fix: what to do; empty where nothing lacks.
     """
 
     area: str
     title: str
     state: State
     found: str
-    mend: str = ""
+    fix: str = ""
 
 
 def good(area: str, title: str, found: str) -> Finding:
@@ -38,14 +38,14 @@ def good(area: str, title: str, found: str) -> Finding:
     return Finding(area, title, State.OK, found)
 
 
-def advice(area: str, title: str, found: str, mend: str) -> Finding:
+def advice(area: str, title: str, found: str, fix: str) -> Finding:
     """The server runs without it, less well."""
-    return Finding(area, title, State.ADVICE, found, mend)
+    return Finding(area, title, State.ADVICE, found, fix)
 
 
-def missing(area: str, title: str, found: str, mend: str) -> Finding:
+def missing(area: str, title: str, found: str, fix: str) -> Finding:
     """The server cannot run without it."""
-    return Finding(area, title, State.MISSING, found, mend)
+    return Finding(area, title, State.MISSING, found, fix)
 
 
 def worst(findings: Iterable[Finding]) -> State:

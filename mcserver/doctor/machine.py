@@ -68,15 +68,15 @@ def _judge_connection(bus: BusFacts, can: CanFacts) -> Finding:
     title = f"{bus.name}: {bus.address}"
     address = parse_address(bus.address)
     if bus.refusal:
-        mend = "start the socketcand server, and check host, port and channel"
+        fix = "start the socketcand server, and check host, port and channel"
         if address.transport is Transport.SOCKETCAN:
-            mend = (
+            fix = (
                 f"ip link set {address.channel} up type can bitrate {bus.bitrate}; without hardware: "
                 f"modprobe vcan; ip link add {address.channel} type vcan; ip link set {address.channel} up"
             )
         elif address.transport is Transport.UDP:
-            mend = "check that this computer's network carries multicast"
-        return missing(AREA, title, bus.refusal, mend)
+            fix = "check that this computer's network carries multicast"
+        return missing(AREA, title, bus.refusal, fix)
     for interface in can.interfaces:
         told = interface.name == address.channel and address.transport is Transport.SOCKETCAN
         if told and interface.bitrate not in (None, bus.bitrate):

@@ -84,9 +84,9 @@ def judge_python(facts: PythonFacts) -> list[Finding]:
             continue
         state = "not installed" if found is None else f"does not load: {found[1:]}"
         if package.extra:
-            mend = f"for {package.gives}: pip install 'mcserver[{package.extra}]'"
-            findings.append(advice(AREA, package.distribution, state, mend))
+            fix = f"for {package.gives}: pip install 'mcserver[{package.extra}]'"
+            findings.append(advice(AREA, package.distribution, state, fix))
         else:
-            mend = f"for {package.gives}: pip install --force-reinstall {package.distribution}"
-            findings.append(missing(AREA, package.distribution, state, mend))
+            fix = f"for {package.gives}: pip install --force-reinstall {package.distribution}"
+            findings.append(missing(AREA, package.distribution, state, fix))
     return findings

@@ -163,12 +163,12 @@ def _judge_governors(facts: RealtimeFacts) -> Finding:
 def _judge_isolation(facts: RealtimeFacts) -> Finding:
     if facts.isolated:
         return good(AREA, "isolated CPUs", facts.isolated)
-    mend = (
+    fix = (
         f"boot with isolcpus={facts.cpus - 1} nohz_full={facts.cpus - 1}; see {GUIDE}"
         if facts.cpus > 1
         else "use a computer with two or more CPUs: one for the cycle alone"
     )
-    return advice(AREA, "isolated CPUs", f"none of {facts.cpus}: other work shares the cycle's CPU", mend)
+    return advice(AREA, "isolated CPUs", f"none of {facts.cpus}: other work shares the cycle's CPU", fix)
 
 
 def _judge_budget(facts: RealtimeFacts) -> Finding:

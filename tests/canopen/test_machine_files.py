@@ -98,22 +98,22 @@ def test_a_bus_that_is_nearly_full_is_advised_against() -> None:
     machine = msgspec.structs.replace(machine_on("can0", [1, 2, 3, 4, 5, 6]), cycle_hz=440.0)
     load, _ = judge_buses(machine, [BusFacts("left", "can0", 1_000_000)], NO_CAN)
     assert load.state is State.ADVICE
-    assert "would still fit" in load.mend
+    assert "would still fit" in load.fix
 
 
 @pytest.mark.parametrize(
-    ("address", "mend"),
+    ("address", "fix"),
     [
         ("can0", "ip link set can0 up type can bitrate 500000"),
         (NOWHERE, "socketcand server"),
         ("udp:239.1.2.3:4000", "multicast"),
     ],
 )
-def test_a_bus_that_cannot_be_opened_is_missing_with_its_mend(address: str, mend: str) -> None:
+def test_a_bus_that_cannot_be_opened_is_missing_with_its_mend(address: str, fix: str) -> None:
     machine = machine_on(address, [1])
     _, connection = judge_buses(machine, [BusFacts("left", address, 500_000, "refused")], NO_CAN)
     assert connection.state is State.MISSING
-    assert mend in connection.mend
+    assert fix in connection.fix
 
 
 def test_another_bit_rate_than_the_machine_file_s_is_missing() -> None:
@@ -121,7 +121,7 @@ def test_another_bit_rate_than_the_machine_file_s_is_missing() -> None:
     can = CanFacts(sockets=True, virtual=False, interfaces=(interface,))
     _, connection = judge_buses(machine_on("can0", [1]), [BusFacts("left", "can0", 1_000_000)], can)
     assert connection.state is State.MISSING
-    assert "bitrate 1000000" in connection.mend
+    assert "bitrate 1000000" in connection.fix
 
 
 def test_doctor_looks_at_the_buses_of_a_machine(hub: RunningHub, tmp_path: Path, capfd: Capture) -> None:

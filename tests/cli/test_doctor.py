@@ -31,7 +31,7 @@ def test_a_tuned_computer_lacks_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "title", "mend"),
+    ("change", "title", "fix"),
     [
         ({"fifo": False}, "SCHED_FIFO", "LimitRTPRIO"),
         ({"memlock": 65536}, "locked memory", "LimitMEMLOCK"),
@@ -45,12 +45,12 @@ def test_a_tuned_computer_lacks_nothing() -> None:
     ],
 )
 def test_each_thing_that_lacks_is_advised_with_its_mend(
-    change: dict[str, object], title: str, mend: str
+    change: dict[str, object], title: str, fix: str
 ) -> None:
     findings = judge_realtime(msgspec.structs.replace(TUNED, **change))
     lacking = [finding for finding in findings if finding.state is not State.OK]
     assert [finding.title for finding in lacking] == [title]
-    assert mend in lacking[0].mend
+    assert fix in lacking[0].fix
 
 
 def test_an_old_python_cannot_run_the_server() -> None:
@@ -71,7 +71,7 @@ def test_an_optional_package_is_advice_that_names_its_extra() -> None:
     findings = judge_python(PythonFacts((3, 12, 0), {**ALL_PACKAGES, "matplotlib": None}))
     absent = next(finding for finding in findings if finding.title == "matplotlib")
     assert absent.state is State.ADVICE
-    assert "mcserver[plot]" in absent.mend
+    assert "mcserver[plot]" in absent.fix
 
 
 def test_a_kernel_without_can_is_one_advice() -> None:
@@ -80,7 +80,7 @@ def test_a_kernel_without_can_is_one_advice() -> None:
 
 
 @pytest.mark.parametrize(
-    ("interface", "mend"),
+    ("interface", "fix"),
     [
         (CanInterface("can0", up=False, queue=1000), "ip link set can0 up"),
         (CanInterface("can0", up=True, queue=10), "txqueuelen"),
@@ -92,10 +92,10 @@ def test_a_kernel_without_can_is_one_advice() -> None:
         (CanInterface("can0", up=True, queue=1000, state="ERROR-ACTIVE", tx_errors=0, rx_errors=3), "120 Ω"),
     ],
 )
-def test_each_trouble_of_an_interface_has_its_mend(interface: CanInterface, mend: str) -> None:
+def test_each_trouble_of_an_interface_has_its_mend(interface: CanInterface, fix: str) -> None:
     findings = judge_can(CanFacts(sockets=True, virtual=False, interfaces=(interface,)))
     assert findings[1].state is State.ADVICE
-    assert mend in findings[1].mend
+    assert fix in findings[1].fix
 
 
 def test_a_sound_interface_is_said_with_its_bit_rate() -> None:
@@ -115,7 +115,7 @@ def test_too_little_shared_memory_keeps_the_server_from_running(free: int | None
 def test_a_port_that_cannot_be_listened_on_is_advised_with_another() -> None:
     finding = judge_service(ServiceFacts(10**9, "Permission denied"))[1]
     assert finding.state is State.ADVICE
-    assert "--listen" in finding.mend
+    assert "--listen" in finding.fix
 
 
 def test_the_gravest_state_counts() -> None:
@@ -127,4 +127,4 @@ def test_the_gravest_state_counts() -> None:
 def test_this_computer_can_be_examined_and_every_lack_has_a_mend() -> None:
     findings = examine()
     assert {finding.area for finding in findings} == {"python", "realtime", "can", "service"}
-    assert all(finding.mend for finding in findings if finding.state is not State.OK)
+    assert all(finding.fix for finding in findings if finding.state is not State.OK)

@@ -115,7 +115,7 @@ def test_the_doctor_answers_for_people_and_for_scripts(capfd: Capture) -> None:
     assert run_command_line(["doctor", "--json"]) == 0
     answer = json.loads(capfd.readouterr().out)
     assert answer["ok"] is True
-    assert {"area", "title", "state", "found", "mend"} == answer["findings"][0].keys()
+    assert {"area", "title", "state", "found", "fix"} == answer["findings"][0].keys()
     assert run_command_line(["doctor"]) == 0
     assert "looked at" in capfd.readouterr().out
 

@@ -70,5 +70,5 @@ def test_an_interface_that_is_not_there_is_refused_by_name() -> None:
 
 
 def test_the_doctor_finds_the_buses_and_nothing_wrong_with_them() -> None:
-    mends = {finding.title: finding.mend for finding in judge_can(probe_can())}
-    assert {bus: mends[bus] for bus in BUSES} == dict.fromkeys(BUSES, "")
+    fixes = {finding.title: finding.fix for finding in judge_can(probe_can())}
+    assert {bus: fixes[bus] for bus in BUSES} == dict.fromkeys(BUSES, "")

@@ -118,7 +118,7 @@ def test_a_fault_stops_its_group_within_three_cycles_and_names_axis_and_line(
     assert rig.setpoint[-1, 0] < 0.4
 
 
-def mend(rig: CanRig) -> None:
+def fix(rig: CanRig) -> None:
     drive = rig.drives[1]
     drive.muted = drive.short = drive.jammed = False
     drive.late = drive.mode_slowness = 0
@@ -134,7 +134,7 @@ def test_a_fault_is_latched_until_g1000_and_g1010_recover_it_without_a_jump(
     cause(rig)
     assert fault_of(rig, 4).code == code
     rig.run()
-    mend(rig)
+    fix(rig)
     rig.step(50)
     assert rig.executor.feedback.condition[1] == AxisCondition.FAULT
     program = rig.open(0)
