@@ -29,6 +29,7 @@ from mcserver.cli import (
     mcp,
     plot,
     run,
+    scan,
     security,
     simulate,
     view,
@@ -81,6 +82,7 @@ def build_app() -> typer.Typer:
     app.command("plot")(plot.plot)
     app.command("view")(view.view)
     app.command("web")(web.web)
+    app.command("scan")(scan.scan)
     app.command("gateway")(gateway.gateway)
     app.command("examples")(examples.examples)
     app.command("doctor")(doctor.doctor)
