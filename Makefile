@@ -16,7 +16,7 @@ PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 
 export PIP_NO_INPUT := 1
 
-.PHONY: help demo dog test test-computing test-realtime socketcan socketcan-long faults lint format bench pictures clean
+.PHONY: sdks help demo dog test test-computing test-realtime socketcan socketcan-long faults lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -50,6 +50,9 @@ socketcan: $(VENV)/.for-development  ## the tests that need CAN interfaces, on v
 
 socketcan-long: $(VENV)/.for-development  ## the gait and the arcs on four buses there: a quarter of an hour
 	@$(BIN)/python -m deploy.qemu -- $(BIN)/python -m pytest -p no:cacheprovider -p no:xdist -m long tests/socketcan
+
+sdks: $(VENV)/.for-development  ## build the SDKs of other languages and drive them against a real server
+	$(BIN)/python -m pytest tests/sdks $(ARGS)
 
 faults: $(VENV)/.for-development  ## each fault of a CAN drive in a moving group: what happened, in cycles
 	@$(BIN)/python -m tests.e2e_can.faults $(ARGS)

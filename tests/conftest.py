@@ -31,6 +31,7 @@ REALTIME = (
     "net",
     "packaging",
     "planning/test_planner_process.py",
+    "sdks",
     "security",
     "socketcan",
     "view/test_window.py",

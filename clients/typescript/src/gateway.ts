@@ -1,0 +1,163 @@
+import { decode, encode } from "@msgpack/msgpack";
+import { MotionError, NobodyAnswers, refusal } from "./errors.js";
+import { Machine } from "./machine.js";
+
+/** The part of a WebSocket that is used: the browser's own, or the class of the package `ws` in Node. */
+export interface Socket {
+  binaryType: string;
+  onopen: ((event: any) => void) | null;
+  onmessage: ((event: any) => void) | null;
+  onclose: ((event: any) => void) | null;
+  onerror: ((event: any) => void) | null;
+  send(data: Uint8Array): void;
+  close(): void;
+}
+
+export interface ConnectOptions {
+  /** The secret token; none on the gateway's own computer. */
+  token?: string;
+  /** The WebSocket class; default: the global one. */
+  WebSocket?: new (url: string, protocols: string[]) => Socket;
+  signal?: AbortSignal;
+  /** How long a call waits for its reply, lost connections included [ms]. */
+  deadlineMs?: number;
+}
+
+interface Pending { frame: Record<string, unknown>; resolve: (value: any) => void; reject: (error: Error) => void; timer: ReturnType<typeof setTimeout>; }
+interface Listening { machine: string; topic: string; deliver: (message: any) => void; onResumed: () => void; }
+
+const RETRY_MS = [50, 100, 200, 400, 800, 1000];
+const LONG = new Set(["check", "simulate"]);
+
+/**
+ * One client of a gateway. A connection that breaks is made anew: calls without an answer are sent again with the same
+ * number, so that nothing is done twice, and subscriptions are made again.
+ */
+export class Gateway {
+  /** This client's id, as others see it in events. */
+  client = "";
+  role = "";
+  #socket: Socket | null = null;
+  #session = "";
+  #numbers = 0;
+  #pending = new Map<number, Pending>();
+  #listening = new Map<number, Listening>();
+  #closed = false;
+  #retries = 0;
+  #ready: (() => void) | null = null;
+  #refused: ((error: Error) => void) | null = null;
+
+  private constructor(private readonly url: string, private readonly options: ConnectOptions) {}
+
+  /** Connects, or fails with NobodyAnswers. `url` such as ws://127.0.0.1:8787/v1/ws. */
+  static connect(url: string, options: ConnectOptions = {}): Promise<Gateway> {
+    const gateway = new Gateway(url, options);
+    options.signal?.addEventListener("abort", () => gateway.close(), { once: true });
+    return new Promise((resolve, reject) => {
+      gateway.#ready = () => resolve(gateway);
+      gateway.#refused = reject;
+      gateway.#open();
+    });
+  }
+
+  /** Names of the machines that are there. */
+  async machines(): Promise<string[]> { return this.request({ op: "machines" }); }
+
+  /** A machine by name; without one the only one that is there. */
+  async machine(name?: string): Promise<Machine> {
+    if (name === undefined) {
+      const names = await this.machines();
+      if (names.length !== 1) throw new NobodyAnswers("MC531", `${names.length} machines are there: ${names.join(", ")}`, "name one");
+      name = names[0]!;
+    }
+    return Machine.open(this, name);
+  }
+
+  /** Ends the connection; programs still open end as their on_disconnect says, after the gateway's grace. */
+  close(): void {
+    this.#closed = true;
+    this.#socket?.close();
+    for (const pending of this.#pending.values()) {
+      clearTimeout(pending.timer);
+      pending.reject(new NobodyAnswers("MC539", "the client is closed"));
+    }
+    this.#pending.clear();
+  }
+
+  /** A frame with an answer; sent again after a lost connection. */
+  request<T>(frame: Record<string, unknown>): Promise<T> {
+    if (this.#closed) return Promise.reject(new NobodyAnswers("MC539", "the client is closed"));
+    const id = ++this.#numbers;
+    const whole = frame["op"] === "call" ? { ...frame, id, request: id } : { ...frame, id };
+    const limit = LONG.has(String(frame["method"])) ? 120_000 : this.options.deadlineMs ?? 15_000;
+    return new Promise<T>((resolve, reject) => {
+      const timer = setTimeout(() => {
+        this.#pending.delete(id);
+        reject(new NobodyAnswers("MC532", `no answer to ${String(frame["method"] ?? frame["op"])} within ${limit / 1000} s`, "is the gateway running?"));
+      }, limit);
+      this.#pending.set(id, { frame: whole, resolve, reject, timer });
+      this.#send(whole);
+    });
+  }
+
+  /** Delivers each message of a topic until the function that it returns is called; `onResumed` after a lost connection. */
+  async listen(machine: string, topic: string, deliver: (message: any) => void, onResumed: () => void = () => {}): Promise<() => void> {
+    const id = ++this.#numbers;
+    this.#listening.set(id, { machine, topic, deliver, onResumed });
+    await new Promise<void>((resolve, reject) => {
+      const timer = setTimeout(() => reject(new NobodyAnswers("MC532", `no answer to subscribe ${topic}`)), this.options.deadlineMs ?? 15_000);
+      const frame = { op: "subscribe", id, machine, topic };
+      this.#pending.set(id, { frame, resolve: () => resolve(), reject, timer });
+      this.#send(frame);
+    });
+    return () => { if (this.#listening.delete(id)) this.#send({ op: "unsubscribe", id }); };
+  }
+
+  #open(): void {
+    const Kind = this.options.WebSocket ?? (globalThis as { WebSocket?: ConnectOptions["WebSocket"] }).WebSocket;
+    if (!Kind) { this.#refused?.(new MotionError("MC537", "there is no WebSocket here", "give connect({ WebSocket }) the one of the package ws")); return; }
+    const protocols = ["mc.v1", ...(this.options.token ? [`mc.token.${this.options.token}`] : [])];
+    const socket = new Kind(this.#session ? `${this.url}?session=${encodeURIComponent(this.#session)}` : this.url, protocols);
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = (event) => this.#receive(decode(new Uint8Array(event.data as ArrayBuffer)) as Record<string, any>);
+    socket.onerror = () => {};
+    socket.onclose = (event) => this.#lost(String(event?.reason ?? ""));
+    this.#socket = socket;
+  }
+
+  #lost(reason: string): void {
+    this.#socket = null;
+    if (this.#closed) return;
+    if (!this.#session) {
+      this.#closed = true;
+      this.#refused?.(new NobodyAnswers("MC530", `the gateway at ${this.url} refuses the connection or is not there${reason ? `: ${reason}` : ""}`, "is it running, and is the token right?"));
+      return;
+    }
+    setTimeout(() => { if (!this.#closed) this.#open(); }, RETRY_MS[Math.min(this.#retries++, RETRY_MS.length - 1)]);
+  }
+
+  #receive(frame: Record<string, any>): void {
+    if (frame["op"] === "hello") {
+      const again = this.#session !== "";
+      this.client = frame["client"]; this.role = frame["role"]; this.#session = frame["session"]; this.#retries = 0;
+      this.#ready?.(); this.#ready = null;
+      if (!again) return;
+      for (const [id, each] of this.#listening) if (!this.#pending.has(id)) this.#send({ op: "subscribe", id, machine: each.machine, topic: each.topic });
+      for (const pending of this.#pending.values()) this.#send(pending.frame);
+      for (const each of this.#listening.values()) each.onResumed();
+    } else if (frame["op"] === "message") {
+      this.#listening.get(frame["id"])?.deliver(frame["message"]);
+    } else if (frame["op"] === "reply") {
+      const pending = this.#pending.get(frame["id"]);
+      if (!pending) return;
+      this.#pending.delete(frame["id"]);
+      clearTimeout(pending.timer);
+      if (frame["ok"]) pending.resolve(frame["value"]); else pending.reject(refusal(frame["error"]));
+    }
+  }
+
+  #send(frame: Record<string, unknown>): void {
+    // what is not sent now is sent by the next connection
+    if (this.#socket && this.#session) { try { this.#socket.send(encode(frame)); } catch { /* it is closing */ } }
+  }
+}

@@ -1,0 +1,7 @@
+/** Client of the open motion server for browsers and Node, through its gateway (docs/gateway.md). */
+export { MotionError, NobodyAnswers, ProgramEnded, ProgramRejected, RequestRefused } from "./errors.js";
+export { Feed } from "./feed.js";
+export { type ConnectOptions, Gateway, type Socket } from "./gateway.js";
+export { Machine } from "./machine.js";
+export * from "./messages.js";
+export { type OpenOptions, Program } from "./program.js";
