@@ -33,6 +33,8 @@ from mcserver.units import AxisType
 # stopping distance made of short lines.
 WINDOW = 512
 LARGEST_WINDOW = 8192
+# What is left to a motion before the part of a curve that may still change: its speed has to follow [s].
+ADAPT_S = 0.05
 
 _ALL = (1 << 64) - 1
 
@@ -175,7 +177,8 @@ class MotionPlanner:
                 return
         last = table.segments[-1] if table else None
         if last is None or not (last.closes and _may_be_chord(last)):
-            self._put(len(table), None, self._smoother.smooth(lines, rests=False))
+            if not self._put(len(table), None, self._smoother.smooth(lines, rests=False)):
+                self._append_each(lines)
             return
         rests = len(table) == 1 and self._window.entry == 0.0 and self._reserve is None
         first, *items = self._smoother.smooth([last, *lines], rests=rests)
@@ -184,8 +187,11 @@ class MotionPlanner:
         else:
             done = self._put(len(table), first, items)
         if not done:
-            for line in lines:
-                self._append(line)
+            self._append_each(lines)
+
+    def _append_each(self, lines: list[Segment]) -> None:
+        for line in lines:
+            self._append(line)
 
     def _put(self, count: int, last: Segment | None, items: list[Item]) -> bool:
         """Put items behind the first ``count`` segments of the window, where nothing else stays.
@@ -197,11 +203,15 @@ class MotionPlanner:
             False, and nothing changed, where the motion under way may not be able to stop on that.
         """
         table = self._window.table
-        touched = max(min(count, len(table) - 1), 0)
+        trimmed = last is not None and last is not table.segments[-1]
+        touched = count - 1 if trimmed else count
         saved = table.save(touched)
-        reserve, self._reserve = self._reserve, None
+        reserve = self._reserve
+        checked = reserve is not None and touched < reserve.window
+        if checked:
+            self._reserve = None
         table.truncate(count)
-        if last is not None and last is not table.segments[-1]:
+        if last is not None and trimmed:
             table.replace(-1, last)
         for item in items:
             if isinstance(item, Segment):
@@ -210,8 +220,7 @@ class MotionPlanner:
             self._window.append_parts(item.parts, item.samples, joined=item.joined)
         if items and isinstance(items[-1], SmoothRun):
             self._open = items[-1].open
-        if reserve is None or touched >= reserve.window:
-            self._reserve = reserve
+        if not checked:
             return True
         # the stop that is held in reserve runs to the end that was there: only a plan that is sure to hold
         # may take its place
@@ -254,7 +263,12 @@ class MotionPlanner:
             plan = self._solved()
         except PlanningError:
             return self._fall_back()
-        moment = self._moment(plan, (want - self.u) * self._cycle)
+        wanted = (want - self.u) * self._cycle
+        moment = self._moment(plan, wanted)
+        settled = self._settled_until(plan)
+        if moment > settled and (math.isinf(want) or wanted <= settled):
+            # what a curve still changes in is handed over only if it is needed
+            moment = _last_steady(plan, settled)
         if moment < self._cycle:
             # less than a cycle is not worth a new plan, and a trace of rounding would go on for ever: the
             # window has to grow before the next one
@@ -275,6 +289,14 @@ class MotionPlanner:
         origin, self.u = self.u, self.u + moment / self._cycle
         self._plan = None
         return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
+
+    def _settled_until(self, plan: PlannedRun) -> float:
+        """Until when nothing of the open curve begins, with time to adapt to what it becomes [s]."""
+        if self._open is None:
+            return math.inf
+        first = len(self._window.table) - len(self._open.chords)
+        index = int(np.searchsorted(plan.window_index, first))
+        return max(float(plan.times[index]) - ADAPT_S, 0.0)
 
     def _settle_curve(self) -> None:
         """What of the open curve is under way stays as it is."""
@@ -475,6 +497,19 @@ class MotionPlanner:
         )
         self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
         return sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle), runs, end
+
+
+def _last_steady(plan: PlannedRun, until: float) -> float:
+    """The last moment without acceleration that is not later than ``until`` [s]; 0 without one."""
+    phases = plan.phases
+    trace = 1e-6 * float(np.abs(phases.acceleration).max())
+    steady = (np.abs(phases.acceleration) <= trace) & ~plan.timed & (phases.velocity > 0.0)
+    steady &= phases.start <= until
+    if not steady.any():
+        return 0.0
+    index = int(np.nonzero(steady)[0][-1])
+    ends = float(phases.start[index + 1]) if index + 1 < len(phases.start) else phases.duration
+    return min(until, ends) if phases.jerk[index] == 0.0 else float(phases.start[index])
 
 
 def _may_be_chord(segment: Segment) -> bool:

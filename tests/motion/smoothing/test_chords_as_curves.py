@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
+from mcserver.motion.pieces import Piece
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
 from tests.motion.measure import (
@@ -36,6 +37,7 @@ from tests.motion.support import (
     alike,
     arc_curve,
     at_speed,
+    collect,
     line_curve,
     machine_of,
     plan,
@@ -244,3 +246,23 @@ def test_any_chords_keep_every_limit_at_every_cycle_and_the_tolerance(
     motion = rounded(machine, points, speed, tolerance, commits=commits)
     assert_kept(motion, tolerance)
     assert sorted(motion.starts) == sorted(motion.ends) == list(range(1, len(points)))
+
+
+def test_a_curve_longer_than_the_window_is_driven_to_its_end_without_a_stop() -> None:
+    """1500 chords of 0.1 mm, handed over as soon as the window is full."""
+    machine = alike(2, jerk=JERK)
+    points = circle(0.02, 1e-4, 7.5)
+    planner = MotionPlanner(machine, np.zeros(2))
+    moves = [Move(group, tolerance=1e-4) for group in polyline(machine, points.tolist(), 0.1)]
+    pieces: list[Piece] = []
+    for number, move in enumerate(moves, start=1):
+        planner.append(planner.segment(move.group, number), tolerance=move.tolerance)
+        if planner.full:
+            pieces += planner.commit() or ()
+    pieces += planner.close()
+    motion = collect(machine, moves, np.zeros(2), pieces)
+    assert_kept(motion, 1e-4)
+    assert sorted(motion.starts) == sorted(motion.ends) == list(range(1, len(points)))
+    assert (motion.position[-1] == points[-1]).all()
+    arc = plan(machine, [at_speed(0.1, arc_curve((0.0, 0.0), (0.0, 0.02), 7.5))])
+    assert motion.duration <= 1.02 * arc.duration
