@@ -11,6 +11,7 @@ import itertools
 import json
 import threading
 import time
+import zlib
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -76,7 +77,7 @@ class FakeServer(FakeMethods):
         }
         for key, value in settings.items():
             config.insert_json5(key, json.dumps(value))
-        self.instance = self.instance or f"6740b2f8a{next(self._instances):05x}"
+        self.instance = self.instance or f"67{zlib.crc32(self.name.encode()):08x}{next(self._instances):04x}"
         config.insert_json5("id", json.dumps(self.instance))
         session = zenoh.open(config)
         self._session = session

@@ -13,7 +13,14 @@ from mcserver.errors import ServiceError
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
 from mcserver.net.inbox import Inbox
-from mcserver.net.messages import EstopRequest, JogRequest, OpenRequest, OverrideRequest, StreamLines
+from mcserver.net.messages import (
+    CheckRequest,
+    EstopRequest,
+    JogRequest,
+    OpenRequest,
+    OverrideRequest,
+    StreamLines,
+)
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 
@@ -33,7 +40,11 @@ def test_whatever_the_bytes_are_the_decoder_raises_mc500(kind: type[msgspec.Stru
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), float("-inf")])
 def test_numbers_that_pass_every_bound_are_refused(number: float) -> None:
-    for kind, body in ((JogRequest, {"axis": 0, "distance": number}), (OverrideRequest, {"percent": number})):
+    for kind, body in (
+        (JogRequest, {"axis": 0, "distance": number}),
+        (OverrideRequest, {"percent": number}),
+        (CheckRequest, {"text": "G90", "positions": {"0": number}}),
+    ):
         with pytest.raises(ServiceError, match="MC500"):
             MessageDecoder(kind)(msgspec.msgpack.encode(body))
 

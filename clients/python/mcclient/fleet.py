@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
@@ -48,7 +49,7 @@ class FleetLink:
         A machine's state is taken from the session of its own server alone: the one whose liveliness token
         it has.
         """
-        self._live = await self._link.live_keys(ALL_MACHINES, timeout_s=timeout_s)
+        await self.find(timeout_s=timeout_s)
         servers = {machine_and_instance(key) for key in self._live}
         key = f"mc/@v1/*/@rpc/{self._client}/status"
         found: dict[str, MachineStatus] = {}
@@ -61,7 +62,29 @@ class FleetLink:
             except MotionError:
                 # of another version: as if it were not there
                 continue
-        return found
+        # access rules for some machines alone let no question to all through: each is asked by itself
+        missing = [machine for machine in self.names if machine not in found]
+        answers = await asyncio.gather(*(self._state_of(machine, timeout_s) for machine in missing))
+        return found | {
+            machine: status for machine, status in zip(missing, answers, strict=True) if status is not None
+        }
+
+    async def find(self, *, timeout_s: float) -> list[str]:
+        """Names of the machines that are there now, sorted."""
+        self._live = await self._link.live_keys(ALL_MACHINES, timeout_s=timeout_s)
+        return self.names
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the machines that were there at the last look, sorted."""
+        return sorted({machine_and_instance(key)[0] for key in self._live})
+
+    async def _state_of(self, machine: str, timeout_s: float) -> MachineStatus | None:
+        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
+        try:
+            return decode(MachineStatus, await caller.call("status", deadline_s=timeout_s))
+        except MotionError:
+            return None
 
     async def order(self, machine: str, method: str) -> None:
         """``hold``, ``resume`` or ``abort`` for every program of one machine.
