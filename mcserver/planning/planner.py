@@ -100,6 +100,7 @@ class _Plan:
         self.program = program
         self.phase = PlanPhase.WAITING
         self.slot = -1
+        self.begun = 0.0
         self.lines = LineBuffer()
         self.pipeline: LinePipeline | None = None
         # counts rejections: lines sent before the client knew of one are dropped
@@ -183,6 +184,7 @@ class Planner:
     def _begin(self, command: Begin) -> None:
         plan = self._plan(command.program)
         plan.slot = command.slot
+        plan.begun = command.begun
         plan.lines.single_line = command.step
         try:
             plan.pipeline = self._pipelines.make(command.request, plan.lines, self._port.sink(command.slot))
@@ -199,7 +201,7 @@ class Planner:
         by_slot = {plan.slot: plan for plan in self._plans.values() if plan.pipeline is not None}
         for event in events:
             plan = by_slot.get(event.program)
-            if plan is None or plan.pipeline is None:
+            if plan is None or plan.pipeline is None or event.time < plan.begun:
                 continue
             try:
                 plan.pipeline.on_event(event)

@@ -47,11 +47,16 @@ class PipelineRequest(msgspec.Struct, frozen=True):
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):
-    """Plan a program, which has its lease, into an executor's slot that has been opened for it."""
+    """Plan a program, which has its lease, into an executor's slot that has been opened for it.
+
+    Attributes:
+        begun: executor time of the newest cycle before that [s]: older events of the slot are not its own.
+    """
 
     request: PipelineRequest
     slot: int
     step: bool
+    begun: float
 
     @property
     def program(self) -> str:

@@ -127,6 +127,10 @@ class ExecutorPort:
             torque=history.block(rows, "torque"),
         )
 
+    def ended(self, slot: int) -> bool:
+        shown = self._executor.feedback.slots[slot]
+        return shown.state.free and shown.generation == self._executor.mailbox.slot_orders(slot).generation
+
     def ending(self) -> str:
         """How the executor came to its end; empty while it runs."""
         return self._executor.ending

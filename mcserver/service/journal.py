@@ -45,6 +45,7 @@ class Journal:
         call_soon: runs a function in the thread that owns the journal; called in the writer thread.
         on_failure: called there with the reason each time a batch could not be written, and with "" when one
             could again; it is tried until then, and nothing is reported as committed meanwhile.
+        threaded: writes in a thread of its own; else its owner calls `write_pending`, on whatever clock.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class Journal:
         on_failure: Callable[[str], None],
         bounds: JournalBounds | None = None,
         connect: Callable[[Path], JournalConnection] = open_journal,
+        threaded: bool = True,
     ) -> None:
         self.path = path
         self._call_soon = call_soon
@@ -69,8 +71,12 @@ class Journal:
         self._unsynced = False
         self._stopping = threading.Event()
         self._connection = connect(path)
-        self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
-        self._thread.start()
+        # what could not be written yet, without a thread
+        self._failed: list[Entry] = []
+        self._thread: threading.Thread | None = None
+        if threaded:
+            self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
+            self._thread.start()
 
     def server_started(self, instance: str, at: float) -> None:
         """Records this start; programs of earlier instances that had not ended become ``interrupted``."""
@@ -204,8 +210,26 @@ class Journal:
     def close(self, timeout_s: float = 5.0) -> None:
         """Writes what is left, syncs and closes. Safe to call twice."""
         self._stopping.set()
+        if self._thread is None:
+            self._connection.close()
+            return
         self._inbox.put(None)
         self._thread.join(timeout_s)
+
+    def write_pending(self) -> None:
+        """Try once to commit what has gathered, without a thread."""
+        batch = self._failed
+        if not batch:
+            while not self._inbox.empty() and (entry := self._inbox.get()) is not None:
+                batch.append(entry)
+        failure = self._commit(batch) if batch else ""
+        if failure:
+            self._failed = batch
+            self._on_failure(failure)
+        elif batch:
+            self._failed = []
+            self._on_failure("")
+            self._settle(batch)
 
     def _put(self, sql: str, parameters: tuple[object, ...], on_committed: OnCommitted | None = None) -> None:
         self._given += 1
@@ -267,22 +291,26 @@ class Journal:
         """Commits one transaction; tries until it can. False: given up, because the journal is being
         closed."""
         failed = False
-        while True:
-            try:
-                with self._writing, self._connection:
-                    for statement, _ in batch:
-                        if statement is not None:
-                            self._connection.execute(*statement)
-            except sqlite3.Error as error:
-                failed = True
-                self._call_soon(partial(self._on_failure, str(error)))
-                if self._stopping.wait(RETRY_S):
-                    return False
-                continue
-            if failed:
-                self._call_soon(partial(self._on_failure, ""))
-            self._unsynced = True
-            return True
+        while failure := self._commit(batch):
+            failed = True
+            self._call_soon(partial(self._on_failure, failure))
+            if self._stopping.wait(RETRY_S):
+                return False
+        if failed:
+            self._call_soon(partial(self._on_failure, ""))
+        return True
+
+    def _commit(self, batch: list[Entry]) -> str:
+        """Commit one transaction; why not, where that fails."""
+        try:
+            with self._writing, self._connection:
+                for statement, _ in batch:
+                    if statement is not None:
+                        self._connection.execute(*statement)
+        except sqlite3.Error as error:
+            return str(error)
+        self._unsynced = True
+        return ""
 
     def _settle(self, batch: list[Entry]) -> None:
         self._settled += len(batch)

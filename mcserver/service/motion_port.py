@@ -91,6 +91,9 @@ class MotionPort(Protocol):
     def cycles_since(self, cycle: int, limit: int) -> Cycles | None:
         """Up to ``limit`` cycles from number ``cycle`` on, or later where these are gone; None: none yet."""
 
+    def ended(self, slot: int) -> bool:
+        """Whether the program that was begun last in the slot has come to its end and to rest."""
+
     def ending(self) -> str:
         """How the executor came to its end, for a message; empty while it runs."""
 

@@ -60,6 +60,8 @@ class Program:
         # for the pipeline, until it begins
         self.modal: ModalState | None = None
         self.slot: int | None = None
+        # executor time of the newest cycle before it began [s]
+        self.begun = 0.0
         # counts rejections: what the planner says about lines of an earlier epoch no longer matters
         self.epoch = 0
         self.journaled = start_line - 1

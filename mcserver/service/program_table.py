@@ -62,13 +62,14 @@ class ServiceOptions(msgspec.Struct, frozen=True):
         journal: the journal's file.
         instance: id of this start.
         clock: Unix time [s].
-        connect: opens the journal's file.
+        connect: opens the journal's file. journal_thread: the journal writes in a thread of its own.
     """
 
     journal: Path
     instance: str
     clock: Callable[[], float] = time.time
     connect: Callable[[Path], JournalConnection] = open_journal
+    journal_thread: bool = True
 
 
 class ProgramTable:
@@ -100,7 +101,8 @@ class ProgramTable:
         self.events = EventLog(options.instance, self.now, on_event)
         self.acks = AckSender(on_ack)
         self._loop = asyncio.get_running_loop()
-        self._moved: set[str] = set()
+        # in order, so that a run can be repeated
+        self._moved: dict[str, None] = {}
         self._tick_scheduled = False
         self._lock = JournalLock(options.journal)
         try:
@@ -110,6 +112,7 @@ class ProgramTable:
                 call_soon=self._call_soon,
                 on_failure=self._journal_state,
                 connect=options.connect,
+                threaded=options.journal_thread,
             )
         except BaseException:
             self._lock.release()
@@ -194,10 +197,11 @@ class ProgramTable:
         for grant in grants:
             program = self.programs[grant.program]
             program.slot = grant.slot
+            program.begun = self.port.snapshot().time
             # here, so that no hold or abort can reach the executor before it
             self.port.begin(grant.slot, grant.axes, ratio=program.override, held=program.held)
             request = PipelineRequest(program.program, grant.axes, program.modal, self.offsets.frame())
-            self.planner.send(Begin(request, grant.slot, program.step))
+            self.planner.send(Begin(request, grant.slot, program.step, program.begun))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
             self.publish("program.started", program)
@@ -315,6 +319,18 @@ class ProgramTable:
                 t=self.now(),
             )
             self.stop(program, "faulted", fault.message, fault)
+        if not event.program:
+            self._end_at_rest()
+
+    def _end_at_rest(self) -> None:
+        """End programs that are at rest after the planner's process has ended: the executor's event that says
+        so may have gone with it."""
+        ending = [program for program in self.programs.values() if program.state == "ending"]
+        for program in ending:
+            if program.slot is not None and self.port.ended(program.slot):
+                self._end(program, program.ended_as)
+        if ending:
+            self._loop.call_later(TICK_S, self._end_at_rest)
 
     def _consumed(self, program: Program, event: Consumed) -> None:
         if event.through > program.queue.accepted:
@@ -351,7 +367,8 @@ class ProgramTable:
         if event.kind is EventKind.FAULT:
             self._fault(event, program)
             return
-        if program is None:
+        if program is None or event.time < program.begun:
+            # of the program that was in the slot before, whose end was seen without this
             return
         if event.kind is EventKind.LINE_START:
             program.progress.line_started(event.line, event.time)
@@ -410,14 +427,14 @@ class ProgramTable:
         )
 
     def _has_moved(self, program: Program) -> None:
-        self._moved.add(program.program)
+        self._moved[program.program] = None
         if not self._tick_scheduled:
             self._tick_scheduled = True
             self._loop.call_later(TICK_S, self._tick)
 
     def _tick(self) -> None:
         self._tick_scheduled = False
-        moved, self._moved = self._moved, set()
+        moved, self._moved = self._moved, {}
         for key in moved:
             program = self.programs.get(key)
             if program is not None and not program.ended:

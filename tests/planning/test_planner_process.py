@@ -40,8 +40,8 @@ FAULT = Diagnostic("MC104", "too far", line=3, column=5, end_column=9, tool=3, r
 @pytest.mark.parametrize(
     "command",
     [
-        Begin(PipelineRequest("a-1", frozenset({0, 63})), 7, True),
-        Begin(PipelineRequest("a-1", frozenset(), ModalState(inch=True, tool=3, feed=None)), 0, False),
+        Begin(PipelineRequest("a-1", frozenset({0, 63})), 7, True, 12.5),
+        Begin(PipelineRequest("a-1", frozenset(), ModalState(inch=True, tool=3, feed=None)), 0, False, 0.0),
         Lines("a-1", 2, 100_000, ["G01 X1", "(ä) G04 P0", ""]),
         CloseProgram("a-1"),
         StepLine("a-1"),

@@ -70,6 +70,7 @@ class FakePort:
         self.beats = 0
         self.closed = False
         self.stops_at_once = True
+        self.at_rest: set[int] = set()
         self.cycle = 0
         self.states: list[AxisState] = ["standstill"] * len(machine.axes)
         self._events: deque[ExecutorEvent] = deque()
@@ -78,12 +79,15 @@ class FakePort:
     def happen(self, kind: EventKind, slot: int, line: int = 0, **values: object) -> None:
         """Queues an event."""
         stamped = {"time": time.time() - self.epoch, **values}
+        if kind in (EventKind.FINISHED, EventKind.STOPPED):
+            self.at_rest.add(slot)
         event = ExecutorEvent(kind=kind, program=slot, line=line, **stamped)
         with self._lock:
             self._events.append(event)
 
     def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
         self.calls.append(("begin", slot, axes, ratio, held))
+        self.at_rest.discard(slot)
 
     def sink(self, slot: int) -> MotionSink:
         return FakeSink(self, slot)
@@ -142,6 +146,9 @@ class FakePort:
         shape = (limit, len(self.machine.axes))
         setpoint = np.arange(first, first + limit)[:, None] * 0.001 * np.ones(shape)
         return Cycles(first, first * 0.001, setpoint, setpoint, np.zeros(shape), np.zeros(shape))
+
+    def ended(self, slot: int) -> bool:
+        return slot in self.at_rest
 
     def ending(self) -> str:
         return ""

@@ -1,0 +1,489 @@
+"""Clients, network, service, journal, planner and executor on one virtual clock, with faults from one seed.
+
+Nothing here waits: time goes on to the next thing that is due. Messages are lost, doubled, late and out of
+order; the disk is full for a while; the planner and the server are killed at any moment. After each step that
+can be seen from outside, what has to hold is checked. The same seed is the same run.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from mcserver.errors import Diagnostic, ProgramRejected, Refused, ServiceError
+from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.planning.line_buffer import LineBuffer
+from mcserver.planning.planner import Planner
+from mcserver.planning.planner_messages import (
+    OnPlannerEvents,
+    PipelineRequest,
+    PlannerCommand,
+    PlannerEvent,
+    PlannerFailed,
+    Report,
+    ReportKind,
+)
+from mcserver.service.journal_file import open_journal
+from mcserver.service.motion_port import Snapshot
+from mcserver.service.program_table import ServiceOptions
+from mcserver.service.reports import ENDED, Ack, Event
+from mcserver.service.service import MachineService
+from tests.service.fakes import FakePort, FakeSink, three_axes
+
+LIMIT_S = 60.0
+
+
+class VirtualLoop(asyncio.SelectorEventLoop):
+    """An event loop whose time goes on to the next timer when nothing else is to be done."""
+
+    def __init__(self) -> None:
+        self._virtual = 0.0
+        super().__init__()
+
+    def time(self) -> float:
+        return self._virtual
+
+    def _run_once(self) -> None:
+        # asyncio's own names: the one place where the next timer can be seen
+        timers = self._scheduled  # type: ignore[attr-defined]
+        if not self._ready and timers:  # type: ignore[attr-defined]
+            self._virtual = max(self._virtual, timers[0]._when)
+        super()._run_once()  # type: ignore[misc]
+
+
+class Violation(AssertionError):
+    """Something that has to hold did not."""
+
+
+def require(holds: bool, what: str) -> None:
+    if not holds:
+        raise Violation(what)
+
+
+class SimulatedDisk:
+    """A journal's connection; while the disk is full, nothing can be written."""
+
+    def __init__(self, path: Path) -> None:
+        self.full = False
+        self._connection = open_journal(path)
+
+    def execute(self, statement: str, parameters: tuple[object, ...] = ()) -> object:
+        if self.full:
+            raise sqlite3.OperationalError("database or disk is full")
+        return self._connection.execute(statement, parameters)
+
+    def __enter__(self) -> object:
+        return self._connection.__enter__()
+
+    def __exit__(self, *failure: object) -> object:
+        return self._connection.__exit__(*failure)  # type: ignore[arg-type]
+
+    def close(self) -> None:
+        self._connection.close()
+
+
+class SimulatedPort(FakePort):
+    """An executor that takes its time to stop, and checks who owns its axes."""
+
+    def __init__(self, cell: Cell) -> None:
+        super().__init__(three_axes())
+        self.epoch = 0.0
+        self.stopped = False
+        self._cell = cell
+        self._owners: dict[int, frozenset[int]] = {}
+        self._aborted: set[int] = set()
+
+    def happen(self, kind: EventKind, slot: int, line: int = 0, **values: object) -> None:
+        if kind in (EventKind.FINISHED, EventKind.STOPPED):
+            self._owners.pop(slot, None)
+        super().happen(kind, slot, line, time=self._cell.loop.time(), **values)
+
+    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
+        taken = frozenset[int]().union(*self._owners.values())
+        require(slot not in self._owners and not taken & axes, f"slot {slot} takes axes that are in motion")
+        self._owners[slot] = axes
+        self._aborted.discard(slot)
+        super().begin(slot, axes, ratio=ratio, held=held)
+
+    def snapshot(self) -> Snapshot:
+        return msgspec.structs.replace(super().snapshot(), time=self._cell.loop.time())
+
+    def runs(self, slot: int) -> bool:
+        return slot in self._owners and slot not in self._aborted and not self.stopped
+
+    def abort(self, slot: int) -> None:
+        if slot not in self._owners or slot in self._aborted:
+            return
+        self._aborted.add(slot)
+        self._cell.later(self._come_to_rest, slot)
+
+    def _come_to_rest(self, slot: int) -> None:
+        if slot in self._owners:
+            self.happen(EventKind.STOPPED, slot)
+
+    def emergency_stop(self) -> None:
+        self.stopped = True
+
+    def reset(self, axes: frozenset[int]) -> None:  # noqa: ARG002
+        self.stopped = False
+
+
+class SimulatedPipeline:
+    """Every line is a move; ``bad`` is faulty the first time. Lines are executed as they are planned."""
+
+    def __init__(self, cell: Cell, request: PipelineRequest, lines: LineBuffer, sink: FakeSink) -> None:
+        self.planned_line = 0
+        self.planned_end_u = 0.0
+        self._cell = cell
+        self._program = request.program
+        self._lines = lines
+        self._port, self._slot = cell.port, sink.slot
+        self._reports: list[Report] = []
+        self._ended = False
+
+    def pump(self, u: float | None = None) -> bool:  # noqa: ARG002
+        if self._ended:
+            return False
+        for _ in range(self._cell.random.randint(1, 5)):
+            if not self._lines.ready:
+                break
+            try:
+                number, text = self._lines.take()
+            except ProgramRejected as rejected:
+                self._reject(rejected.diagnostics[0])
+                return True
+            if text.startswith("bad"):
+                self._reject(Diagnostic(code="MC101", message=text, line=number))
+                return True
+            self._reports.append(Report(ReportKind.PLANNED, number, requested_s=0.1))
+            self.planned_line = number
+            if self._port.runs(self._slot):
+                self._cell.execute(self._program, number, text)
+                self._port.happen(EventKind.LINE_START, self._slot, number)
+                self._port.happen(EventKind.LINE_END, self._slot, number)
+        if self._lines.closed and not self._lines:
+            self._ended = True
+            if self._port.runs(self._slot):
+                self._port.happen(EventKind.FINISHED, self._slot)
+        return True
+
+    def on_event(self, event: ExecutorEvent) -> None:
+        self._ended |= event.kind is EventKind.STOPPED
+
+    def take_reports(self) -> list[Report]:
+        reports, self._reports = self._reports, []
+        return reports
+
+    def _reject(self, fault: Diagnostic) -> None:
+        self._reports.append(Report(ReportKind.REJECTED, fault.line, diagnostics=(fault,)))
+        self._lines.clear()
+
+
+class SimulatedPlanner:
+    """A planner behind a pipe that is late and in order, and that can be killed with all that is in it."""
+
+    def __init__(self, cell: Cell, on_events: OnPlannerEvents) -> None:
+        self.last_seen = 0.0
+        self._cell = cell
+        self._on_events = on_events
+        self._life = 0
+        self._planner = self._fresh()
+        self._commands: list[PlannerCommand] = []
+        self._events: list[PlannerEvent] = []
+
+    def start(self) -> None:
+        self._cell.later(self._turn, self._life)
+
+    def send(self, command: PlannerCommand) -> None:
+        self._commands.append(command)
+
+    async def stop(self) -> None:
+        self._life += 1
+
+    def kill(self) -> None:
+        self._life += 1
+        self._commands.clear()
+        self._events.clear()
+        self._planner = self._fresh()
+        self._on_events([PlannerFailed("", "its process was ended by signal 9")])
+        self._cell.later(self._turn, self._life)
+
+    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> SimulatedPipeline:
+        assert isinstance(sink, FakeSink)
+        return SimulatedPipeline(self._cell, request, lines, sink)
+
+    def _fresh(self) -> Planner:
+        return Planner(self._cell.port, self, self._cell.loop.time)
+
+    def _turn(self, life: int) -> None:
+        if life != self._life:
+            return
+        draw = self._cell.random
+        for _ in range(draw.randint(0, len(self._commands))):
+            self._planner.handle(self._commands.pop(0))
+        self._events += self._planner.turn()
+        taken = draw.randint(0, len(self._events))
+        events, self._events = self._events[:taken], self._events[taken:]
+        if events:
+            self._on_events(events)
+        self._cell.later(self._turn, self._life)
+
+
+class SimulatedPlanning:
+    """Makes the planner of a service."""
+
+    def __init__(self, cell: Cell) -> None:
+        self._cell = cell
+
+    def modal_before(self, lines: object) -> ModalState:
+        raise NotImplementedError
+
+    def planner(self, on_events: OnPlannerEvents) -> SimulatedPlanner:
+        self._cell.planner = SimulatedPlanner(self._cell, on_events)
+        return self._cell.planner
+
+
+class SimulatedClient:
+    """Sends a program over a bad network, and again what is not acknowledged, as docs/keyspace.md says."""
+
+    def __init__(self, cell: Cell, name: str, lines: int, axes: list[int]) -> None:
+        self.name = name
+        self.done = False
+        self._cell = cell
+        self._lines = lines
+        self._axes = axes
+        self._program = ""
+        self._opening = False
+        self._accepted = 0
+        self._corrected: set[int] = set()
+        self._faulty = {cell.random.randint(1, lines)} if cell.random.random() < 0.3 else set()
+
+    def text(self, program: str, number: int) -> str:
+        return f"{'bad' if number in self._faulty - self._corrected else 'move'} {program}:{number}"
+
+    def work(self) -> None:
+        """Does the next thing, and comes back for more."""
+        if not self.done:
+            if self._program:
+                self._cell.network(self._send)
+            elif not self._opening:
+                self._opening = True
+                task = self._cell.loop.create_task(self._open())
+                self._cell.tasks.add(task)
+                task.add_done_callback(self._cell.tasks.discard)
+            self._cell.later(self.work)
+
+    def forget(self) -> None:
+        """The server has gone: begins again."""
+        self._program, self._accepted, self._opening = "", 0, False
+
+    def on_ack(self, ack: Ack) -> None:
+        if ack.program != self._program:
+            return
+        if ack.rejected:
+            self._corrected.add(ack.rejected)
+            self._accepted = ack.accepted
+        self._accepted = ack.expected - 1 if ack.expected else max(self._accepted, ack.accepted)
+        if ack.state in ENDED:
+            self.done = ack.state == "finished"
+            self.forget()
+
+    async def _open(self) -> None:
+        try:
+            program = await self._cell.service.open(self.name, axes=self._axes, on_disconnect="finish")
+            self._program = program.program
+        except ServiceError:
+            pass
+        self._opening = False
+
+    def _send(self) -> None:
+        service, draw = self._cell.service, self._cell.random
+        program = self._program
+        if not program:
+            return
+        first = max(1, self._accepted + 1 - draw.choice([0, 0, 0, 1, 3]) + draw.choice([0, 0, 0, 2]))
+        last = min(self._lines, first + draw.randint(0, 6))
+        lines = [self.text(program, number) for number in range(first, last + 1)]
+        try:
+            if self._accepted >= self._lines:
+                service.close(self.name, program, last=self._lines)
+            elif draw.random() < 0.5:
+                service.submit(self.name, program, first, lines).listen(lambda _program, _error: None)
+            else:
+                service.stream(program, first, lines)
+            status = service.program(program)
+            if draw.random() < 0.2:
+                # asks how it stands, as one that has heard nothing for a while
+                self._cell.network(lambda: self.on_ack(status.ack()))
+        except ServiceError as error:
+            if error.code == "MC503":
+                self.forget()
+            elif isinstance(error, Refused) and error.code == "MC505":
+                # an acknowledgement from before a rejection came late
+                self._accepted = int(str(error.details["expected"])) - 1
+
+
+class Cell:
+    """One run.
+
+    Args:
+        seed: of all that happens. journal: its file.
+    """
+
+    def __init__(self, seed: int, journal: Path, loop: VirtualLoop) -> None:
+        self.random = random.Random(seed)
+        self.loop = loop
+        self.tasks: set[asyncio.Task[None]] = set()
+        self.executed: dict[str, list[int]] = {}
+        self.calm = False
+        self._journal = journal
+        self._starts = 0
+        self.port: SimulatedPort
+        self.planner: SimulatedPlanner
+        self.service: MachineService
+        self._disk: SimulatedDisk
+        self._start()
+        self._clients = [
+            SimulatedClient(self, f"c{n}", self.random.randint(1, 40), axes)
+            for n, axes in enumerate([[0], [1], [0, 1], [2]])
+        ]
+
+    # ------------------------------------------------------------ what happens
+
+    def later(self, function: Callable[..., None], *arguments: object) -> None:
+        self.loop.call_later(self.random.expovariate(50.0), function, *arguments)
+
+    def network(self, deliver: Callable[[], None]) -> None:
+        """Delivers a message late, twice or not at all."""
+        copies = 1 if self.calm else self.random.choice([0, 1, 1, 1, 1, 2])
+        for _ in range(copies):
+            self.loop.call_later(self.random.expovariate(20.0), deliver)
+
+    def execute(self, program: str, number: int, text: str) -> None:
+        ran = self.executed.setdefault(program, [])
+        require(not self.port.stopped, f"{program} runs line {number} in an emergency stop")
+        require(number == (ran[-1] if ran else 0) + 1, f"{program} runs line {number} after {ran[-1:]}")
+        require(text == f"move {program}:{number}", f"{program} runs {text!r} as line {number}")
+        require(self._journaled(program) >= number, f"{program} runs line {number}, which is not journaled")
+        ran.append(number)
+
+    async def run(self, faults: int) -> None:
+        """Lets faults happen, then a calm in which every program has to come to its end."""
+        for client in self._clients:
+            client.work()
+        self._write()
+        kinds = [self.planner_killed, self.server_killed, self.disk_full, self.stopped, self.aborted]
+        for _ in range(faults):
+            await asyncio.sleep(self.random.expovariate(3.0))
+            self.random.choice(kinds)()
+        self.calm, self._disk.full = True, False
+        self._reset()
+        until = self.loop.time() + LIMIT_S
+        while not all(client.done for client in self._clients):
+            require(self.loop.time() < until, f"programs do not end: {self._states()}")
+            await asyncio.sleep(0.1)
+
+    def planner_killed(self) -> None:
+        self.planner.kill()
+
+    def server_killed(self) -> None:
+        self.close()
+        for program, ran in self.executed.items():
+            require(self._journaled(program) >= len(ran), f"{program} ran lines that the journal has lost")
+            require(self._done(program) <= len(ran), f"{program} is said to be done through more than ran")
+        self._start()
+        for client in self._clients:
+            client.forget()
+
+    def disk_full(self) -> None:
+        self._disk.full = not self._disk.full
+
+    def stopped(self) -> None:
+        self.service.emergency_stop("", "seed")
+        require(self.service.state == "estop", "an emergency stop does not show")
+        self.later(self._reset)
+
+    def aborted(self) -> None:
+        self.service.abort(None, "seed")
+
+    # ------------------------------------------------------------ inside
+
+    def _start(self) -> None:
+        self._starts += 1
+        start = self._starts
+        self.port = SimulatedPort(self)
+        self.service = MachineService(
+            self.port.machine,
+            self.port,
+            SimulatedPlanning(self),
+            ServiceOptions(
+                journal=self._journal,
+                instance=f"i{start}",
+                clock=self.loop.time,
+                connect=self._connect,
+                journal_thread=False,
+            ),
+            on_ack=lambda ack: self._on_ack(start, ack),
+            on_event=lambda event: self._on_event(start, event),
+        )
+        self._seq = 0
+        self.service.start()
+
+    def _connect(self, path: Path) -> SimulatedDisk:
+        self._disk = SimulatedDisk(path)
+        return self._disk
+
+    def close(self) -> None:
+        """Ends the server at once: what was not committed is lost, nobody hears what was under way."""
+        self._starts += 1
+        self.planner._life += 1
+        self.service._table.close_journal()
+
+    def _write(self) -> None:
+        self.service._table.journal.write_pending()
+        self.later(self._write)
+
+    def _reset(self) -> None:
+        try:
+            self.service.reset(None)
+        except ServiceError:
+            self.later(self._reset)
+
+    def _on_ack(self, start: int, ack: Ack) -> None:
+        if start != self._starts:
+            return
+        ran = len(self.executed.get(ack.program, ()))
+        require(ack.accepted <= self._journaled(ack.program), f"{ack} before its lines are journaled")
+        require(ack.done <= ran, f"{ack}: only {ran} lines ran")
+        for client in self._clients:
+            self.network(lambda client=client: client.on_ack(ack))  # type: ignore[misc]
+
+    def _on_event(self, start: int, event: Event) -> None:
+        repeated = event.kind == "estop" and event.seq <= self._seq
+        if start == self._starts and not repeated:
+            self._seq += 1
+            require(event.seq == self._seq, f"event {event.seq} after {self._seq - 1}")
+
+    def _journaled(self, program: str) -> int:
+        return self._ask("SELECT coalesce(max(last), 0) FROM chunks WHERE program=?", program)
+
+    def _done(self, program: str) -> int:
+        return self._ask("SELECT coalesce(max(done), 0) FROM programs WHERE program=?", program)
+
+    def _ask(self, sql: str, program: str) -> int:
+        with sqlite3.connect(self._journal) as connection:
+            found = connection.execute(sql, (program,)).fetchone()[0]
+        connection.close()
+        return int(found)
+
+    def _states(self) -> list[str]:
+        programs = [program.status() for program in self.service.current()]
+        return [
+            f"{each.program} of {each.client}: {each.state}, {each.accepted}/{each.done}" for each in programs
+        ]

@@ -1,0 +1,58 @@
+"""Some hundred runs with faults at random moments: every line once and in order, or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mcserver.service import program_table
+from tests.service.simulated_cell import Cell, Violation, VirtualLoop
+
+SEEDS = 200
+FAULTS = 6
+
+
+class NoHeartbeat:
+    """The clock of the simulation is not that of threads."""
+
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def start(self) -> None:
+        pass
+
+
+def simulate(seed: int, journal: Path) -> tuple[dict[str, list[int]], float]:
+    """One run; the lines that ran, by program, and when it ended."""
+    loop = VirtualLoop()
+
+    async def run() -> dict[str, list[int]]:
+        cell = Cell(seed, journal, loop)
+        try:
+            await cell.run(FAULTS)
+        finally:
+            cell.close()
+        return cell.executed
+
+    try:
+        return loop.run_until_complete(run()), loop.time()
+    finally:
+        loop.close()
+
+
+@pytest.mark.parametrize("first", range(0, SEEDS, 20))
+def test_every_line_runs_once_and_in_order_whatever_fails(
+    first: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(program_table, "Heartbeat", NoHeartbeat)
+    for seed in range(first, first + 20):
+        try:
+            simulate(seed, tmp_path / f"{seed}.db")
+        except Violation as violation:
+            pytest.fail(f"seed {seed}: {violation}")
+
+
+def test_a_seed_is_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(program_table, "Heartbeat", NoHeartbeat)
+    assert simulate(7, tmp_path / "a.db") == simulate(7, tmp_path / "b.db")
