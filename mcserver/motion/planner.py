@@ -119,6 +119,8 @@ class MotionPlanner:
         self._append(segment, from_rest=from_rest)
 
     def _append(self, segment: Segment, *, from_rest: bool = False) -> None:
+        # what was planned ends before it
+        self._plan = None
         if segment.tolerance > 0.0 and self._window.table and self._round(segment):
             return
         self._window.append(segment, from_rest=from_rest)
@@ -217,6 +219,7 @@ class MotionPlanner:
             if isinstance(item, Segment):
                 self._append(item)
                 continue
+            self._plan = None
             self._window.append_parts(item.parts, item.samples, joined=item.joined)
         if items and isinstance(items[-1], SmoothRun):
             self._open = items[-1].open
