@@ -16,7 +16,7 @@ PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 
 export PIP_NO_INPUT := 1
 
-.PHONY: sdks help demo dog test test-computing test-realtime socketcan socketcan-long faults lint format bench pictures clean
+.PHONY: sdks help demo dog test test-computing test-realtime socketcan socketcan-long faults soak lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -70,6 +70,9 @@ format: $(VENV)/.for-development  ## rewrite the sources in the one format
 
 bench: $(VENV)/.for-development  ## every figure beside a floor measured in the same run (decides no test)
 	@$(BIN)/python -m tests.bench $(ARGS)
+
+soak: $(VENV)/.for-development  ## programs under random faults; make soak ARGS="--minutes 10 --seed 2" (default: 120 minutes)
+	@$(BIN)/python -m tests.bench.soak_faults $(ARGS)
 
 pictures: $(VENV)/.for-development  ## draw the pictures of the documentation anew, by the product itself
 	$(BIN)/mcserver plot examples/arcs.gcode --output docs/images/arcs.png
