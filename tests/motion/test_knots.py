@@ -6,7 +6,7 @@ import pytest
 
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.kernels.knots import NOT_JOINED
-from mcserver.motion.profile import profile_solver as keys
+from mcserver.motion.profile import profile_solver
 from tests.motion.measure import acceleration_ratio
 from tests.motion.support import Move, alike, plan, polyline
 
@@ -19,13 +19,13 @@ def test_a_line_is_planned_without_them_where_there_is_no_way_with_them(
     machine = alike(2, velocity=200.0, acceleration=10_000.0)
     moves = [Move(group, tolerance=1e-5) for group in polyline(machine, SAMPLES, 0.2)]
     with_keys = plan(machine, moves)
-    search = keys.find_knots
+    search = profile_solver.find_knots
 
     def only_plain(*arguments: object) -> tuple[object, ...]:
         found: tuple[object, ...] = search(*arguments)
         return found if arguments[-1] else (NOT_JOINED, *found[1:])
 
-    monkeypatch.setattr(keys, "find_keys", only_plain)
+    monkeypatch.setattr(profile_solver, "find_knots", only_plain)
     without = plan(machine, moves)
     assert without.position[-1] == pytest.approx(with_keys.position[-1], abs=1e-12)
     assert without.duration >= with_keys.duration
@@ -34,7 +34,7 @@ def test_a_line_is_planned_without_them_where_there_is_no_way_with_them(
 
 def test_a_line_that_cannot_be_planned_either_way_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     machine = alike(2)
-    search = keys.find_knots
-    monkeypatch.setattr(keys, "find_keys", lambda *arguments: (NOT_JOINED, *search(*arguments)[1:]))
+    search = profile_solver.find_knots
+    monkeypatch.setattr(profile_solver, "find_knots", lambda *arguments: (NOT_JOINED, *search(*arguments)[1:]))
     with pytest.raises(PlanningError):
         plan(machine, [Move(group) for group in polyline(machine, SAMPLES, 0.2)])
