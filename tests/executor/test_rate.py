@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mcserver.executor.entries import ControlKind, EventKind
@@ -187,6 +187,8 @@ def test_a_ring_that_runs_dry_holds_on_the_path_and_goes_on_by_itself() -> None:
     assert np.all(np.diff(rig.setpoint[:, 0]) >= 0.0)
 
 
+# a change back to 100 % that ended right before the last row, with no room left for the stop
+@example(bites=[(47, 22), (74, 111)])
 @settings(max_examples=20, deadline=None)
 @given(bites=st.lists(st.tuples(st.integers(1, 200), st.integers(1, 200)), min_size=1, max_size=12))
 def test_rows_that_trickle_in_never_break_the_acceleration_limit(bites: list[tuple[int, int]]) -> None:

@@ -35,6 +35,8 @@ def test_a_line_is_planned_without_them_where_there_is_no_way_with_them(
 def test_a_line_that_cannot_be_planned_either_way_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     machine = alike(2)
     search = profile_solver.find_knots
-    monkeypatch.setattr(profile_solver, "find_knots", lambda *arguments: (NOT_JOINED, *search(*arguments)[1:]))
+    monkeypatch.setattr(
+        profile_solver, "find_knots", lambda *arguments: (NOT_JOINED, *search(*arguments)[1:])
+    )
     with pytest.raises(PlanningError):
         plan(machine, [Move(group) for group in polyline(machine, SAMPLES, 0.2)])

@@ -44,6 +44,8 @@ SETTLING = 3
 CRUISE = 12
 # Largest slope of the rate, where axes hardly move [1/cycle].
 MAX_SLOPE = 0.5
+# What an axis may move in a cycle on an edge on which its rows are at rest [m, rad].
+AT_REST = 1e-12
 # A rate above 100 % is not tried for less than this [1].
 WORTH = 0.01
 # Cycles without a change that keeps all limits, after which a stop is made with the one that passes them
@@ -185,6 +187,9 @@ class RateControl:
         base = self._limits(window, u, change, max(self.rate, target))
         if wish.urgent:
             base = RateLimits(base.slope, math.inf)
+        whole = self._to_rest(window, u, wish)
+        if whole is not None and self._excess(window, recent, u, whole, wish) <= 1.0:
+            return whole
         least, spare, tries = math.inf, None, 0
         at = TRIES * self._refused % len(SHARES)
         for share in (*SHARES[at:], *SHARES[:at]):
@@ -203,6 +208,21 @@ class RateControl:
         if must_stop or (target < self.rate and self._refused >= (4 if wish.urgent else PATIENCE)):
             return spare
         return None
+
+    def _to_rest(self, window: PathWindow, u: float, wish: _Wish) -> RatePlan | None:
+        """Return the plan that keeps this rate to an edge on which the rows come to rest by themselves."""
+        edge = wish.edge
+        if (
+            edge is None
+            or not self._is_near(u, edge)
+            or self._slope != 0.0
+            or not 0.0 < self.rate <= wish.target
+        ):
+            return None
+        on_edge = np.abs(window.u - edge) < NEAR_U
+        if not on_edge.any() or float(np.abs(window.velocity[on_edge]).max()) * self._cycle > AT_REST:
+            return None
+        return RatePlan.of([RatePhase((edge - u) / self.rate, self.rate, 0.0, 0.0)], 0.0, SETTLING)
 
     def _limits(self, window: PathWindow, u: float, change: float, fastest: float) -> RateLimits:
         """Return the rate's limits over the rows that a change by ``change`` passes, were they straight."""
@@ -294,6 +314,9 @@ class RateControl:
         at = u + plan.advance
         end = float(at[-1])
         if wish.edge is not None and end > wish.edge + 1e-6:
+            return math.inf
+        if wish.edge is not None and plan.target > 0.0 and wish.edge - end < self._far:
+            # nothing is looked for while a plan is followed: behind it there has to be room for a stop
             return math.inf
         if end > float(window.u[-1]) + 1e-6 and not window.ends:
             return math.inf
