@@ -163,7 +163,8 @@ class MotionPlanner:
             except PlanningError:
                 table.restore(untouched)
                 return False
-            self._reserve = None
+            # it is the stop in reserve for what comes behind
+            self._reserve = self._plan
         return True
 
     def _take_chords(self) -> None:
@@ -233,6 +234,7 @@ class MotionPlanner:
             table.put_back(saved)
             self._open, self._reserve = None, reserve
             return False
+        self._reserve = self._plan
         return True
 
     def _solved(self) -> PlannedRun:

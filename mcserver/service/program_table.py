@@ -298,6 +298,8 @@ class ProgramTable:
                     self._consumed(program, event)
                 case FrameChanged():
                     self.offsets.keep(event.frame)
+                    if self.offsets.failure:
+                        self.events.publish("warning", reason="MC529", message=self.offsets.failure)
                 case Planned():
                     program.progress.planned(event.reports)
                 case Validated():

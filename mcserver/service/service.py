@@ -83,8 +83,6 @@ class MachineService:
         self._table.planner.start()
         self._table.heartbeat.start()
         self.events.publish("server.started", message=f"machine {self.machine.name}")
-        if self._table.offsets.failure:
-            self.events.publish("warning", reason="MC529", message=self._table.offsets.failure)
         damage = self._table.journal_damage
         if damage is not None:
             message = f"the journal was damaged: {damage.message}; as it was it is kept in {damage.kept}"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.frame import Frame, Offsets
 
 log = logging.getLogger(__name__)
@@ -21,7 +22,10 @@ class WorkOffsets:
 
     Attributes:
         systems: origins by the number of the system, 1 for G54.
-        failure: why they could not be read or kept; empty: they are.
+        failure: why they could not be kept; empty: they are.
+
+    Raises:
+        ServiceError: MC529 the file is there and cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -32,9 +36,13 @@ class WorkOffsets:
             self.systems = dict(msgspec.json.decode(path.read_bytes(), type=dict[int, dict[int, float]]))
         except FileNotFoundError:
             pass
-        except (OSError, msgspec.DecodeError) as error:
-            self.failure = f"the work offsets in {path} cannot be read: {error}"
-            log.error("MC529: %s", self.failure)
+        except (OSError, ValueError, RecursionError) as error:
+            # programs that start from other offsets than the last ones move somewhere else
+            raise ServiceError(
+                "MC529",
+                f"the work offsets in {path} cannot be read: {error}",
+                "restore the file, or move it away and set the offsets again with mcctl zero",
+            ) from error
 
     def frame(self) -> Frame | None:
         """Return the frame that a program starts in; None where no system was ever set."""

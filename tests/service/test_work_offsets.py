@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter, modal_before
@@ -35,13 +36,14 @@ def test_systems_are_there_again_after_a_restart(tmp_path: Path) -> None:
     assert again.frame() == Frame(systems=again.systems)
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b'{"1": {"0": "far"}}', b"\xff\xfe", b"[]"])
-def test_a_damaged_file_is_said_and_stops_nothing(tmp_path: Path, content: bytes) -> None:
+@pytest.mark.parametrize("content", [b"", b"{", b'{"1": {"0": "far"}}', b"\xff\xfe", b"[]", b'{"1":' * 3000])
+def test_with_a_damaged_file_the_server_does_not_start(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "offsets.json"
     path.write_bytes(content)
-    offsets = WorkOffsets(path)
-    assert "cannot be read" in offsets.failure
-    assert offsets.frame() is None
+    with pytest.raises(ServiceError, match="MC529") as refused:
+        WorkOffsets(path)
+    assert "mcctl zero" in refused.value.hint
+    assert path.read_bytes() == content
 
 
 def test_a_file_that_cannot_be_written_leaves_the_systems_in_memory(tmp_path: Path) -> None:
