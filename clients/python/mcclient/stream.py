@@ -118,8 +118,8 @@ class LineStream:
             await self._changed.wait()
 
     def raise_failure(self) -> None:
-        """Raises it, where there is one; a rejection that was told does not stand in the way of mending
-        it.
+        """Raise it, where there is one; a rejection that was reported does not keep its line from being sent
+        anew.
         """
         if self.failure is None:
             return
