@@ -265,4 +265,5 @@ def test_a_curve_longer_than_the_window_is_driven_to_its_end_without_a_stop() ->
     assert sorted(motion.starts) == sorted(motion.ends) == list(range(1, len(points)))
     assert (motion.position[-1] == points[-1]).all()
     arc = plan(machine, [at_speed(0.1, arc_curve((0.0, 0.0), (0.0, 0.02), 7.5))])
-    assert motion.duration <= 1.02 * arc.duration
+    # each commit keeps a distance from what may still change of the curve: some per cent of the time
+    assert motion.duration <= 1.05 * arc.duration
