@@ -10,23 +10,23 @@ from typing import Annotated
 import typer
 
 from mcserver.cli.console import narration, results, write_json
-from mcserver.cli.options import JsonOption
+from mcserver.cli.options import (
+    CertificateOption,
+    ConnectOption,
+    HostOption,
+    JsonOption,
+    KeyOption,
+    PortOption,
+    ZenohConfigOption,
+)
 from mcserver.errors import ConfigurationError
 
 
 def gateway(
-    host: Annotated[str, typer.Option("--host", help="Address that is listened on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")] = 8787,
-    connect: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--connect", "-c", metavar="E", help="Zenoh endpoint of a server or router. Repeatable."
-        ),
-    ] = None,
-    zenoh: Annotated[
-        Path | None,
-        typer.Option("--zenoh-config", metavar="PATH", help="A Zenoh configuration (JSON5) for TLS."),
-    ] = None,
+    host: HostOption = "127.0.0.1",
+    port: PortOption = 8787,
+    connect: ConnectOption = None,
+    zenoh: ZenohConfigOption = None,
     tokens: Annotated[
         Path | None,
         typer.Option("--tokens", metavar="PATH", help="The token file; without it: loopback only."),
@@ -35,8 +35,8 @@ def gateway(
         list[str] | None,
         typer.Option("--origin", metavar="URL", help="Web origin whose pages may connect. Repeatable."),
     ] = None,
-    certificate: Annotated[Path | None, typer.Option("--certificate", metavar="PEM", help="TLS.")] = None,
-    key: Annotated[Path | None, typer.Option("--key", metavar="PEM", help="The certificate's key.")] = None,
+    certificate: CertificateOption = None,
+    key: KeyOption = None,
     add_token: Annotated[
         str | None,
         typer.Option(

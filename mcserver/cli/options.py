@@ -44,4 +44,18 @@ ProgramArgument = Annotated[
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Answer with one JSON object on standard output.")]
+ConnectOption = Annotated[
+    list[str] | None,
+    typer.Option("--connect", "-c", metavar="E", help="Zenoh endpoint of a server or router. Repeatable."),
+]
+ZenohConfigOption = Annotated[
+    Path | None,
+    typer.Option("--zenoh-config", metavar="PATH", help="A Zenoh configuration (JSON5) for TLS."),
+]
+HostOption = Annotated[str, typer.Option("--host", help="Address that is listened on.")]
+PortOption = Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")]
+CertificateOption = Annotated[
+    Path | None, typer.Option("--certificate", metavar="PEM", help="Serve with TLS; needs --key.")
+]
+KeyOption = Annotated[Path | None, typer.Option("--key", metavar="PEM", help="The certificate's key.")]
 DEFAULT_MACHINE = "cartesian"

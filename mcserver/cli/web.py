@@ -13,31 +13,29 @@ from typing import Annotated
 import typer
 
 from mcserver.cli.console import narration, write_json
-from mcserver.cli.options import JsonOption
+from mcserver.cli.options import (
+    CertificateOption,
+    ConnectOption,
+    HostOption,
+    JsonOption,
+    KeyOption,
+    PortOption,
+    ZenohConfigOption,
+)
 from mcserver.errors import ConfigurationError
 
 
 def web(
-    host: Annotated[str, typer.Option("--host", help="Address that the page is served on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")] = 8080,
-    connect: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--connect", "-c", metavar="E", help="Zenoh endpoint of a server or router. Repeatable."
-        ),
-    ] = None,
-    zenoh: Annotated[
-        Path | None,
-        typer.Option("--zenoh-config", metavar="PATH", help="A Zenoh configuration (JSON5) for TLS."),
-    ] = None,
+    host: HostOption = "127.0.0.1",
+    port: PortOption = 8080,
+    connect: ConnectOption = None,
+    zenoh: ZenohConfigOption = None,
     users: Annotated[
         Path | None,
         typer.Option("--users", metavar="PATH", help="The password file; without it: loopback only."),
     ] = None,
-    certificate: Annotated[
-        Path | None, typer.Option("--certificate", metavar="PEM", help="TLS of the page.")
-    ] = None,
-    key: Annotated[Path | None, typer.Option("--key", metavar="PEM", help="The certificate's key.")] = None,
+    certificate: CertificateOption = None,
+    key: KeyOption = None,
     programs: Annotated[
         Path | None,
         typer.Option(

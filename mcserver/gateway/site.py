@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
-import signal
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 import msgspec
-import uvicorn
 from fastapi import FastAPI, WebSocket
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -18,7 +15,7 @@ from mcserver.errors import ConfigurationError
 from mcserver.gateway.http import MAX_BODY_BYTES, HttpSessions, build_http
 from mcserver.gateway.tokens import read_tokens
 from mcserver.gateway.websocket import Sessions
-from mcserver.web.listening import LOOPBACK, listen
+from mcserver.web.listening import LOOPBACK, listen, serve_until_stopped
 
 MAX_FRAME_BYTES = 1024 * 1024
 
@@ -72,26 +69,12 @@ async def serve(options: GatewayOptions) -> None:
     http = HttpSessions(sessions, options.connect, options.config_file)
     app = build_app(sessions, http, local=tokens is None)
     listener = listen(options.host, options.port)
-    server = uvicorn.Server(
-        uvicorn.Config(
-            app,
-            log_level="warning",
-            ws_max_size=MAX_FRAME_BYTES,
-            # a frame at a time, and no more until it is taken
-            ws_max_queue=4,
-            ssl_certfile=options.certificate,
-            ssl_keyfile=options.key,
-            timeout_graceful_shutdown=2,
-        )
-    )
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: loop.call_soon_threadsafe(setattr, server, "should_exit", True))
     if options.on_ready is not None:
         scheme = "https" if options.certificate is not None else "http"
         options.on_ready(f"{scheme}://{options.host}:{listener.getsockname()[1]}/")
-    # not `serve`: it puts handlers of its own in the place of ours, and raises the signal again at last
-    await server._serve(sockets=[listener])
+    await serve_until_stopped(
+        app, listener, options.certificate, options.key, max_frame_bytes=MAX_FRAME_BYTES
+    )
 
 
 def build_app(sessions: Sessions, http: HttpSessions, *, local: bool) -> FastAPI:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-import os
 import re
 import secrets
 from pathlib import Path
@@ -16,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ConfigurationError
+from mcserver.web.credential_file import CredentialFile
 from mcserver.web.users import Role
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,30}")
@@ -65,33 +65,16 @@ def read_tokens(path: Path) -> Tokens:
     Raises:
         ConfigurationError: MC070 it cannot be read, or a line of it is not a client.
     """
-    try:
-        lines = path.read_text("utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(
-            "MC070",
-            f"the token file {path} cannot be read: {error}",
-            "make it with mcserver gateway --add-token NAME",
-        ) from error
+    file = _token_file(path)
     principals: dict[str, Principal] = {}
-    for number, line in enumerate(lines, 1):
-        if not line.strip() or line.startswith("#"):
-            continue
+    for number, fields in file.entries():
         try:
-            name, role, digest = line.split(":")
+            name, role, digest = fields
             if not _NAME.fullmatch(name) or len(bytes.fromhex(digest)) != 32:
-                raise ValueError(line)
+                raise ValueError(name)
             principals[digest.lower()] = Principal(name, Role.of(role))
         except ValueError as error:
-            raise ConfigurationError(
-                "MC070",
-                f"{path}:{number} is not a client: it has to be name:role:sha256",
-                "write it with mcserver gateway --add-token NAME --role observer|operator|engineer",
-            ) from error
-    if not principals:
-        raise ConfigurationError(
-            "MC070", f"the token file {path} is empty", "mcserver gateway --add-token NAME"
-        )
+            raise file.refusal("is not a client: it has to be name:role:sha256", number) from error
     return Tokens(principals)
 
 
@@ -106,20 +89,13 @@ def add_token(path: Path, name: str, role: Role) -> str:
             "MC070", f"{name!r} cannot be a client's name", "letters, digits, '_' and '-', at most 31"
         )
     token = secrets.token_urlsafe(32)
-    try:
-        kept = path.read_text("utf-8").splitlines() if path.exists() else []
-        lines = [line for line in kept if line.partition(":")[0] != name]
-        lines.append(f"{name}:{role.name.lower()}:{_digest(token)}")
-        temporary = path.with_name(f"{path.name}.new")
-        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-            file.write("\n".join(lines) + "\n")
-        temporary.replace(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(
-            "MC070", f"the token file {path} cannot be written: {error}", "choose another with --tokens"
-        ) from error
+    _token_file(path).replace(name, role.name.lower(), _digest(token))
     return token
+
+
+def _token_file(path: Path) -> CredentialFile:
+    remedy = "write it with mcserver gateway --tokens PATH --add-token NAME --role observer|operator|engineer"
+    return CredentialFile(path, "MC070", "token file", remedy)
 
 
 def _digest(token: str) -> str:

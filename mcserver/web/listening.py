@@ -1,8 +1,14 @@
-"""A listening socket for a page or a gateway."""
+"""A listening socket for a page or a gateway, and what serves an application on it."""
 
 from __future__ import annotations
 
+import asyncio
+import signal
 import socket
+from pathlib import Path
+
+import uvicorn
+from fastapi import FastAPI
 
 from mcserver.errors import ServiceError
 
@@ -22,3 +28,26 @@ def listen(host: str, port: int) -> socket.socket:
         raise ServiceError(
             "MC065", f"{host}:{port} cannot be listened on: {error.strerror}", "give another --host or --port"
         ) from error
+
+
+async def serve_until_stopped(
+    app: FastAPI, listener: socket.socket, certificate: Path | None, key: Path | None, *, max_frame_bytes: int
+) -> None:
+    """Serves an application until SIGTERM or SIGINT, with TLS where there is a certificate (PEM)."""
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        lifespan="on",
+        ws_max_size=max_frame_bytes,
+        # a few frames, and no more until they are taken
+        ws_max_queue=4,
+        ssl_certfile=certificate,
+        ssl_keyfile=key,
+        timeout_graceful_shutdown=2,
+    )
+    server = uvicorn.Server(config)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: loop.call_soon_threadsafe(setattr, server, "should_exit", True))
+    # not `serve`: it puts handlers of its own in the place of ours, and raises the signal again at last
+    await server._serve(sockets=[listener])

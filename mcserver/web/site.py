@@ -5,14 +5,12 @@ from __future__ import annotations
 import asyncio
 import html
 import logging
-import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import parse_qs
 
 import msgspec
-import uvicorn
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from mcclient import MotionError
@@ -24,7 +22,7 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from mcserver.errors import ConfigurationError
 from mcserver.web.fleet import Fleet
 from mcserver.web.fleet_page import FleetPage
-from mcserver.web.listening import LOOPBACK, listen
+from mcserver.web.listening import LOOPBACK, listen, serve_until_stopped
 from mcserver.web.machine_page import MachinePage
 from mcserver.web.metrics import metrics_text
 from mcserver.web.sessions import COOKIE, Sessions, Visitor
@@ -33,6 +31,7 @@ from mcserver.web.users import read_users
 log = logging.getLogger(__name__)
 
 MAX_FORM_BYTES = 4096
+MAX_FRAME_BYTES = 4 * 1024 * 1024
 STATIC = Path(__file__).parent / "static"
 
 
@@ -85,26 +84,14 @@ async def serve(options: WebOptions) -> None:
     fleet = Fleet(options.connect, options.config_file, options.folder)
     site = build_site(sessions, fleet, secure=options.certificate is not None, host=options.host)
     listener = listen(options.host, options.port)
-    server = uvicorn.Server(
-        uvicorn.Config(
-            site,
-            log_level="warning",
-            lifespan="on",
-            ws_max_size=4 * 1024 * 1024,
-            ssl_certfile=options.certificate,
-            ssl_keyfile=options.key,
-        )
-    )
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: loop.call_soon_threadsafe(setattr, server, "should_exit", True))
     fleet.start()
     if options.on_ready is not None:
         scheme = "https" if options.certificate is not None else "http"
         options.on_ready(f"{scheme}://{options.host}:{listener.getsockname()[1]}/")
     try:
-        # not `serve`: it puts handlers of its own in the place of ours, and raises the signal again at last
-        await server._serve(sockets=[listener])
+        await serve_until_stopped(
+            site, listener, options.certificate, options.key, max_frame_bytes=MAX_FRAME_BYTES
+        )
     finally:
         await fleet.close()
 

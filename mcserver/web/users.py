@@ -8,7 +8,6 @@ from __future__ import annotations
 import enum
 import hashlib
 import hmac
-import os
 import re
 import secrets
 from collections import OrderedDict
@@ -18,6 +17,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ConfigurationError
+from mcserver.web.credential_file import CredentialFile
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,62}")
 # scrypt's cost: some 50 ms and 16 MiB a try, the value that RFC 7914 gives for interactive logins
@@ -94,33 +94,16 @@ def read_users(path: Path, clock: Callable[[], float]) -> Users:
     Raises:
         ConfigurationError: MC060 it cannot be read, or a line of it is not a user.
     """
-    try:
-        lines = path.read_text("utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(
-            "MC060",
-            f"the password file {path} cannot be read: {error}",
-            "make it with mcserver web --add-user",
-        ) from error
+    file = _password_file(path)
     users: dict[str, User] = {}
-    for number, line in enumerate(lines, 1):
-        if not line.strip() or line.startswith("#"):
-            continue
+    for number, fields in file.entries():
         try:
-            name, role, secret = line.split(":")
+            name, role, secret = fields
             users[name] = User(name, Role.of(role), secret)
             salt, digest = secret.split("$")
             bytes.fromhex(salt + digest)
         except ValueError as error:
-            raise ConfigurationError(
-                "MC060",
-                f"{path}:{number} is not a user: it has to be name:role:salt$hash",
-                "write it with mcserver web --add-user NAME --role observer|operator|engineer",
-            ) from error
-    if not users:
-        raise ConfigurationError(
-            "MC060", f"the password file {path} has no user", "mcserver web --add-user NAME"
-        )
+            raise file.refusal("is not a user: it has to be name:role:salt$hash", number) from error
     return Users(users, clock)
 
 
@@ -136,19 +119,12 @@ def add_user(path: Path, name: str, role: Role, password: str) -> None:
         )
     if len(password) < 8:
         raise ConfigurationError("MC060", "the password is shorter than 8 characters", "take a longer one")
-    try:
-        kept = path.read_text("utf-8").splitlines() if path.exists() else []
-        lines = [line for line in kept if line.partition(":")[0] != name]
-        lines.append(f"{name}:{role.name.lower()}:{_secret(password)}")
-        temporary = path.with_name(f"{path.name}.new")
-        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-            file.write("\n".join(lines) + "\n")
-        temporary.replace(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(
-            "MC060", f"the password file {path} cannot be written: {error}", "choose another with --users"
-        ) from error
+    _password_file(path).replace(name, role.name.lower(), _secret(password))
+
+
+def _password_file(path: Path) -> CredentialFile:
+    remedy = "write it with mcserver web --users PATH --add-user NAME --role observer|operator|engineer"
+    return CredentialFile(path, "MC060", "password file", remedy)
 
 
 def _secret(password: str) -> str:
