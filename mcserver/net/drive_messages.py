@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.canopen.views import DriveInfo
+from mcserver.canopen.views import MonitoredValue as MonitoredValue
 from mcserver.net.messages import AxisIndex, Request
 
 NodeNumber = Annotated[int, Meta(ge=1, le=127)]
