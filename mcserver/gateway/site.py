@@ -73,7 +73,13 @@ async def serve(options: GatewayOptions) -> None:
         scheme = "https" if options.certificate is not None else "http"
         options.on_ready(f"{scheme}://{options.host}:{listener.getsockname()[1]}/")
     await serve_until_stopped(
-        app, listener, options.certificate, options.key, max_frame_bytes=MAX_FRAME_BYTES
+        app,
+        listener,
+        options.certificate,
+        options.key,
+        max_frame_bytes=MAX_FRAME_BYTES,
+        # who does not read its replies is not read from for long
+        max_waiting_frames=4,
     )
 
 

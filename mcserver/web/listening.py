@@ -31,16 +31,25 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 async def serve_until_stopped(
-    app: FastAPI, listener: socket.socket, certificate: Path | None, key: Path | None, *, max_frame_bytes: int
+    app: FastAPI,
+    listener: socket.socket,
+    certificate: Path | None,
+    key: Path | None,
+    *,
+    max_frame_bytes: int,
+    max_waiting_frames: int = 32,
 ) -> None:
-    """Serves an application until SIGTERM or SIGINT, with TLS where there is a certificate (PEM)."""
+    """Serves an application until SIGTERM or SIGINT, with TLS where there is a certificate (PEM).
+
+    Args:
+        max_frame_bytes: of a WebSocket. max_waiting_frames: that are read before they are taken.
+    """
     config = uvicorn.Config(
         app,
         log_level="warning",
         lifespan="on",
         ws_max_size=max_frame_bytes,
-        # a few frames, and no more until they are taken
-        ws_max_queue=4,
+        ws_max_queue=max_waiting_frames,
         ssl_certfile=certificate,
         ssl_keyfile=key,
         timeout_graceful_shutdown=2,
