@@ -6,7 +6,7 @@ The messages inside (``params``, ``value``, ``error``, ``message``) are those of
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
@@ -91,6 +91,3 @@ class Message(msgspec.Struct, frozen=True, tag_field="op", tag="message"):
     id: int
     message: msgspec.Raw
     missed: int = 0
-
-
-Topic = Literal["state", "samples", "events", "presence"]

@@ -44,7 +44,7 @@ CALL_S = 5.0
 # of messages that wait for a slow reader; the oldest of a topic that may be lost goes first
 WAITING_MESSAGES = 256
 WAITING_BYTES = 4 * 1024 * 1024
-LOSSY = frozenset({"state", "samples", "presence"})
+LOSSY = frozenset({"state", "samples"})
 
 
 class SlowReader(Exception):
