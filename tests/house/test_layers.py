@@ -27,7 +27,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("net", "plot"),
     ("view", "doctor", "web", "security", "language"),
     ("gateway",),
-    ("server",),
+    ("server", "contract"),
     ("cli",),
     ("__main__", "__init__"),
 )

@@ -220,13 +220,19 @@ class LineStream:
             log.warning("an acknowledgement was not understood: %s", error)
             return
         self._take(ack.accepted, ack.credit, ack.expected)
-        if ack.rejected and ack.state not in ENDED:
-            self._reject(ack.rejected, ack.accepted, ack.diagnostics)
+        self._hear_rejection(ack)
         self.progress(ack.state, ack.done, ack.fault, ack.diagnostics)
 
     def _take(self, accepted: int, credit: int, expected: int = 0) -> None:
         self._heard_at = self._clock()
         self.window.acknowledge(accepted, credit, expected=expected)
+
+    def _hear_rejection(self, report: Ack | ProgramStatus) -> None:
+        if report.rejected and report.state not in ENDED:
+            self._reject(report.rejected, report.accepted, report.diagnostics)
+        elif report.rejected and report.state == "rejected" and report.accepted == report.rejected - 1:
+            # the program ends there; why is told with its state
+            self.window.reject(report.rejected)
 
     def _reject(self, line: int, accepted: int, diagnostics: tuple[Diagnostic, ...]) -> None:
         """A streamed line is faulty: it and what follows is given up."""
@@ -327,8 +333,7 @@ class LineStream:
         self._take(status.accepted, status.credit)
         if not self._judging:
             self.window.rewind()
-        if status.rejected and status.state not in ENDED:
-            self._reject(status.rejected, status.accepted, status.diagnostics)
+        self._hear_rejection(status)
         self.progress(status.state, status.done, status.fault, status.diagnostics)
 
     async def _hear_of_end(self, timeout_s: float) -> None:

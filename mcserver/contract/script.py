@@ -1,0 +1,266 @@
+"""A scripted exchange about one program's lines: the server's own bookkeeping answers; every step is noted.
+
+The program and its queue are those of the service; what is left out is the planner, whose verdicts and
+progress the script gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from mcserver.contract.vectors import plain
+from mcserver.errors import Diagnostic, Refused, RejectedLines
+from mcserver.net.messages import CloseReply, ErrorReply, OpenReply, SubmitReply
+from mcserver.net.rpc import encode_error
+from mcserver.service.line_queue import Gap, LineQueue
+from mcserver.service.program import Program
+from mcserver.service.reports import Fault, ProgramState, wire_diagnostic
+
+PROGRAM = "b4c1-1"
+INSTANCE = "b4c1"
+CLIENT = "contract-1"
+
+
+class Script:
+    """Notes the steps of one sequence.
+
+    Args:
+        name: of the sequence, which is its file's name too.
+        why: what a client has to get right.
+        chunk_lines: how many lines the client may put into one message.
+        room: how many lines wait at the server at most: the credit.
+        puts_only: for clients that put lines without waiting for a reply each.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        why: str,
+        *,
+        chunk_lines: int = 100,
+        room: int = 100,
+        start_line: int = 1,
+        puts_only: bool = False,
+    ) -> None:
+        self._head = {"name": name, "why": why, "chunk_lines": chunk_lines, "puts_only": puts_only}
+        self._steps: list[dict[str, Any]] = []
+        self._given: dict[int, str] = {}
+        self._next = start_line
+        self._messages: list[tuple[int, list[str]]] = []
+        self.program = self._opened(PROGRAM, start_line, room)
+
+    def sequence(self) -> dict[str, Any]:
+        return {**self._head, "steps": self._steps}
+
+    # ------------------------------------------------------------ the application
+
+    def give(self, *lines: str) -> None:
+        """The application gives lines to be streamed."""
+        for line in lines:
+            self._given[self._next] = line
+            self._next += 1
+        self._note("give", list(lines))
+
+    def judge(self, line: str) -> None:
+        """The application sends one line and waits for the verdict."""
+        self._given[self._next] = line
+        self._next += 1
+        self._note("judge", line)
+
+    # ------------------------------------------------------------ the client
+
+    def sends(self, first: int, last: int) -> None:
+        """The client sends these lines as one message, which the server gets unless it is lost."""
+        lines = [self._given[number] for number in range(first, last + 1)]
+        self._messages.append((first, lines))
+        self._note("sends", {"first": first, "lines": lines})
+
+    def quiet(self) -> None:
+        self._note("quiet", True)
+
+    def closes(self, last: int) -> None:
+        """The client closes behind its last line."""
+        self._note("closes", {"last": last})
+        self.program.closed = True
+        self._answer(self._close_reply())
+
+    def knows(self) -> None:
+        """What the client shows of the program is what the server has."""
+        program = self.program
+        self._note("knows", {"accepted": program.journaled, "done": program.done, "state": program.state})
+
+    def fails(self, code: str, **place: int) -> None:
+        """The application learns a failure."""
+        self._note("fails", {"code": code, **place})
+
+    # ------------------------------------------------------------ the network and the server
+
+    def message_lost(self) -> None:
+        """The message sent last does not arrive."""
+        self._messages.pop()
+        self._note("lost", "the message")
+
+    def answer_lost(self) -> None:
+        """The server takes the oldest message, and its answer does not arrive."""
+        self._receive()
+        self._note("lost", "the answer")
+
+    def answer(self) -> None:
+        """The server takes the oldest message and answers it."""
+        self._answer(self._receive())
+
+    def rejects_at_once(self, line: int, diagnostic: Diagnostic) -> None:
+        """The server takes the oldest message and finds a line of it faulty before it answers."""
+        self._receive()
+        self._reject(line, diagnostic)
+        numbers = {**self._numbers(), "expected": self.program.queue.expected}
+        self._answer(_error(RejectedLines(self.program.diagnostics, **numbers)))
+
+    def runs(self, through: int) -> None:
+        """The planner has taken lines and they have run; an acknowledgement says so."""
+        self._run(through)
+        self.ack()
+
+    def ack(self, expected: int = 0) -> None:
+        """An acknowledgement comes by itself."""
+        self._note("ack", _message(self.program.ack(expected)))
+
+    def late_ack(self, accepted: int, credit: int) -> None:
+        """An acknowledgement that is older than what the client knows."""
+        late = msgspec.structs.replace(self.program.ack(), accepted=accepted, credit=credit)
+        self._note("ack", _message(late))
+
+    def rejects(self, line: int, diagnostic: Diagnostic) -> None:
+        """A line that was accepted turns out faulty once it is planned."""
+        self._reject(line, diagnostic)
+        self.ack()
+
+    def ends(self, state: ProgramState, fault: Fault | None = None) -> None:
+        """The program ends; the acknowledgement says how."""
+        self.program.fault = fault
+        if state == "finished":
+            self._run(self.program.journaled)
+        self.program.state = state
+        self.ack()
+
+    def enters(self, state: ProgramState) -> None:
+        self.program.state = state
+        self.ack()
+
+    def asked(self) -> None:
+        """The client, in doubt or on a new connection, asks `programs`."""
+        self._note("asked", _message(self.program.status()))
+
+    def asked_after_restart(self) -> None:
+        """The server has been restarted since and knows the program no more (MC503)."""
+        self._note("asked", None)
+
+    def resumes(self, start_line: int, room: int = 100) -> None:
+        """The application opens another program that goes on with this one."""
+        self._next = start_line
+        self.program = self._opened("c7d0-1", start_line, room)
+
+    # ------------------------------------------------------------ the server's bookkeeping
+
+    def _opened(self, name: str, start_line: int, room: int) -> Program:
+        program = Program(
+            name,
+            client=CLIENT,
+            name="contract",
+            axes=(0, 1, 2),
+            on_disconnect="stop",
+            start_line=start_line,
+            step=False,
+            resume_of=None,
+            opened_at=0.0,
+            queue=LineQueue(start_line, limit_lines=room),
+        )
+        program.state = "running"
+        reply = OpenReply(
+            program=name,
+            state=program.state,
+            axes=list(program.axes),
+            expected=program.queue.expected,
+            credit=program.credit,
+            instance=name.partition("-")[0],
+        )
+        self._note("open", _message(reply))
+        return program
+
+    def _receive(self) -> dict[str, Any]:
+        """Take the oldest message as the service does, and give the reply to a `submit` of it."""
+        first, lines = self._messages.pop(0)
+        program = self.program
+        if first + len(lines) - 1 > program.queue.accepted:
+            if not program.takes_lines:
+                return _error(
+                    Refused(
+                        "MC510",
+                        f"{program.program} takes no more lines: {program.state}",
+                        "open another program",
+                        state=program.state,
+                        **self._numbers(),
+                    )
+                )
+            taken = program.queue.take(first, lines)
+            program.journaled = program.queue.accepted
+            if isinstance(taken, Gap):
+                return _error(
+                    Refused(
+                        "MC505",
+                        f"line {taken.expected} is the next one expected, not {first}",
+                        f"send lines from {taken.expected} on",
+                        **self._numbers(),
+                    )
+                ) | {"ack": _message(program.ack(taken.expected))}
+            if taken.lines:
+                program.rejected, program.diagnostics = 0, []
+        return {
+            "reply": _message(SubmitReply(program.program, program.journaled, program.done, program.credit))
+        }
+
+    def _reject(self, line: int, diagnostic: Diagnostic) -> None:
+        self.program.reject(line, [wire_diagnostic(diagnostic)])
+        self._next = line
+
+    def _run(self, through: int) -> None:
+        self.program.queue.consume(through)
+        self.program.progress.planned_through(through)
+        self.program.recorded = through
+
+    def _numbers(self) -> dict[str, object]:
+        program = self.program
+        return {
+            "expected": program.queue.expected,
+            "accepted": program.journaled,
+            "done": program.done,
+            "credit": program.credit,
+        }
+
+    def _close_reply(self) -> dict[str, Any]:
+        program = self.program
+        return {
+            "reply": _message(CloseReply(program.program, program.journaled, program.done, program.state))
+        }
+
+    def _answer(self, reply: dict[str, Any]) -> None:
+        self._note("answer", {"ack": _message(self.program.ack()), **reply})
+
+    def _note(self, what: str, value: object) -> None:
+        self._steps.append({what: value})
+
+
+def lines(count: int, *, start: int = 1) -> Sequence[str]:
+    """Lines that can be told apart."""
+    return [f"G01 X{number}" for number in range(start, start + count)]
+
+
+def _error(error: BaseException) -> dict[str, Any]:
+    return {"refused": _message(msgspec.msgpack.decode(encode_error(error), type=ErrorReply))}
+
+
+def _message(value: msgspec.Struct) -> dict[str, Any]:
+    return {"bytes": msgspec.msgpack.encode(value).hex(), "value": plain(value)}
