@@ -51,6 +51,8 @@ def create_buses(machine: Machine, factories: Mapping[str, BusFactory] = BUS_FAC
     Raises:
         ConfigurationError: MC006 a kind of drive that this installation cannot drive.
     """
+    if factories is BUS_FACTORIES:
+        _refuse_unreachable_io(machine)
     by_factory: dict[BusFactory, list[int]] = {}
     for column, axis in enumerate(machine.axes):
         factory = factories.get(axis.drive.kind)
@@ -66,3 +68,19 @@ def create_buses(machine: Machine, factories: Mapping[str, BusFactory] = BUS_FAC
     for factory, columns in by_factory.items():
         buses += factory(machine, [machine.axes[column] for column in columns], columns)
     return buses
+
+
+def _refuse_unreachable_io(machine: Machine) -> None:
+    """Refuse inputs and outputs that no bus of this installation exchanges.
+
+    Raises:
+        ConfigurationError: MC006.
+    """
+    objects = [each.source for each in machine.inputs] + [each.target for each in machine.outputs]
+    for each in objects:
+        if each is not None:
+            raise ConfigurationError(
+                "MC006",
+                f"an input or output is {each.shown}, which this installation cannot exchange",
+                "leave its source or target out: it is simulated then",
+            )

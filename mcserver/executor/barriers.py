@@ -6,10 +6,12 @@ cycle, so that what needs no drive costs no cycle; after the exchange it sees fr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
+from mcserver.executor.io_bank import WaitMode
 
 # A drive that does not do as told within this time is at fault [s].
 DRIVE_TIMEOUT_S = 5.0
@@ -192,6 +194,52 @@ class DrivesDone:
                 raise BarrierFault(code_of_drive_fault(fault), column, (float(fault), float(detail)))
             raise BarrierFault(FaultCode.NO_RESET, column, (self._waited, DRIVE_TIMEOUT_S))
         return False
+
+
+class InputWait:
+    """M66: until a digital input is as its mode says.
+
+    The time-out passes like a dwell: not in feed hold. The input's edges count there, too.
+
+    Args:
+        report: called as it is passed, with the input's value and the seconds waited.
+    """
+
+    def __init__(
+        self,
+        cycle: Cycle,
+        column: int,
+        mode: WaitMode,
+        timeout_s: float,
+        report: Callable[[float, float], None],
+    ) -> None:
+        self._cycle = cycle
+        self._column = column
+        self._mode = mode
+        self._timeout = timeout_s
+        self._report = report
+        self._before = cycle.io.value(column) != 0.0
+        self._waited = 0.0
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        return None
+
+    def after(self, held: bool) -> bool:
+        on, before = self._cycle.io.value(self._column) != 0.0, self._before
+        self._before = on
+        if self._mode is WaitMode.RISE:
+            done = on and not before
+        elif self._mode is WaitMode.FALL:
+            done = before and not on
+        else:
+            done = on is (self._mode is WaitMode.HIGH)
+        if done:
+            self._report(float(on), self._waited)
+        elif self._waited > self._timeout - NEAR_ZERO:
+            raise BarrierFault(FaultCode.INPUT_TIMEOUT, -1, (float(self._column), self._timeout))
+        elif not held:
+            self._waited += self._cycle.cycle_s
+        return done
 
 
 class Paused:

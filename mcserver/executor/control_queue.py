@@ -23,6 +23,7 @@ WAITING = frozenset(
         ControlKind.PAUSE,
         ControlKind.SETTLE,
         ControlKind.HALT_AXES,
+        ControlKind.INPUT,
     )
 )
 

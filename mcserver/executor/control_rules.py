@@ -16,6 +16,7 @@ from mcserver.executor.barriers import (
     Dwell,
     Energized,
     ExactStop,
+    InputWait,
     NextCycle,
     Paused,
 )
@@ -23,6 +24,7 @@ from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import hold_position
 from mcserver.executor.independent import TrajectoryError
+from mcserver.executor.io_bank import WaitMode
 from mcserver.motion.canonical import AxisOperation
 
 if TYPE_CHECKING:
@@ -294,6 +296,29 @@ def _settle(slot: ProgramSlot, control: Control, left: float, waited: bool) -> B
     return NextCycle(cycle)
 
 
+def _output(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
+    if slot.cycle.estop:
+        raise BarrierFault(FaultCode.EMERGENCY_STOP, -1)
+    slot.cycle.io.set(control.channel, control.value, slot.index)
+    return None
+
+
+def _input(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
+    if waited:
+        return None
+    cycle, mode, column = slot.cycle, WaitMode(control.operation), control.channel
+
+    def report(value: float, seconds: float, left: float = 0.0) -> None:
+        cycle.emit(EventKind.INPUT, slot.index, control.line, left, token=column, values=(value, seconds))
+
+    value = cycle.io.value(column)
+    level = mode is (WaitMode.LOW if value == 0.0 else WaitMode.HIGH)
+    if mode is not WaitMode.IMMEDIATE and not level:
+        return InputWait(cycle, column, mode, control.seconds, report)
+    report(value, 0.0, left)
+    return None
+
+
 def _finish(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
     slot.finish(control.line, left)
     return None
@@ -316,5 +341,7 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.PAUSE: _pause,
         ControlKind.FINISH: _finish,
         ControlKind.SETTLE: _settle,
+        ControlKind.OUTPUT: _output,
+        ControlKind.INPUT: _input,
     }
 )

@@ -9,6 +9,7 @@ from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
 from mcserver.executor.independent import IndependentMotions
+from mcserver.executor.io_bank import IoBank
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.machine.machine_file import Machine
 
@@ -19,19 +20,26 @@ class Cycle:
     Attributes:
         time: executor time of the cycle [s].
         estop: the emergency stop is latched.
+        io: inputs and outputs.
         number: of the cycle.
         history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n %
             exact_stop_cycles.
     """
 
     def __init__(
-        self, machine: Machine, bank: AxisBank, motions: IndependentMotions, events: EventRing
+        self,
+        machine: Machine,
+        bank: AxisBank,
+        motions: IndependentMotions,
+        io: IoBank,
+        events: EventRing,
     ) -> None:
         self.machine = machine
         self.cycle_s = machine.cycle_s
         self.bank = bank
         self.row = bank.row
         self.motions = motions
+        self.io = io
         self.time = 0.0
         self.number = 0
         self.estop = False

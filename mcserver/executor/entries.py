@@ -39,6 +39,8 @@ class ControlKind(enum.IntEnum):
     PAUSE = 12  # M00, M01: u stops here until resumed
     FINISH = 13  # the program has ended; its slot is free once this is passed
     SETTLE = 14  # u stops here until the planner was told of positions (sync): acknowledged by ``token``
+    OUTPUT = 15  # output ``channel`` is set to ``value``
+    INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
 
 
 class Control(msgspec.Struct, frozen=True):
@@ -54,6 +56,7 @@ class Control(msgspec.Struct, frozen=True):
         seconds: for DWELL; for WAIT the time-out.
         operation: for AXIS: index of the operation in ``list(AxisOperation)``.
         token: for SETTLE: a number that the executor reports back with the positions.
+        channel: for OUTPUT and INPUT: column of the machine's output or input. value: for OUTPUT.
     """
 
     kind: ControlKind
@@ -64,6 +67,8 @@ class Control(msgspec.Struct, frozen=True):
     seconds: float = 0.0
     operation: int = 0
     token: int = 0
+    channel: int = 0
+    value: float = 0.0
 
 
 class MotionSink(Protocol):
@@ -108,6 +113,7 @@ class EventKind(enum.IntEnum):
     AXIS_DONE = 7
     STARVED = 8  # the ring ran dry inside a motion; held on the path
     STOPPED = 9  # the program was aborted or stopped by a fault and its axes are at rest
+    INPUT = 10  # M66 has read an input
 
 
 class ExecutorEvent(msgspec.Struct, frozen=True):
@@ -120,8 +126,9 @@ class ExecutorEvent(msgspec.Struct, frozen=True):
         time: executor time [s], not rounded to the cycle.
         code: for FAULT: the stable code (number behind MC).
         axis: for FAULT: axis number, else -1.
-        token: for SETTLED.
-        values: for SETTLED: (setpoints (K,), encoder positions (K,)); for FAULT: (value, limit).
+        token: for SETTLED; for INPUT: column of the input.
+        values: for SETTLED: (setpoints (K,), encoder positions (K,)); for FAULT: (value, limit); for INPUT:
+            (value, seconds that were waited).
     """
 
     kind: EventKind

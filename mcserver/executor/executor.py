@@ -13,16 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.drives.bus import DriveBus
+from mcserver.drives.io_bus import IoBus
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.independent import IndependentMotions
+from mcserver.executor.io_bank import IoBank
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import (
     CYCLE,
     ESTOP,
+    INTERLOCK,
     LATE,
     LINE,
     LOST_EVENTS,
@@ -75,10 +78,16 @@ class Executor:
         events: EventRing,
     ) -> None:
         self.machine = machine
-        self._row = FeedbackRow(len(machine.axes), len(rings))
+        inputs, outputs = len(machine.inputs), len(machine.outputs)
+        self._row = FeedbackRow(len(machine.axes), len(rings), inputs, outputs)
         self.bank = AxisBank(machine, buses, self._row)
         self.motions = IndependentMotions(machine, self._row)
-        self._cycle = Cycle(machine, self.bank, self.motions, events)
+        on_buses = [bus for bus in self.bank.buses if isinstance(bus, IoBus)]
+        self._io = IoBank(machine, self._row, on_buses)
+        self._has_io = bool(inputs or outputs)
+        # inputs that held the machine in the cycle before
+        self._holding: tuple[int, ...] = ()
+        self._cycle = Cycle(machine, self.bank, self.motions, self._io, events)
         self._slots = tuple(ProgramSlot(index, ring, self._cycle) for index, ring in enumerate(rings))
         # slots that have had a program; the others cost no time
         self._used: list[ProgramSlot] = []
@@ -131,8 +140,12 @@ class Executor:
         self._read_mailbox()
         self._advance()
         self._supervision.before_exchange()
+        if self._has_io:
+            self._io.before_exchange()
         self.bank.exchange()
         cycle.history[cycle.number % len(cycle.history)] = row.actual
+        if self._has_io:
+            self._read_inputs()
         self._supervision.after_exchange()
         self._supervision.report_events()
         for slot in self._used:
@@ -160,6 +173,10 @@ class Executor:
             return None
         if self._cycle.estop or self._reset_wanted or self._used[0] is not running[0]:
             return None
+        if self._has_io:
+            limit = self._io.idle_cycles(time, limit)
+            if limit < LEAST_STRETCH:
+                return None
         slot, ring = running[0], self._rings[running[0].index]
         rows = slot.stretch(limit)
         driven = slot.playback.driven
@@ -196,8 +213,41 @@ class Executor:
         """Whether no program runs and nothing is commanded to move, speeds included."""
         return not self.motions.mask and not any(slot.running for slot in self._slots)
 
+    def _read_inputs(self) -> None:
+        """The inputs of this cycle, and what they do to the machine."""
+        io, cycle = self._io, self._cycle
+        io.after_exchange(cycle.time)
+        if io.lost:
+            for column in io.lost:
+                cycle.fault(FaultCode.IO_LOST, -1, 0, values=(float(column), 0.0))
+            self._stop_for(FaultCode.IO_LOST, float(io.lost[0]))
+        if io.holding != self._holding:
+            for column in set(io.holding) - set(self._holding):
+                cycle.fault(FaultCode.INTERLOCK_HOLD, -1, 0, values=(float(column), io.value(column)))
+            for column in set(self._holding) - set(io.holding):
+                cycle.fault(FaultCode.INTERLOCK_FREE, -1, 0, values=(float(column), io.value(column)))
+            self._holding = io.holding
+            if io.holding:
+                # nobody could resume what no program owns: it ends
+                stop_independent(cycle, self.bank.all & ~self._owned(), -1)
+        if io.holding:
+            for slot in self._used:
+                if slot.running:
+                    slot.interlock()
+        if io.stopping and not cycle.estop:
+            self._latch_estop(FaultCode.INTERLOCK_STOP, (float(io.stopping[0]), io.value(io.stopping[0])))
+
+    def _stop_for(self, code: FaultCode, column: float) -> None:
+        """Stop all motion within its limits: an input or output is lost."""
+        for slot in self._slots:
+            if slot.running:
+                slot.fault(code, slot.line, -1, (column, 0.0))
+        self._stop(SlotState.FAULTED)
+
     def close(self) -> None:
         """Every drive de-energized, buses given back."""
+        self._io.make_safe()
+        self._io.before_exchange()
         self.bank.close()
 
     # ------------------------------------------------------------------ orders
@@ -213,6 +263,8 @@ class Executor:
             return
         self._changes = changes
         machine = mailbox.machine_orders()
+        if self._has_io:
+            self._io.obey(mailbox, locked=self._cycle.estop)
         self._hold, self._override = machine.hold, machine.override
         for slot in self._slots:
             orders = mailbox.slot_orders(slot.index)
@@ -225,6 +277,8 @@ class Executor:
                     slot.refuse(orders)
                 else:
                     slot.open(orders)
+                    if self._io.holding:
+                        slot.interlock()
                 if slot not in self._used:
                     self._used.append(slot)
             if slot.running:
@@ -238,21 +292,31 @@ class Executor:
             self._reset_estop = machine.reset_estop
 
     def _stop(self, state: SlotState) -> None:
+        self._io.make_safe()
+        owned = self._owned()
+        for slot in self._slots:
+            if slot.running:
+                slot.stop(state)
+        stop_independent(self._cycle, self.bank.all & ~owned, -1)
+
+    def _owned(self) -> int:
+        """Columns of running programs."""
         owned = 0
         for slot in self._slots:
             if slot.running:
                 owned |= slot.axes
-                slot.stop(state)
-        stop_independent(self._cycle, self.bank.all & ~owned, -1)
+        return owned
 
-    def _latch_estop(self) -> None:
+    def _latch_estop(
+        self, code: FaultCode = FaultCode.EMERGENCY_STOP, values: tuple[float, ...] = ()
+    ) -> None:
         if self._cycle.estop:
             return
         self._cycle.estop = True
-        self._cycle.fault(FaultCode.EMERGENCY_STOP, -1, 0)
+        self._cycle.fault(code, -1, 0, values=values)
         for slot in self._slots:
             if slot.running:
-                slot.fault(FaultCode.EMERGENCY_STOP, slot.line)
+                slot.fault(code, slot.line, -1, values)
         self._stop(SlotState.FAULTED)
 
     def _care_for_latches(self) -> None:
@@ -272,6 +336,9 @@ class Executor:
         elif self._reset_estop > self._estop_seen:
             # a stop that came before it is seen in the next cycle
             return
+        if self._io.stopping:
+            # what has stopped the machine is still there
+            self._reset_wanted = 0
         if self._reset_wanted and not (self._cycle.estop and (stopping or self.motions.mask)):
             mask = self._reset_wanted & bank.fault
             self._reset_wanted = 0
@@ -305,5 +372,9 @@ class Executor:
         cells[LOST_EVENTS] = self._events.lost
         cells[LINE] = self.line()
         cells[ESTOP] = self._cycle.estop
+        if self._has_io:
+            cells[INTERLOCK] = bool(self._io.holding) or any(
+                slot.running and slot.interlocked for slot in self._used
+            )
         self._feedback.put(self._row.row)
         self._mailbox.beat_executor()

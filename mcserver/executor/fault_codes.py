@@ -50,11 +50,23 @@ class FaultCode(enum.IntEnum):
     POSITION_LOST = 434
     NOT_OFF = 435
     HOMING_FAILED = 437
+    INPUT_TIMEOUT = 440
+    INTERLOCK_HOLD = 441
+    INTERLOCK_STOP = 442
+    IO_LOST = 444
+    INTERLOCK_FREE = 447
 
 
 # Codes that are told and stop no program.
 WARNINGS = frozenset(
-    {FaultCode.NO_REALTIME, FaultCode.SPEED_AT_LIMIT, FaultCode.DRIVE_MESSAGE, FaultCode.BUS_BACK}
+    {
+        FaultCode.NO_REALTIME,
+        FaultCode.SPEED_AT_LIMIT,
+        FaultCode.DRIVE_MESSAGE,
+        FaultCode.BUS_BACK,
+        FaultCode.INTERLOCK_HOLD,
+        FaultCode.INTERLOCK_FREE,
+    }
 )
 
 
@@ -85,11 +97,33 @@ def code_of_drive_fault(fault: int) -> FaultCode:
         return FaultCode.DRIVE_FAULT
 
 
-def remedy_of(code: int, axis: int, values: Sequence[float] = ()) -> tuple[str, str]:
-    """A sentence and a hint for a FAULT event, from its code, axis number and values."""
+def remedy_of(
+    code: int, axis: int, values: Sequence[float] = (), inputs: Sequence[str] = ()
+) -> tuple[str, str]:
+    """A sentence and a hint for a FAULT event, from its code, axis number and values.
+
+    Args:
+        inputs: names of the machine's inputs.
+    """
     message, hint = _TEXT.get(code, ("the executor reports a fault", "see docs/executor.md"))
     detail = int(values[1]) if len(values) > 1 and code in _DETAILED else 0
-    return message.format(axis=axis, detail=_detail_text(code, detail)), hint.format(axis=axis)
+    name = "an input"
+    if code in _OF_INPUTS and values and 0 <= int(values[0]) < len(inputs):
+        name = f'the input "{inputs[int(values[0])]}"'
+    text = message.format(axis=axis, detail=_detail_text(code, detail), input=name)
+    return text, hint.format(axis=axis, input=name)
+
+
+# Faults whose first value is the column of an input.
+_OF_INPUTS = frozenset(
+    {
+        FaultCode.INPUT_TIMEOUT,
+        FaultCode.INTERLOCK_HOLD,
+        FaultCode.INTERLOCK_STOP,
+        FaultCode.INTERLOCK_FREE,
+        FaultCode.IO_LOST,
+    }
+)
 
 
 # Faults whose second value is a number of the drive's, or of a standard.
@@ -227,6 +261,26 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.HOMING_FAILED: (
         "the drive of axis {axis} has not found its home position",
         "look at its switches and its homing method (6098h); " + _RESET_HINT,
+    ),
+    FaultCode.INPUT_TIMEOUT: (
+        "{input} did not become what M66 waits for within its time-out",
+        "look at the sensor and its wiring, or give M66 a longer Q",
+    ),
+    FaultCode.INTERLOCK_HOLD: (
+        "{input} holds all programs",
+        "once it is as it should be, resume the programs",
+    ),
+    FaultCode.INTERLOCK_FREE: (
+        "{input} holds the programs no longer",
+        "they go on when they are resumed",
+    ),
+    FaultCode.INTERLOCK_STOP: (
+        "{input} has stopped the machine like an emergency stop",
+        "once it is as it should be, reset the machine, then energize with G1010",
+    ),
+    FaultCode.IO_LOST: (
+        "the node of {input} is silent: its values are not known",
+        "check its supply and cable; once it answers, start the program again",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

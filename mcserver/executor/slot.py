@@ -80,6 +80,9 @@ class ProgramSlot:
         self._stop_line = 0
         self._override = 1.0
         self._hold = False
+        # an input has held the program, and nobody has resumed it since
+        self._interlocked = False
+        self._resumes: tuple[int, int] | None = None
 
     # ------------------------------------------------------------------ opening and orders
 
@@ -125,6 +128,10 @@ class ProgramSlot:
         self.orders = orders
         self._hold = orders.hold or machine.hold
         self._override = orders.override * machine.override
+        resumes = (orders.resume, machine.resume)
+        if resumes != self._resumes and not self.cycle.io.holding:
+            self._interlocked = False
+        self._resumes = resumes
         if not self._started:
             self.ramp.jump(self._wanted(1.0))
             self.rapid_rate = self._wanted(1.0)
@@ -134,8 +141,22 @@ class ProgramSlot:
         if isinstance(barrier, Paused) and orders.resume != barrier.seen:
             barrier.passed = True
 
+    @property
+    def held(self) -> bool:
+        """Feed hold is asked for, by an order or by an input."""
+        return self._hold or self._interlocked
+
+    def interlock(self) -> None:
+        """An input holds the program until someone resumes it."""
+        self._interlocked = True
+
+    @property
+    def interlocked(self) -> bool:
+        """Whether an input holds the program, or has held it and nobody has resumed it since."""
+        return self._interlocked
+
     def _wanted(self, most: float) -> float:
-        if self._hold or self._state is SlotState.STOPPING:
+        if self.held or self._state is SlotState.STOPPING:
             return 0.0
         return min(self._override, most)
 
@@ -151,6 +172,7 @@ class ProgramSlot:
             self._stop_state = state
             self.barrier = None
             self.pending = None
+            self.cycle.io.make_safe(self.index)
             mask = self.cycle.motions.owned_by(self.index) | self.axes & ~self.cycle.motions.mask
             stop_independent(self.cycle, mask, self.index)
         elif state is SlotState.FAULTED:
@@ -231,7 +253,7 @@ class ProgramSlot:
         plays = self._state is SlotState.RUNNING and self._started and self.barrier is None
         if not plays or not self.playback.active or not self.ramp.steady or self._starved:
             return nothing
-        if self._hold or self._override != 1.0 or self.u != round(self.u):
+        if self.held or self._override != 1.0 or self.u != round(self.u):
             return nothing
         queue = self._queue
         queue.decode(self.u)
@@ -269,6 +291,7 @@ class ProgramSlot:
         self.state = SlotState.FINISHED
         self.line = 0
         self.cycle.motions.disown(self.index)
+        self.cycle.io.disown(self.index)
         self._drop()
         self.cycle.emit(EventKind.FINISHED, self.index, line, left)
 
@@ -392,7 +415,7 @@ class ProgramSlot:
                     ramp.jump(min(wanted, 1.0))
                 mean = ramp.advance(self.u, wanted, edge, urgent=self.cycle.estop)
             self._note_starved(dry, wanted)
-        self._held = (self._hold or self._override <= 0.0) and ramp.rate <= STANDSTILL
+        self._held = (self.held or self._override <= 0.0) and ramp.rate <= STANDSTILL
         return mean
 
     def _note_starved(self, dry: bool, wanted: float) -> None:

@@ -18,6 +18,7 @@ from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig, Drive, complete_drive, read_buses
+from mcserver.machine.io_section import Input, Output, read_inputs, read_outputs
 from mcserver.machine.section_reader import Mistakes, read_keys
 from mcserver.machine.sections import (
     MAX_AXES,
@@ -67,6 +68,7 @@ class Machine(msgspec.Struct, frozen=True):
         urdf: absolute path or a built-in name, None without kinematics.
         buses: CAN buses, those of ``[[bus]]`` first.
         dialect: what its programs may say.
+        inputs, outputs: digital ones first, each kind by number.
     """
 
     name: str
@@ -81,6 +83,8 @@ class Machine(msgspec.Struct, frozen=True):
     tools: tuple[Tool, ...]
     buses: tuple[CanBusConfig, ...] = ()
     dialect: Dialect = Dialect()
+    inputs: tuple[Input, ...] = ()
+    outputs: tuple[Output, ...] = ()
 
     @property
     def cycle_s(self) -> float:
@@ -196,6 +200,9 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     tools = read_tools(file.get("tool") or (), axes if sound else range(MAX_AXES), mistakes)
     numbers = axes if sound else range(MAX_AXES)
     dialect = read_dialect(file.get("dialect"), file.get("cutter") or [], numbers, mistakes)
+    names = {bus.name for bus in buses}
+    inputs = read_inputs(file.get("input") or (), names, mistakes)
+    outputs = read_outputs(file.get("output") or (), inputs, names, mistakes)
     kinematics: KinematicsSection | None = file.get("kinematics")
     if "tool" in raw and "kinematics" not in raw:
         mistakes.add(("tool",), "tools need a [kinematics] section", "name the URDF there")
@@ -218,6 +225,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         tools=tools,
         buses=tuple(buses),
         dialect=dialect,
+        inputs=inputs,
+        outputs=outputs,
     )
 
 

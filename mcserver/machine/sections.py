@@ -11,6 +11,7 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
+from mcserver.machine.io_section import InputSection, OutputSection
 
 MAX_AXES = 64
 
@@ -242,3 +243,5 @@ class MachineFile(msgspec.Struct, frozen=True):
     bus: list[BusSection] = []
     dialect: DialectSection = DialectSection()
     cutter: list[CutterSection] = []
+    input: list[InputSection] = []
+    output: list[OutputSection] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.fault_codes import remedy_of
@@ -13,10 +13,10 @@ LATCHED_FAULTS = 64
 FAULT_SHOWN_S = 0.5
 
 
-def fault_of(event: ExecutorEvent, program: str | None) -> Fault:
-    """Put an event of kind FAULT into words."""
+def fault_of(event: ExecutorEvent, program: str | None, inputs: Sequence[str] = ()) -> Fault:
+    """Put an event of kind FAULT into words; ``inputs``: names of the machine's."""
     axis = event.axis if event.axis >= 0 else None
-    message, hint = remedy_of(event.code, event.axis, event.values)
+    message, hint = remedy_of(event.code, event.axis, event.values, inputs)
     return Fault(
         code=f"MC{event.code}",
         message=message,

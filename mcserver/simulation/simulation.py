@@ -117,6 +117,7 @@ class _Run:
         clock: Callable[[], float],
     ) -> None:
         self._machine = machine
+        self._input_names = [each.name for each in machine.inputs]
         self._lines = split_lines(text)
         self._progress = progress
         self._executor = VirtualExecutor(machine)
@@ -221,7 +222,7 @@ class _Run:
         elif event.kind is EventKind.PAUSED:
             self._executor.mailbox.resume(SLOT)
         elif event.kind is EventKind.FAULT:
-            message, hint = remedy_of(event.code, event.axis, event.values)
+            message, hint = remedy_of(event.code, event.axis, event.values, self._input_names)
             self._faults.append(
                 Diagnostic(
                     code=f"MC{event.code}",

@@ -58,12 +58,13 @@ class VirtualExecutor:
         axes = len(machine.axes)
         limits = AxisLimits.of(machine)
         self.machine = machine
-        self.mailbox = CommandMailbox(None, slots)
+        inputs, outputs = len(machine.inputs), len(machine.outputs)
+        self.mailbox = CommandMailbox(None, slots, inputs=inputs, outputs=outputs)
         self.mailbox.initialise()
         self.recorder = recorder
         self._rings = tuple(ProgramRing(None, rows, controls, axes, limits) for _ in range(slots))
         self._events = EventRing(None, axes)
-        self._feedback = FeedbackRing(None, axes, slots)
+        self._feedback = FeedbackRing(None, axes, slots, inputs=inputs, outputs=outputs)
         self.buses = list(create_buses(machine, VIRTUAL_FACTORIES) if buses is None else buses)
         self.executor = Executor(machine, self.buses, self._rings, self.mailbox, self._feedback, self._events)
         self._cycles = 0

@@ -20,7 +20,7 @@ CYCLES = 2048
 GUARD = 8
 
 _HEADER_WORDS = 8
-TIME, CYCLE, LATE, LOST_EVENTS, LINE, ESTOP, _SPARE_A, _SPARE_B = range(8)
+TIME, CYCLE, LATE, LOST_EVENTS, LINE, ESTOP, INTERLOCK, _SPARE_B = range(8)
 _HEAD = 8
 SLOT_U, SLOT_RATE, SLOT_STATE, SLOT_GENERATION = range(4)
 _SLOT = 4
@@ -79,6 +79,9 @@ class FeedbackState:
         line: line that set this cycle's row, 0 where none runs. estop: the emergency stop is latched.
         setpoint, velocity: commanded. actual, actual_velocity, torque: from the drives.
         condition: values of `AxisCondition`.
+        interlocked: an input holds the programs, or has held them and nobody has resumed since.
+        inputs, outputs: values of the machine's inputs and outputs, in the order of its file's model.
+        owners: who has set each output last: a slot, or as `mcserver.executor.io_bank` has it.
     """
 
     time: float
@@ -94,17 +97,22 @@ class FeedbackState:
     torque: Array
     condition: NDArray[np.int8]
     slots: tuple[SlotFeedback, ...]
+    interlocked: bool
+    inputs: Array
+    outputs: Array
+    owners: NDArray[np.int64]
 
 
 class FeedbackRow:
     """The row that the executor fills in the course of a cycle: views of one array of doubles."""
 
-    def __init__(self, axes: int, slots: int) -> None:
-        self.row: Array = np.zeros(row_width(axes, slots))
+    def __init__(self, axes: int, slots: int, inputs: int = 0, outputs: int = 0) -> None:
+        self.row: Array = np.zeros(row_width(axes, slots, inputs, outputs))
         self.cells: Any = memoryview(self.row)  # type: ignore[arg-type]
         views = [self.row[_HEAD + block * axes : _HEAD + (block + 1) * axes] for block in range(_BLOCKS)]
         self.setpoint, self.velocity, self.actual, self.actual_velocity, self.torque, self.condition = views
         self._slots_at = _HEAD + _BLOCKS * axes
+        self.inputs, self.outputs, self.owners = _io_blocks(self.row, axes, slots, inputs, outputs)
 
     def set_slot(self, slot: int, u: float, rate: float, state: int, generation: int) -> None:
         at = self._slots_at + slot * _SLOT
@@ -115,14 +123,23 @@ class FeedbackRow:
         cells[at + 3] = generation
 
 
-def row_width(axes: int, slots: int) -> int:
+def row_width(axes: int, slots: int, inputs: int = 0, outputs: int = 0) -> int:
     """Doubles in a row."""
-    return _HEAD + _BLOCKS * axes + _SLOT * slots
+    return _HEAD + _BLOCKS * axes + _SLOT * slots + inputs + 2 * outputs
 
 
-def feedback_ring_size(axes: int, slots: int, cycles: int = CYCLES) -> int:
+def feedback_ring_size(
+    axes: int, slots: int, cycles: int = CYCLES, *, inputs: int = 0, outputs: int = 0
+) -> int:
     """Bytes that the ring takes."""
-    return 8 * (_HEADER_WORDS + cycles * row_width(axes, slots))
+    return 8 * (_HEADER_WORDS + cycles * row_width(axes, slots, inputs, outputs))
+
+
+def _io_blocks(rows: Array, axes: int, slots: int, inputs: int, outputs: int) -> tuple[Array, Array, Array]:
+    """Inputs, outputs and their owners in rows, views of the last dimension."""
+    at = _HEAD + _BLOCKS * axes + _SLOT * slots
+    ends = (at + inputs, at + inputs + outputs, at + inputs + 2 * outputs)
+    return rows[..., at : ends[0]], rows[..., ends[0] : ends[1]], rows[..., ends[1] : ends[2]]
 
 
 class FeedbackRing:
@@ -133,13 +150,21 @@ class FeedbackRing:
     """
 
     def __init__(
-        self, buffer: bytearray | memoryview | None, axes: int, slots: int, cycles: int = CYCLES
+        self,
+        buffer: bytearray | memoryview | None,
+        axes: int,
+        slots: int,
+        cycles: int = CYCLES,
+        *,
+        inputs: int = 0,
+        outputs: int = 0,
     ) -> None:
-        size = feedback_ring_size(axes, slots, cycles)
+        size = feedback_ring_size(axes, slots, cycles, inputs=inputs, outputs=outputs)
         self._buffer = memoryview(bytearray(size) if buffer is None else buffer)
         if len(self._buffer) < size:
             raise ValueError(f"the ring needs {size} bytes, the buffer has {len(self._buffer)}")
-        width = row_width(axes, slots)
+        width = row_width(axes, slots, inputs, outputs)
+        self._inputs, self._outputs = inputs, outputs
         self._axes, self._slots, self._cycles = axes, slots, cycles
         self._counter = self._buffer[: 8 * _HEADER_WORDS].cast("q")
         self._rows: Array = np.frombuffer(self._buffer, np.float64, cycles * width, 8 * _HEADER_WORDS)
@@ -201,6 +226,11 @@ class FeedbackRing:
         part: Array = rows[:, start : start + self._axes]
         return part
 
+    def io_of(self, rows: Array) -> tuple[Array, Array]:
+        """Inputs and outputs of rows, shapes (n, I) and (n, O)."""
+        inputs, outputs, _ = _io_blocks(rows, self._axes, self._slots, self._inputs, self._outputs)
+        return inputs, outputs
+
     @staticmethod
     def time_of(rows: Array) -> Array:
         """Executor times of rows [s]."""
@@ -224,6 +254,7 @@ class FeedbackRing:
         for slot in range(self._slots):
             u, rate, state, generation = row[slots_at + slot * _SLOT : slots_at + (slot + 1) * _SLOT].tolist()
             slots.append(SlotFeedback(u, rate, SlotState(int(state)), int(generation)))
+        inputs, outputs, owners = _io_blocks(row, self._axes, self._slots, self._inputs, self._outputs)
         return FeedbackState(
             time=float(row[TIME]),
             cycle=int(row[CYCLE]),
@@ -238,4 +269,8 @@ class FeedbackRing:
             torque=blocks[4],
             condition=blocks[5].astype(np.int8),
             slots=tuple(slots),
+            interlocked=bool(row[INTERLOCK]),
+            inputs=inputs.copy(),
+            outputs=outputs.copy(),
+            owners=owners.astype(np.int64),
         )

@@ -14,10 +14,12 @@ from dataclasses import dataclass
 SLOTS = 8
 
 _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _EXECUTOR_BEAT = range(9)
-_EXECUTOR_STATE, _QUIT, _EPOCH, _RESET_ESTOP = 9, 10, 11, 12
+_EXECUTOR_STATE, _QUIT, _EPOCH, _RESET_ESTOP, _IO_ORDERS, _RESUME = 9, 10, 11, 12, 13, 14
 _HEAD = 16
 _S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_GENERATION, _S_AXES, _S_ROWS, _S_CONTROLS = range(8)
 _SLOT = 16
+# of each output and input: how often it was set, and to what
+_CHANNEL = 2
 
 OVERRIDE_MAX = 2.0
 _ALL = (1 << 64) - 1
@@ -43,6 +45,7 @@ class MachineOrders:
 
     Attributes:
         reset_estop: emergency stops asked for before the reset was; it clears none of the later ones.
+        resume: ends of the feed hold of all programs.
     """
 
     override: float
@@ -51,11 +54,12 @@ class MachineOrders:
     reset: int
     reset_mask: int
     reset_estop: int
+    resume: int
 
 
-def mailbox_size(slots: int = SLOTS) -> int:
+def mailbox_size(slots: int = SLOTS, inputs: int = 0, outputs: int = 0) -> int:
     """Bytes that the mailbox takes."""
-    return 8 * (_HEAD + slots * _SLOT)
+    return 8 * (_HEAD + slots * _SLOT + (inputs + outputs) * _CHANNEL)
 
 
 def _signed(mask: int) -> int:
@@ -69,8 +73,15 @@ class CommandMailbox:
         buffer: at least `mailbox_size` bytes, zeroed; None: memory of this process.
     """
 
-    def __init__(self, buffer: bytearray | memoryview | None, slots: int = SLOTS) -> None:
-        size = mailbox_size(slots)
+    def __init__(
+        self,
+        buffer: bytearray | memoryview | None,
+        slots: int = SLOTS,
+        *,
+        inputs: int = 0,
+        outputs: int = 0,
+    ) -> None:
+        size = mailbox_size(slots, inputs, outputs)
         self._buffer = memoryview(bytearray(size) if buffer is None else buffer)
         if len(self._buffer) < size:
             raise ValueError(f"the mailbox needs {size} bytes, the buffer has {len(self._buffer)}")
@@ -78,6 +89,7 @@ class CommandMailbox:
         self._numbers = self._buffer[:size].cast("d")
         self._lock = threading.Lock()
         self.slots = slots
+        self._inputs, self._outputs = inputs, outputs
 
     def initialise(self) -> None:
         """Overrides of 100 %; by the side that made the buffer, before the other one looks."""
@@ -140,6 +152,8 @@ class CommandMailbox:
     def set_hold(self, hold: bool, slot: int | None = None) -> None:
         """Feed hold, or its end; of all programs without ``slot``."""
         self._set(_HOLD if slot is None else self._of(slot) + _S_HOLD, int(hold))
+        if not hold and slot is None:
+            self._count(_RESUME)
 
     def abort(self, slot: int) -> None:
         """Stops a program along its path and drops what is left of it."""
@@ -165,6 +179,26 @@ class CommandMailbox:
             self._words[_RESET_MASK] = _signed(mask)
             self._words[_RESET_ESTOP] = self._words[_ESTOP]
             self._words[_RESET] += 1
+            self._words[_CHANGES] += 1
+
+    def set_output(self, column: int, value: float) -> None:
+        """Set an output of the machine."""
+        if not 0 <= column < self._outputs:
+            raise ValueError(f"output {column} is outside 0 … {self._outputs - 1}")
+        self._order_channel(column, value)
+
+    def set_input(self, column: int, value: float) -> None:
+        """Set a simulated input of the machine."""
+        if not 0 <= column < self._inputs:
+            raise ValueError(f"input {column} is outside 0 … {self._inputs - 1}")
+        self._order_channel(self._outputs + column, value)
+
+    def _order_channel(self, number: int, value: float) -> None:
+        at = _HEAD + self.slots * _SLOT + number * _CHANNEL
+        with self._lock:
+            self._numbers[at + 1] = value
+            self._words[at] += 1
+            self._words[_IO_ORDERS] += 1
             self._words[_CHANGES] += 1
 
     def beat(self) -> None:
@@ -203,6 +237,25 @@ class CommandMailbox:
         return self._words[_ESTOP]
 
     @property
+    def io_orders(self) -> int:
+        """How often an input or output was set."""
+        return self._words[_IO_ORDERS]
+
+    def output_order(self, column: int) -> tuple[int, float]:
+        """How often an output was set, and its newest value."""
+        return self._channel_order(column)
+
+    def input_order(self, column: int) -> tuple[int, float]:
+        """How often a simulated input was set, and its newest value."""
+        return self._channel_order(self._outputs + column)
+
+    def _channel_order(self, number: int) -> tuple[int, float]:
+        at = _HEAD + self.slots * _SLOT + number * _CHANNEL
+        # the counter first: a newer value with an older counter is read again
+        count = self._words[at]
+        return count, self._numbers[at + 1]
+
+    @property
     def server_beat(self) -> int:
         return self._words[_SERVER_BEAT]
 
@@ -231,6 +284,7 @@ class CommandMailbox:
             reset,
             words[_RESET_MASK] & _ALL,
             words[_RESET_ESTOP],
+            words[_RESUME],
         )
 
     def slot_orders(self, slot: int) -> SlotOrders:

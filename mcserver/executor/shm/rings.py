@@ -23,8 +23,8 @@ CONTROLS = 4096
 
 _HEADER_WORDS = 8
 _ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ = range(4)
-# kind, u, line, axes, seconds, operation, token, whether values follow
-_CONTROL = struct.Struct("<qdqQdqqq")
+# kind, u, line, axes, seconds, operation, token, channel, value, whether values follow
+_CONTROL = struct.Struct("<qdqQdqqqdq")
 
 Buffer = bytearray | memoryview
 _Scalar = TypeVar("_Scalar", bound=np.generic)
@@ -178,6 +178,8 @@ class ProgramRing:
             control.seconds,
             control.operation,
             control.token,
+            control.channel,
+            control.value,
             control.values is not None,
         )
         self._counters[_CONTROLS_WRITTEN] = written + 1
@@ -205,8 +207,8 @@ class ProgramRing:
     def control(self, number: int) -> Control:
         """The control entry of that number, which must be written and not freed."""
         at = number % self.controls
-        kind, u, line, axes, seconds, operation, token, has_values = _CONTROL.unpack_from(
+        kind, u, line, axes, seconds, operation, token, channel, value, has_values = _CONTROL.unpack_from(
             self._buffer, self._controls_at + at * _CONTROL.size
         )
         values = tuple(self._values[at].tolist()) if has_values else None
-        return Control(ControlKind(kind), u, line, axes, values, seconds, operation, token)
+        return Control(ControlKind(kind), u, line, axes, values, seconds, operation, token, channel, value)

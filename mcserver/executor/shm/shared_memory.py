@@ -32,7 +32,12 @@ class SharedParts:
 
 def _sizes(machine: Machine, slots: int) -> list[int]:
     axes = len(machine.axes)
-    sizes = [mailbox_size(slots), feedback_ring_size(axes, slots), event_ring_size(axes)]
+    inputs, outputs = len(machine.inputs), len(machine.outputs)
+    sizes = [
+        mailbox_size(slots, inputs, outputs),
+        feedback_ring_size(axes, slots, inputs=inputs, outputs=outputs),
+        event_ring_size(axes),
+    ]
     sizes += [program_ring_size(ROWS, CONTROLS, axes)] * slots
     return [-(-size // _ALIGNMENT) * _ALIGNMENT for size in sizes]
 
@@ -63,9 +68,10 @@ def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
         parts.append(whole[offset : offset + size])
         offset += size
     limits = AxisLimits.of(machine)
+    inputs, outputs = len(machine.inputs), len(machine.outputs)
     return SharedParts(
-        CommandMailbox(parts[0], slots),
-        FeedbackRing(parts[1], axes, slots),
+        CommandMailbox(parts[0], slots, inputs=inputs, outputs=outputs),
+        FeedbackRing(parts[1], axes, slots, inputs=inputs, outputs=outputs),
         EventRing(parts[2], axes),
         tuple(ProgramRing(part, ROWS, CONTROLS, axes, limits) for part in parts[3:]),
     )

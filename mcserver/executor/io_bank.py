@@ -1,0 +1,236 @@
+"""The machine's inputs and outputs in the cycle: values, scripts, debouncing, interlocks, safe values."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mcserver.drives.io_bus import IoBus
+from mcserver.executor.headroom import Array
+from mcserver.executor.shm.feedback import FeedbackRow
+from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.machine.machine_file import Machine
+
+# Who has set an output last, besides the number of a program's slot.
+NOBODY = -1
+OPERATOR = -2
+# A scripted change is due in the first cycle that is not earlier than this [s].
+ROUNDING_S = 1e-9
+
+
+class WaitMode(enum.IntEnum):
+    """What M66 waits for; numbers of its word L."""
+
+    IMMEDIATE = 0
+    RISE = 1
+    FALL = 2
+    HIGH = 3
+    LOW = 4
+
+
+class IoBank:
+    """Inputs and outputs of one machine.
+
+    Args:
+        row: has the values that are published: inputs as programs see them, outputs as exchanged.
+        buses: have those that are real; the others are simulated.
+
+    Attributes:
+        holding, stopping: columns of the inputs that hold or stop the machine now.
+        lost: columns of inputs and outputs whose node is silent, as seen in this cycle for the first time.
+    """
+
+    def __init__(self, machine: Machine, row: FeedbackRow, buses: Sequence[IoBus] = ()) -> None:
+        self._inputs, self._outputs = machine.inputs, machine.outputs
+        self._row = row
+        self._buses = [(bus, np.array(bus.inputs, np.intp), np.array(bus.outputs, np.intp)) for bus in buses]
+        self._cycle = machine.cycle_s
+        self.holding: tuple[int, ...] = ()
+        self.stopping: tuple[int, ...] = ()
+        self.lost: tuple[int, ...] = ()
+        self._interlocked = [
+            column
+            for column, each in enumerate(machine.inputs)
+            if not (_never(each.hold_below, each.hold_above) and _never(each.stop_below, each.stop_above))
+        ]
+        # values that the inputs' sources have, scaled; those that are simulated are set here
+        self._source: Array = np.array([each.initial for each in machine.inputs])
+        self._patience = [math.ceil(each.debounce / machine.cycle_s - 1e-9) for each in machine.inputs]
+        self._pending = [0] * len(machine.inputs)
+        self._script = sorted(
+            (each.at_s, column, each.value)
+            for column, channel in enumerate(machine.inputs)
+            for each in channel.script
+        )
+        self._scripted = 0
+        self._overruled: set[int] = set()
+        self._moving = True
+        self._fresh = np.ones(len(machine.inputs), np.bool_)
+        self._orders_seen = 0
+        self._input_counts = [0] * len(machine.inputs)
+        self._output_counts = [0] * len(machine.outputs)
+        # as set; they are published as they are exchanged
+        self._wanted: Array = np.array([each.initial for each in machine.outputs])
+        self._owner = [NOBODY] * len(machine.outputs)
+        row.inputs[:] = self._source
+        row.outputs[:] = self._wanted
+        row.owners[:] = NOBODY
+        self._written = False
+        self._look_at_interlocks()
+
+    # ------------------------------------------------------------------ orders from outside
+
+    def obey(self, mailbox: CommandMailbox, *, locked: bool) -> None:
+        """Take what operators and simulations have set since the last call.
+
+        Args:
+            locked: outputs stay at their safe values (emergency stop).
+        """
+        if mailbox.io_orders == self._orders_seen:
+            return
+        self._orders_seen = mailbox.io_orders
+        for column, channel in enumerate(self._outputs):
+            count, value = mailbox.output_order(column)
+            if count != self._output_counts[column]:
+                self._output_counts[column] = count
+                if not locked and channel.low <= value <= channel.high:
+                    self.set(column, value, OPERATOR)
+        for column, source in enumerate(self._inputs):
+            count, value = mailbox.input_order(column)
+            if count != self._input_counts[column]:
+                self._input_counts[column] = count
+                if source.source is None and math.isfinite(value):
+                    self._overruled.add(column)
+                    self._source[column] = value
+                    self._moving = True
+
+    # ------------------------------------------------------------------ outputs
+
+    def set(self, column: int, value: float, owner: int) -> None:
+        """Let an output have a value from the next exchange on."""
+        self._wanted[column] = value
+        self._owner[column] = owner
+        self._written = False
+
+    def make_safe(self, owner: int | None = None) -> None:
+        """Give outputs their safe values: those that ``owner`` has set, or all."""
+        for column, channel in enumerate(self._outputs):
+            if owner is not None and self._owner[column] != owner:
+                continue
+            if channel.safe is not None:
+                self._wanted[column] = channel.safe
+            self._owner[column] = NOBODY
+        self._written = False
+
+    def disown(self, owner: int) -> None:
+        """A program has ended in order: its outputs stay as they are."""
+        self._owner = [NOBODY if each == owner else each for each in self._owner]
+        self._written = False
+
+    def value(self, column: int) -> float:
+        """Return an input's value as of the latest exchange."""
+        return float(self._row.inputs[column])
+
+    # ------------------------------------------------------------------ the cycle
+
+    def before_exchange(self) -> None:
+        """Publish the outputs and hand them to their buses."""
+        if not self._written:
+            self._written = True
+            self._row.outputs[:] = self._wanted
+            self._row.owners[:] = self._owner
+        for bus, _, columns in self._buses:
+            if len(columns):
+                bus.write_outputs(self._raw_outputs(columns))
+
+    def after_exchange(self, time: float) -> None:
+        """Read the inputs; ``time``: executor time of the cycle [s]."""
+        script, number = self._script, self._scripted
+        while number < len(script) and script[number][0] <= time + ROUNDING_S:
+            _, column, value = script[number]
+            if column not in self._overruled:
+                self._source[column] = value
+                self._moving = True
+            number += 1
+        self._scripted = number
+        if self._buses:
+            self._read_buses()
+        if self._moving:
+            self._moving = self._debounce()
+            self._look_at_interlocks()
+
+    def idle_cycles(self, time: float, limit: int) -> int:
+        """Return how many cycles from ``time`` [s] on no input changes by itself, up to ``limit``."""
+        if self._moving or self._buses:
+            return 0
+        if self._scripted == len(self._script):
+            return limit
+        due = (self._script[self._scripted][0] - ROUNDING_S - time) / self._cycle
+        return max(0, min(limit, math.ceil(due)))
+
+    def _debounce(self) -> bool:
+        """Let inputs follow their sources; return True while one is still waited for."""
+        values, waits = self._row.inputs, False
+        for column in np.nonzero(self._source != values)[0].tolist():
+            if self._pending[column] >= self._patience[column]:
+                values[column] = self._source[column]
+            else:
+                self._pending[column] += 1
+                waits = True
+        for column in np.nonzero(self._source == values)[0].tolist():
+            self._pending[column] = 0
+        return waits
+
+    def _look_at_interlocks(self) -> None:
+        values = self._row.inputs
+        self.holding = tuple(
+            column for column in self._interlocked if self._inputs[column].holds(float(values[column]))
+        )
+        self.stopping = tuple(
+            column for column in self._interlocked if self._inputs[column].stops(float(values[column]))
+        )
+
+    # ------------------------------------------------------------------ buses
+
+    def _raw_outputs(self, columns: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Array:
+        raw = np.empty(len(columns))
+        for place, column in enumerate(columns.tolist()):
+            channel, value = self._outputs[column], float(self._wanted[column])
+            if channel.digital:
+                raw[place] = float((value != 0.0) is not channel.invert)
+            else:
+                raw[place] = (value - channel.offset) / channel.scale
+        return raw
+
+    def _read_buses(self) -> None:
+        lost: list[int] = []
+        for bus, columns, _ in self._buses:
+            if not len(columns):
+                continue
+            raw, fresh = np.zeros(len(columns)), np.ones(len(columns), np.bool_)
+            bus.read_inputs(raw, fresh)
+            for place, column in enumerate(columns.tolist()):
+                if not fresh[place]:
+                    if self._fresh[column]:
+                        lost.append(column)
+                    self._fresh[column] = False
+                    continue
+                self._fresh[column] = True
+                channel, value = self._inputs[column], float(raw[place])
+                if channel.digital:
+                    value = float((value != 0.0) is not channel.invert)
+                else:
+                    value = value * channel.scale + channel.offset
+                if value != self._source[column]:
+                    self._source[column] = value
+                    self._moving = True
+        self.lost = tuple(lost)
+        if self._pending and any(self._pending):
+            self._moving = True
+
+
+def _never(low: float, high: float) -> bool:
+    return low == -math.inf and high == math.inf

@@ -1,0 +1,426 @@
+"""Inputs and outputs of a machine: ``[[input]]``, ``[[output]]`` and ``[dialect.outputs]``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
+from mcserver.machine.section_reader import Mistakes
+from mcserver.machine.toml_positions import Path
+
+# P of M62 to M66 and E of M66 to M68 have room for so many of each kind.
+MAX_CHANNELS = 64
+
+Level = bool | float
+Kind = Literal["digital", "analog"]
+Number = Annotated[int, Meta(ge=0, lt=MAX_CHANNELS, description="number each kind from 0 to 63")]
+Name = Annotated[
+    str,
+    Meta(
+        pattern=r"^[A-Za-z0-9]([A-Za-z0-9 _.-]{0,38}[A-Za-z0-9])?$",
+        description="40 letters, digits, blanks, '-', '_' or '.' at the most",
+    ),
+]
+ObjectAddress = Annotated[
+    str,
+    Meta(
+        pattern=r"^[0-9A-Fa-f]{4}h?(:[0-9A-Fa-f]{1,2})?$",
+        description="index and subindex in hexadecimal digits: '6000h:01', '60FDh:00'",
+    ),
+]
+
+# Width in bits and signedness of objects that a machine file need not describe (CiA 401, CiA 402).
+_KNOWN_TYPES = {
+    0x6000: "u8",
+    0x6100: "u16",
+    0x6120: "u32",
+    0x6200: "u8",
+    0x6300: "u16",
+    0x6320: "u32",
+    0x6400: "i8",
+    0x6401: "i16",
+    0x6402: "i32",
+    0x6403: "f32",
+    0x6410: "i8",
+    0x6411: "i16",
+    0x6412: "i32",
+    0x6413: "f32",
+    0x60FD: "u32",
+    0x60FE: "u32",
+}
+ObjectType = Literal["u8", "u16", "u32", "i8", "i16", "i32", "f32"]
+
+
+# ---------------------------------------------------------------- as written
+
+
+class ScriptSection(msgspec.Struct, frozen=True):
+    """One entry of ``simulated``: the input has this value from a time on."""
+
+    at_s: Annotated[float, Meta(ge=0.0, description="seconds from the start, 0 or more")]
+    value: Level
+
+
+class IoObjectSection(msgspec.Struct, frozen=True):
+    """``source`` and ``target``: an object of a CANopen node."""
+
+    bus: Annotated[str, Meta(min_length=1, description="name a bus of this file")]
+    node: Annotated[int, Meta(ge=LEAST_NODE, le=GREATEST_NODE, description="give the node's number")]
+    object: ObjectAddress
+    bit: Annotated[int, Meta(ge=0, le=31, description="0 is the least significant bit")] | None = None
+    type: ObjectType | None = None
+
+
+class InputSection(msgspec.Struct, frozen=True):
+    """``[[input]]``."""
+
+    number: Number
+    name: Name
+    kind: Kind = "digital"
+    unit: Annotated[str, Meta(max_length=12, description="12 characters at the most")] = ""
+    scale: float = 1.0
+    offset: float = 0.0
+    invert: bool = False
+    debounce_ms: Annotated[float, Meta(ge=0.0, le=10_000.0, description="5 is usual for switches")] = 0.0
+    initial: Level = 0.0
+    simulated: list[ScriptSection] = []
+    source: IoObjectSection | None = None
+    hold_on: bool | None = None
+    hold_below: float | None = None
+    hold_above: float | None = None
+    stop_on: bool | None = None
+    stop_below: float | None = None
+    stop_above: float | None = None
+
+
+class OutputSection(msgspec.Struct, frozen=True):
+    """``[[output]]``."""
+
+    number: Number
+    name: Name
+    kind: Kind = "digital"
+    unit: Annotated[str, Meta(max_length=12, description="12 characters at the most")] = ""
+    scale: float = 1.0
+    offset: float = 0.0
+    invert: bool = False
+    min: float | None = None
+    max: float | None = None
+    initial: Level = 0.0
+    safe: bool | float | Literal["keep"] | None = None
+    target: IoObjectSection | None = None
+
+
+# ---------------------------------------------------------------- the model
+
+
+class IoObject(msgspec.Struct, frozen=True):
+    """An object of a CANopen node, or one bit of it.
+
+    Attributes:
+        bus: name of the bus. bit: None where the whole object is one value.
+        type: of the whole object.
+    """
+
+    bus: str
+    node: int
+    index: int
+    subindex: int
+    type: ObjectType
+    bit: int | None = None
+
+    @property
+    def shown(self) -> str:
+        """Return it as people write it: ``can0 node 5 6000h:01 bit 3``."""
+        bit = "" if self.bit is None else f" bit {self.bit}"
+        return f"{self.bus} node {self.node} {self.index:04X}h:{self.subindex:02X}{bit}"
+
+
+class Scripted(msgspec.Struct, frozen=True):
+    """A simulated input has ``value`` from ``at_s`` on, seconds of the executor's time."""
+
+    at_s: float
+    value: float
+
+
+class Input(msgspec.Struct, frozen=True):
+    """One input; values of digital ones are 0 and 1.
+
+    Attributes:
+        number: of its kind, as P (digital) and E (analog) name it.
+        unit, scale, offset: value = raw · scale + offset [unit].
+        invert: a digital one is 1 where its source is 0. debounce: a change has to last so long [s].
+        initial, script: of a simulated one, as the program sees it, before debouncing.
+        source: None: simulated.
+        hold_below, hold_above, stop_below, stop_above: values beyond which it holds or stops the machine.
+    """
+
+    number: int
+    name: str
+    digital: bool = True
+    unit: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+    invert: bool = False
+    debounce: float = 0.0
+    initial: float = 0.0
+    script: tuple[Scripted, ...] = ()
+    source: IoObject | None = None
+    hold_below: float = -math.inf
+    hold_above: float = math.inf
+    stop_below: float = -math.inf
+    stop_above: float = math.inf
+
+    def holds(self, value: float) -> bool:
+        """Return True if this value holds the machine's programs."""
+        return not self.hold_below <= value <= self.hold_above
+
+    def stops(self, value: float) -> bool:
+        """Return True if this value stops the machine."""
+        return not self.stop_below <= value <= self.stop_above
+
+
+class Output(msgspec.Struct, frozen=True):
+    """One output; values of digital ones are 0 and 1.
+
+    Attributes:
+        number: of its kind, as P (digital) and E (analog) name it.
+        unit, scale, offset: raw = (value - offset) / scale. invert: a digital one is written inverted.
+        low, high: least and greatest value [unit].
+        initial: from the start of the executor on. safe: after an emergency stop, and where what has set it
+            is lost; None: it keeps its value.
+        target: None: simulated.
+    """
+
+    number: int
+    name: str
+    digital: bool = True
+    unit: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+    invert: bool = False
+    low: float = 0.0
+    high: float = 1.0
+    initial: float = 0.0
+    safe: float | None = 0.0
+    target: IoObject | None = None
+
+
+def read_inputs(
+    sections: Sequence[InputSection | None], buses: set[str], mistakes: Mistakes
+) -> tuple[Input, ...]:
+    """Return the inputs of ``[[input]]``, digital ones first, each kind by number.
+
+    Args:
+        sections: None where one has a mistake. buses: names of the file's buses.
+    """
+    found: list[Input] = []
+    for position, section in enumerate(sections):
+        if section is None:
+            continue
+        path: Path = ("input", position)
+        digital = section.kind == "digital"
+        _check_common(section, path, mistakes)
+        _check_interlocks(section, path, mistakes)
+        if section.source is not None and section.simulated:
+            mistakes.add(
+                (*path, "simulated"),
+                "belongs to a simulated input, and this one has a source",
+                "remove one of the two",
+            )
+        script = tuple(
+            sorted(
+                (
+                    Scripted(
+                        each.at_s, _level(each.value, digital, (*path, "simulated", at, "value"), mistakes)
+                    )
+                    for at, each in enumerate(section.simulated)
+                ),
+                key=lambda each: each.at_s,
+            )
+        )
+        found.append(
+            Input(
+                number=section.number,
+                name=section.name,
+                digital=digital,
+                unit=section.unit,
+                scale=section.scale,
+                offset=section.offset,
+                invert=section.invert,
+                debounce=section.debounce_ms * 1e-3,
+                initial=_level(section.initial, digital, (*path, "initial"), mistakes),
+                script=script,
+                source=_read_object(section.source, digital, (*path, "source"), buses, mistakes),
+                hold_below=_threshold(section.hold_on, False, section.hold_below, -math.inf),
+                hold_above=_threshold(section.hold_on, True, section.hold_above, math.inf),
+                stop_below=_threshold(section.stop_on, False, section.stop_below, -math.inf),
+                stop_above=_threshold(section.stop_on, True, section.stop_above, math.inf),
+            )
+        )
+    _check_unique("input", found, sections, mistakes)
+    return tuple(sorted(found, key=lambda each: (not each.digital, each.number)))
+
+
+def read_outputs(
+    sections: Sequence[OutputSection | None], inputs: Sequence[Input], buses: set[str], mistakes: Mistakes
+) -> tuple[Output, ...]:
+    """Return the outputs of ``[[output]]``, digital ones first, each kind by number.
+
+    Args:
+        sections: None where one has a mistake. inputs: whose names are taken. buses: names of the file's.
+    """
+    found: list[Output] = []
+    names = {each.name for each in inputs}
+    for position, section in enumerate(sections):
+        if section is None:
+            continue
+        path: Path = ("output", position)
+        digital = section.kind == "digital"
+        _check_common(section, path, mistakes)
+        for key in ("min", "max"):
+            if digital and getattr(section, key) is not None:
+                mistakes.add((*path, key), "belongs to an analog output", 'leave it out, or kind = "analog"')
+        low = 0.0 if section.min is None or digital else section.min
+        high = 1.0 if section.max is None or digital else section.max
+        if not low < high:
+            mistakes.add((*path, "max"), f"{high:g} is not above min, {low:g}", "exchange the two")
+        initial = _level(section.initial, digital, (*path, "initial"), mistakes)
+        safe: float | None = initial
+        if section.safe == "keep":
+            safe = None
+        elif section.safe is not None:
+            safe = _level(section.safe, digital, (*path, "safe"), mistakes)
+        for key, value in (("initial", initial), ("safe", safe)):
+            if value is not None and not low <= value <= high and low < high:
+                mistakes.add(
+                    (*path, key), f"{value:g} is outside min … max", f"give {low:g} … {high:g}, or widen it"
+                )
+        if section.name in names:
+            mistakes.add(
+                (*path, "name"), f'"{section.name}" is an input\'s name', "name each input and output once"
+            )
+        found.append(
+            Output(
+                number=section.number,
+                name=section.name,
+                digital=digital,
+                unit=section.unit,
+                scale=section.scale,
+                offset=section.offset,
+                invert=section.invert,
+                low=low,
+                high=high,
+                initial=initial,
+                safe=safe,
+                target=_read_object(section.target, digital, (*path, "target"), buses, mistakes),
+            )
+        )
+    _check_unique("output", found, sections, mistakes)
+    return tuple(sorted(found, key=lambda each: (not each.digital, each.number)))
+
+
+def find_channel(channels: Sequence[Input | Output], number: int, *, digital: bool) -> int | None:
+    """Return the column of a channel by its number and kind; None if there is none."""
+    for column, each in enumerate(channels):
+        if each.number == number and each.digital is digital:
+            return column
+    return None
+
+
+# ---------------------------------------------------------------- checks
+
+
+def _level(value: Level | str, digital: bool, path: Path, mistakes: Mistakes) -> float:
+    level = float(value)
+    if digital and level not in (0.0, 1.0):
+        mistakes.add(path, f"{level:g} is no value of a digital one", "give true or false")
+        return 0.0
+    if not digital and isinstance(value, bool):
+        mistakes.add(path, "an analog value is a number", "give a number in its unit")
+    return level
+
+
+def _threshold(on: bool | None, value: bool, limit: float | None, default: float) -> float:
+    """Return the threshold of an interlock: ``hold_on = true`` is above 0.5, false below."""
+    if on is not None:
+        return 0.5 if on is value else default
+    return default if limit is None else limit
+
+
+def _check_common(section: InputSection | OutputSection, path: Path, mistakes: Mistakes) -> None:
+    digital = section.kind == "digital"
+    if section.scale == 0.0:
+        mistakes.add((*path, "scale"), "0 makes every value the same", "give the units of one raw step")
+    if digital:
+        for key, default in (("unit", ""), ("scale", 1.0), ("offset", 0.0)):
+            if getattr(section, key) != default:
+                mistakes.add((*path, key), "belongs to an analog one", 'leave it out, or kind = "analog"')
+    elif section.invert:
+        mistakes.add((*path, "invert"), "belongs to a digital one", "give a negative scale")
+
+
+def _check_interlocks(section: InputSection, path: Path, mistakes: Mistakes) -> None:
+    digital = section.kind == "digital"
+    foreign = ("hold_below", "hold_above", "stop_below", "stop_above") if digital else ("hold_on", "stop_on")
+    for key in foreign:
+        if getattr(section, key) is not None:
+            other = "hold_on or stop_on" if digital else "hold_below, hold_above, stop_below or stop_above"
+            mistakes.add((*path, key), f"does not belong to a {section.kind} input", f"give {other}")
+    for what in ("hold", "stop"):
+        low, high = getattr(section, f"{what}_below"), getattr(section, f"{what}_above")
+        if low is not None and high is not None and not low < high:
+            mistakes.add((*path, f"{what}_below"), f"no value is left between it and {what}_above", "")
+    if not digital and section.debounce_ms:
+        mistakes.add((*path, "debounce_ms"), "belongs to a digital input", "filter it at its source")
+
+
+def _check_unique(
+    kind: str,
+    found: Sequence[Input | Output],
+    sections: Sequence[InputSection | OutputSection | None],
+    mistakes: Mistakes,
+) -> None:
+    places = [position for position, section in enumerate(sections) if section is not None]
+    numbers: set[tuple[bool, int]] = set()
+    names: set[str] = set()
+    for position, each in zip(places, found, strict=True):
+        what = f"{'digital' if each.digital else 'analog'} {kind} {each.number}"
+        if (each.digital, each.number) in numbers:
+            mistakes.add((kind, position, "number"), f"{what} is there twice", "number each of a kind once")
+        if each.name in names:
+            mistakes.add(
+                (kind, position, "name"), f'"{each.name}" is there twice', "name each input and output once"
+            )
+        numbers.add((each.digital, each.number))
+        names.add(each.name)
+
+
+def _read_object(
+    section: IoObjectSection | None, digital: bool, path: Path, buses: set[str], mistakes: Mistakes
+) -> IoObject | None:
+    if section is None:
+        return None
+    index_text, _, sub_text = section.object.replace("h", "").partition(":")
+    index, subindex = int(index_text, 16), int(sub_text or "0", 16)
+    if section.bus not in buses:
+        known = ", ".join(sorted(buses)) or "none"
+        mistakes.add(
+            (*path, "bus"), f'the file has no bus "{section.bus}"', f"add a [[bus]]; there is {known}"
+        )
+    kind = section.type or _KNOWN_TYPES.get(index)
+    if kind is None:
+        mistakes.add((*path, "object"), "is not an object whose type is known", 'add its type = "u16"')
+        kind = "u32"
+    width = int(kind[1:])
+    if digital and section.bit is None:
+        mistakes.add(path, "a digital one is a bit of its object", "add bit = 0")
+    elif not digital and section.bit is not None:
+        mistakes.add((*path, "bit"), "belongs to a digital one", "leave it out")
+    elif section.bit is not None and (section.bit >= width or kind == "f32"):
+        mistakes.add((*path, "bit"), f"{section.bit} is no bit of an object of type {kind}", "")
+    return IoObject(section.bus, section.node, index, subindex, kind, section.bit)  # type: ignore[arg-type]
