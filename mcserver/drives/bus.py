@@ -18,6 +18,9 @@ from mcserver.machine.drive_section import Drive
 
 Array = NDArray[np.float64]
 
+# Bit 2 of 60FDh.
+HOME_SWITCH = 4
+
 
 class DriveMode(enum.IntEnum):
     """What a drive is told in a cycle."""
@@ -129,6 +132,9 @@ class Feedback:
         state: values of `DriveState`. fault: values of `DriveFault`. detail: the vendor's or the standard's
             number for that fault, such as an emergency message's code; 0 where there is none.
         fresh: whether the drive has answered in this cycle; where not, the other values are old.
+        inputs: of the drive, bits as in 60FDh: `HOME_SWITCH`. switch_at: where the home switch last changed
+            [m, rad], NaN where the drive does not latch that.
+        indices: counts the passages of the encoder's index. index_at: where the last one was [m, rad].
     """
 
     position: Array
@@ -138,6 +144,10 @@ class Feedback:
     fault: NDArray[np.int32]
     fresh: NDArray[np.bool_]
     detail: NDArray[np.int32]
+    inputs: NDArray[np.int32]
+    switch_at: Array
+    indices: NDArray[np.int64]
+    index_at: Array
 
     @classmethod
     def of(cls, count: int) -> Feedback:
@@ -150,6 +160,10 @@ class Feedback:
             np.zeros(count, np.int32),
             np.ones(count, np.bool_),
             np.zeros(count, np.int32),
+            np.zeros(count, np.int32),
+            np.full(count, np.nan),
+            np.zeros(count, np.int64),
+            np.full(count, np.nan),
         )
 
 

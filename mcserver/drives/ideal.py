@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mcserver.drives.bus import BusEvent, DriveMode, DriveState, Feedback, Setpoints
+from mcserver.drives.simulated_marks import SimulatedMarks
 from mcserver.machine.machine_file import Axis
 
 _STATE_OF_MODE = np.array(
@@ -18,6 +19,7 @@ _STATE_OF_MODE = np.array(
         DriveState.ENERGIZED,
         DriveState.ENERGIZED,
         DriveState.ENERGIZED,
+        DriveState.HOMED,
     ],
     np.int8,
 )
@@ -27,7 +29,8 @@ class IdealBus:
     """actual = setpoint where the drive is energized in position or velocity mode; else the axis stands
     still.
 
-    In torque mode an axis has no setpoint to be at: it stands, and shows the torque.
+    In torque mode an axis has no setpoint to be at: it stands, and shows the torque. Told to home by itself,
+    it is at home where it stands.
     """
 
     def __init__(self, axes: Sequence[Axis], columns: Sequence[int]) -> None:
@@ -38,6 +41,8 @@ class IdealBus:
         self._following = np.zeros(len(axes), np.bool_)
         self._standing = np.ones(len(axes), np.bool_)
         self._torque = np.zeros(len(axes), np.bool_)
+        self._marks = SimulatedMarks(axes)
+        self._marks.place(self._feedback.position, self._feedback)
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -67,6 +72,8 @@ class IdealBus:
         np.copyto(feedback.position, setpoints.position, where=self._following)
         np.copyto(feedback.velocity, setpoints.velocity, where=self._following)
         np.copyto(feedback.torque, setpoints.torque, where=self._torque)
+        if self._marks.present:
+            self._marks.pass_to(feedback.position, feedback)
         return feedback
 
     def events(self) -> list[BusEvent]:

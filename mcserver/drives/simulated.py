@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mcserver.drives.bus import Array, BusEvent, DriveFault, DriveMode, DriveState, Feedback, Setpoints
 from mcserver.drives.servo_model import ServoModel
+from mcserver.drives.simulated_marks import SimulatedMarks
 from mcserver.machine.machine_file import Axis
 
 # Exchanges from the first command to energize until a drive holds.
@@ -19,6 +20,8 @@ START_CYCLES = 2
 FLUSH_CYCLES = 256
 FLUSH_BELOW = 1e-15
 MAX_DELAY = 1000
+# Exchanges that a drive's own homing takes: the axis is at home where it stands, and its reading stays.
+HOMING_CYCLES = 20
 # A drive in velocity mode forgets what it could not reach beyond this time at the axis's speed limit [s].
 VELOCITY_WINDUP_S = 0.05
 
@@ -67,6 +70,8 @@ class SimulatedBus:
         self._delay = 0
         self._past: deque[tuple[Array, Array, Array]] = deque(maxlen=MAX_DELAY + 1)
         self._cycles = 0
+        self._marks = SimulatedMarks(axes)
+        self._homing = np.zeros(count, np.int64)
 
     # ------------------------------------------------------------------ the bus
 
@@ -84,6 +89,7 @@ class SimulatedBus:
 
     def boot(self) -> Feedback:
         self._model.encoder(self._position, self._feedback.position)
+        self._marks.place(self._position, self._feedback)
         return self._feedback
 
     def exchange(self, setpoints: Setpoints) -> Feedback:
@@ -100,6 +106,8 @@ class SimulatedBus:
             velocity = self._loop[1]
             velocity[np.abs(velocity) < FLUSH_BELOW] = 0.0
             self._position[np.abs(self._position) < FLUSH_BELOW] = 0.0
+        if self._marks.present:
+            self._marks.pass_to(self._position, self._feedback)
         self._report()
         return self._feedback
 
@@ -167,6 +175,7 @@ class SimulatedBus:
         starting = state == DriveState.STARTING
         self._countdown[starting] -= 1
         state[starting & (self._countdown <= 0)] = DriveState.ENERGIZED
+        self._home_by_themselves(mode)
         energized = state == DriveState.ENERGIZED
         self._following = energized & ((mode == DriveMode.POSITION) | (mode == DriveMode.VELOCITY))
         self._free = ~self._following
@@ -174,7 +183,20 @@ class SimulatedBus:
         self._simple = self._is_simple()
         self._changing = bool(
             ((state == DriveState.STARTING) | (state == DriveState.STOPPING)).any()
-        ) or bool((silent & ~expired).any())
+        ) or bool((silent & ~expired).any() or (state == DriveState.HOMING).any())
+
+    def _home_by_themselves(self, mode: NDArray[np.int8]) -> None:
+        """States of drives that are told to home, or no longer told so."""
+        state = self._true_state
+        homing, told = state >= DriveState.HOMING, mode == DriveMode.HOMING
+        if not (homing.any() or told.any()):
+            return
+        begins = told & (state == DriveState.ENERGIZED)
+        self._homing[begins] = HOMING_CYCLES
+        state[begins] = DriveState.HOMING
+        self._homing[homing] -= 1
+        state[homing & told & (self._homing <= 0)] = DriveState.HOMED
+        state[homing & ~told & (mode >= DriveMode.POSITION)] = DriveState.ENERGIZED
 
     def _is_simple(self) -> bool:
         """Whether every axis either follows a position that is transmitted, or stands without its drive."""
@@ -207,7 +229,7 @@ class SimulatedBus:
         bounded = b"\x00" not in self._within.tobytes()
         np.less_equal(np.abs(velocity), self._model.speed_limit, out=self._within)
         bounded = bounded and b"\x00" not in self._within.tobytes()
-        if bounded and not self._any_jammed:
+        if bounded and not self._any_jammed and not self._marks.stops:
             np.add(reference, self._result[0], out=self._position)
         else:
             self._follow_within_limits(reference)
@@ -225,8 +247,10 @@ class SimulatedBus:
         moved = np.where(
             saturated, self._position + 0.5 * (old + limited) * self._cycle, reference + self._result[0]
         )
-        self._position = np.where(self._jammed, self._position, moved)
-        velocity[:] = np.where(self._jammed, 0.0, limited)
+        blocked = self._jammed | (moved < self._marks.low) | (moved > self._marks.high)
+        stopped = np.where(self._jammed, self._position, moved)
+        self._position = np.clip(stopped, self._marks.low, self._marks.high)
+        velocity[:] = np.where(blocked, 0.0, limited)
         np.copyto(change, limited - old)
 
     def _follow_some(self, setpoints: Setpoints) -> None:
@@ -249,6 +273,10 @@ class SimulatedBus:
         if self._any_free:
             velocity = self._coast(old, setpoints.torque)
             position = start + 0.5 * (old + velocity) * self._cycle
+            if self._marks.stops:
+                beyond = (position < self._marks.low) | (position > self._marks.high)
+                velocity = np.where(beyond, 0.0, velocity)
+                position = np.clip(position, self._marks.low, self._marks.high)
             np.copyto(self._position, position, where=free)
             np.copyto(loop[1], velocity, where=free)
             # the loop starts from the axis as it is once it closes

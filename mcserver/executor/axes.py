@@ -76,6 +76,9 @@ class AxisBank:
         fresh: shape (K,), whether drives answered. states: shape (K,), `DriveState`. drive_fault,
             drive_detail: shape (K,), of the columns in ``failed``.
         delayed: columns whose feedback is behind; delay_cycles: by how many cycles at the most.
+        homing: told to home by its drive. offset: shape (K,), position minus encoder reading [m or rad]; the
+            one place where the two differ.
+        inputs, switch_at, indices, index_at: shape (K,), as of `Feedback`, in positions.
         standing_speed: shape (K,), the greatest speed that counts as standing where an axis is captured.
         failed: columns whose drive has newly gone into FAULT. dropped: columns whose drive has newly
             de-energized by itself.
@@ -93,6 +96,14 @@ class AxisBank:
         self.drive_detail = np.zeros(count, np.int32)
         self.delayed = np.zeros(count, np.bool_)
         self.delay_cycles = 0
+        self.offset: Array = np.zeros(count)
+        # axes with a reference of their own are transmitted where their encoders have to be
+        self._shifts = any(axis.homing is not None for axis in machine.axes)
+        self._target: Array = np.zeros(count) if self._shifts else row.setpoint
+        self.inputs = np.zeros(count, np.int32)
+        self.switch_at = np.full(count, np.nan)
+        self.indices = np.zeros(count, np.int64)
+        self.index_at = np.full(count, np.nan)
         self._state_bytes = self.states.tobytes()
         self._all_fresh = self.fresh.tobytes()
         self._cycle = machine.cycle_s
@@ -101,7 +112,7 @@ class AxisBank:
         self.all = (1 << count) - 1
         self.exact = 0
         self.energized = self.starting = self.positioned = self.speed = self.torque_mode = 0
-        self.fault = self.released = self.stopping = self.resetting = 0
+        self.fault = self.released = self.stopping = self.resetting = self.homing = 0
         self.failed = self.dropped = 0
         self._condition_key: tuple[int, ...] = ()
         self._free = self.masks.bools(self.all)
@@ -119,7 +130,7 @@ class AxisBank:
         columns = bus.columns
         row = self.row
         if columns == tuple(range(count)):
-            own = Setpoints(self._mode, row.setpoint, row.velocity, self.torque)
+            own = Setpoints(self._mode, self._target, row.velocity, self.torque)
             port = _Port(bus, None, own, feedback)
         else:
             port = _Port(bus, np.array(columns, np.intp), Setpoints.of(len(columns)), feedback)
@@ -158,6 +169,8 @@ class AxisBank:
         row = self.row
         if self.starting:
             self._lead_starting()
+        if self._shifts:
+            np.subtract(row.setpoint, self.offset, out=self._target)
         for port in self._ports:
             index = port.index
             if index is None:
@@ -170,7 +183,7 @@ class AxisBank:
             else:
                 told = port.setpoints
                 np.take(self._mode, index, out=told.mode, mode="clip")
-                np.take(row.setpoint, index, out=told.position, mode="clip")
+                np.take(self._target, index, out=told.position, mode="clip")
                 np.take(row.velocity, index, out=told.velocity, mode="clip")
                 np.take(self.torque, index, out=told.torque, mode="clip")
                 feedback = port.bus.exchange(told)
@@ -179,6 +192,9 @@ class AxisBank:
                 row.torque[index] = feedback.torque
                 self.states[index] = feedback.state
                 self.fresh[index] = feedback.fresh
+        if self._shifts:
+            row.actual += self.offset
+            self._read_marks()
         if self._any_free:
             np.copyto(row.setpoint, row.actual, where=self._free)
         self.failed = self.dropped = 0
@@ -187,11 +203,32 @@ class AxisBank:
             self._state_bytes = states
             self._note_states()
 
+    def _read_marks(self) -> None:
+        """Take switches and indices of the drives, as positions."""
+        for port in self._ports:
+            index: NDArray[np.intp] | slice = slice(None) if port.index is None else port.index
+            feedback = port.feedback
+            self.inputs[index] = feedback.inputs
+            self.switch_at[index] = feedback.switch_at
+            self.indices[index] = feedback.indices
+            self.index_at[index] = feedback.index_at
+        self.switch_at += self.offset
+        self.index_at += self.offset
+
+    def shift(self, column: int, distance: float) -> None:
+        """Let a column's positions read ``distance`` more from now on; its drive notices nothing."""
+        self.offset[column] += distance
+        self.row.setpoint[column] += distance
+        self.row.actual[column] += distance
+        self.switch_at[column] += distance
+        self.index_at[column] += distance
+
     @property
     def follows(self) -> bool:
         """Whether axes are at their setpoints in the same exchange, and none changes its condition."""
         changing = self.starting | self.resetting | self.stopping | self.failed | self.dropped
-        return self.exact == self.all and not changing | self.speed | self.torque_mode and self.all_fresh
+        by_itself = self.speed | self.torque_mode | self.homing
+        return self.exact == self.all and not changing | by_itself and self.all_fresh
 
     def _lead_starting(self) -> None:
         """A drive that closes its loop in this exchange finds the setpoint where a coasting axis will be."""
@@ -206,7 +243,8 @@ class AxisBank:
         return self.fresh.tobytes() == self._all_fresh
 
     def _note_states(self) -> None:
-        energized = mask_of(self.states == DriveState.ENERGIZED)
+        # a drive that homes by itself holds its axis too
+        energized = mask_of((self.states == DriveState.ENERGIZED) | (self.states >= DriveState.HOMING))
         faulty = mask_of(self.states == DriveState.FAULT)
         off = mask_of(self.states == DriveState.OFF)
         arrived = self.starting & energized
@@ -254,6 +292,7 @@ class AxisBank:
             "positioned",
             "speed",
             "torque_mode",
+            "homing",
             "released",
             "stopping",
             "resetting",
@@ -265,6 +304,8 @@ class AxisBank:
 
     def power(self, mask: int, mode: DriveMode) -> None:
         """Energizes axes in a mode, or changes the mode of energized ones; ideal drives are there at once."""
+        # a drive takes a moment to leave its own homing
+        self.energized &= ~(mask & self.homing & ~self.exact)
         new = mask & ~self.energized
         self.released &= ~mask
         self.stopping &= ~mask
@@ -272,8 +313,11 @@ class AxisBank:
         self.positioned &= ~mask
         self.speed &= ~mask
         self.torque_mode &= ~mask
+        self.homing &= ~mask
         if mode is DriveMode.POSITION:
             self.positioned |= mask
+        elif mode is DriveMode.HOMING:
+            self.homing |= mask
         elif mode is DriveMode.VELOCITY:
             self.speed |= mask
         else:
@@ -330,6 +374,7 @@ class AxisBank:
             self.fault,
             self.released,
             self.stopping,
+            self.homing,
             moving,
         )
         if key == self._condition_key:
@@ -342,7 +387,7 @@ class AxisBank:
             (self.starting, AxisCondition.STARTING),
             (self.stopping, AxisCondition.STOPPING),
             (self.energized, AxisCondition.HOLDING),
-            (self.energized & moving, AxisCondition.MOVING),
+            (self.energized & (moving | self.homing), AxisCondition.MOVING),
             (self.energized & self.speed, AxisCondition.SPEED),
             (self.energized & self.torque_mode, AxisCondition.TORQUE),
             (self.fault, AxisCondition.FAULT),

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import time
+from collections.abc import Mapping
 
 from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import ExecutorEvent
+from mcserver.executor.homed import StoredReference
 from mcserver.executor.process import ExitCode, ProcessState, Start
 from mcserver.executor.realtime import PRIORITY
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
@@ -34,14 +36,23 @@ class ExecutorProcess:
     Args:
         machine: what it drives.
         priority: of SCHED_FIFO, where the computer grants it.
+        references: of axes, from an earlier start, by axis number.
     """
 
-    def __init__(self, machine: Machine, *, slots: int = SLOTS, priority: int = PRIORITY) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        *,
+        slots: int = SLOTS,
+        priority: int = PRIORITY,
+        references: Mapping[int, StoredReference] | None = None,
+    ) -> None:
         # the same configuration errors as in the process, but here, where they can be reported
         create_buses(machine)
         self.machine = machine
         self._slots = slots
         self._priority = priority
+        self._references = dict(references or {})
         self._process: subprocess.Popen[bytes] | None = None
         self._parts: SharedParts | None = None
         self._memory = -1
@@ -61,7 +72,7 @@ class ExecutorProcess:
         self._memory = create_block(self.machine, self._slots)
         self._parts = map_block(self._memory, self.machine, self._slots)
         self._parts.mailbox.initialise()
-        start = Start(self.machine, self._memory, self._slots, os.getpid(), self._priority)
+        start = Start(self.machine, self._memory, self._slots, os.getpid(), self._priority, self._references)
         self._process = start_child("mcserver.executor.process", start, [self._memory])
 
     def wait(self, timeout_s: float = START_TIMEOUT_S) -> None:
@@ -190,7 +201,13 @@ class ExecutorProcess:
         self._shared.mailbox.beat()
 
     def open_slot(
-        self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
+        self,
+        slot: int,
+        axes_mask: int | None = None,
+        *,
+        override: float = 1.0,
+        hold: bool = False,
+        unhomed: bool = False,
     ) -> ProgramRing:
         """Begins a program in a free slot; without a mask on all axes.
 
@@ -199,7 +216,7 @@ class ExecutorProcess:
         """
         ring = self._shared.rings[slot]
         mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
-        self.mailbox.open_slot(slot, mask, ring.restart(), override=override, hold=hold)
+        self.mailbox.open_slot(slot, mask, ring.restart(), override=override, hold=hold, unhomed=unhomed)
         return ring
 
     def sink(self, slot: int) -> ProgramRing:

@@ -24,6 +24,9 @@ WAITING = frozenset(
         ControlKind.SETTLE,
         ControlKind.HALT_AXES,
         ControlKind.INPUT,
+        ControlKind.HOME,
+        ControlKind.REFERENCE,
+        ControlKind.PROBE,
     )
 )
 

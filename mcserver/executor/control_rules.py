@@ -23,6 +23,7 @@ from mcserver.executor.barriers import (
 from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import hold_position
+from mcserver.executor.homing import Homes, Refers
 from mcserver.executor.independent import TrajectoryError
 from mcserver.executor.io_bank import WaitMode
 from mcserver.motion.canonical import AxisOperation
@@ -89,9 +90,17 @@ def _check_configured(slot: ProgramSlot, axes: int, mode: DriveMode) -> None:
             raise BarrierFault(FaultCode.MODE_NOT_CONFIGURED, column, (float(mode), 0.0))
 
 
+def _check_homed(slot: ProgramSlot, axes: int) -> None:
+    """Raises where axes do not know where they are and the program is not to move them then."""
+    barred = slot.cycle.homed.barred(axes)
+    if barred and not (slot.orders is not None and slot.orders.unhomed):
+        raise BarrierFault(FaultCode.NOT_HOMED, slot.cycle.bank.masks.columns(barred)[0])
+
+
 def _begin(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
     bank = slot.cycle.bank
     _check_lease(slot, control.axes)
+    _check_homed(slot, control.axes)
     latched = control.axes & bank.fault
     if latched:
         raise BarrierFault(FaultCode.AXIS_LATCHED, bank.masks.columns(latched)[0])
@@ -148,6 +157,7 @@ def _rapid(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
     targets = control.values
     if not waited:
         _check_power(slot, control.axes)
+        _check_homed(slot, control.axes)
         busy = control.axes & slot.playback.active
         if busy:
             raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
@@ -179,6 +189,7 @@ def _speed(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
     assert control.values is not None
     if not waited:
         _check_power(slot, control.axes)
+        _check_homed(slot, control.axes)
         _check_configured(slot, control.axes, DriveMode.VELOCITY)
         barrier = _energize(slot, control.axes, DriveMode.VELOCITY)
         if barrier is not None:
@@ -197,6 +208,7 @@ def _torque(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> 
     assert control.values is not None
     if not waited:
         _check_power(slot, control.axes)
+        _check_homed(slot, control.axes)
         _check_configured(slot, control.axes, DriveMode.TORQUE)
         for column in bank.masks.columns(control.axes):
             bank.torque[column] = 0.0
@@ -281,6 +293,27 @@ def _pause(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
     return Paused(slot.orders.resume)
 
 
+def _home(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+    cycle, bank = slot.cycle, slot.cycle.bank
+    if waited:
+        return None
+    _check_power(slot, control.axes)
+    missing = control.axes & ~bank.energized
+    if missing:
+        raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
+    if cycle.homed.assumed:
+        return None
+    return Homes(cycle, control.axes, slot.index, lambda: slot.rapid_rate)
+
+
+def _reference(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+    assert control.values is not None
+    if waited:
+        return None
+    _check_lease(slot, control.axes)
+    return Refers(slot.cycle, control.axes, control.values, slot.index)
+
+
 def _settle(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
     cycle, bank, row = slot.cycle, slot.cycle.bank, slot.cycle.row
     if not waited:
@@ -343,5 +376,7 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.SETTLE: _settle,
         ControlKind.OUTPUT: _output,
         ControlKind.INPUT: _input,
+        ControlKind.HOME: _home,
+        ControlKind.REFERENCE: _reference,
     }
 )

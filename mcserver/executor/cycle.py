@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
+from mcserver.executor.homed import HomedAxes
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
 from mcserver.executor.shm.event_ring import EventRing
@@ -24,6 +27,8 @@ class Cycle:
         number: of the cycle.
         history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n %
             exact_stop_cycles.
+        homed: the axes' references. shifted: called with a column and a distance where its positions read
+            that much more from now on.
     """
 
     def __init__(
@@ -33,6 +38,8 @@ class Cycle:
         motions: IndependentMotions,
         io: IoBank,
         events: EventRing,
+        *,
+        assume_homed: bool = False,
     ) -> None:
         self.machine = machine
         self.cycle_s = machine.cycle_s
@@ -44,7 +51,14 @@ class Cycle:
         self.number = 0
         self.estop = False
         self.history: Array = np.full((machine.exact_stop_cycles, len(machine.axes)), np.nan)
+        self.shifted: list[Callable[[int, float], None]] = []
+        self.homed = HomedAxes(machine, bank, self._shift, assume=assume_homed)
         self._events = events
+
+    def _shift(self, column: int, distance: float) -> None:
+        self.history[:, column] += distance
+        for each in self.shifted:
+            each(column, distance)
 
     def emit(
         self,

@@ -38,6 +38,9 @@ class ControlKind(enum.IntEnum):
     )
     PAUSE = 12  # M00, M01: u stops here until resumed
     FINISH = 13  # the program has ended; its slot is free once this is passed
+    HOME = 20  # ``axes`` find their references together; u stands until they are homed
+    REFERENCE = 21  # ``axes`` are at ``values`` from here on; nothing moves
+    PROBE = 22  # ``axes`` go straight to ``values`` until the probe trips; ``operation``: which G38
     SETTLE = 14  # u stops here until the planner was told of positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
     INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
@@ -112,6 +115,10 @@ class EventKind(enum.IntEnum):
     FAULT = 6
     AXIS_DONE = 7
     STARVED = 8  # the ring ran dry inside a motion; held on the path
+    HOMING = 20  # ``axis`` begins a phase of its homing: ``token``, a `HomingPhase`
+    HOMED = 21  # ``axis`` has its reference: ``values`` are its offset and what its encoder reads
+    UNHOMED = 22  # ``axis`` has lost its reference
+    PROBED = 23  # a probing move has ended: ``token`` is 1 if it tripped, ``values`` the positions (K,)
     STOPPED = 9  # the program was aborted or stopped by a fault and its axes are at rest
     INPUT = 10  # M66 has read an input
 
@@ -126,7 +133,7 @@ class ExecutorEvent(msgspec.Struct, frozen=True):
         time: executor time [s], not rounded to the cycle.
         code: for FAULT: the stable code (number behind MC).
         axis: for FAULT: axis number, else -1.
-        token: for SETTLED; for INPUT: column of the input.
+        token: for SETTLED, HOMING and PROBED; for INPUT: column of the input.
         values: for SETTLED: (setpoints (K,), encoder positions (K,)); for FAULT: (value, limit); for INPUT:
             (value, seconds that were waited).
     """

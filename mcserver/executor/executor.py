@@ -6,7 +6,7 @@ exchanged with; faults are looked for; barriers see the fresh feedback; the cycl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
 from mcserver.executor.holding import stop_independent
+from mcserver.executor.homed import StoredReference
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
 from mcserver.executor.shm.event_ring import EventRing
@@ -63,6 +64,7 @@ class Executor:
         buses: together they drive every column once; `boot` is called here.
         rings: one for each slot, as their reader.
         mailbox, feedback, events: as the executor's side.
+        references: of axes, from an earlier start, by axis number. assume_homed: every axis counts as homed.
 
     Attributes:
         time: executor time of the latest cycle [s]. late_cycles: cycles that were missed, set by the clock.
@@ -76,6 +78,9 @@ class Executor:
         mailbox: CommandMailbox,
         feedback: FeedbackRing,
         events: EventRing,
+        *,
+        references: Mapping[int, StoredReference] | None = None,
+        assume_homed: bool = False,
     ) -> None:
         self.machine = machine
         inputs, outputs = len(machine.inputs), len(machine.outputs)
@@ -87,11 +92,13 @@ class Executor:
         self._has_io = bool(inputs or outputs)
         # inputs that held the machine in the cycle before
         self._holding: tuple[int, ...] = ()
-        self._cycle = Cycle(machine, self.bank, self.motions, self._io, events)
+        self._cycle = Cycle(machine, self.bank, self.motions, self._io, events, assume_homed=assume_homed)
+        self._cycle.homed.restore(references or {})
         self._slots = tuple(ProgramSlot(index, ring, self._cycle) for index, ring in enumerate(rings))
         # slots that have had a program; the others cost no time
         self._used: list[ProgramSlot] = []
         self._supervision = Supervision(self._cycle, self._slots, feedback)
+        self._cycle.shifted += [self._supervision.shift, *(slot.playback.shift for slot in self._slots)]
         self._rings = tuple(rings)
         self._mailbox = mailbox
         self._feedback = feedback
@@ -376,5 +383,6 @@ class Executor:
             cells[INTERLOCK] = bool(self._io.holding) or any(
                 slot.running and slot.interlocked for slot in self._used
             )
+        self._row.set_homed(self._cycle.homed.mask)
         self._feedback.put(self._row.row)
         self._mailbox.beat_executor()

@@ -55,6 +55,15 @@ class FaultCode(enum.IntEnum):
     INTERLOCK_STOP = 442
     IO_LOST = 444
     INTERLOCK_FREE = 447
+    NOT_HOMED = 450
+    SWITCH_NOT_FOUND = 451
+    SWITCH_STUCK = 452
+    INDEX_NOT_FOUND = 453
+    STOP_NOT_FOUND = 454
+    NO_HOMING = 455
+    NO_CONTACT = 456
+    PROBE_CLOSED = 457
+    REFERENCE_MOVING = 458
 
 
 # Codes that are told and stop no program.
@@ -281,6 +290,42 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.IO_LOST: (
         "the node of {input} is silent: its values are not known",
         "check its supply and cable; once it answers, start the program again",
+    ),
+    FaultCode.NOT_HOMED: (
+        "axis {axis} is not homed",
+        "home it: mcctl home --all, or say where it is: mcctl reference {axis} POSITION",
+    ),
+    FaultCode.SWITCH_NOT_FOUND: (
+        "the home switch of axis {axis} did not come on the way to it",
+        "look at direction, travel and invert in [axis.homing], and at the switch and its wiring",
+    ),
+    FaultCode.SWITCH_STUCK: (
+        "the home switch of axis {axis} stays active where it should let go",
+        "it is stuck, wired the other way round (invert), or longer than release_travel or back_off",
+    ),
+    FaultCode.INDEX_NOT_FOUND: (
+        "the encoder of axis {axis} showed no index on the way",
+        "look at the index signal; travel in [axis.homing] has to hold a turn of the motor",
+    ),
+    FaultCode.STOP_NOT_FOUND: (
+        "axis {axis} met no hard stop: its torque stayed below that of [axis.homing]",
+        "look at direction and travel, or give a smaller torque",
+    ),
+    FaultCode.NO_HOMING: (
+        "axis {axis} has no homing of its own",
+        "say where it is: mcctl reference {axis} POSITION",
+    ),
+    FaultCode.NO_CONTACT: (
+        "the probing move ended and the probe did not change",
+        "give a target beyond the surface, or use G38.3 or G38.5, which go on without contact",
+    ),
+    FaultCode.PROBE_CLOSED: (
+        "the probe is in contact before a move towards contact, or not before one that is to leave it",
+        "move the probe off first, look at its wiring, or set invert in [probe]",
+    ),
+    FaultCode.REFERENCE_MOVING: (
+        "axis {axis} moves while its position was to be given",
+        "let it come to rest, then give the reference again",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

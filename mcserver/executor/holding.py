@@ -46,3 +46,6 @@ def stop_independent(cycle: Cycle, mask: int, slot: int) -> None:
     for column in bank.masks.columns(mask & motions.mask & ~bank.speed):
         motions.halt(column, slot, jerk=not cycle.estop)
     hold_position(cycle, mask & (bank.speed | bank.torque_mode), slot)
+    if mask & bank.homing:
+        # its own homing moves the axis: the drive stops it too
+        bank.stop(mask & bank.homing)

@@ -12,6 +12,7 @@ import contextlib
 import enum
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
@@ -19,6 +20,7 @@ from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.machine.machine_file import Axis, Machine
 
 State = tuple[float, float, float]
+Followers = Mapping[int, tuple[float, float]]
 
 # Shares of a way, or of a change of speed, that are tried one after the other.
 _NEARBY = (1.0, 1.0 + 1e-9, 1.0 - 1e-9, 1.0 + 1e-7, 1.0 - 1e-7)
@@ -30,6 +32,20 @@ class TrajectoryError(ValueError):
     def __init__(self, column: int) -> None:
         super().__init__(f"no trajectory for column {column}")
         self.column = column
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Limits of one motion, not above those of its axis; a jerk of inf: not limited."""
+
+    max_velocity: float
+    max_acceleration: float
+    max_jerk: float
+
+    @classmethod
+    def of(cls, axis: Axis, velocity: float = math.inf) -> MotionLimits:
+        """Those of an axis, with its speed bounded by ``velocity``."""
+        return cls(min(axis.max_velocity, velocity), axis.max_acceleration, axis.max_jerk)
 
 
 class MotionKind(enum.Enum):
@@ -46,15 +62,21 @@ class Motion:
     Attributes:
         slot: whose rate applies, -1: the machine's. elapsed: time on the trajectory [s].
         origin: position at which the trajectory starts. final: position and velocity at its end.
+        limits: that it keeps. followers: columns that go along: column → (position, share) where it is that
+            position + share · (this one's - anchor). lost: its own column takes no part any more.
         target: of a position motion. rate: share of the axis's speed that it is planned with; 0: it is held.
     """
 
     __slots__ = (
+        "anchor",
         "column",
         "duration",
         "elapsed",
         "final",
+        "followers",
         "kind",
+        "limits",
+        "lost",
         "origin",
         "rate",
         "slot",
@@ -70,6 +92,7 @@ class Motion:
         trajectory: Trajectory,
         origin: float,
         final: tuple[float, float],
+        limits: MotionLimits,
     ) -> None:
         self.column = column
         self.slot = slot
@@ -79,8 +102,16 @@ class Motion:
         self.elapsed = 0.0
         self.origin = origin
         self.final = final
+        self.limits = limits
+        self.followers: Followers = {}
+        self.anchor = origin
+        self.lost = False
         self.target = final[0]
         self.rate = 1.0
+
+    def follow(self, other: Motion) -> None:
+        """Take along the columns of the motion that this one supersedes."""
+        self.followers, self.anchor, self.lost = other.followers, other.anchor, other.lost
 
     @property
     def held(self) -> bool:
@@ -101,6 +132,7 @@ class IndependentMotions:
 
     Attributes:
         mask: their columns. speeding: those among them that hold a speed. halting: those that come to a halt.
+        unlimited: columns whose soft limits do not count.
         ended: columns that came to rest in this cycle. limited: columns that a soft limit stops since this
             cycle.
     """
@@ -108,7 +140,9 @@ class IndependentMotions:
     def __init__(self, machine: Machine, row: FeedbackRow) -> None:
         self._cycle = machine.cycle_s
         self._axes = machine.axes
+        self._limits = [MotionLimits.of(axis) for axis in machine.axes]
         self._row = row
+        self.unlimited = 0
         self._ruckig = Ruckig(1)
         self._motions: dict[int, Motion] = {}
         self._left: dict[int, float] = {}
@@ -120,41 +154,88 @@ class IndependentMotions:
 
     # ------------------------------------------------------------------ commands
 
-    def move(self, column: int, slot: int, target: float, left: float, rate: float) -> None:
-        """To a position; ``left``: what is left of this cycle [cycles], ``rate``: the slot's, up to 1."""
+    def move(
+        self,
+        column: int,
+        slot: int,
+        target: float,
+        left: float,
+        rate: float,
+        limits: MotionLimits | None = None,
+    ) -> None:
+        """To a position; ``left``: what is left of this cycle [cycles], ``rate``: the slot's, up to 1.
+
+        Args:
+            limits: of this motion; None: the axis's.
+        """
         state = self.state(column, left)
         if column not in self._motions and state[0] == target:
             return
-        self._go(column, slot, state, target, rate)
+        self._go(column, slot, state, target, rate, limits or self._limits[column])
         self._pass(self._motions[column], left)
+
+    def move_line(
+        self, slot: int, targets: Mapping[int, float], left: float, rate: float, limits: MotionLimits
+    ) -> None:
+        """Along a straight line: the column that goes furthest leads, the others follow it in proportion.
+
+        Args:
+            targets: by column, all at rest [m or rad]; one of them differs from where it is.
+            limits: of the column that leads.
+        """
+        start = {column: float(self._row.setpoint[column]) for column in targets}
+        lead = max(targets, key=lambda column: abs(targets[column] - start[column]))
+        travel = targets[lead] - start[lead]
+        self._go(lead, slot, (start[lead], 0.0, 0.0), targets[lead], rate, limits)
+        motion = self._motions[lead]
+        motion.anchor = start[lead]
+        motion.followers = {
+            column: (start[column], (target - start[column]) / travel)
+            for column, target in targets.items()
+            if column != lead
+        }
+        self._remask()
+        self._pass(motion, left)
 
     def speed(self, column: int, slot: int, velocity: float, left: float) -> None:
         """To a speed, within the axis's limit of speed; it is held until superseded."""
         top = self._axes[column].max_velocity
         velocity = max(-top, min(top, velocity))
         state = self.state(column, left)
-        trajectory = self._to_velocity(column, state, velocity, jerk=True)
-        self._start(column, slot, MotionKind.SPEED, trajectory, state[0], velocity)
+        limits = self._limits[column]
+        trajectory = self._to_velocity(column, state, velocity, limits, jerk=True)
+        self._start(column, slot, MotionKind.SPEED, trajectory, state[0], velocity, limits)
         self._guard(self._motions[column])
         self._pass(self._motions[column], left)
 
     def halt(self, column: int, slot: int, left: float = 0.0, *, jerk: bool = True) -> None:
         """To standstill as soon as the limits allow; without ``jerk`` at full deceleration at once."""
-        if column in self._motions:
-            self.halt_from(column, slot, self.state(column, left), left, jerk=jerk)
+        motion = self._motions.get(column)
+        if motion is not None:
+            self._halt(column, slot, self.state(column, left), left, motion.limits, jerk=jerk)
 
     def halt_from(
         self, column: int, slot: int, state: State, left: float = 0.0, *, jerk: bool = True
     ) -> None:
         """To standstill from a given state, for instance that of a captured axis that coasts."""
-        trajectory = self._to_velocity(column, state, 0.0, jerk=jerk)
-        self._start(column, slot, MotionKind.HALT, trajectory, state[0], 0.0)
+        self._halt(column, slot, state, left, self._limits[column], jerk=jerk)
+
+    def _halt(
+        self, column: int, slot: int, state: State, left: float, limits: MotionLimits, *, jerk: bool
+    ) -> None:
+        trajectory = self._to_velocity(column, state, 0.0, limits, jerk=jerk)
+        self._start(column, slot, MotionKind.HALT, trajectory, state[0], 0.0, limits)
         self._pass(self._motions[column], left)
 
     def drop(self, mask: int) -> None:
-        """Forgets motions; the setpoints stay where they are."""
-        for column in list(self._motions):
+        """Forgets motions; the setpoints stay where they are. Columns of a line that are left go on."""
+        for column, motion in list(self._motions.items()):
+            motion.followers = {
+                other: place for other, place in motion.followers.items() if not mask >> other & 1
+            }
             if mask >> column & 1:
+                motion.lost = True
+            if motion.lost and not motion.followers:
                 del self._motions[column]
         self._remask()
 
@@ -192,7 +273,7 @@ class IndependentMotions:
         mask = 0
         for motion in self._motions.values():
             if motion.slot == slot:
-                mask |= 1 << motion.column
+                mask |= _columns_of(motion)
         return mask
 
     # ------------------------------------------------------------------ the cycle
@@ -209,18 +290,21 @@ class IndependentMotions:
                 state = motion.at(motion.elapsed)
                 # where there is no such motion the one under way goes on, and the next cycle tries again
                 with contextlib.suppress(TrajectoryError):
-                    self._go(motion.column, motion.slot, state, motion.target, rates[motion.slot])
+                    rate = rates[motion.slot]
+                    self._go(motion.column, motion.slot, state, motion.target, rate, motion.limits)
             self._pass(self._motions[motion.column], 1.0)
 
-    def _go(self, column: int, slot: int, state: State, target: float, rate: float) -> None:
-        """Start a position motion from a state with a share of the axis's speed; 0: to a stop on the way."""
+    def _go(
+        self, column: int, slot: int, state: State, target: float, rate: float, limits: MotionLimits
+    ) -> None:
+        """Start a position motion from a state with a share of its speed; 0: to a stop on the way."""
         if rate > 0.0:
-            trajectory = self._to_position(column, state, target, rate)
-            self._start(column, slot, MotionKind.POSITION, trajectory, state[0], target)
+            trajectory = self._to_position(column, state, target, limits, rate)
+            self._start(column, slot, MotionKind.POSITION, trajectory, state[0], target, limits)
         else:
-            trajectory = self._to_velocity(column, state, 0.0, jerk=True)
+            trajectory = self._to_velocity(column, state, 0.0, limits, jerk=True)
             rest = state[0] + trajectory.at_time(trajectory.duration)[0][0]
-            self._start(column, slot, MotionKind.POSITION, trajectory, state[0], rest)
+            self._start(column, slot, MotionKind.POSITION, trajectory, state[0], rest, limits)
         self._motions[column].target = target
         self._motions[column].rate = rate
 
@@ -229,30 +313,48 @@ class IndependentMotions:
         motion.elapsed += self._cycle * share
         column = motion.column
         position, velocity, _ = motion.at(motion.elapsed)
-        row = self._row
         if motion.elapsed >= motion.duration and motion.kind is not MotionKind.SPEED:
-            row.setpoint[column] = motion.final[0]
-            row.velocity[column] = 0.0
+            self._set(motion, motion.final[0], 0.0)
             if motion.held and motion.final[0] != motion.target:
                 return
             over = (motion.elapsed - motion.duration) / self._cycle
             del self._motions[column]
-            self.ended |= 1 << column
-            self._left[column] = min(over, share)
+            self.ended |= _columns_of(motion)
+            for each in (column, *motion.followers):
+                self._left[each] = min(over, share)
             self._remask()
             return
-        row.setpoint[column] = position
-        row.velocity[column] = velocity
+        self._set(motion, position, velocity)
+
+    def _set(self, motion: Motion, position: float, velocity: float) -> None:
+        row = self._row
+        if not motion.lost:
+            row.setpoint[motion.column] = position
+            row.velocity[motion.column] = velocity
+        for column, (start, share) in motion.followers.items():
+            row.setpoint[column] = start + share * (position - motion.anchor)
+            row.velocity[column] = share * velocity
 
     def _start(
-        self, column: int, slot: int, kind: MotionKind, trajectory: Trajectory, origin: float, goal: float
+        self,
+        column: int,
+        slot: int,
+        kind: MotionKind,
+        trajectory: Trajectory,
+        origin: float,
+        goal: float,
+        limits: MotionLimits,
     ) -> None:
         """``goal``: the target of a position motion, else the velocity at the end."""
         if kind is MotionKind.POSITION:
             final = (goal, 0.0)
         else:
             final = (origin + trajectory.at_time(trajectory.duration)[0][0], goal)
-        self._motions[column] = Motion(column, slot, kind, trajectory, origin, final)
+        motion = Motion(column, slot, kind, trajectory, origin, final, limits)
+        before = self._motions.get(column)
+        if before is not None:
+            motion.follow(before)
+        self._motions[column] = motion
         self.ended &= ~(1 << column)
         self._left.pop(column, None)
         self._remask()
@@ -260,7 +362,7 @@ class IndependentMotions:
     def _remask(self) -> None:
         self.mask = self.speeding = self.halting = 0
         for motion in self._motions.values():
-            bit = 1 << motion.column
+            bit = _columns_of(motion)
             self.mask |= bit
             if motion.kind is MotionKind.SPEED:
                 self.speeding |= bit
@@ -269,9 +371,8 @@ class IndependentMotions:
 
     # ------------------------------------------------------------------ trajectories
 
-    def _input(self, column: int, state: State, jerk: bool) -> InputParameter:
+    def _input(self, axis: MotionLimits, state: State, jerk: bool) -> InputParameter:
         """The start of a trajectory, in coordinates that have their origin there: rounding is least then."""
-        axis = self._axes[column]
         wanted = InputParameter(1)
         wanted.current_position = [0.0]
         wanted.current_velocity = [state[1]]
@@ -291,9 +392,11 @@ class IndependentMotions:
             return None
         return trajectory if result in (Result.Working, Result.Finished) else None
 
-    def _to_position(self, column: int, state: State, target: float, rate: float = 1.0) -> Trajectory:
-        wanted = self._input(column, state, jerk=True)
-        wanted.max_velocity = [self._axes[column].max_velocity * rate]
+    def _to_position(
+        self, column: int, state: State, target: float, limits: MotionLimits, rate: float = 1.0
+    ) -> Trajectory:
+        wanted = self._input(limits, state, jerk=True)
+        wanted.max_velocity = [limits.max_velocity * rate]
         way = target - state[0]
         # where two shapes of profile meet, rounding may find neither: a way next to it has one
         for share in _NEARBY:
@@ -303,8 +406,10 @@ class IndependentMotions:
                 return trajectory
         raise TrajectoryError(column)
 
-    def _to_velocity(self, column: int, state: State, velocity: float, *, jerk: bool) -> Trajectory:
-        wanted = self._input(column, state, jerk)
+    def _to_velocity(
+        self, column: int, state: State, velocity: float, limits: MotionLimits, *, jerk: bool
+    ) -> Trajectory:
+        wanted = self._input(limits, state, jerk)
         wanted.control_interface = ControlInterface.Velocity
         for share in _NEARBY:
             wanted.target_velocity = [velocity * share]
@@ -317,23 +422,32 @@ class IndependentMotions:
     def _guard(self, motion: Motion) -> None:
         """Lets an axis that holds a speed stop on its soft limit, while it still can."""
         axis = self._axes[motion.column]
+        if self.unlimited >> motion.column & 1:
+            return
         state = motion.at(motion.elapsed)
         ahead = motion.at(motion.elapsed + self._cycle)
         direction = math.copysign(1.0, ahead[1] or motion.final[1])
         limit = axis.max_position if direction > 0.0 else axis.min_position
         if not math.isfinite(limit) or (ahead[1] == 0.0 and motion.final[1] == 0.0):
             return
-        stop = self._to_velocity(motion.column, ahead, 0.0, jerk=True)
+        stop = self._to_velocity(motion.column, ahead, 0.0, motion.limits, jerk=True)
         rest = ahead[0] + stop.at_time(stop.duration)[0][0]
         if (rest - limit) * direction <= 0.0:
             return
         self.limited.append(motion.column)
-        trajectory = self._to_position(motion.column, state, limit)
-        self._start(motion.column, motion.slot, MotionKind.HALT, trajectory, state[0], 0.0)
+        trajectory = self._to_position(motion.column, state, limit, motion.limits)
+        self._start(motion.column, motion.slot, MotionKind.HALT, trajectory, state[0], 0.0, motion.limits)
         self._motions[motion.column].final = (limit, 0.0)
 
 
-def _bounded_acceleration(axis: Axis, state: State) -> float:
+def _columns_of(motion: Motion) -> int:
+    mask = 0 if motion.lost else 1 << motion.column
+    for column in motion.followers:
+        mask |= 1 << column
+    return mask
+
+
+def _bounded_acceleration(axis: MotionLimits, state: State) -> float:
     """Return the acceleration of a state, bounded so that it can be taken back within the axis's speed."""
     _, velocity, acceleration = state
     bound = axis.max_acceleration

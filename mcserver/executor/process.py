@@ -21,6 +21,7 @@ from mcserver.drives.registry import create_buses
 from mcserver.errors import McError
 from mcserver.executor.executor import Executor
 from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.homed import StoredReference
 from mcserver.executor.realtime import PRIORITY, MonotonicClock, lock_memory, take_realtime_priority
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
@@ -64,6 +65,7 @@ class Start(msgspec.Struct, frozen=True):
     slots: int
     parent: int
     priority: int = PRIORITY
+    references: dict[int, StoredReference] = {}
 
 
 class Clock(Protocol):
@@ -160,7 +162,15 @@ def main() -> int:
     machine, mailbox = start.machine, parts.mailbox
     try:
         buses = create_buses(machine)
-        executor = Executor(machine, buses, parts.rings, mailbox, parts.feedback, parts.events)
+        executor = Executor(
+            machine,
+            buses,
+            parts.rings,
+            mailbox,
+            parts.feedback,
+            parts.events,
+            references=start.references,
+        )
     except McError as error:
         print(error, file=sys.stderr, flush=True)  # noqa: T201
         mailbox.set_executor_state(ProcessState.ENDED)

@@ -11,8 +11,10 @@ from mcserver.drives.bus import BusEventKind, DriveState
 from mcserver.executor.axes import mask_of
 from mcserver.executor.barriers import DRIVE_TIMEOUT_S
 from mcserver.executor.cycle import Cycle
+from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
 from mcserver.executor.headroom import Array
+from mcserver.executor.homed import LOSING
 from mcserver.executor.shm.feedback import FeedbackRing
 from mcserver.executor.slot import ProgramSlot
 
@@ -34,9 +36,10 @@ class Supervision:
         self._cycle = cycle
         self._slots = slots
         self._feedback = feedback
-        self._low = np.array([axis.min_position - axis.in_position for axis in machine.axes])
-        self._high = np.array([axis.max_position + axis.in_position for axis in machine.axes])
-        self._limited = bool(np.isfinite(self._low).any() or np.isfinite(self._high).any())
+        self._lowest = np.array([axis.min_position - axis.in_position for axis in machine.axes])
+        self._highest = np.array([axis.max_position + axis.in_position for axis in machine.axes])
+        self._homed = 0
+        self._count_limits()
         self._greatest_error = np.array([axis.max_following_error for axis in machine.axes])
         self._error = np.zeros(count)
         self._within = np.ones(count, np.bool_)
@@ -53,8 +56,24 @@ class Supervision:
 
     # ------------------------------------------------------------------ setpoints
 
+    def _count_limits(self) -> None:
+        """Take the travel of the axes that know where they are."""
+        homed = self._cycle.homed
+        self._homed = homed.mask
+        counts = self._cycle.bank.masks.bools(homed.mask)
+        self._low = np.where(counts, self._lowest, -np.inf)
+        self._high = np.where(counts, self._highest, np.inf)
+        self._limited = bool(np.isfinite(self._low).any() or np.isfinite(self._high).any())
+        self._cycle.motions.unlimited = homed.missing
+
+    def shift(self, column: int, distance: float) -> None:
+        """The column's positions read ``distance`` more from now on."""
+        self._past[:, column] += distance
+
     def before_exchange(self) -> None:
         """No setpoint leaves the axis's travel; one that would is refused."""
+        if self._cycle.homed.mask != self._homed:
+            self._count_limits()
         if not self._limited:
             return
         setpoint = self._cycle.row.setpoint
@@ -180,6 +199,9 @@ class Supervision:
         cycle = self._cycle
         slot = self._slot_of(column)
         cycle.bank.latch(1 << column)
+        if code in LOSING:
+            for lost in cycle.bank.masks.columns(cycle.homed.lose(1 << column)):
+                cycle.emit(EventKind.UNHOMED, -1, 0, code=int(code), axis=cycle.machine.axes[lost].index)
         if slot is None:
             cycle.motions.drop(1 << column)
             cycle.fault(code, -1, 0, column, values)

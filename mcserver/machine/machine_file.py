@@ -18,6 +18,15 @@ from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig, Drive, complete_drive, read_buses
+from mcserver.machine.homing_section import (
+    LETTERS,
+    AxisLimits,
+    Homing,
+    Probe,
+    check_inputs,
+    read_homing,
+    read_probe,
+)
 from mcserver.machine.io_section import Input, Output, read_inputs, read_outputs
 from mcserver.machine.section_reader import Mistakes, read_keys
 from mcserver.machine.sections import (
@@ -41,6 +50,7 @@ class Axis(msgspec.Struct, frozen=True):
     ``drive`` keeps the drive's section in mm and deg, with what follows from other keys filled in;
     ``initial_position`` is its SI value.
     ``travel_per_motor_turn`` is m or rad of the axis for one turn of the motor (G1030).
+    ``homing``: how it finds its reference; None: its encoder's reading is its position.
     """
 
     index: int
@@ -55,6 +65,7 @@ class Axis(msgspec.Struct, frozen=True):
     travel_per_motor_turn: float
     initial_position: float
     drive: Drive
+    homing: Homing | None = None
 
 
 class Machine(msgspec.Struct, frozen=True):
@@ -69,6 +80,7 @@ class Machine(msgspec.Struct, frozen=True):
         buses: CAN buses, those of ``[[bus]]`` first.
         dialect: what its programs may say.
         inputs, outputs: digital ones first, each kind by number.
+        probe: what trips G38.2 … G38.5; None: it cannot probe.
     """
 
     name: str
@@ -85,6 +97,7 @@ class Machine(msgspec.Struct, frozen=True):
     dialect: Dialect = Dialect()
     inputs: tuple[Input, ...] = ()
     outputs: tuple[Output, ...] = ()
+    probe: Probe | None = None
 
     @property
     def cycle_s(self) -> float:
@@ -203,6 +216,16 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     names = {bus.name for bus in buses}
     inputs = read_inputs(file.get("input") or (), names, mistakes)
     outputs = read_outputs(file.get("output") or (), inputs, names, mistakes)
+    scales = {index: axis.type.si_per_unit for index, axis in axes.items()}
+    letters = {**LETTERS, **dialect.letters}
+    probe = read_probe(file.get("probe"), letters, scales, mistakes) if sound else None
+    switches: dict[TomlPath, int] = {
+        ("axis", position, "homing", "input"): each.homing.input
+        for position, each in enumerate(file["axis"] or ())
+        if each is not None and each.homing is not None and each.homing.input is not None
+    }
+    if file.get("input") is None or None not in file["input"]:
+        check_inputs(switches, probe, {each.number for each in inputs if each.digital}, mistakes)
     kinematics: KinematicsSection | None = file.get("kinematics")
     if "tool" in raw and "kinematics" not in raw:
         mistakes.add(("tool",), "tools need a [kinematics] section", "name the URDF there")
@@ -227,6 +250,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         dialect=dialect,
         inputs=inputs,
         outputs=outputs,
+        probe=probe,
     )
 
 
@@ -249,6 +273,14 @@ def _axis_to_si(
     drive, per_turn = complete_drive(axis.drive, axis, cycle_s, (*path, "drive"), mistakes)
     if drive.eds and folder is not None:
         drive = msgspec.structs.replace(drive, eds=str(folder / drive.eds))
+    reach = AxisLimits(
+        low / scale,
+        high / scale,
+        axis.max_velocity,
+        drive.kind,
+        getattr(axis.drive, "homing", None) is not None,
+    )
+    homing = read_homing(axis.homing, reach, scale, (*path, "homing"), mistakes)
     default_turn = 10.0 * MM if axis_type is AxisType.LINEAR else TURN
     return Axis(
         index=axis.index,
@@ -265,4 +297,5 @@ def _axis_to_si(
         travel_per_motor_turn=default_turn if per_turn is None else per_turn * scale,
         initial_position=start,
         drive=drive,
+        homing=homing,
     )

@@ -11,6 +11,7 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
+from mcserver.machine.homing_section import HomingSection, ProbeSection
 from mcserver.machine.io_section import InputSection, OutputSection
 
 MAX_AXES = 64
@@ -45,6 +46,9 @@ class DriveSection(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated
         encoder_resolution: [mm, deg], 0: continuous.
         heartbeat_timeout_s: without setpoints for so long the drive stops. brake: holds without power.
         friction_decel: [mm/s², deg/s²]. inertia: at the motor [kg·m²]. max_torque: 0: not limited [N·m].
+        home_switch: from where to where the home switch is active, index_at: one place of the encoder's
+            index, of which there is one a turn of the motor, hard_stops: ends of the mechanics; all by the
+            encoder [mm, deg].
     """
 
     initial_position: float = 0.0
@@ -55,6 +59,9 @@ class DriveSection(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated
     friction_decel: NotNegative = 0.0
     inertia: NotNegative = 0.01
     max_torque: NotNegative = 0.0
+    home_switch: tuple[float, float] | None = None
+    index_at: float | None = None
+    hard_stops: tuple[float, float] | None = None
     # a machine is tried without its drives by changing `kind` alone
     other_kinds_keys_are_idle: ClassVar[bool] = True
 
@@ -157,6 +164,7 @@ class AxisSection(msgspec.Struct, frozen=True):
     max_following_error: Limit | None = None
     units_per_motor_rev: Limit | None = None
     drive: DriveSection | IdealDriveSection | Cia402DriveSection | ServosilaDriveSection = DriveSection()
+    homing: HomingSection | None = None
 
 
 class MachineSection(msgspec.Struct, frozen=True):
@@ -245,3 +253,4 @@ class MachineFile(msgspec.Struct, frozen=True):
     cutter: list[CutterSection] = []
     input: list[InputSection] = []
     output: list[OutputSection] = []
+    probe: ProbeSection | None = None

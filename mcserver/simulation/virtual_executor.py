@@ -4,7 +4,7 @@ tests.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -15,6 +15,7 @@ from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.executor import Executor
 from mcserver.executor.headroom import Array, AxisLimits
+from mcserver.executor.homed import StoredReference
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
@@ -39,6 +40,7 @@ class VirtualExecutor:
 
     Args:
         buses: drives of another make; None: as the machine file says, those on CAN simulated.
+        homed: every axis counts as homed. references: those of an earlier start, by axis number.
 
     Attributes:
         mailbox: orders to it. recorder: called after each cycle with (t, line, setpoint (K,), actual (K,));
@@ -54,6 +56,8 @@ class VirtualExecutor:
         rows: int = ROWS,
         controls: int = CONTROLS,
         recorder: Recorder | None = None,
+        homed: bool = True,
+        references: Mapping[int, StoredReference] | None = None,
     ) -> None:
         axes = len(machine.axes)
         limits = AxisLimits.of(machine)
@@ -66,11 +70,26 @@ class VirtualExecutor:
         self._events = EventRing(None, axes)
         self._feedback = FeedbackRing(None, axes, slots, inputs=inputs, outputs=outputs)
         self.buses = list(create_buses(machine, VIRTUAL_FACTORIES) if buses is None else buses)
-        self.executor = Executor(machine, self.buses, self._rings, self.mailbox, self._feedback, self._events)
+        self.executor = Executor(
+            machine,
+            self.buses,
+            self._rings,
+            self.mailbox,
+            self._feedback,
+            self._events,
+            references=references,
+            assume_homed=homed,
+        )
         self._cycles = 0
 
     def open_slot(
-        self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
+        self,
+        slot: int,
+        axes_mask: int | None = None,
+        *,
+        override: float = 1.0,
+        hold: bool = False,
+        unhomed: bool = False,
     ) -> ProgramRing:
         """Begins a program in a free slot; without a mask on all axes.
 
@@ -79,7 +98,7 @@ class VirtualExecutor:
         """
         ring = self._rings[slot]
         mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
-        self.mailbox.open_slot(slot, mask, ring.restart(), override=override, hold=hold)
+        self.mailbox.open_slot(slot, mask, ring.restart(), override=override, hold=hold, unhomed=unhomed)
         return ring
 
     def sink(self, slot: int) -> ProgramRing:

@@ -75,6 +75,11 @@ class Playback:
         self.line = 0
         self._recent[:] = self._row.setpoint
 
+    def shift(self, column: int, distance: float) -> None:
+        """The column's positions read ``distance`` more from now on; it stands."""
+        self._recent[:, column] += distance
+        self._start_position[column] += distance
+
     # ------------------------------------------------------------------ rows
 
     @property

@@ -20,8 +20,9 @@ CYCLES = 2048
 GUARD = 8
 
 _HEADER_WORDS = 8
-TIME, CYCLE, LATE, LOST_EVENTS, LINE, ESTOP, INTERLOCK, _SPARE_B = range(8)
-_HEAD = 8
+TIME, CYCLE, LATE, LOST_EVENTS, LINE, ESTOP, INTERLOCK, _HOMED_LOW, _HOMED_HIGH = range(9)
+_HALF = (1 << 32) - 1
+_HEAD = 9
 SLOT_U, SLOT_RATE, SLOT_STATE, SLOT_GENERATION = range(4)
 _SLOT = 4
 _BLOCKS = 6
@@ -77,6 +78,7 @@ class FeedbackState:
     Attributes:
         time: [s]. cycle: its number. late_cycles, lost_events: counts since the start.
         line: line that set this cycle's row, 0 where none runs. estop: the emergency stop is latched.
+        homed: mask of the columns that know where they are.
         setpoint, velocity: commanded. actual, actual_velocity, torque: from the drives.
         condition: values of `AxisCondition`.
         interlocked: an input holds the programs, or has held them and nobody has resumed since.
@@ -101,6 +103,7 @@ class FeedbackState:
     inputs: Array
     outputs: Array
     owners: NDArray[np.int64]
+    homed: int
 
 
 class FeedbackRow:
@@ -113,6 +116,11 @@ class FeedbackRow:
         self.setpoint, self.velocity, self.actual, self.actual_velocity, self.torque, self.condition = views
         self._slots_at = _HEAD + _BLOCKS * axes
         self.inputs, self.outputs, self.owners = _io_blocks(self.row, axes, slots, inputs, outputs)
+
+    def set_homed(self, mask: int) -> None:
+        """Columns that know where they are; a double holds 53 bits, so in two halves."""
+        self.cells[_HOMED_LOW] = mask & _HALF
+        self.cells[_HOMED_HIGH] = mask >> 32 & _HALF
 
     def set_slot(self, slot: int, u: float, rate: float, state: int, generation: int) -> None:
         at = self._slots_at + slot * _SLOT
@@ -273,4 +281,5 @@ class FeedbackRing:
             inputs=inputs.copy(),
             outputs=outputs.copy(),
             owners=owners.astype(np.int64),
+            homed=int(row[_HOMED_LOW]) | int(row[_HOMED_HIGH]) << 32,
         )

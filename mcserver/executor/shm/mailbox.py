@@ -17,6 +17,7 @@ _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _E
 _EXECUTOR_STATE, _QUIT, _EPOCH, _RESET_ESTOP, _IO_ORDERS, _RESUME = 9, 10, 11, 12, 13, 14
 _HEAD = 16
 _S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_GENERATION, _S_AXES, _S_ROWS, _S_CONTROLS = range(8)
+_S_UNHOMED = 8
 _SLOT = 16
 # of each output and input: how often it was set, and to what
 _CHANNEL = 2
@@ -27,7 +28,11 @@ _ALL = (1 << 64) - 1
 
 @dataclass(frozen=True)
 class SlotOrders:
-    """What one slot is told; counters are compared with those seen before."""
+    """What one slot is told; counters are compared with those seen before.
+
+    Attributes:
+        unhomed: the program may move axes that are not homed.
+    """
 
     override: float
     hold: bool
@@ -37,6 +42,7 @@ class SlotOrders:
     axes: int
     rows_base: int
     controls_base: int
+    unhomed: bool = False
 
 
 @dataclass(frozen=True)
@@ -120,12 +126,20 @@ class CommandMailbox:
         return _HEAD + slot * _SLOT
 
     def open_slot(
-        self, slot: int, axes_mask: int, base: tuple[int, int], *, override: float = 1.0, hold: bool = False
+        self,
+        slot: int,
+        axes_mask: int,
+        base: tuple[int, int],
+        *,
+        override: float = 1.0,
+        hold: bool = False,
+        unhomed: bool = False,
     ) -> int:
         """A new program in a free slot.
 
         Args:
             axes_mask: columns that it may move. base: what `ProgramRing.restart` gave.
+            unhomed: it may move axes that are not homed.
 
         Returns:
             The generation; feedback shows it once the executor has opened the slot.
@@ -136,6 +150,7 @@ class CommandMailbox:
             words[at + _S_AXES] = _signed(axes_mask)
             words[at + _S_ROWS], words[at + _S_CONTROLS] = base
             words[at + _S_HOLD] = int(hold)
+            words[at + _S_UNHOMED] = int(unhomed)
             # requests count from the program's beginning, so that none made for another one is taken for its
             # own
             words[at + _S_ABORT] = words[at + _S_RESUME] = 0
@@ -300,6 +315,7 @@ class CommandMailbox:
             axes=words[at + _S_AXES] & _ALL,
             rows_base=words[at + _S_ROWS],
             controls_base=words[at + _S_CONTROLS],
+            unhomed=words[at + _S_UNHOMED] != 0,
         )
 
 

@@ -1,0 +1,122 @@
+"""Which axes know where they are, and the one place where a position is given to an axis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import msgspec
+
+from mcserver.executor.axes import AxisBank
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.machine.machine_file import Machine
+
+# Faults after which an encoder without a reference of its own may have counted wrong, or from anew.
+LOSING = frozenset(
+    {
+        FaultCode.DRIVE_SILENT,
+        FaultCode.ENCODER,
+        FaultCode.DRIVE_REBOOTED,
+        FaultCode.NOT_OPERATIONAL,
+        FaultCode.HEARTBEAT_LOST,
+        FaultCode.BUS_DOWN,
+        FaultCode.POSITION_LOST,
+        FaultCode.HOMING_FAILED,
+    }
+)
+
+
+class StoredReference(msgspec.Struct, frozen=True):
+    """The reference of an axis from an earlier start.
+
+    Attributes:
+        offset: position minus encoder reading [m or rad].
+        reading: what the encoder has to read now for it to hold [m or rad]; None: an absolute encoder, for
+            which it holds whatever it reads.
+    """
+
+    offset: float
+    reading: float | None = None
+
+
+class HomedAxes:
+    """The references of a machine's axes; those without ``[axis.homing]`` always know where they are.
+
+    Args:
+        assume: every axis counts as homed, as in simulations.
+        shifted: called with a column and a distance where its positions read that much more from now on.
+
+    Attributes:
+        mask: columns that know where they are. required: columns that programs move only then.
+        absolute: columns whose reference outlives a loss of power. assumed: as ``assume``.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        bank: AxisBank,
+        shifted: Callable[[int, float], None],
+        *,
+        assume: bool = False,
+    ) -> None:
+        self._machine = machine
+        self._bank = bank
+        self._shifted = shifted
+        self.assumed = assume
+        self.required = self.absolute = kept = 0
+        for column, axis in enumerate(machine.axes):
+            if axis.homing is None:
+                continue
+            bit = 1 << column
+            kept |= bit
+            self.required |= bit if axis.homing.required else 0
+            self.absolute |= bit if axis.homing.absolute else 0
+        self._kept = kept
+        self.mask = bank.all if assume else bank.all & ~kept
+
+    def restore(self, references: Mapping[int, StoredReference]) -> None:
+        """Take references of an earlier start, by axis number, where they hold; before the first cycle."""
+        for column, axis in enumerate(self._machine.axes):
+            stored = references.get(axis.index)
+            if stored is None or axis.homing is None:
+                continue
+            reading = float(self._bank.row.actual[column])
+            if stored.reading is None or abs(reading - stored.reading) <= axis.in_position:
+                self._shift(column, stored.offset)
+                self.mask |= 1 << column
+
+    @property
+    def missing(self) -> int:
+        """Columns that do not know where they are: their soft limits do not count."""
+        return self._bank.all & ~self.mask
+
+    def barred(self, axes: int) -> int:
+        """Those of the columns that no program may move now."""
+        return axes & self.required & ~self.mask
+
+    def reading(self, column: int) -> float:
+        """What the encoder of a column reads [m or rad]."""
+        return float(self._bank.row.actual[column] - self._bank.offset[column])
+
+    def refer(self, column: int, position: float, at: float) -> None:
+        """Give a column its reference: what reads ``at`` now, reads ``position`` from now on [m or rad].
+
+        The drive notices nothing, and the following error stays.
+        """
+        self._shift(column, position - at)
+        self.mask |= 1 << column
+
+    def forget_offset(self, column: int) -> None:
+        """Let a column's position be its encoder's reading."""
+        self._shift(column, -float(self._bank.offset[column]))
+
+    def lose(self, mask: int, *, absolute_too: bool = False) -> int:
+        """Let columns have no reference any more; return those that had one until now."""
+        lost = mask & self.mask & self._kept
+        if not absolute_too:
+            lost &= ~self.absolute
+        self.mask &= ~lost
+        return lost
+
+    def _shift(self, column: int, distance: float) -> None:
+        self._bank.shift(column, distance)
+        self._shifted(column, distance)

@@ -1,0 +1,376 @@
+"""Homing in the cycle: each axis goes to its reference by moves of its own, and u stands meanwhile.
+
+An axis with a switch or a hard stop goes there fast, backs off, comes again slowly, and that contact counts;
+on request it goes on to the encoder's index, away from the switch. Every move has a longest distance, so that
+a switch that never comes ends as a fault. A hold stops these moves and goes on with them, an abort ends them.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable
+
+from mcserver.drives.bus import HOME_SWITCH, DriveMode, DriveState, drives_mode
+from mcserver.executor.barriers import DRIVE_TIMEOUT_S, BarrierFault
+from mcserver.executor.cycle import Cycle
+from mcserver.executor.entries import EventKind
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.independent import MotionLimits, TrajectoryError
+from mcserver.machine.homing_section import Homing
+
+# An axis counts as blocked while it is slower than this share of its setpoint's speed …
+BLOCKED_SHARE = 0.5
+# … and its torque is above the threshold for so many cycles.
+BLOCKED_CYCLES = 3
+# Turns of the motor within which an index has to come.
+INDEX_TURNS = 1.5
+
+
+class HomingPhase(enum.IntEnum):
+    """What an axis does while it is homed."""
+
+    START = 0
+    RELEASE = 1  # off a switch that is active at the start
+    APPROACH = 2  # fast to the switch, the index or the stop
+    BACK_OFF = 3
+    LATCH = 4  # slowly to it again
+    INDEX = 5  # on to the index
+    REFERENCE = 6  # coming to rest: the reference is given there
+    DEPART = 7  # to `then_move_to`
+    DRIVE = 8  # the drive homes itself
+    HOLD = 9  # its own homing is over: back to position mode
+    DONE = 10
+
+
+class AxisHoming:
+    """One axis on its way to its reference.
+
+    Args:
+        rate: the slot's share of speed, 0 in feed hold.
+    """
+
+    def __init__(
+        self, cycle: Cycle, column: int, slot: int, homing: Homing, rate: Callable[[], float]
+    ) -> None:
+        self._cycle = cycle
+        self._column = column
+        self._bit = 1 << column
+        self._slot = slot
+        self._homing = homing
+        self._rate = rate
+        self._axis = cycle.machine.axes[column]
+        self._before = float(cycle.row.actual[column])
+        self._input = self._input_column()
+        self._active = self._switch()
+        self._indices = int(cycle.bank.indices[column])
+        self._pushed = 0
+        self._stops = homing.method == "hard-stop"
+        self._contact = 0.0
+        self._waited = 0.0
+        self.phase = HomingPhase.START
+        self._steps: dict[HomingPhase, Callable[[], HomingPhase | None]] = {
+            HomingPhase.START: self._start,
+            HomingPhase.RELEASE: self._release,
+            HomingPhase.APPROACH: self._approach,
+            HomingPhase.BACK_OFF: self._back_off,
+            HomingPhase.LATCH: self._latch,
+            HomingPhase.INDEX: self._index,
+            HomingPhase.REFERENCE: self._reference,
+            HomingPhase.DEPART: self._depart,
+            HomingPhase.DRIVE: self._drive,
+            HomingPhase.HOLD: self._hold,
+        }
+
+    def step(self) -> bool:
+        """Look at the fresh feedback and go on; True: the axis is homed and at rest.
+
+        Raises:
+            BarrierFault: it cannot be homed.
+        """
+        if self.phase is HomingPhase.DONE:
+            return True
+        was_active, self._active = self._active, self._switch()
+        self._edge = self._active != was_active
+        following = self._steps[self.phase]()
+        if following is not None:
+            self.phase = following
+            self._cycle.emit(EventKind.HOMING, self._slot, 0, axis=self._axis.index, token=int(following))
+        self._before = float(self._cycle.row.actual[self._column])
+        return self.phase is HomingPhase.DONE
+
+    # ------------------------------------------------------------------ what the axis feels
+
+    def _input_column(self) -> int | None:
+        """Return the column of the input that is the switch; None: the switch is the drive's.
+
+        A simulated drive that has a switch moves the simulated input that stands for it.
+        """
+        number = self._homing.input
+        for column, each in enumerate(self._cycle.machine.inputs):
+            if each.digital and each.number == number:
+                by_drive = each.source is None and self._axis.drive.home_switch is not None
+                return None if by_drive else column
+        return None
+
+    def _switch(self) -> bool:
+        homing, cycle = self._homing, self._cycle
+        if homing.method != "switch":
+            return False
+        if self._input is not None:
+            return cycle.io.value(self._input) > 0.5
+        return bool(cycle.bank.inputs[self._column] & HOME_SWITCH) != homing.invert
+
+    def _edge_at(self) -> float:
+        """Return where the switch changed: as the drive latched it, else between the last two readings."""
+        actual = float(self._cycle.row.actual[self._column])
+        latched = float(self._cycle.bank.switch_at[self._column])
+        low, high = sorted((self._before, actual))
+        if self._input is None and low <= latched <= high:
+            return latched
+        return 0.5 * (self._before + actual)
+
+    def _blocked(self) -> bool:
+        """Return True once the axis has stood against its torque for some cycles."""
+        row, column = self._cycle.row, self._column
+        speed = float(row.velocity[column])
+        pushes = float(row.torque[column]) * self._homing.direction >= self._homing.torque
+        slow = abs(float(row.actual_velocity[column])) < BLOCKED_SHARE * abs(speed)
+        self._pushed = self._pushed + 1 if pushes and slow and speed != 0.0 else 0
+        return self._pushed >= BLOCKED_CYCLES
+
+    def _touches(self) -> bool:
+        """Return True in the cycle in which contact is made; `_contact` is where."""
+        if self._stops:
+            self._contact = float(self._cycle.row.actual[self._column])
+            return self._blocked()
+        if self._homing.method == "index":
+            return self._passes_index()
+        if self._edge and self._active:
+            self._contact = self._edge_at()
+            return True
+        return False
+
+    def _passes_index(self) -> bool:
+        bank, column = self._cycle.bank, self._column
+        count = int(bank.indices[column])
+        if count == self._indices:
+            return False
+        self._indices = count
+        self._contact = float(bank.index_at[column])
+        return True
+
+    # ------------------------------------------------------------------ moves
+
+    @property
+    def _moving(self) -> bool:
+        return bool(self._cycle.motions.mask & self._bit)
+
+    def _go(self, distance: float, velocity: float) -> None:
+        """Move from here, positive towards the reference [m or rad]."""
+        self._go_to(
+            float(self._cycle.row.setpoint[self._column]) + self._homing.direction * distance, velocity
+        )
+
+    def _go_to(self, target: float, velocity: float) -> None:
+        limits = MotionLimits.of(self._axis, velocity)
+        try:
+            self._cycle.motions.move(self._column, self._slot, target, 0.0, self._rate(), limits)
+        except TrajectoryError as error:
+            raise BarrierFault(FaultCode.NO_TRAJECTORY, error.column) from error
+
+    def _halt(self) -> None:
+        self._cycle.motions.halt(self._column, self._slot)
+
+    def _fault(self, code: FaultCode, distance: float) -> BarrierFault:
+        return BarrierFault(code, self._column, (distance, self._homing.torque))
+
+    @property
+    def _missing(self) -> FaultCode:
+        """What is at fault where a move comes to its end and has met nothing."""
+        if self._stops:
+            return FaultCode.STOP_NOT_FOUND
+        return FaultCode.INDEX_NOT_FOUND if self._homing.method == "index" else FaultCode.SWITCH_NOT_FOUND
+
+    # ------------------------------------------------------------------ phases
+
+    def _start(self) -> HomingPhase | None:
+        homing, cycle = self._homing, self._cycle
+        if self._moving:
+            return None
+        for lost in cycle.bank.masks.columns(cycle.homed.lose(self._bit, absolute_too=True)):
+            cycle.emit(EventKind.UNHOMED, self._slot, 0, axis=cycle.machine.axes[lost].index)
+        self._indices = int(cycle.bank.indices[self._column])
+        self._pushed = 0
+        if homing.method == "drive":
+            cycle.homed.forget_offset(self._column)
+            cycle.bank.power(self._bit, DriveMode.HOMING)
+            return HomingPhase.DRIVE
+        if self._active:
+            self._go(-homing.release_travel, homing.velocity)
+            return HomingPhase.RELEASE
+        index = homing.method == "index"
+        self._go(homing.travel, homing.latch_velocity if index else homing.velocity)
+        return HomingPhase.APPROACH
+
+    def _release(self) -> HomingPhase | None:
+        if not self._active:
+            if self._moving:
+                self._halt()
+                return None
+            return HomingPhase.START
+        if not self._moving:
+            raise self._fault(FaultCode.SWITCH_STUCK, self._homing.release_travel)
+        return None
+
+    def _approach(self) -> HomingPhase | None:
+        if self._touches():
+            if self._moving:
+                self._halt()
+            return HomingPhase.REFERENCE if self._homing.method == "index" else HomingPhase.BACK_OFF
+        if not self._moving:
+            raise self._fault(self._missing, self._homing.travel)
+        return None
+
+    def _back_off(self) -> HomingPhase | None:
+        """First to rest behind the contact, then away from it."""
+        homing = self._homing
+        away = self._contact - homing.direction * homing.back_off
+        setpoint = float(self._cycle.row.setpoint[self._column])
+        if self._moving:
+            return None
+        if setpoint != away:
+            self._go_to(away, homing.velocity)
+            return None
+        if self._active:
+            raise self._fault(FaultCode.SWITCH_STUCK, homing.back_off)
+        self._pushed = 0
+        self._go(2.0 * homing.back_off, homing.latch_velocity)
+        return HomingPhase.LATCH
+
+    def _latch(self) -> HomingPhase | None:
+        if self._touches():
+            if self._moving:
+                self._halt()
+            if not self._homing.index:
+                return HomingPhase.REFERENCE
+            return HomingPhase.INDEX
+        if not self._moving:
+            raise self._fault(self._missing, 2.0 * self._homing.back_off)
+        return None
+
+    def _index(self) -> HomingPhase | None:
+        """To rest, then away from the switch until the index comes."""
+        passed = self._passes_index()
+        moves_away = float(self._cycle.row.velocity[self._column]) * self._homing.direction < 0.0
+        if passed and moves_away:
+            self._halt()
+            return HomingPhase.REFERENCE
+        if self._moving:
+            return None
+        if self._waited > 0.0:
+            raise self._fault(FaultCode.INDEX_NOT_FOUND, self._waited)
+        self._waited = INDEX_TURNS * self._axis.travel_per_motor_turn
+        self._go(-self._waited, self._homing.latch_velocity)
+        return None
+
+    def _reference(self) -> HomingPhase | None:
+        if self._moving:
+            return None
+        homing = self._homing
+        self._refer(homing.position if homing.position is not None else 0.0, self._contact)
+        target = homing.then_move_to
+        if target is None and self._stops:
+            # off the stop, or it would be pushed on and on
+            target = (homing.position or 0.0) - homing.direction * homing.back_off
+        if target is None:
+            return HomingPhase.DONE
+        self._go_to(target, homing.velocity)
+        return HomingPhase.DEPART
+
+    def _depart(self) -> HomingPhase | None:
+        return None if self._moving else HomingPhase.DONE
+
+    def _drive(self) -> HomingPhase | None:
+        """A drive that fails reports a fault of its own; its section bounds the time."""
+        bank = self._cycle.bank
+        if bank.states[self._column] != DriveState.HOMED or not bank.fresh[self._column]:
+            return None
+        bank.power(self._bit, DriveMode.POSITION)
+        return HomingPhase.HOLD
+
+    def _hold(self) -> HomingPhase | None:
+        cycle = self._cycle
+        if not cycle.bank.energized & self._bit:
+            self._waited += cycle.cycle_s
+            if self._waited > DRIVE_TIMEOUT_S:
+                cycle.bank.latch(self._bit)
+                raise BarrierFault(FaultCode.NO_ENERGIZE, self._column, (self._waited, DRIVE_TIMEOUT_S))
+            return None
+        at = float(cycle.row.actual[self._column])
+        position = at if self._homing.position is None else self._homing.position
+        self._refer(position, at)
+        if self._homing.then_move_to is None:
+            return HomingPhase.DONE
+        self._go_to(self._homing.then_move_to, self._homing.velocity)
+        return HomingPhase.DEPART
+
+    def _refer(self, position: float, at: float) -> None:
+        cycle = self._cycle
+        cycle.homed.refer(self._column, position, at)
+        report_homed(cycle, self._slot, self._column)
+
+
+class Homes:
+    """The barrier at which u stands while axes are homed together."""
+
+    def __init__(self, cycle: Cycle, axes: int, slot: int, rate: Callable[[], float]) -> None:
+        self._homings: list[AxisHoming] = []
+        for column in cycle.bank.masks.columns(axes):
+            homing = cycle.machine.axes[column].homing
+            if homing is None or not homing.finds:
+                raise BarrierFault(FaultCode.NO_HOMING, column)
+            drive = cycle.machine.axes[column].drive
+            if homing.method == "drive" and not drives_mode(drive, DriveMode.HOMING):
+                raise BarrierFault(FaultCode.MODE_NOT_CONFIGURED, column, (float(DriveMode.HOMING), 0.0))
+            self._homings.append(AxisHoming(cycle, column, slot, homing, rate))
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        return None
+
+    def after(self, held: bool) -> bool:  # noqa: ARG002
+        # all of them, every cycle: one that waits would miss its switch
+        done = [each.step() for each in self._homings]
+        return all(done)
+
+
+class Refers:
+    """The barrier that gives axes at rest their positions, in the cycle after it was put up."""
+
+    def __init__(self, cycle: Cycle, axes: int, values: tuple[float, ...], slot: int) -> None:
+        self._cycle = cycle
+        self._axes = axes
+        self._values = values
+        self._slot = slot
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        return None
+
+    def after(self, held: bool) -> bool:  # noqa: ARG002
+        cycle = self._cycle
+        for column in cycle.bank.masks.columns(self._axes):
+            at_rest = abs(float(cycle.row.actual_velocity[column])) <= cycle.bank.standing_speed[column]
+            if cycle.motions.mask >> column & 1 or not at_rest:
+                raise BarrierFault(FaultCode.REFERENCE_MOVING, column)
+        for column in cycle.bank.masks.columns(self._axes):
+            value = self._values[column]
+            if math.isfinite(value):
+                cycle.homed.refer(column, value, float(cycle.row.setpoint[column]))
+                report_homed(cycle, self._slot, column)
+        return True
+
+
+def report_homed(cycle: Cycle, slot: int, column: int) -> None:
+    """Report that a column has its reference, with its offset and what its encoder reads."""
+    values = (float(cycle.bank.offset[column]), cycle.homed.reading(column))
+    cycle.emit(EventKind.HOMED, slot, 0, axis=cycle.machine.axes[column].index, values=values)

@@ -1,0 +1,490 @@
+"""Homing in the cycle, on simulated drives with switches, indices and hard stops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mcserver.drives.simulated import SimulatedBus
+from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.homed import StoredReference
+from mcserver.executor.homing import HomingPhase
+from mcserver.executor.shm.feedback import AxisCondition, SlotState
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.executor.rig import Array, Program
+
+MM = 1e-3
+SWITCH = 'method = "switch"\nvelocity = 50.0\nlatch_velocity = 2.0\nback_off = 3.0\n'
+
+
+def machine(*axes: tuple[str, str], travel: float | None = 100.0, jerk: str = "") -> Machine:
+    """Linear axes [mm], each with the lines of its drive and of its homing (none: no section)."""
+    text = '[machine]\nname = "rig"\n'
+    for index, (drive, homing) in enumerate(axes):
+        text += (
+            f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
+        )
+        text += jerk
+        text += "" if travel is None else f"min_position = {-travel}\nmax_position = {travel}\n"
+        text += f'units_per_motor_rev = 5.0\n[axis.drive]\nkind = "simulated"\n{drive}\n'
+        text += f"[axis.homing]\n{homing}\n" if homing else ""
+    return parse_machine(text)
+
+
+class Cell:
+    """A virtual executor whose axes do not know where they are."""
+
+    def __init__(
+        self, made: Machine, *, references: dict[int, StoredReference] | None = None, unhomed: bool = False
+    ) -> None:
+        self.machine = made
+        self.executor = VirtualExecutor(made, homed=False, references=references, recorder=self._record)
+        self.unhomed = unhomed
+        self.events: list[ExecutorEvent] = []
+        self.setpoints: list[Array] = []
+        self.drive_setpoints: list[Array] = []
+        self.errors: list[Array] = []
+        (self.bus,) = self.executor.buses
+        assert isinstance(self.bus, SimulatedBus)
+
+    def _record(self, _time: float, _line: int, setpoint: Array, actual: Array) -> None:
+        self.setpoints.append(setpoint.copy())
+        self.drive_setpoints.append(setpoint - self.executor.executor.bank.offset)
+        self.errors.append(setpoint - actual)
+
+    def program(self, *, unhomed: bool = False) -> Program:
+        ring = self.executor.open_slot(0, unhomed=unhomed)
+        program = Program(ring, len(self.machine.axes))
+        program.position = self.executor.executor.row.setpoint.copy()
+        return program
+
+    def home(self, *axes: int) -> Program:
+        program = self.program()
+        program.capture()
+        program.control(ControlKind.HOME, axes=sum(1 << axis for axis in axes))
+        program.finish()
+        return program
+
+    def step(self, cycles: int = 1) -> None:
+        self.executor.step(cycles)
+        self.events += self.executor.events()
+
+    def run(self, limit: int = 60000) -> None:
+        for _ in range(limit):
+            self.step()
+            if self.executor.at_rest:
+                return
+        raise AssertionError(f"not at rest after {limit} cycles")
+
+    def run_to_phase(self, phase: HomingPhase, axis: int = 0, limit: int = 60000) -> None:
+        for _ in range(limit):
+            self.step()
+            if any(each.axis == axis and each.token == phase for each in self.of(EventKind.HOMING)):
+                return
+        raise AssertionError(f"no {phase!r}: {self.events}")
+
+    def of(self, kind: EventKind) -> list[ExecutorEvent]:
+        return [event for event in self.events if event.kind is kind]
+
+    @property
+    def faults(self) -> list[int]:
+        return [event.code for event in self.of(EventKind.FAULT)]
+
+    @property
+    def homed(self) -> int:
+        return self.executor.feedback.homed
+
+    @property
+    def offset(self) -> Array:
+        return self.executor.executor.bank.offset / MM
+
+    def phases(self, axis: int = 0) -> list[HomingPhase]:
+        return [HomingPhase(each.token) for each in self.of(EventKind.HOMING) if each.axis == axis]
+
+    def check_limits(self) -> None:
+        """No jump: the drives' setpoints keep the axes' speed and acceleration in every cycle."""
+        drive = np.array(self.drive_setpoints)
+        cycle = self.machine.cycle_s
+        for column, axis in enumerate(self.machine.axes):
+            speed = np.abs(np.diff(drive[:, column])) / cycle
+            assert speed.max() <= axis.max_velocity * (1 + 1e-6)
+            acceleration = np.abs(np.diff(drive[:, column], 2)) / cycle**2
+            assert acceleration.max() <= axis.max_acceleration * (1 + 1e-6)
+
+
+def test_a_switch_is_found_fast_and_latched_slowly_where_it_lies() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -37.125]", SWITCH + "position = 5.0")))
+    cell.home(0)
+    cell.run()
+    assert cell.faults == []
+    assert cell.phases() == [
+        HomingPhase.APPROACH,
+        HomingPhase.BACK_OFF,
+        HomingPhase.LATCH,
+        HomingPhase.REFERENCE,
+        HomingPhase.DONE,
+    ]
+    # the edge at -37.125 by the encoder reads 5
+    assert cell.offset[0] == pytest.approx(42.125, abs=1e-9)
+    assert cell.homed & 1
+    cell.check_limits()
+    errors = np.abs(np.array(cell.errors))
+    assert errors.max() < 0.1 * MM
+
+
+def test_nothing_jumps_in_the_cycle_of_the_reference() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -20.0]", SWITCH + "position = 80.0\nthen_move_to = 60.0")))
+    cell.home(0)
+    cell.run()
+    cell.check_limits()
+    positions = np.array(cell.setpoints)[:, 0]
+    # by the axis itself there is one jump, as long as the offset
+    jumps = np.nonzero(np.abs(np.diff(positions)) > 1 * MM)[0]
+    assert len(jumps) == 1
+    assert cell.setpoints[-1][0] == pytest.approx(60 * MM)
+    errors = np.array(cell.errors)[:, 0]
+    assert abs(errors[jumps[0] + 1] - errors[jumps[0]]) < 1e-6
+
+
+def test_towards_positive_the_same() -> None:
+    homing = SWITCH + 'direction = "positive"\nposition = 90.0'
+    cell = Cell(machine(("home_switch = [42.0, 1000.0]", homing)))
+    cell.home(0)
+    cell.run()
+    assert cell.offset[0] == pytest.approx(90.0 - 42.0, abs=1e-9)
+
+
+def test_a_jerk_limit_holds_while_homing() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -20.0]", SWITCH), jerk="max_jerk = 20000.0\n"))
+    cell.home(0)
+    cell.run()
+    assert cell.offset[0] == pytest.approx(20.0, abs=1e-9)
+    jerk = np.abs(np.diff(np.array(cell.drive_setpoints)[:, 0], 3)) / cell.machine.cycle_s**3
+    assert jerk.max() <= 20.0 * (1 + 1e-3)
+
+
+def test_a_switch_that_is_active_at_the_start_is_left_first() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, 4.0]", SWITCH)))
+    cell.home(0)
+    cell.run()
+    assert cell.phases()[:3] == [HomingPhase.RELEASE, HomingPhase.START, HomingPhase.APPROACH]
+    assert cell.offset[0] == pytest.approx(-4.0, abs=1e-9)
+
+
+def test_a_switch_without_a_latch_is_taken_between_two_readings() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -37.125]", SWITCH)))
+    feedback = cell.bus.boot()
+    original = cell.bus.exchange
+
+    def exchange(setpoints):  # type: ignore[no-untyped-def]
+        original(setpoints)
+        feedback.switch_at[:] = np.nan
+        return feedback
+
+    cell.bus.exchange = exchange  # type: ignore[method-assign]
+    cell.home(0)
+    cell.run()
+    # at 2 mm/s a cycle is 2 µm long
+    assert cell.offset[0] == pytest.approx(37.125, abs=1.001e-3)
+
+
+def test_the_index_behind_the_switch_counts() -> None:
+    homing = SWITCH + "index = true\nposition = 0.0"
+    cell = Cell(machine(("home_switch = [-1000.0, -37.0]\nindex_at = 1.25", homing)))
+    cell.home(0)
+    cell.run()
+    assert cell.faults == []
+    # a turn is 5 mm: indices at … -38.75, -33.75; away from the switch the next is -33.75
+    assert cell.offset[0] == pytest.approx(33.75, abs=1e-9)
+
+
+def test_the_index_alone_is_a_reference() -> None:
+    homing = 'method = "index"\nlatch_velocity = 5.0'
+    cell = Cell(machine(("index_at = -3.0", homing)))
+    cell.home(0)
+    cell.run()
+    assert cell.offset[0] == pytest.approx(3.0, abs=1e-9)
+
+
+def test_a_hard_stop_is_found_by_torque_and_left_again() -> None:
+    homing = 'method = "hard-stop"\nvelocity = 20.0\nlatch_velocity = 5.0\nback_off = 4.0\ntorque = 3.0'
+    cell = Cell(machine(("hard_stops = [-30.5, 70.0]", homing)))
+    cell.home(0)
+    cell.run()
+    assert cell.faults == []
+    assert cell.offset[0] == pytest.approx(30.5, abs=1e-6)
+    # off the stop at the end
+    assert cell.setpoints[-1][0] == pytest.approx(4.0 * MM)
+    cell.check_limits()
+
+
+def test_the_drive_homes_itself_and_its_reading_counts() -> None:
+    cell = Cell(machine(("initial_position = 12.0", 'method = "drive"')))
+    cell.home(0)
+    cell.run()
+    assert cell.faults == []
+    assert cell.phases() == [HomingPhase.DRIVE, HomingPhase.HOLD, HomingPhase.DONE]
+    assert cell.offset[0] == 0.0
+    assert cell.homed & 1
+    assert cell.executor.feedback.condition[0] == AxisCondition.HOLDING
+
+
+def test_axes_home_together() -> None:
+    cell = Cell(
+        machine(
+            ("home_switch = [-1000.0, -10.0]", SWITCH),
+            ("home_switch = [-1000.0, -30.0]", SWITCH + "position = 7.0"),
+        )
+    )
+    cell.home(0, 1)
+    cell.run()
+    assert cell.offset == pytest.approx([10.0, 37.0], abs=1e-9)
+    done = {event.axis: event.time for event in cell.of(EventKind.HOMED)}
+    assert done[1] - done[0] < 0.6
+
+
+@pytest.mark.parametrize(
+    ("drive", "homing", "code"),
+    [
+        ("", SWITCH, FaultCode.SWITCH_NOT_FOUND),
+        ("home_switch = [-1000.0, 90.0]", SWITCH, FaultCode.SWITCH_STUCK),
+        # wired the other way round: active everywhere but on the switch
+        ("home_switch = [-1000.0, -20.0]", SWITCH + "invert = true", FaultCode.SWITCH_STUCK),
+        ("home_switch = [-1000.0, -20.0]", SWITCH + "index = true", FaultCode.INDEX_NOT_FOUND),
+        ("", 'method = "index"\ntravel = 5.0', FaultCode.INDEX_NOT_FOUND),
+        ("", 'method = "hard-stop"\ntorque = 3.0\nvelocity = 50.0', FaultCode.STOP_NOT_FOUND),
+        ("", 'method = "manual"', FaultCode.NO_HOMING),
+        ("", "", FaultCode.NO_HOMING),
+    ],
+)
+def test_what_is_not_found_is_a_fault_and_the_axis_stays_unhomed(
+    drive: str, homing: str, code: FaultCode
+) -> None:
+    cell = Cell(machine((drive, homing)))
+    cell.home(0)
+    cell.run()
+    assert cell.faults == [code]
+    assert not cell.homed & 1 or not homing
+    assert cell.executor.feedback.slots[0].state is SlotState.FAULTED
+    cell.check_limits()
+
+
+def test_a_switch_that_stays_active_behind_the_back_off_is_a_fault() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -20.0]", SWITCH)))
+    cell.home(0)
+    cell.run_to_phase(HomingPhase.BACK_OFF)
+    marks = cell.bus._marks
+    marks._switch[:] = [[-1.0], [1.0]]
+    cell.run()
+    assert cell.faults == [FaultCode.SWITCH_STUCK]
+
+
+@pytest.mark.parametrize("phase", [HomingPhase.APPROACH, HomingPhase.BACK_OFF, HomingPhase.LATCH])
+def test_a_hold_stops_homing_and_a_resume_goes_on(phase: HomingPhase) -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -37.125]", SWITCH)))
+    cell.home(0)
+    cell.run_to_phase(phase)
+    cell.step(30)
+    cell.executor.mailbox.set_hold(True, 0)
+    cell.step(200)
+    assert cell.executor.feedback.slots[0].state is SlotState.HELD
+    standing = cell.setpoints[-1][0]
+    cell.step(50)
+    assert cell.setpoints[-1][0] == standing
+    cell.executor.mailbox.set_hold(False, 0)
+    cell.run()
+    assert cell.offset[0] == pytest.approx(37.125, abs=1e-9)
+    cell.check_limits()
+
+
+@pytest.mark.parametrize("how", ["abort", "stop", "estop"])
+@pytest.mark.parametrize("phase", [HomingPhase.APPROACH, HomingPhase.BACK_OFF, HomingPhase.LATCH])
+def test_a_stop_while_homing_keeps_the_limits_and_leaves_the_axis_unhomed(
+    how: str, phase: HomingPhase
+) -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -37.125]", SWITCH)))
+    cell.home(0)
+    cell.run_to_phase(phase)
+    cell.step(20)
+    mailbox = cell.executor.mailbox
+    {"abort": lambda: mailbox.abort(0), "stop": mailbox.stop, "estop": mailbox.emergency_stop}[how]()
+    cell.run(2000)
+    cell.step(5)
+    assert not cell.homed & 1
+    assert cell.executor.feedback.slots[0].state in (SlotState.STOPPED, SlotState.FAULTED)
+    cell.check_limits()
+
+
+def test_homing_again_after_an_abort_finds_the_same_place() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -37.125]", SWITCH)))
+    cell.home(0)
+    cell.run_to_phase(HomingPhase.LATCH)
+    cell.executor.mailbox.abort(0)
+    cell.run()
+    cell.home(0)
+    cell.run()
+    assert cell.offset[0] == pytest.approx(37.125, abs=1e-9)
+
+
+def test_a_drive_that_trips_while_homing_ends_it() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -37.125]", SWITCH)))
+    cell.home(0)
+    cell.run_to_phase(HomingPhase.APPROACH)
+    cell.bus.trip(0)
+    cell.run()
+    assert cell.faults == [FaultCode.OVER_TEMPERATURE]
+    assert not cell.homed & 1
+
+
+# ---------------------------------------------------------------- before homing, and after
+
+
+def test_a_program_may_not_move_an_axis_that_is_not_homed() -> None:
+    cell = Cell(machine(("", SWITCH), ("", "")))
+    program = cell.program()
+    program.capture()
+    program.move({1: 5 * MM}, 100)
+    program.move({0: 5 * MM}, 100)
+    program.finish()
+    cell.run()
+    assert cell.faults == [FaultCode.NOT_HOMED]
+    assert cell.setpoints[-1] == pytest.approx([0.0, 5 * MM], abs=1e-6)
+
+
+@pytest.mark.parametrize("command", ["rapid", "speed", "torque"])
+def test_no_command_moves_an_unhomed_axis(command: str) -> None:
+    cell = Cell(machine(("", SWITCH)))
+    program = cell.program()
+    getattr(program, command)({0: 0.01})
+    program.finish()
+    cell.run()
+    assert cell.faults == [FaultCode.NOT_HOMED]
+    assert cell.setpoints[-1][0] == 0.0
+
+
+def test_an_axis_that_needs_no_homing_moves_without() -> None:
+    cell = Cell(machine(("", SWITCH + "required = false")))
+    program = cell.program()
+    program.capture()
+    program.move({0: 5 * MM}, 100)
+    program.finish()
+    cell.run()
+    assert cell.faults == []
+
+
+def test_soft_limits_count_from_the_reference_on() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -37.0]", SWITCH), travel=40.0))
+    program = cell.program(unhomed=True)
+    program.capture()
+    program.move({0: 60 * MM}, 1000)
+    program.finish()
+    cell.run()
+    assert cell.faults == []
+    assert cell.setpoints[-1][0] == pytest.approx(60 * MM)
+    cell.home(0)
+    cell.run()
+    assert cell.faults == [FaultCode.SWITCH_NOT_FOUND]
+    program = cell.program(unhomed=True)
+    program.control(ControlKind.REFERENCE, axes=1, values=(0.0,))
+    program.finish()
+    cell.run()
+    program = cell.program()
+    program.capture()
+    program.position[:] = cell.executor.executor.row.setpoint
+    program.move({0: 60 * MM}, 1000)
+    program.finish()
+    cell.run()
+    assert cell.faults[-1] == FaultCode.SOFT_LIMIT
+    assert cell.setpoints[-1][0] <= 40.01 * MM + 1e-9
+
+
+def test_a_reference_outside_the_travel_moves_nothing() -> None:
+    cell = Cell(machine(("", 'method = "manual"'), travel=40.0))
+    program = cell.program()
+    program.capture()
+    program.control(ControlKind.REFERENCE, axes=1, values=(55 * MM,))
+    program.finish()
+    cell.run()
+    cell.step(20)
+    assert cell.faults == []
+    assert cell.setpoints[-1][0] == pytest.approx(55 * MM)
+    assert np.ptp(np.array(cell.drive_setpoints)[:, 0]) < 1e-12
+
+
+def test_a_reference_is_not_given_to_a_moving_axis() -> None:
+    cell = Cell(machine(("", 'method = "manual"')))
+    program = cell.program(unhomed=True)
+    program.capture()
+    program.speed({0: 0.02})
+    program.dwell(0.1)
+    program.control(ControlKind.REFERENCE, axes=1, values=(0.0,))
+    program.finish()
+    cell.step(200)
+    cell.run()
+    assert cell.faults == [FaultCode.REFERENCE_MOVING]
+    assert not cell.homed & 1
+
+
+def test_a_reference_needs_no_energy() -> None:
+    cell = Cell(machine(("initial_position = 3.0", 'method = "manual"')))
+    program = cell.program()
+    program.control(ControlKind.REFERENCE, axes=1, values=(10 * MM,))
+    program.finish()
+    cell.run()
+    assert cell.executor.feedback.actual[0] == pytest.approx(10 * MM)
+    (homed,) = cell.of(EventKind.HOMED)
+    assert homed.values == pytest.approx((7 * MM, 3 * MM))
+
+
+@pytest.mark.parametrize("method", ["manual", "absolute"])
+def test_a_lost_drive_is_unhomed_unless_its_encoder_is_absolute(method: str) -> None:
+    cell = Cell(machine(("", f'method = "{method}"')), references={0: StoredReference(5 * MM, None)})
+    program = cell.program()
+    program.capture()
+    program.dwell(5.0)
+    program.finish()
+    cell.step(100)
+    assert cell.homed & 1
+    cell.bus.silence(0)
+    cell.run()
+    assert FaultCode.DRIVE_SILENT in cell.faults
+    assert bool(cell.homed & 1) == (method == "absolute")
+    assert len(cell.of(EventKind.UNHOMED)) == (method == "manual")
+
+
+def test_a_fault_that_leaves_the_encoder_alone_keeps_the_reference() -> None:
+    cell = Cell(machine(("", 'method = "manual"')), references={0: StoredReference(5 * MM, None)})
+    program = cell.program()
+    program.capture()
+    program.dwell(1.0)
+    program.finish()
+    cell.step(50)
+    cell.bus.trip(0)
+    cell.run()
+    assert cell.homed & 1
+
+
+def test_references_of_an_earlier_start_hold_where_the_encoder_reads_the_same() -> None:
+    axes = [("initial_position = 3.0", 'method = "manual"')] * 3
+    stored = {
+        0: StoredReference(5 * MM, 3 * MM),
+        1: StoredReference(5 * MM, 8 * MM),
+        2: StoredReference(5 * MM, None),
+    }
+    cell = Cell(machine(*axes), references=stored)
+    cell.step()
+    assert cell.homed == 0b101
+    assert cell.executor.feedback.actual == pytest.approx([8 * MM, 3 * MM, 8 * MM])
+
+
+def test_a_machine_without_homing_sections_is_homed_and_limited() -> None:
+    cell = Cell(machine(("", ""), travel=40.0))
+    program = cell.program()
+    program.capture()
+    program.move({0: 60 * MM}, 1000)
+    program.finish()
+    cell.run()
+    assert cell.homed == 1
+    assert cell.faults == [FaultCode.SOFT_LIMIT]
