@@ -60,6 +60,7 @@ def run(
     described = named(load_machine(machine), name)
     build_kinematics(described)
     from mcserver.net.configuration import NetworkOptions
+    from mcserver.net.shared_loop import SharedLoop
     from mcserver.server import ServerOptions, serve
 
     if zenoh is not None and not zenoh.is_file():
@@ -80,7 +81,8 @@ def run(
         on_ready=lambda endpoints: announce(described, endpoints),
         on_progress=lambda sentence: narration().print(f"{described.name}: {sentence}", markup=False),
     )
-    asyncio.run(serve(described, options))
+    with asyncio.Runner(loop_factory=SharedLoop) as runner:
+        runner.run(serve(described, options))
     narration().print(f"{described.name}: stopped")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable
 from functools import partial
 
 import msgspec
@@ -11,6 +12,7 @@ import zenoh
 
 from mcserver.canopen.views import DriveAccess, NoDrives
 from mcserver.errors import ServiceError
+from mcserver.net.borrowing import Borrower
 from mcserver.net.configuration import (
     NetworkOptions,
     Reach,
@@ -28,6 +30,7 @@ from mcserver.net.methods import Methods
 from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
 from mcserver.net.rpc import RpcServer
 from mcserver.net.session import Publication, ZenohSession
+from mcserver.net.shared_loop import SharedLoop
 from mcserver.net.telemetry import Telemetry
 from mcserver.service.jog import Jogging
 from mcserver.service.reports import ENDED, Ack, Event
@@ -158,12 +161,20 @@ class MachineEndpoint:
         """Declares what clients may use, the liveliness token last."""
         keys, session, loop = self.keys, self._session, self._loop
         self._rpc = RpcServer(keys, Methods(service, jogging, checker, drives or NoDrives()).table())
-        queries: Inbox[zenoh.Query] = Inbox(loop, self._rpc.on_query, limit=QUERIES, refuse=self._rpc.refuse)
+        rpc = self._rpc
+        queries: Inbox[zenoh.Query] = Inbox(loop, rpc.on_query, limit=QUERIES, refuse=rpc.refuse)
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
         tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)
         stops: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stop, service), limit=64)
         servers: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_server, service), limit=TOKENS)
         strays: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stray, service), limit=64)
+
+        ahead = (queries, lines, tokens)
+        quick: Borrower[zenoh.Query] = Borrower(loop, queries, partial(self._answer_now, service, rpc), ahead)
+        single: Borrower[zenoh.Sample] = Borrower(loop, lines, partial(self._take_lines_now, service), ahead)
+
+        def ask(query: zenoh.Query) -> None:
+            (quick if rpc.is_quick(query) else queries).push(query)
 
         def stop(sample: zenoh.Sample) -> None:
             # in Zenoh's thread: the executor knows before the loop comes round
@@ -177,9 +188,9 @@ class MachineEndpoint:
         if self._emergency is not None:
             self._emergency.subscribe(keys.emergency_stop, stop)
         session.watch_tokens(keys.client("*"), tokens.push)
-        session.subscribe(keys.lines_in("*", "*"), lines.push)
-        session.queryable(keys.rpc("*", "*"), queries.push)
-        session.queryable(keys.info, queries.push)
+        session.subscribe(keys.lines_in("*", "*"), single.push)
+        session.queryable(keys.rpc("*", "*"), ask)
+        session.queryable(keys.info, ask)
         self._telemetry = asyncio.ensure_future(Telemetry(session, keys, service).run())
         session.token(keys.live(service.options.instance))
         session.watch_tokens(keys.live("*"), servers.push)
@@ -195,7 +206,26 @@ class MachineEndpoint:
             await self._emergency.close()
         await self._session.close()
 
-    def _on_lines(self, service: MachineService, sample: zenoh.Sample) -> None:
+    def _answer_now(self, service: MachineService, rpc: RpcServer, query: zenoh.Query) -> Callable[[], None]:
+        """Answer a query in a borrowed turn; gives what sends the replies."""
+        send = rpc.answer_borrowed(query)
+        if not rpc.changes(query):
+            return send
+        service.send_acknowledgements()
+        self._notice()
+        return send
+
+    def _take_lines_now(self, service: MachineService, sample: zenoh.Sample) -> None:
+        """Take lines in a borrowed turn."""
+        self._on_lines(service, sample, alone=True)
+        service.send_acknowledgements()
+        self._notice()
+
+    def _notice(self) -> None:
+        if isinstance(self._loop, SharedLoop):
+            self._loop.notice()
+
+    def _on_lines(self, service: MachineService, sample: zenoh.Sample, *, alone: bool = False) -> None:
         key = str(sample.key_expr)
         stream = self.keys.stream_of(key)
         if stream is None:
@@ -211,7 +241,7 @@ class MachineEndpoint:
             if error.code != "MC503":
                 self._warn(service, error.code, f"in/{client}/{program}: {error.message}")
             return
-        service.stream(program, message.first, message.lines)
+        service.stream(program, message.first, message.lines, urgent=alone)
 
     def _on_stray(self, service: MachineService, sample: zenoh.Sample) -> None:
         """A put by a wildcard, such as ``mc/@v1/**``: it reaches every key, and so none is meant."""

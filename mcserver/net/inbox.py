@@ -52,6 +52,11 @@ class Inbox(Generic[T]):
         self._items: deque[T] = deque()
         self._woken = False
 
+    @property
+    def empty(self) -> bool:
+        """Whether all that came has been delivered; certain only for who holds the loop's turn."""
+        return not self._items
+
     def push(self, item: T) -> None:
         """Appends; from any thread."""
         if len(self._items) >= self._limit:

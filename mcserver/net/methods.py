@@ -27,6 +27,9 @@ log = logging.getLogger(__name__)
 
 Handler = Callable[[str, Any], Any]
 
+# carried out at once, without awaiting anything
+QUICK = frozenset({"submit", "close", "hold", "resume", "step", "override", "status", "info"})
+
 
 class Methods:
     """Binds messages to one machine's service.
@@ -78,8 +81,10 @@ class Methods:
             "sdo_read": (drive_wire.SdoReadRequest, self.sdo_read),
             "info": (wire.Request, self.info),
         }
-        return {name: Method(request, call, True) for name, (request, call) in changing.items()} | {
-            name: Method(request, call, False) for name, (request, call) in reading.items()
+        return {
+            name: Method(request, call, changes, name in QUICK)
+            for methods, changes in ((changing, True), (reading, False))
+            for name, (request, call) in methods.items()
         }
 
     async def open(self, client: str, request: wire.OpenRequest) -> wire.OpenReply:

@@ -2,7 +2,9 @@
 
 A reply blocks while its caller's link is full, up to the time after which Zenoh closes that link; so does
 giving a query up, which tells its caller that no reply comes. So neither is done in the loop: a few threads
-send, and each caller has at most one of these at a time.
+send, and each caller has at most one of these at a time. A small reply that is there while its query's own
+network thread is still at it may be sent by that thread, which saves a handoff; one such thread at a time, so
+that a caller who takes nothing never stops more than the one.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ log = logging.getLogger(__name__)
 # more callers than this would have to be stuck at the same moment for another one to wait
 SENDERS = 16
 CALLER_REPLIES = 256
+# what a network thread may send itself: larger replies take long enough to be worth a handoff
+INLINE_BYTES = 16 * 1024
 # of what waits behind the reply that is being sent, which may be larger: a simulation of a long program
 CALLER_BYTES = 4 * 1024 * 1024
 TOTAL_BYTES = 128 * 1024 * 1024
@@ -73,6 +77,8 @@ class ReplySender:
         self._caller_bytes = caller_bytes
         self._total_bytes = total_bytes
         self._lock = threading.Lock()
+        # held by the one network thread that sends a reply itself
+        self._inline = threading.Lock()
         self._lanes: dict[str, _Lane] = {}
         self._ready: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._threads = 0
@@ -104,6 +110,19 @@ class ReplySender:
             taken = self._take(caller, reply)
         if not taken:
             self.discard(reply.drop)
+
+    def send_inline(self, caller: str, reply: Outgoing) -> None:
+        """Send a reply in the calling thread, which may block, or queue it where that would be unfair: it is
+        large, others wait for this caller already, or another thread is at it.
+        """
+        busy = self._closed or caller in self._lanes
+        if busy or reply.size > INLINE_BYTES or not self._inline.acquire(blocking=False):
+            self.push(caller, reply)
+            return
+        try:
+            _send(caller, reply)
+        finally:
+            self._inline.release()
 
     def close(self) -> None:
         """Take no more; a thread that is blocked ends when its link does."""
@@ -161,10 +180,7 @@ class ReplySender:
                 return
             with self._lock:
                 reply = self._lanes[caller].replies[0]
-            try:
-                reply.send()
-            except Exception:
-                log.exception("a reply to %s could not be sent", caller)
+            _send(caller, reply)
             self._sent(caller, reply)
 
     def _sent(self, caller: str, reply: Outgoing) -> None:
@@ -178,3 +194,10 @@ class ReplySender:
                 self._ready.put(caller)
             else:
                 del self._lanes[caller]
+
+
+def _send(caller: str, reply: Outgoing) -> None:
+    try:
+        reply.send()
+    except Exception:
+        log.exception("a reply to %s could not be sent", caller)

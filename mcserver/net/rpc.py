@@ -39,11 +39,13 @@ class Method(msgspec.Struct, frozen=True):
         call: takes the client's id and the request; gives the reply's message, at once, as a `Deferred` or
             as an awaitable; errors as `McError`.
         changes: whether it changes anything: then it is idempotent by request number, and takes no wildcard.
+        quick: whether it is carried out at once, by whoever holds the loop's turn.
     """
 
     request: type[Request]
     call: Callable[[str, Any], Any]
     changes: bool
+    quick: bool = False
 
 
 def encode_error(error: BaseException) -> bytes:
@@ -70,7 +72,7 @@ def encode_error(error: BaseException) -> bytes:
 
 
 class RpcServer:
-    """Answers queries on ``@rpc/{client}/{method}`` and ``info``; only replies leave from other threads.
+    """Answers queries on ``@rpc/{client}/{method}`` and ``info``.
 
     Args:
         keys: of this machine.
@@ -86,13 +88,43 @@ class RpcServer:
         self._info = Call("", "info", exact=False)
         self._answers = AnswerMemory(time.monotonic)
         self._replies = ReplySender()
+        # replies of a borrowed turn, which leave behind it
+        self._held_back: list[tuple[str, Outgoing]] | None = None
+        self._quick = frozenset(name for name, method in methods.items() if method.quick)
         self._info_lane = 0
         self._under_way = 0
         self._defects = DefectLog(log)
         self._tasks: set[asyncio.Task[None]] = set()
 
+    def is_quick(self, query: zenoh.Query) -> bool:
+        """Whether its method may be carried out in a borrowed turn; from any thread."""
+        return _last_chunk(query) in self._quick
+
+    def changes(self, query: zenoh.Query) -> bool:
+        """Whether its method, which is a quick one, changes anything; from any thread."""
+        return self._methods[_last_chunk(query)].changes
+
+    def answer_borrowed(self, query: zenoh.Query) -> Callable[[], None]:
+        """Carry out a quick method in a borrowed turn of the loop.
+
+        Returns:
+            What sends the replies, for once the turn is given back; it may block.
+        """
+        replies: list[tuple[str, Outgoing]] = []
+        self._held_back = replies
+        try:
+            self.on_query(query)
+        finally:
+            self._held_back = None
+
+        def send() -> None:
+            for caller, reply in replies:
+                self._replies.send_inline(caller, reply)
+
+        return send
+
     def on_query(self, query: zenoh.Query) -> None:
-        """One query; it is dropped once it is answered."""
+        """One query, in the loop's turn; it is dropped once it is answered."""
         key = str(query.key_expr)
         call = self._info if _RPC_CHUNK not in key else self._keys.call_of(key)
         if call is self._info:
@@ -207,10 +239,11 @@ class RpcServer:
         return Answer(False, encode_error(error))
 
     def _send(self, query: zenoh.Query, call: Call, answer: Answer) -> None:
-        self._replies.push(
-            self._lane_of(call),
-            Outgoing(len(answer.payload), partial(self._reply, query, call, answer), query.drop),
-        )
+        reply = Outgoing(len(answer.payload), partial(self._reply, query, call, answer), query.drop)
+        if self._held_back is None:
+            self._replies.push(self._lane_of(call), reply)
+        else:
+            self._held_back.append((self._lane_of(call), reply))
 
     def _lane_of(self, call: Call) -> str:
         return f"info/{self._info_lane}" if call is self._info else call.client
@@ -226,3 +259,7 @@ class RpcServer:
         except zenoh.ZError as error:
             # the client went away, or asked by a key that this reply does not match
             log.info("no answer to %s could be sent: %s", call.method, error)
+
+
+def _last_chunk(query: zenoh.Query) -> str:
+    return str(query.key_expr).rpartition("/")[2]

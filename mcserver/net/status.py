@@ -65,7 +65,8 @@ class EdgeUnits:
 def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
     """The whole machine now."""
     snapshot = service.port.snapshot()
-    service.refresh_faults(dict(zip(units.index, snapshot.states, strict=True)))
+    if service.faults:
+        service.refresh_faults(dict(zip(units.index, snapshot.states, strict=True)))
     axes = AxesStatus(
         index=units.index,
         position=(snapshot.position * units.scale).tolist(),

@@ -24,11 +24,12 @@ class AckSender:
     def acknowledge(self, program: Program, expected: int = 0) -> None:
         """Tells how the program stands; ``expected`` answers a gap."""
         if not self._due:
-            self._loop.call_soon(self._flush)
+            self._loop.call_soon(self.flush)
         before = self._due.get(program.program, (program, 0))[1]
         self._due[program.program] = (program, max(expected, before))
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Send what is due."""
         due, self._due = self._due, {}
         for program, expected in due.values():
             self._send(program.ack(expected))

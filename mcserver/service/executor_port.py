@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Protocol
 
-from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
+from mcserver.executor.shm.feedback import LATE, TIME, FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.view import ExecutorView, SlotView
 from mcserver.machine.machine_file import Machine
@@ -96,16 +96,19 @@ class ExecutorPort:
         self._executor.mailbox.reset(self._mask(axes))
 
     def snapshot(self) -> Snapshot:
-        latest = self._executor.feedback
+        history = self._executor.history
+        row = history.newest_row()
+        if row is None:
+            raise RuntimeError("no cycle has passed yet")
+        setpoint, _, position, velocity, torque, condition = history.blocks_of(row)
         return Snapshot(
-            time=latest.time,
-            setpoint=latest.setpoint,
-            position=latest.actual,
-            velocity=latest.actual_velocity,
-            torque=latest.torque,
-            states=[_STATES[condition] for condition in latest.condition.tolist()],
-            slots=[SlotView(slot.u, slot.rate) for slot in latest.slots],
-            late_cycles=latest.late_cycles,
+            time=float(row[TIME]),
+            setpoint=setpoint,
+            position=position,
+            velocity=velocity,
+            torque=torque,
+            states=[_STATES[int(each)] for each in condition.tolist()],
+            late_cycles=int(row[LATE]),
         )
 
     def cycles_since(self, cycle: int, limit: int) -> Cycles | None:

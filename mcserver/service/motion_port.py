@@ -40,7 +40,6 @@ class Snapshot(msgspec.Struct, frozen=True):
     velocity: Array
     torque: Array
     states: Sequence[AxisState]
-    slots: Sequence[SlotView]
     late_cycles: int
 
 

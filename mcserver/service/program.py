@@ -86,7 +86,6 @@ class Program:
         self.last_reported_credit = queue.limit
         self.last_reported_started = 0
         self.last_reported_done = start_line - 1
-        self.last_reported_accepted = start_line - 1
         self._waiting: deque[tuple[int, Deferred[Verdict]]] = deque()
         self._waiting_for_journal: deque[tuple[int, Deferred[Verdict]]] = deque()
 

@@ -151,14 +151,18 @@ class ProgramTable:
         self.publish("program.opened", program)
         self._start(self.leases.request(program.program, program.axes))
 
-    def lines(self, program: Program, first: int, lines: Sequence[str], *, asked: bool) -> None:
-        """Lines that the program's queue has taken: to the journal, and from there to the planner."""
+    def lines(self, program: Program, first: int, lines: Sequence[str], *, urgent: bool) -> None:
+        """Give lines that the program's queue has taken to the journal, and from there to the planner.
+
+        Args:
+            urgent: someone waits for them, and nothing else would share their transaction.
+        """
         if program.rejected:
             program.rejected = 0
             program.diagnostics = []
         command = Lines(program.program, program.epoch, first, lines)
-        committed = partial(self._lines_committed, program, command, asked)
-        self.journal.lines(program.program, first, lines, committed, urgent=asked)
+        committed = partial(self._lines_committed, program, command)
+        self.journal.lines(program.program, first, lines, committed, urgent=urgent)
 
     def close(self, program: Program) -> None:
         """No more lines; what is there runs to its end."""
@@ -241,7 +245,7 @@ class ProgramTable:
         except RuntimeError:
             log.debug("the loop is closed")
 
-    def _lines_committed(self, program: Program, command: Lines, asked: bool) -> None:
+    def _lines_committed(self, program: Program, command: Lines) -> None:
         if command.epoch != program.epoch:
             # a line before them was rejected meanwhile
             return
@@ -249,11 +253,7 @@ class ProgramTable:
             self.planner.send(command)
         program.journaled = command.first + len(command.lines) - 1
         program.settle()
-        if asked:
-            # the reply says more than an acknowledgement
-            self._has_moved(program)
-        else:
-            self.acks.acknowledge(program)
+        self.acks.acknowledge(program)
 
     def _progress_committed(self, program: Program, done: int) -> None:
         program.recorded = max(program.recorded, done)
@@ -447,9 +447,7 @@ class ProgramTable:
         progress = program.progress
         ended = progress.take_ended()
         begun = progress.started > program.last_reported_started
-        done = (
-            program.done != program.last_reported_done or program.journaled > program.last_reported_accepted
-        )
+        done = program.done != program.last_reported_done
         if not (ended or begun or done):
             return
         if begun:
@@ -457,7 +455,6 @@ class ProgramTable:
         if ended:
             self.publish("lines.ended", program, lines=ended)
         program.last_reported_started, program.last_reported_done = progress.started, program.done
-        program.last_reported_accepted = program.journaled
         if self.journal_failure:
             # what gathers before a journal that cannot be written is bounded; the next progress says it all
             return

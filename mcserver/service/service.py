@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 import msgspec
 
 from mcserver.errors import Refused, RejectedLines, ServiceError
+from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import Planning, StepLine
 from mcserver.service.deferred import Deferred
@@ -121,6 +122,10 @@ class MachineService:
         """Executor time [s]."""
         return self._table.now()
 
+    def send_acknowledgements(self) -> None:
+        """Send those that are due without waiting for the loop to come round."""
+        self._table.acks.flush()
+
     # ------------------------------------------------------------ a client and its programs
 
     async def open(
@@ -196,7 +201,7 @@ class MachineService:
                 line is faulty; those before it are taken) or MC519 (they cannot be journaled now).
         """
         program = self._owned(client, program_id)
-        self._take(program, first, lines, asked=True)
+        self._take(program, first, lines, urgent=True)
         last = first + len(lines) - 1
         through = min(last, program.queue.accepted)
         self._check_journal(program, through)
@@ -217,13 +222,17 @@ class MachineService:
         program.wait_for(through, verdict, validated=judge)
         return result
 
-    def stream(self, program_id: str, first: int, lines: Sequence[str]) -> None:
-        """Takes lines that were put without asking; whatever happens is told by an acknowledgement."""
+    def stream(self, program_id: str, first: int, lines: Sequence[str], *, urgent: bool = False) -> None:
+        """Take lines that were put without asking; whatever happens is said by an acknowledgement.
+
+        Args:
+            urgent: no other message waits to be journaled with them.
+        """
         program = self._table.programs.get(program_id)
         if program is None:
             return
         try:
-            self._take(program, first, lines, asked=False)
+            self._take(program, first, lines, urgent=urgent)
         except ServiceError as error:
             self._table.acks.acknowledge(program, program.queue.expected if error.code == "MC505" else 0)
 
@@ -469,11 +478,14 @@ class MachineService:
             self._table.stop(program, "faulted", fault.message, fault)
 
     def _estimate(self) -> None:
-        """Time left of what is planned, at the override in force; waits and dwells come on top."""
-        slots = self.port.slots()
+        """Estimate the time left of what is planned, at the override in force; waits and dwells come on
+        top."""
+        slots: Sequence[SlotView] | None = None
         for program in self._table.programs.values():
             if program.ended or program.slot is None or program.planned_end_u is None:
                 continue
+            # only read where something runs: it is half of what a call of an idle machine costs
+            slots = slots or self.port.slots()
             left = max(0.0, program.planned_end_u - slots[program.slot].u) * self.machine.cycle_s
             pace = min(1.0, program.override) if program.override > 0.0 else 1.0
             program.eta_s = left / pace
@@ -532,7 +544,7 @@ class MachineService:
             "credit": program.credit,
         }
 
-    def _take(self, program: Program, first: int, lines: Sequence[str], *, asked: bool) -> None:
+    def _take(self, program: Program, first: int, lines: Sequence[str], *, urgent: bool) -> None:
         last = first + len(lines) - 1
         if last <= program.queue.accepted:
             # all of it is there: acknowledged again, whatever has become of the program since
@@ -558,7 +570,7 @@ class MachineService:
         if not taken.lines:
             self._table.acks.acknowledge(program)
             return
-        self._table.lines(program, taken.first, taken.lines, asked=asked)
+        self._table.lines(program, taken.first, taken.lines, urgent=urgent)
 
     def _check_limits(self, client: str) -> None:
         open_by = [program.client for program in self._table.programs.values() if not program.ended]

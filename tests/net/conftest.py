@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import pytest
 
 from mcserver.net.configuration import NetworkOptions
+from mcserver.net.shared_loop import SharedLoop
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
 from tests.net.client import WireClient
 from tests.service.fakes import FakePipelines, FakePort, three_axes
+
+
+def pytest_asyncio_loop_factories() -> dict[str, Callable[[], SharedLoop]]:
+    """The loop that `mcserver run` has, so that network threads borrow its turn here too."""
+    return {"shared": SharedLoop}
 
 
 class Rig:

@@ -135,6 +135,7 @@ async def test_nobody_puts_lines_into_a_program_of_another_client(rig: Rig, clie
     program = (await client.call("open"))["program"]
     stranger = WireClient(rig.endpoint, "bench", "stranger")
     events = client.subscribe("event")
+    await client.call("status")
     stranger.put(f"in/stranger/{program}", [1, ["G01 X666"]])
     refused = await events.first(lambda event: event["kind"] == "warning")
     assert refused["reason"] == "MC504"

@@ -136,7 +136,6 @@ class FakePort:
             velocity=np.zeros(width),
             torque=np.zeros(width),
             states=self.states,
-            slots=self.slots(),
             late_cycles=0,
         )
 

@@ -217,13 +217,22 @@ class FeedbackRing:
 
     def latest(self) -> FeedbackState | None:
         """The newest cycle; None before the first."""
+        row = self.newest_row()
+        return None if row is None else self.state_of(row)
+
+    def newest_row(self) -> Array | None:
+        """A copy of the newest cycle's row; None before the first. See `block`, `time_of` and the others."""
         while True:
             written = self._counter[0]
             if written == 0:
                 return None
-            row = self._rows[(written - 1) % self._cycles].copy()
+            row: Array = self._rows[(written - 1) % self._cycles].copy()
             if self._counter[0] - written < self._cycles - GUARD:
-                return self.state_of(row)
+                return row
+
+    def blocks_of(self, row: Array) -> Array:
+        """The axes' quantities in one row, shape (6, K), in the order of `block`."""
+        return row[_HEAD : _HEAD + _BLOCKS * self._axes].reshape(_BLOCKS, self._axes)
 
     def block(self, rows: Array, name: str) -> Array:
         """One quantity of rows, shape (n, K): setpoint, velocity, actual, actual_velocity, torque,
