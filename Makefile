@@ -28,7 +28,8 @@ demo: $(VENV)/.for-demo  ## arcs, then a walking robot dog, over Zenoh; the path
 dog: $(VENV)/.for-demo  ## the robot dog of the demo alone: out/dog.png
 	@$(BIN)/python examples/demo.py examples/robot-dog.gcode --machine robot-dog --output out/dog.png
 
-# what computes runs on all cores, what has a clock runs alone; both groups run whatever the first one says
+# what computes runs on all cores; what has servers mostly waits, and runs three at a time, with no computing
+# beside it; both groups run whatever the first one says
 test: $(VENV)/.for-development  ## run every test
 ifdef ARGS
 	$(BIN)/python -m pytest $(ARGS)
@@ -40,8 +41,8 @@ endif
 test-computing: $(VENV)/.for-development  ## the tests that only compute, on all cores
 	$(BIN)/python -m pytest -m 'not realtime' --numprocesses auto --dist worksteal $(ARGS)
 
-test-realtime: $(VENV)/.for-development  ## the tests with servers and buses, one after the other
-	$(BIN)/python -m pytest -m realtime $(ARGS)
+test-realtime: $(VENV)/.for-development  ## the tests with servers and buses, three at a time
+	$(BIN)/python -m pytest -m realtime --numprocesses 3 --dist worksteal $(ARGS)
 
 # QEMU, busybox and (once) Debian's kernel: deploy/qemu/README.md
 socketcan: $(VENV)/.for-development  ## the tests that need CAN interfaces, on vcan in QEMU

@@ -12,8 +12,8 @@ import mcserver.motion.kernels.compiled  # noqa: F401
 
 ROOT = Path(__file__).parent
 
-# Files and folders with servers, executors or buses in real time: each test has the computer to itself. All
-# others compute, or wait for nothing but themselves, and run beside each other.
+# Files and folders with servers, executors or buses in real time: they mostly wait, and run few at a time with
+# no computing beside them. All others compute, or wait for nothing but themselves, and run on all cores.
 REALTIME = (
     "browser",
     "can/test_hub.py",
@@ -39,7 +39,7 @@ REALTIME = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that run alone."""
+    """Mark the tests with servers, executors or buses in real time."""
     for item in items:
         place = item.path.relative_to(ROOT)
         if any(place.is_relative_to(each) for each in REALTIME):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib.util
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +18,7 @@ from mcserver.cli.options import (
     PortOption,
     ZenohConfigOption,
 )
+from mcserver.cli.serving import announcing, require_packages, role_of
 from mcserver.errors import ConfigurationError
 
 
@@ -49,49 +49,29 @@ def gateway(
     json: JsonOption = False,
 ) -> None:
     """Serve WebSocket and HTTP for browsers and languages without Zenoh, until Ctrl-C."""
-    missing = [name for name in ("fastapi", "uvicorn", "mcclient") if importlib.util.find_spec(name) is None]
-    if missing:
-        raise ConfigurationError(
-            "MC016",
-            f"mcserver gateway needs {', '.join(missing)}",
-            "pip install 'mcserver[gateway]' mcclient",
-        )
+    require_packages("gateway", "gateway", ("fastapi", "uvicorn", "mcclient"))
     if add_token is not None:
         _add_token(tokens, add_token, role, json)
         return
     from mcserver.gateway.site import GatewayOptions, serve
-
-    def ready(address: str) -> None:
-        narration().print(f"gateway: {address} (Ctrl-C ends)", markup=False)
-        if json:
-            write_json({"ok": True, "url": address})
+    from mcserver.web.listening import Address
 
     options = GatewayOptions(
-        host=host,
-        port=port,
+        Address(host, port, certificate, key, announcing("gateway", json=json)),
         connect=tuple(connect or ()),
         config_file=zenoh,
         tokens=tokens,
         origins=tuple(origin or ()),
-        certificate=certificate,
-        key=key,
-        on_ready=ready,
     )
     asyncio.run(serve(options))
 
 
 def _add_token(path: Path | None, name: str, role: str, json: bool) -> None:
     from mcserver.gateway.tokens import add_token
-    from mcserver.web.users import Role
 
     if path is None:
         raise ConfigurationError("MC070", "the token file is not named", "give it with --tokens PATH")
-    try:
-        chosen = Role.of(role)
-    except ValueError:
-        raise ConfigurationError(
-            "MC070", f"there is no role {role!r}", "observer, operator or engineer"
-        ) from None
+    chosen = role_of(role, "MC070")
     token = add_token(path, name, chosen)
     narration().print(f"{path}: {name} is {chosen.name.lower()}; the token is shown this once", markup=False)
     if json:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import getpass
-import importlib.util
 import os
 import sys
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from mcserver.cli.console import narration, write_json
+from mcserver.cli.console import narration
 from mcserver.cli.options import (
     CertificateOption,
     ConnectOption,
@@ -22,6 +21,7 @@ from mcserver.cli.options import (
     PortOption,
     ZenohConfigOption,
 )
+from mcserver.cli.serving import announcing, require_packages, role_of
 from mcserver.errors import ConfigurationError
 
 
@@ -54,54 +54,32 @@ def web(
     json: JsonOption = False,
 ) -> None:
     """Serve the operator's page for one machine or a fleet, until Ctrl-C."""
-    missing = [
-        name
-        for name in ("nicegui", "prometheus_client", "mcclient")
-        if importlib.util.find_spec(name) is None
-    ]
-    if missing:
-        raise ConfigurationError(
-            "MC016", f"mcserver web needs {', '.join(missing)}", "pip install 'mcserver[web]' mcclient"
-        )
+    require_packages("web", "web", ("nicegui", "prometheus_client", "mcclient"))
     if add_user is not None:
         _add_user(users, add_user, role)
         return
     # before NiceGUI is imported: it would keep its own state in the working folder
     folder = programs or _state_folder()
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str(folder / ".page"))
+    from mcserver.web.listening import Address
     from mcserver.web.site import WebOptions, serve
 
-    def ready(address: str) -> None:
-        narration().print(f"operator's page: {address} (Ctrl-C ends)", markup=False)
-        if json:
-            write_json({"ok": True, "url": address})
-
     options = WebOptions(
-        host=host,
-        port=port,
+        Address(host, port, certificate, key, announcing("operator's page", json=json)),
         folder=folder,
         connect=tuple(connect or ()),
         config_file=zenoh,
         users=users,
-        certificate=certificate,
-        key=key,
-        on_ready=ready,
     )
     asyncio.run(serve(options))
 
 
 def _add_user(path: Path | None, name: str, role: str) -> None:
-    from mcserver.web.users import Role
     from mcserver.web.users import add_user as write
 
     if path is None:
         raise ConfigurationError("MC060", "the password file is not named", "give it with --users PATH")
-    try:
-        chosen = Role.of(role)
-    except ValueError:
-        raise ConfigurationError(
-            "MC060", f"there is no role {role!r}", "observer, operator or engineer"
-        ) from None
+    chosen = role_of(role, "MC060")
     if sys.stdin.isatty():
         password = getpass.getpass(f"password of {name}: ")
         if password != getpass.getpass("again: "):

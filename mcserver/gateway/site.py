@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -11,11 +11,10 @@ from fastapi import FastAPI, WebSocket
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from mcserver.errors import ConfigurationError
 from mcserver.gateway.http import MAX_BODY_BYTES, HttpSessions, build_http
 from mcserver.gateway.tokens import read_tokens
 from mcserver.gateway.websocket import Sessions
-from mcserver.web.listening import LOOPBACK, listen, serve_until_stopped
+from mcserver.web.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
 
 MAX_FRAME_BYTES = 1024 * 1024
 
@@ -24,59 +23,42 @@ class GatewayOptions(msgspec.Struct, frozen=True):
     """How the gateway is served.
 
     Attributes:
-        host, port: where; port 0 takes a free one. connect: Zenoh endpoints; empty: this computer.
-        config_file: a Zenoh configuration for TLS. tokens: the token file; None: loopback only, no token.
-        origins: web origins whose pages may connect. certificate, key: TLS (PEM).
-        on_ready: called once with the address.
+        connect: Zenoh endpoints; empty: this computer. config_file: a Zenoh configuration for TLS.
+        tokens: the token file; None: loopback only, no token. origins: web origins whose pages may connect.
     """
 
-    host: str
-    port: int
+    address: Address
     connect: tuple[str, ...] = ()
     config_file: Path | None = None
     tokens: Path | None = None
     origins: tuple[str, ...] = ()
-    certificate: Path | None = None
-    key: Path | None = None
-    on_ready: Callable[[str], None] | None = None
+
+
+PROTECTION = Protection(
+    "MC074",
+    "the gateway",
+    "tokens",
+    "make a token with mcserver gateway --add-token NAME, and give the file with --tokens",
+)
 
 
 async def serve(options: GatewayOptions) -> None:
-    """Serves until SIGTERM or SIGINT.
+    """Serve until SIGTERM or SIGINT.
 
     Raises:
         ConfigurationError: MC070 the token file, MC074 an address that others reach without a token or TLS.
         ServiceError: MC065 the address cannot be listened on.
     """
     tokens = None if options.tokens is None else read_tokens(options.tokens)
-    if tokens is None and options.host not in LOOPBACK:
-        raise ConfigurationError(
-            "MC074",
-            f"without tokens the gateway is served on this computer only, not on {options.host}",
-            "make a token with mcserver gateway --add-token NAME, and give the file with --tokens",
-        )
-    if (options.certificate is None) != (options.key is None):
-        raise ConfigurationError(
-            "MC074", "TLS needs a certificate and its key", "give --certificate and --key"
-        )
-    if options.certificate is None and options.host not in LOOPBACK:
-        raise ConfigurationError(
-            "MC074",
-            f"tokens would cross the network to {options.host} in clear text",
-            "give --certificate and --key, or serve on 127.0.0.1 behind a proxy with TLS",
-        )
+    PROTECTION.require(options.address, has_secrets=tokens is not None)
     sessions = Sessions(tokens, options.connect, options.config_file, frozenset(options.origins))
     http = HttpSessions(sessions, options.connect, options.config_file)
     app = build_app(sessions, http, local=tokens is None)
-    listener = listen(options.host, options.port)
-    if options.on_ready is not None:
-        scheme = "https" if options.certificate is not None else "http"
-        options.on_ready(f"{scheme}://{options.host}:{listener.getsockname()[1]}/")
+    listener = listen(options.address.host, options.address.port)
     await serve_until_stopped(
         app,
         listener,
-        options.certificate,
-        options.key,
+        options.address,
         max_frame_bytes=MAX_FRAME_BYTES,
         # who does not read its replies is not read from for long
         max_waiting_frames=4,

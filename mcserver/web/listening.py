@@ -1,22 +1,79 @@
-"""A listening socket for a page or a gateway, and what serves an application on it."""
+"""Where a page or a gateway is served: what protects the address, the listening socket, and the serving."""
 
 from __future__ import annotations
 
 import asyncio
 import signal
 import socket
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import uvicorn
 from fastapi import FastAPI
 
-from mcserver.errors import ServiceError
+from mcserver.errors import ConfigurationError, ServiceError
 
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
+class Address(msgspec.Struct, frozen=True):
+    """Where an application is served, and with which TLS.
+
+    Attributes:
+        host, port: port 0 takes a free one. certificate, key: TLS (PEM). on_ready: called once with the URL.
+    """
+
+    host: str
+    port: int
+    certificate: Path | None = None
+    key: Path | None = None
+    on_ready: Callable[[str], None] | None = None
+
+
+@dataclass(frozen=True)
+class Protection:
+    """What keeps others from an application: the words and the code for where it is missing.
+
+    Attributes:
+        code: of the refusals. served: the application. secrets: what its clients identify themselves with.
+        remedy: how to have secrets.
+    """
+
+    code: str
+    served: str
+    secrets: str
+    remedy: str
+
+    def require(self, address: Address, *, has_secrets: bool) -> None:
+        """Check that nobody elsewhere gets in without a secret, and no secret crosses the network in clear.
+
+        Raises:
+            ConfigurationError: ``code`` an address that others reach without secrets or TLS, half a TLS.
+        """
+        local = address.host in LOOPBACK
+        if not has_secrets and not local:
+            raise ConfigurationError(
+                self.code,
+                f"without {self.secrets} {self.served} is served on this computer only, "
+                f"not on {address.host}",
+                self.remedy,
+            )
+        if (address.certificate is None) != (address.key is None):
+            raise ConfigurationError(
+                self.code, "TLS needs a certificate and its key", "give --certificate and --key"
+            )
+        if address.certificate is None and not local:
+            raise ConfigurationError(
+                self.code,
+                f"{self.secrets} would cross the network to {address.host} in clear text",
+                "give --certificate and --key, or serve on 127.0.0.1 behind a proxy with TLS",
+            )
+
+
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens there; port 0 takes a free one.
+    """Return a socket that listens there; port 0 takes a free one.
 
     Raises:
         ServiceError: MC065 it cannot.
@@ -33,25 +90,27 @@ def listen(host: str, port: int) -> socket.socket:
 async def serve_until_stopped(
     app: FastAPI,
     listener: socket.socket,
-    certificate: Path | None,
-    key: Path | None,
+    address: Address,
     *,
     max_frame_bytes: int,
     max_waiting_frames: int = 32,
 ) -> None:
-    """Serves an application until SIGTERM or SIGINT, with TLS where there is a certificate (PEM).
+    """Say that it is ready, and serve an application until SIGTERM or SIGINT.
 
     Args:
         max_frame_bytes: of a WebSocket. max_waiting_frames: that are read before they are taken.
     """
+    if address.on_ready is not None:
+        scheme = "https" if address.certificate is not None else "http"
+        address.on_ready(f"{scheme}://{address.host}:{listener.getsockname()[1]}/")
     config = uvicorn.Config(
         app,
         log_level="warning",
         lifespan="on",
         ws_max_size=max_frame_bytes,
         ws_max_queue=max_waiting_frames,
-        ssl_certfile=certificate,
-        ssl_keyfile=key,
+        ssl_certfile=address.certificate,
+        ssl_keyfile=address.key,
         timeout_graceful_shutdown=2,
     )
     server = uvicorn.Server(config)

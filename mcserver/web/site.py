@@ -6,7 +6,6 @@ import asyncio
 import html
 import logging
 import time
-from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import parse_qs
 
@@ -19,10 +18,9 @@ from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
-from mcserver.errors import ConfigurationError
 from mcserver.web.fleet import Fleet
 from mcserver.web.fleet_page import FleetPage
-from mcserver.web.listening import LOOPBACK, listen, serve_until_stopped
+from mcserver.web.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
 from mcserver.web.machine_page import MachinePage
 from mcserver.web.metrics import metrics_text
 from mcserver.web.sessions import COOKIE, Sessions, Visitor
@@ -39,59 +37,42 @@ class WebOptions(msgspec.Struct, frozen=True):
     """How the page is served.
 
     Attributes:
-        host, port: where; port 0 takes a free one. connect: Zenoh endpoints; empty: this computer.
-        config_file: a Zenoh configuration for TLS. users: the password file; None: loopback only, no login.
-        certificate, key: TLS of the page (PEM). folder: uploaded programs.
-        on_ready: called once with the page's address.
+        connect: Zenoh endpoints; empty: this computer. config_file: a Zenoh configuration for TLS.
+        users: the password file; None: loopback only, no login. folder: uploaded programs.
     """
 
-    host: str
-    port: int
+    address: Address
     folder: Path
     connect: tuple[str, ...] = ()
     config_file: Path | None = None
     users: Path | None = None
-    certificate: Path | None = None
-    key: Path | None = None
-    on_ready: Callable[[str], None] | None = None
+
+
+PROTECTION = Protection(
+    "MC064",
+    "the page",
+    "passwords",
+    "make a password file with mcserver web --add-user NAME, and give it with --users",
+)
 
 
 async def serve(options: WebOptions) -> None:
-    """Serves until SIGTERM or SIGINT.
+    """Serve until SIGTERM or SIGINT.
 
     Raises:
         ConfigurationError: MC060 the password file, MC064 an address that others reach without a login, TLS.
         ServiceError: MC065 the address cannot be listened on.
     """
     users = None if options.users is None else read_users(options.users, time.monotonic)
-    if users is None and options.host not in LOOPBACK:
-        raise ConfigurationError(
-            "MC064",
-            f"without a login the page is served on this computer only, not on {options.host}",
-            "make a password file with mcserver web --add-user NAME, and give it with --users",
-        )
-    if (options.certificate is None) != (options.key is None):
-        raise ConfigurationError(
-            "MC064", "TLS needs a certificate and its key", "give --certificate and --key"
-        )
-    if users is not None and options.certificate is None and options.host not in LOOPBACK:
-        raise ConfigurationError(
-            "MC064",
-            f"passwords would cross the network to {options.host} in clear text",
-            "give --certificate and --key, or serve on 127.0.0.1 behind a proxy with TLS",
-        )
+    address = options.address
+    PROTECTION.require(address, has_secrets=users is not None)
     sessions = Sessions(users, time.monotonic)
     fleet = Fleet(options.connect, options.config_file, options.folder)
-    site = build_site(sessions, fleet, secure=options.certificate is not None, host=options.host)
-    listener = listen(options.host, options.port)
+    site = build_site(sessions, fleet, secure=address.certificate is not None, host=address.host)
+    listener = listen(address.host, address.port)
     fleet.start()
-    if options.on_ready is not None:
-        scheme = "https" if options.certificate is not None else "http"
-        options.on_ready(f"{scheme}://{options.host}:{listener.getsockname()[1]}/")
     try:
-        await serve_until_stopped(
-            site, listener, options.certificate, options.key, max_frame_bytes=MAX_FRAME_BYTES
-        )
+        await serve_until_stopped(site, listener, address, max_frame_bytes=MAX_FRAME_BYTES)
     finally:
         await fleet.close()
 

@@ -8,26 +8,27 @@ from pathlib import Path
 import pytest
 
 from mcserver.errors import ConfigurationError, ServiceError
+from mcserver.web.listening import Address
 from mcserver.web.site import WebOptions, serve
 from mcserver.web.users import Role, add_user
 
 
 async def test_without_a_login_others_do_not_reach_the_page(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"MC064.*this computer only"):
-        await serve(WebOptions("0.0.0.0", 0, tmp_path))
+        await serve(WebOptions(Address("0.0.0.0", 0), tmp_path))
 
 
 async def test_passwords_do_not_cross_the_network_in_clear_text(tmp_path: Path) -> None:
     add_user(tmp_path / "users", "ada", Role.OPERATOR, "correct horse")
     with pytest.raises(ConfigurationError, match=r"MC064.*clear text"):
-        await serve(WebOptions("0.0.0.0", 0, tmp_path, users=tmp_path / "users"))
+        await serve(WebOptions(Address("0.0.0.0", 0), tmp_path, users=tmp_path / "users"))
 
 
 async def test_a_certificate_needs_its_key(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"MC064.*key"):
-        await serve(WebOptions("127.0.0.1", 0, tmp_path, certificate=tmp_path / "c.pem"))
+        await serve(WebOptions(Address("127.0.0.1", 0, tmp_path / "c.pem"), tmp_path))
 
 
 async def test_a_port_that_is_taken_is_refused_with_a_remedy(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(ServiceError, match="MC065"):
-        await serve(WebOptions("127.0.0.1", taken.getsockname()[1], tmp_path))
+        await serve(WebOptions(Address("127.0.0.1", taken.getsockname()[1]), tmp_path))

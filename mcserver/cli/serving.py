@@ -1,0 +1,56 @@
+"""What commands that serve an application share: packages, roles, and how their address is announced."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import TYPE_CHECKING
+
+from mcserver.cli.console import narration, write_json
+from mcserver.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mcserver.web.users import Role
+
+
+def require_packages(command: str, extra: str, modules: tuple[str, ...]) -> None:
+    """Check that the packages of an optional part are there.
+
+    Raises:
+        ConfigurationError: MC016 some are missing.
+    """
+    missing = [name for name in modules if importlib.util.find_spec(name) is None]
+    if missing:
+        raise ConfigurationError(
+            "MC016",
+            f"mcserver {command} needs {', '.join(missing)}",
+            f"pip install 'mcserver[{extra}]' mcclient",
+        )
+
+
+def role_of(name: str, code: str) -> Role:
+    """Return the role of that name.
+
+    Raises:
+        ConfigurationError: ``code`` there is no such role.
+    """
+    from mcserver.web.users import Role
+
+    try:
+        return Role.of(name)
+    except ValueError:
+        raise ConfigurationError(
+            code, f"there is no role {name!r}", "observer, operator or engineer"
+        ) from None
+
+
+def announcing(served: str, *, json: bool) -> Callable[[str], None]:
+    """Return what says where an application is served, once it is ready."""
+
+    def ready(url: str) -> None:
+        narration().print(f"{served}: {url} (Ctrl-C ends)", markup=False)
+        if json:
+            write_json({"ok": True, "url": url})
+
+    return ready
