@@ -20,7 +20,8 @@ from mcserver.executor.shm.shared_memory import SharedParts, create_block, map_b
 from mcserver.machine.machine_file import Machine
 from mcserver.processes import start_child
 
-START_TIMEOUT_S = 30.0
+# The first start after an installation compiles what is called in a cycle, beside the planner [s].
+START_TIMEOUT_S = 300.0
 STOP_TIMEOUT_S = 12.0
 # An executor whose beat stands still for this time does not run [s].
 BEAT_TIMEOUT_S = 2.0

@@ -6,8 +6,9 @@ import math
 from collections import deque
 
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.executor.playback.playback import NEAR_U, Playback
+from mcserver.executor.playback.playback import Playback
 from mcserver.executor.shm.rings import ProgramRing
+from mcserver.motion.kernels.rate_changes import NEAR_U
 
 # Control entries taken out of the ring in a cycle, besides those that this cycle may pass.
 DECODED_A_CYCLE = 64

@@ -26,6 +26,7 @@ from mcserver.executor.realtime import PRIORITY, MonotonicClock, lock_memory, ta
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
 from mcserver.machine.machine_file import Machine
+from mcserver.motion.kernels.rate_search import warm_up_playback
 
 # Without a beat of the server for this time motion is stopped [s]. A server that has died is noticed sooner,
 # as the parent process that is gone; this is about one that hangs. A loaded computer of two cores was seen to
@@ -160,6 +161,8 @@ def main() -> int:
     parts: SharedParts = map_block(start.descriptor, start.machine, start.slots)
     os.close(start.descriptor)
     machine, mailbox = start.machine, parts.mailbox
+    # before drives are switched on, and long before a cycle must not wait
+    warm_up_playback()
     try:
         buses = create_buses(machine)
         executor = Executor(

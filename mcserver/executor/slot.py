@@ -21,11 +21,12 @@ from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
 from mcserver.executor.holding import stop_independent
-from mcserver.executor.playback.playback import NEAR_U, Playback
+from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
+from mcserver.motion.kernels.rate_changes import NEAR_U
 
 # This close to an edge u is put onto it [cycles].
 LANDING = 1e-5

@@ -31,6 +31,7 @@ from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, a
 from mcserver.motion.kernels.cache_folder import cache_folder, remove_unused
 from mcserver.motion.kernels.corner_trajectory import path_deviation_of
 from mcserver.motion.kernels.min_time_trajectories import PHASES, min_time_trajectories
+from mcserver.motion.kernels.rate_search import warm_up_playback
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.path_limits import AccelerationLimit
 from mcserver.motion.profile.setpoint_sampling import sample
@@ -99,6 +100,7 @@ def _call(*parts: Part) -> None:
     )
     if Part.LINES in parts:
         _plan_lines(limits)
+        warm_up_playback()
     if Part.CORNERS in parts:
         _find_trajectories()
         _round_corners(limits)

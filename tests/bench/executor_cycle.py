@@ -1,23 +1,31 @@
-"""The body of one executor cycle while every axis moves, beside the least that NumPy needs for such rows."""
+"""The body of one executor cycle while every axis moves, beside the least that NumPy needs for such rows; and
+the same while orders come that change the rate, beside one without.
+"""
 
 from __future__ import annotations
 
+import gc
 import time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.motion.canonical import AxisOperation
+from mcserver.motion.kernels.rate_search import warm_up_playback
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.bench.figures import Figure, percentile
 from tests.bench.machines import ideal
 
 CYCLES = 3000
+# Of the runs with orders: cycles, those before the first order, and between two.
+ORDER_CYCLES, FIRST_ORDER, BETWEEN = 12_000, 1500, 250
+ORDERS = ("hold", "resume", 0.5, 1.0, 1.5, 1.0, 2.0, 1.0)
 CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 
 
 def measure() -> list[Figure]:
-    """8 and 64 simulated axes."""
+    """8 and 64 simulated axes; 2 and 64 ideal ones under orders."""
     figures = []
     for axes in (8, 64):
         taken, floor = cycles(axes), numpy_rows(axes)
@@ -33,7 +41,70 @@ def measure() -> list[Figure]:
                     goal,
                 )
             )
+    for axes in (2, 64):
+        plain, taken = with_orders(axes, False), with_orders(axes, True)
+        for share in (0.5, 0.99, 1.0):
+            figures.append(
+                Figure(
+                    f"{axes} axes under orders, {'longest' if share == 1.0 else f'p{100 * share:g}'}",
+                    percentile(taken, share),
+                    "µs",
+                    percentile(plain, 0.5),
+                    "p50 without orders",
+                    "≤ 200 µs more" if share == 1.0 else "",
+                )
+            )
     return figures
+
+
+def with_orders(axes: int, orders: bool) -> list[float]:
+    """Processor time of each cycle [µs] of a motion near its limits, with holds and overrides or without."""
+    warm_up_playback()
+    machine = ideal(axes=axes)
+    executor = VirtualExecutor(machine)
+    mask = (1 << axes) - 1
+    ring = executor.open_slot(0, mask)
+    position, velocity = sines(axes, 2 * ORDER_CYCLES, machine.cycle_s)
+    ring.put_control(Control(ControlKind.AXIS, 0.0, 1, axes=mask, operation=CAPTURE))
+    ring.put_control(Control(ControlKind.BEGIN, 0.0, 2, axes=mask))
+    given = ordered = 0
+    taken = []
+    gc.collect()
+    gc.disable()
+    try:
+        for number in range(ORDER_CYCLES):
+            while ring.row_room() > 100 and given - executor.u(0) < 3000.0:
+                part = slice(given, given + 100)
+                masks, lines = np.full(100, mask, np.uint64), np.full(100, 2, np.int64)
+                ring.put_rows(given + 1, position[part], velocity[part], masks, lines)
+                given += 100
+            if orders and number >= FIRST_ORDER and number % BETWEEN == 0:
+                _give(executor, ORDERS[ordered % len(ORDERS)])
+                ordered += 1
+            start = time.thread_time_ns()
+            executor.executor.cycle(number * machine.cycle_s)
+            taken.append((time.thread_time_ns() - start) / 1000.0)
+    finally:
+        gc.enable()
+        executor.close()
+    return taken[FIRST_ORDER:]
+
+
+def sines(axes: int, count: int, cycle_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Positions and velocities of axes on one sine each, shape (count, axes)."""
+    size, pulsation = 0.05, 1.0 / 500.0
+    slope = np.clip(np.arange(count) / 800.0, 0.0, 1.0) * pulsation
+    phase = np.cumsum(slope)[:, None] + 0.3 * np.arange(axes)
+    return size * (np.sin(phase) - np.sin(phase[0])), size * np.cos(phase) * slope[:, None] / cycle_s
+
+
+def _give(executor: VirtualExecutor, order: str | float) -> None:
+    if order == "hold":
+        executor.mailbox.set_hold(True, 0)
+    elif order == "resume":
+        executor.mailbox.resume(0)
+    else:
+        executor.mailbox.set_override(float(order), 0)
 
 
 def cycles(axes: int) -> list[float]:

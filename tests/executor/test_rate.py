@@ -189,6 +189,21 @@ def test_a_ring_that_runs_dry_holds_on_the_path_and_goes_on_by_itself() -> None:
 
 # a change back to 100 % that ended right before the last row, with no room left for the stop
 @example(bites=[(47, 22), (74, 111)])
+# no stop at full rate ended on the last known row, before which the rows brake with all of the acceleration
+@example(
+    bites=[
+        (125, 148),
+        (32, 76),
+        (59, 86),
+        (139, 100),
+        (188, 26),
+        (42, 152),
+        (68, 138),
+        (111, 133),
+        (127, 109),
+        (141, 184),
+    ]
+)
 @settings(max_examples=20, deadline=None)
 @given(bites=st.lists(st.tuples(st.integers(1, 200), st.integers(1, 200)), min_size=1, max_size=12))
 def test_rows_that_trickle_in_never_break_the_acceleration_limit(bites: list[tuple[int, int]]) -> None:

@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 
 from mcserver.executor.axes import ColumnMasks
 from mcserver.executor.headroom import Array
-from mcserver.executor.playback.interpolation import between_rows
-from mcserver.executor.playback.path_window import PathWindow
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.shm.rings import ProgramRing, scalar_view
 from mcserver.machine.machine_file import Machine
+from mcserver.motion.kernels.rate_changes import NEAR_U
+from mcserver.motion.kernels.row_interpolation import interpolate_rows
 
-# Two values of u that are closer are the same [cycles].
-NEAR_U = 1e-7
 # Rows that stay after they have been played: what setpoints that span them do is judged by what they do.
 KEPT_ROWS = 8
 # The first row of a motion may be this many cycles of the axis's greatest velocity away, plus in_position.
@@ -32,13 +30,34 @@ class Jump:
     allowed: float
 
 
+@dataclass(frozen=True)
+class RowWindow:
+    """The rows about u, to look at setpoints that are still to come.
+
+    Attributes:
+        numbers: of its first row, the row after u, the row after its last, the row after all there are, and
+            the program's first row. from_rest: the motion goes to its first row from where it began.
+            ends: its last row is the motion's own end. begun: u where the motion began.
+        start: positions where the motion began, shape (K,). displaced: axes that have not come to their first
+            row, and are elsewhere than where they began, shape (K,).
+    """
+
+    numbers: tuple[int, int, int, int, int]
+    from_rest: bool
+    ends: bool
+    begun: float
+    start: Array
+    displaced: NDArray[np.bool_]
+
+
 class Playback:
     """The rows of one program as they are played.
 
     Attributes:
         active: mask of the columns between BEGIN and END. driven: the same, shape (K,).
         first: number of the program's first row. following: number of the row after u.
-        line: line of the row played last.
+        line: line of the row played last. most: accelerations that interpolation may not pass, shape (K,)
+            [m/s² or rad/s²].
     """
 
     def __init__(self, ring: ProgramRing, row: FeedbackRow, masks: ColumnMasks, machine: Machine) -> None:
@@ -54,7 +73,7 @@ class Playback:
         self._mask_cells = scalar_view(ring.row_mask)
         self._line_cells = scalar_view(ring.row_line)
         self._scratch = np.zeros(count)
-        self._most = np.array(
+        self.most = np.array(
             [np.inf if np.isfinite(axis.max_jerk) else axis.max_acceleration for axis in machine.axes]
         )
         # setpoints of the last cycles, that of cycle n in row n % 4
@@ -254,47 +273,30 @@ class Playback:
         self._recent[self._cycles & 3] = self._row.setpoint
         self._cycles += 1
 
-    def recent(self, columns: NDArray[np.intp]) -> Array:
-        """Return the setpoints of the last four cycles, the newest last, shape (4, K)."""
-        order = [(self._cycles + step) & 3 for step in range(4)]
-        return self._recent[order][:, columns]
+    def recent(self) -> Array:
+        """Return the setpoints of the last three cycles, the newest last, shape (3, K)."""
+        latest: Array = self._recent[[(self._cycles + step) & 3 for step in (1, 2, 3)]]
+        return latest
 
-    def window(self, u: float, ahead: int) -> PathWindow | None:
-        """Return the rows about u and up to ``ahead`` rows after it; None where there are none yet.
-
-        From where a motion stands at its beginning, or after a gap, to the next row it goes from rest.
-        """
+    def window(self, u: float, ahead: int) -> RowWindow | None:
+        """Return the rows about u and up to ``ahead`` rows after it; None where there are none yet."""
         ring = self._ring
         self.seek(u)
         written = ring.rows_written
-        before = self.following - 1
         first = max(self.first, self.following - KEPT_ROWS + 1)
-        last = min(self.following + ahead, written)
-        if first >= last or self.following >= written:
+        behind = min(self.following + ahead, written)
+        if first >= behind or self.following >= written:
             return None
-        rows = np.arange(first, last) % ring.rows
-        row_u = ring.row_u[rows].astype(np.float64)
         fresh = self._masks.bools(self._fresh)
-        moving = (ring.velocity[rows] != 0.0).any(axis=0) | (
-            fresh & (self._start_position != self._row.setpoint)
+        last = ring.velocity[(behind - 1) % ring.rows]
+        return RowWindow(
+            numbers=(first, self.following, behind, written, self.first),
+            from_rest=self.following - 1 < self.first,
+            ends=behind == written and not last[self.driven].any(),
+            begun=self._begun,
+            start=self._start_position,
+            displaced=fresh & (self._start_position != self._row.setpoint),
         )
-        columns = np.nonzero(moving & self._masks.bools(self.active))[0]
-        position, velocity = ring.position[rows][:, columns], ring.velocity[rows][:, columns]
-        still = np.zeros((1, len(columns)))
-        if before < self.first:
-            # from rest, where the axes are, to the first row
-            begin = min(max(row_u[0] - 1.0, self._begun), row_u[0] - NEAR_U)
-            row_u = np.concatenate(([begin], row_u))
-            position = np.concatenate((self._start_position[columns][None], position))
-            velocity = np.concatenate((still, velocity))
-        (gaps,) = np.nonzero(np.diff(row_u) > 1.0 + NEAR_U)
-        if len(gaps):
-            # at rest until a cycle before the next row
-            row_u = np.insert(row_u, gaps + 1, row_u[gaps + 1] - 1.0)
-            position = np.insert(position, gaps + 1, position[gaps], axis=0)
-            velocity = np.insert(velocity, gaps + 1, 0.0, axis=0)
-        ends = last == written and not velocity[-1].any()
-        return PathWindow(columns, row_u, position, velocity, self._most[columns], self._cycle, ends)
 
     def _play_row(self, at: int, rate: float) -> None:
         ring, row = self._ring, self._row
@@ -328,20 +330,19 @@ class Playback:
         if before >= self.first and self._u_cells[before % ring.rows] == after_u - 1:
             joined = driven & self._mask_cells[before % ring.rows] & ~self._fresh
         if joined:
-            first = before % ring.rows
-            position, velocity = between_rows(
-                ring.position[first],
-                ring.position[at],
-                ring.velocity[first],
-                ring.velocity[at],
+            interpolate_rows(
+                ring.position,
+                ring.velocity,
+                before % ring.rows,
+                at,
                 u - (after_u - 1),
                 self._cycle,
-                self._most,
+                rate,
+                self.most,
+                self._masks.bools(joined),
+                self._row.setpoint,
+                self._row.velocity,
             )
-            velocity *= rate
-            bools = self._masks.bools(joined)
-            np.copyto(self._row.setpoint, position, where=bools)
-            np.copyto(self._row.velocity, velocity, where=bools)
         for column in self._masks.columns(driven & ~joined):
             self._lead_in(column, at, after_u, u, rate)
 
