@@ -28,11 +28,13 @@ from mcserver.net.endpoint import MachineEndpoint
 from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.planner_messages import Planning
 from mcserver.processes import freeze_heap
+from mcserver.recorder.client import RecorderClient, recorder_for
 from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.jog import Jogging
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program_table import ServiceOptions
+from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
 from mcserver.simulation.program_checker import ProgramChecker
 
@@ -41,6 +43,9 @@ log = logging.getLogger(__name__)
 # The journal and the planner's messages are Python beside the loop: with the default of 5 ms a call could
 # wait so long.
 SWITCH_INTERVAL_S = 0.0005
+
+# Makes the recorder of a start: its instance, the journal, and where it reports trouble.
+MakeRecorder = Callable[[str, Path, Callable[[], EventLog]], RecorderClient | None]
 
 
 class ServerOptions(msgspec.Struct, frozen=True):
@@ -82,6 +87,7 @@ async def running(
     port: MotionPort,
     planning: Planning,
     drives: CanDrives | None = None,
+    make_recorder: MakeRecorder | None = None,
 ) -> AsyncIterator[tuple[MachineService, MachineEndpoint]]:
     """A server that answers inside the block, and is stopped in order at its end.
 
@@ -100,21 +106,35 @@ async def running(
         stack.callback(port.close)
         face = await MachineEndpoint.open(machine.name, options.network, instance)
         stack.push_async_callback(face.close)
+        recorder = None
+        if make_recorder is not None:
+            recorder = make_recorder(instance, journal, lambda: service.events)
+
+        def on_event(event: Event) -> None:
+            face.publish_event(event)
+            if recorder is not None:
+                recorder.on_event(event)
+
         service = MachineService(
             machine,
             port,
             planning,
             ServiceOptions(journal=journal, instance=instance),
             on_ack=face.publish_ack,
-            on_event=face.publish_event,
+            on_event=on_event,
         )
+        if recorder is not None:
+            # behind the service's end: its last events are recorded too
+            stack.push_async_callback(recorder.close)
         stack.push_async_callback(service.stop)
         checker = ProgramChecker(machine)
         stack.callback(checker.close)
         service.start()
         if drives is not None:
             stack.enter_context(drives.published(partial(publish_drive_event, service.events)))
-        face.serve(service, Jogging(service), checker, None if drives is None else drives.access)
+        face.serve(service, Jogging(service), checker, None if drives is None else drives.access, recorder)
+        if recorder is not None:
+            recorder.start()
         yield service, face
 
 
@@ -149,7 +169,9 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
             await asyncio.to_thread(executor.wait)
             await asyncio.to_thread(planning.wait, lambda: on_progress(COMPILING))
             port = ExecutorPort(machine, executor)
-            _, face = await stack.enter_async_context(running(machine, options, port, planning, drives))
+            _, face = await stack.enter_async_context(
+                running(machine, options, port, planning, drives, partial(recorder_for, machine, executor))
+            )
             if options.on_ready is not None:
                 options.on_ready(await face.endpoints())
             await _until_stopped(stopping, port)

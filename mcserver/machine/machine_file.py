@@ -36,6 +36,7 @@ from mcserver.machine.sections import (
     MachineFile,
     MachineSection,
     MotionSection,
+    RecorderSection,
 )
 from mcserver.machine.toml_positions import Path as TomlPath
 from mcserver.machine.tool_section import Tool, read_tools
@@ -81,6 +82,7 @@ class Machine(msgspec.Struct, frozen=True):
         dialect: what its programs may say.
         inputs, outputs: digital ones first, each kind by number.
         probe: what trips G38.2 … G38.5; None: it cannot probe.
+        recorder: how its cycles are recorded.
     """
 
     name: str
@@ -98,6 +100,7 @@ class Machine(msgspec.Struct, frozen=True):
     inputs: tuple[Input, ...] = ()
     outputs: tuple[Output, ...] = ()
     probe: Probe | None = None
+    recorder: RecorderSection = RecorderSection()
 
     @property
     def cycle_s(self) -> float:
@@ -251,6 +254,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         inputs=inputs,
         outputs=outputs,
         probe=probe,
+        recorder=file.get("recorder") or RecorderSection(),
     )
 
 

@@ -240,6 +240,19 @@ class CutterSection(msgspec.Struct, frozen=True):
     diameter_mm: NotNegative = 0.0
 
 
+class RecorderSection(msgspec.Struct, frozen=True):
+    """``[recorder]``: the black box of the last minutes, and the folder of recordings."""
+
+    enabled: bool = True
+    minutes: Annotated[float, Meta(gt=0.0, le=120.0, description="5 is usual")] = 5.0
+    max_mb: Annotated[int, Meta(ge=1, le=65_536, description="of memory; 256 is usual")] = 256
+    after_s: Annotated[float, Meta(ge=0.0, le=60.0, description="2 is usual")] = 2.0
+    folder: str = ""
+    keep: Annotated[int, Meta(ge=1, le=1000, description="black boxes on the disk; 20 is usual")] = 20
+    keep_mb: Annotated[int, Meta(ge=1, description="of black boxes on the disk; 2000 is usual")] = 2000
+    min_free_mb: Annotated[int, Meta(ge=0, description="200 is usual")] = 200
+
+
 class MachineFile(msgspec.Struct, frozen=True):
     """A whole machine file."""
 
@@ -254,3 +267,4 @@ class MachineFile(msgspec.Struct, frozen=True):
     input: list[InputSection] = []
     output: list[OutputSection] = []
     probe: ProbeSection | None = None
+    recorder: RecorderSection = RecorderSection()

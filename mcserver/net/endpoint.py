@@ -32,6 +32,7 @@ from mcserver.net.rpc import RpcServer
 from mcserver.net.session import Publication, ZenohSession
 from mcserver.net.shared_loop import SharedLoop
 from mcserver.net.telemetry import Telemetry
+from mcserver.recorder.views import RecordingAccess
 from mcserver.service.jog import Jogging
 from mcserver.service.reports import ENDED, Ack, Event
 from mcserver.service.service import MachineService
@@ -157,10 +158,13 @@ class MachineEndpoint:
         jogging: Jogging,
         checker: ProgramChecker,
         drives: DriveAccess | None = None,
+        recorder: RecordingAccess | None = None,
     ) -> None:
         """Declares what clients may use, the liveliness token last."""
         keys, session, loop = self.keys, self._session, self._loop
-        self._rpc = RpcServer(keys, Methods(service, jogging, checker, drives or NoDrives()).table())
+        self._rpc = RpcServer(
+            keys, Methods(service, jogging, checker, drives or NoDrives(), recorder).table()
+        )
         rpc = self._rpc
         queries: Inbox[zenoh.Query] = Inbox(loop, rpc.on_query, limit=QUERIES, refuse=rpc.refuse)
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)

@@ -13,9 +13,12 @@ from mcserver.errors import ServiceError
 from mcserver.net import arming_messages as arming_wire
 from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
+from mcserver.net import recording_messages as recording_wire
 from mcserver.net.arming_methods import ArmingMethods
+from mcserver.net.recording_methods import RecordingMethods
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
+from mcserver.recorder.views import NoRecorder, RecordingAccess
 from mcserver.service.deferred import Deferred
 from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
@@ -38,11 +41,16 @@ class Methods:
         service: the programs.
         jogging: moves by hand.
         checker: checks and simulations.
-        drives: those on CAN buses.
+        drives: those on CAN buses. recorder: its recordings.
     """
 
     def __init__(
-        self, service: MachineService, jogging: Jogging, checker: ProgramChecker, drives: DriveAccess
+        self,
+        service: MachineService,
+        jogging: Jogging,
+        checker: ProgramChecker,
+        drives: DriveAccess,
+        recorder: RecordingAccess | None = None,
     ) -> None:
         self._service = service
         self._jogging = jogging
@@ -50,6 +58,10 @@ class Methods:
         self._drives = drives
         self._units = EdgeUnits(service.machine)
         self._arming = ArmingMethods(service, checker)
+        self._recordings = RecordingMethods(
+            recorder or NoRecorder(),
+            lambda client, method, detail: self._record(client, method, None, detail),
+        )
 
     def table(self) -> dict[str, Method]:
         """All methods by name."""
@@ -69,6 +81,9 @@ class Methods:
             "request_run": (arming_wire.RunRequestRequest, self._arming.request_run),
             "run_armed": (arming_wire.RunArmedRequest, self._arming.run_armed),
             "arm": (arming_wire.ArmRequest, self._arming.arm),
+            "record_start": (recording_wire.RecordStartRequest, self._recordings.start),
+            "record_stop": (recording_wire.RecordStopRequest, self._recordings.stop),
+            "record_save": (recording_wire.RecordSaveRequest, self._recordings.save),
         }
         reading: dict[str, tuple[type[wire.Request], Handler]] = {
             "status": (wire.StatusRequest, self.status),
@@ -79,6 +94,8 @@ class Methods:
             "drives": (drive_wire.DrivesRequest, self.drives),
             "run_requests": (arming_wire.RunRequestsRequest, self._arming.requests),
             "sdo_read": (drive_wire.SdoReadRequest, self.sdo_read),
+            "recordings": (recording_wire.RecordingsRequest, self._recordings.list),
+            "recording_read": (recording_wire.RecordingReadRequest, self._recordings.read),
             "info": (wire.Request, self.info),
         }
         return {

@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from mcserver.net import arming_messages, drive_messages, messages
+from mcserver.net import arming_messages, drive_messages, messages, recording_messages
 from mcserver.net.keys import VERSION_CHUNK
 
 _ID = f"mc/{VERSION_CHUNK}"
@@ -20,9 +20,12 @@ _ID = f"mc/{VERSION_CHUNK}"
 
 def message_types() -> dict[str, type[msgspec.Struct]]:
     """Every message by name."""
+    named: dict[str, object] = {}
+    for module in (messages, drive_messages, arming_messages, recording_messages):
+        named |= vars(module)
     return {
         name: value
-        for name, value in sorted({**vars(messages), **vars(drive_messages), **vars(arming_messages)}.items())
+        for name, value in sorted(named.items())
         if isinstance(value, type) and issubclass(value, msgspec.Struct) and value is not msgspec.Struct
     }
 

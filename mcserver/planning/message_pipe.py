@@ -32,6 +32,11 @@ class MessagePipe:
         """Whether something waits to be sent."""
         return bool(self._unsent)
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that wait to be sent."""
+        return len(self._unsent)
+
     def send(self, payload: bytes) -> None:
         """Send a message behind those before it.
 

@@ -15,20 +15,21 @@ from typing import Any
 
 from mcserver.security.site import EVERY_MACHINE, Role, Site, User, machine_identity
 
-LOOKING = ("info", "status", "programs", "events")
+LOOKING = ("info", "status", "programs", "events", "recordings", "recording_read")
 CHECKING = ("check", "simulate", "drives", "sdo_read")
 STOPPING = ("estop",)
 # an agent asks for runs that an operator arms, and may stop along the path
 ASKING = ("request_run", "run_armed", "run_requests", "hold", "abort")
 ARMING = ("arm", "run_requests")
 OPERATING = ("open", "submit", "close", "hold", "resume", "step", "abort", "override", "jog", "reset")
+RECORDING = ("record_start", "record_stop", "record_save")
 ENGINEERING = ("sdo_write",)
 
 METHODS: dict[Role, tuple[str, ...]] = {
     Role.OBSERVER: LOOKING + STOPPING,
     Role.AGENT: LOOKING + CHECKING + STOPPING + ASKING,
-    Role.OPERATOR: LOOKING + CHECKING + STOPPING + OPERATING + ARMING,
-    Role.ENGINEER: LOOKING + CHECKING + STOPPING + OPERATING + ARMING + ENGINEERING,
+    Role.OPERATOR: LOOKING + CHECKING + STOPPING + OPERATING + ARMING + RECORDING,
+    Role.ENGINEER: LOOKING + CHECKING + STOPPING + OPERATING + ARMING + RECORDING + ENGINEERING,
 }
 MOVERS = frozenset({Role.OPERATOR, Role.ENGINEER})
 

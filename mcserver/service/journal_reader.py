@@ -105,6 +105,28 @@ def read_lines_before(path: Path, program: str, line: int) -> list[str]:
     return lines[: line - 1]
 
 
+def read_lines_near(path: Path, program: str, first: int, last: int) -> tuple[int, list[str]]:
+    """Lines ``first`` … ``last`` of a program as far as the journal holds them without a gap.
+
+    Returns:
+        Number of the first line, and the lines; none where it holds none of these.
+    """
+    with _reading(path) as connection:
+        rows = connection.execute(
+            "SELECT first, lines FROM chunks WHERE program=? AND first<=? AND last>=? ORDER BY first",
+            (program, last, first),
+        ).fetchall()
+    start, lines = max(first, 1), list[str]()
+    for at, blob in rows:
+        if not lines:
+            start = at
+        elif at != start + len(lines):
+            break
+        lines.extend(msgspec.msgpack.decode(blob, type=list[str]))
+    skipped = max(0, first - start)
+    return start + skipped, lines[skipped : max(0, last - start + 1)]
+
+
 def read_reports(path: Path, program: str) -> list[LineReport]:
     """Times of the lines that have ended, in order."""
     with _reading(path) as connection:

@@ -52,6 +52,7 @@ EventKind = Literal[
     "override",
     "command",
     "client.gone",
+    "recording",
     CanopenEventKind,
 ]
 

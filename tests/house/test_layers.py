@@ -24,6 +24,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("executor",),
     ("planning",),
     ("service", "simulation"),
+    ("recorder",),
     ("net", "plot"),
     ("view", "doctor", "web", "security", "language"),
     ("gateway",),

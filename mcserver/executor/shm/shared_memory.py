@@ -75,3 +75,10 @@ def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
         EventRing(parts[2], axes),
         tuple(ProgramRing(part, ROWS, CONTROLS, axes, limits) for part in parts[3:]),
     )
+
+
+def map_feedback(descriptor: int, machine: Machine, slots: int) -> FeedbackRing:
+    """The feedback alone, for a process that only looks: it cannot write anything in the block."""
+    before, size = _sizes(machine, slots)[:2]
+    whole = memoryview(mmap.mmap(descriptor, before + size, prot=mmap.PROT_READ))
+    return FeedbackRing(whole[before:], len(machine.axes), slots)

@@ -1,0 +1,65 @@
+"""The text of programs for a recording, from the server's journal: also where the server is gone."""
+
+from __future__ import annotations
+
+import logging
+import sqlite3
+from collections import OrderedDict
+from pathlib import Path
+
+import msgspec
+
+from mcserver.recorder.channels import PROGRAM, ProgramPart
+from mcserver.recorder.chunks import Chunk, ChunkBuilder
+from mcserver.service.journal_reader import read_lines_near
+from mcserver.service.reports import Event
+
+log = logging.getLogger(__name__)
+
+# Lines around the one under way that a recording keeps of each program.
+LINES_BEFORE, LINES_AFTER = 5_000, 5_000
+LINES_A_MESSAGE = 500
+# Programs whose text is kept, the latest ones.
+MOST_PROGRAMS = 16
+
+
+class ProgramsSeen:
+    """The latest programs that events spoke of, and the line that each was at."""
+
+    def __init__(self) -> None:
+        self._seen: OrderedDict[str, int] = OrderedDict()
+        self._names: dict[str, str] = {}
+
+    def note(self, event: Event) -> None:
+        """Look at an event."""
+        if event.program is None:
+            return
+        line = max(self._seen.pop(event.program, 0), event.line, *(each.line for each in event.lines), 0)
+        self._seen[event.program] = line
+        if event.kind == "program.opened" and event.message:
+            self._names[event.program] = event.message
+        while len(self._seen) > MOST_PROGRAMS:
+            forgotten, _ = self._seen.popitem(last=False)
+            self._names.pop(forgotten, None)
+
+    def snapshot(self) -> list[tuple[str, str, int]]:
+        """Program, its name and the line it was at, the oldest first."""
+        return [(program, self._names.get(program, ""), line) for program, line in self._seen.items()]
+
+
+def text_chunk(journal: Path, programs: list[tuple[str, str, int]], at_ns: int) -> Chunk | None:
+    """A chunk with the text of some programs around the line that each was at; None where there is none.
+
+    A journal that cannot be read costs the text, not the recording.
+    """
+    builder = ChunkBuilder()
+    for program, name, line in programs:
+        try:
+            first, lines = read_lines_near(journal, program, line - LINES_BEFORE, line + LINES_AFTER)
+        except (OSError, sqlite3.Error, msgspec.MsgspecError) as error:
+            log.warning("the text of %s is not in the recording: %s", program, error)
+            continue
+        for at in range(0, len(lines), LINES_A_MESSAGE):
+            part = ProgramPart(program, name, first + at, lines[at : at + LINES_A_MESSAGE])
+            builder.add_message(PROGRAM, at_ns, msgspec.json.encode(part))
+    return builder.finish()
