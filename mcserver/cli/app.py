@@ -28,6 +28,7 @@ from mcserver.cli import (
     machine,
     mcp,
     plot,
+    recordings,
     run,
     scan,
     security,
@@ -88,6 +89,7 @@ def build_app() -> typer.Typer:
     app.command("doctor")(doctor.doctor)
     app.command("drive-sim")(drive_sim.drive_sim)
     app.add_typer(machine.build_app(), name="machine")
+    app.add_typer(recordings.build_app(), name="recordings")
     app.add_typer(security.build_app(), name="security")
     return app
 

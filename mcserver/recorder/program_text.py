@@ -11,7 +11,7 @@ import msgspec
 
 from mcserver.recorder.channels import PROGRAM, ProgramPart
 from mcserver.recorder.chunks import Chunk, ChunkBuilder
-from mcserver.service.journal_reader import read_lines_near
+from mcserver.service.journal_reader import read_lines_near, read_programs
 from mcserver.service.reports import Event
 
 log = logging.getLogger(__name__)
@@ -28,7 +28,6 @@ class ProgramsSeen:
 
     def __init__(self) -> None:
         self._seen: OrderedDict[str, int] = OrderedDict()
-        self._names: dict[str, str] = {}
 
     def note(self, event: Event) -> None:
         """Look at an event."""
@@ -36,25 +35,23 @@ class ProgramsSeen:
             return
         line = max(self._seen.pop(event.program, 0), event.line, *(each.line for each in event.lines), 0)
         self._seen[event.program] = line
-        if event.kind == "program.opened" and event.message:
-            self._names[event.program] = event.message
         while len(self._seen) > MOST_PROGRAMS:
-            forgotten, _ = self._seen.popitem(last=False)
-            self._names.pop(forgotten, None)
+            self._seen.popitem(last=False)
 
-    def snapshot(self) -> list[tuple[str, str, int]]:
-        """Program, its name and the line it was at, the oldest first."""
-        return [(program, self._names.get(program, ""), line) for program, line in self._seen.items()]
+    def snapshot(self) -> list[tuple[str, int]]:
+        """Each program and the line it was at, the oldest first."""
+        return list(self._seen.items())
 
 
-def text_chunk(journal: Path, programs: list[tuple[str, str, int]], at_ns: int) -> Chunk | None:
+def text_chunk(journal: Path, programs: list[tuple[str, int]], at_ns: int) -> Chunk | None:
     """A chunk with the text of some programs around the line that each was at; None where there is none.
 
     A journal that cannot be read costs the text, not the recording.
     """
     builder = ChunkBuilder()
-    for program, name, line in programs:
+    for program, line in programs:
         try:
+            name = next((each.name for each in read_programs(journal, limit=1, program=program)), "")
             first, lines = read_lines_near(journal, program, line - LINES_BEFORE, line + LINES_AFTER)
         except (OSError, sqlite3.Error, msgspec.MsgspecError) as error:
             log.warning("the text of %s is not in the recording: %s", program, error)

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from mcserver.errors import ServiceError
-from mcserver.executor.shm.feedback import TIME, FeedbackRing
+from mcserver.executor.shm.feedback import CYCLES, GUARD, TIME, FeedbackRing
 from mcserver.machine.machine_file import Machine
 from mcserver.recorder import messages as wire
 from mcserver.recorder.black_box import BlackBox
@@ -78,7 +78,8 @@ class Recorder:
         self._builder = ChunkBuilder()
         self._box = BlackBox(60.0 * settings.minutes, settings.max_mb << 20)
         self._programs = ProgramsSeen()
-        self._next = ring.written
+        # the ring's last seconds are there before the recorder is
+        self._next = max(0, ring.written - CYCLES + 2 * GUARD)
         self._chunk_since = 0.0
         self._time = 0.0
         self._rows_at = clock()

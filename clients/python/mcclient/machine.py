@@ -19,6 +19,7 @@ from mcclient.feed import Feed, Queue
 from mcclient.keys import PROTOCOL_VERSION, Keys, live_key
 from mcclient.presence import Presence
 from mcclient.program import Program
+from mcclient.recordings import RecordingCalls
 from mcclient.reports import Report, open_reports
 from mcclient.starting import Starting
 from mcclient.stream import LineStream
@@ -41,7 +42,7 @@ LONG_JOB_S = 120.0
 EVENTS_A_PAGE = 1000
 
 
-class Machine(ArmingCalls, DriveCalls):
+class Machine(ArmingCalls, DriveCalls, RecordingCalls):
     """A connected machine.
 
     Attributes:

@@ -1,0 +1,269 @@
+"""``mcctl record``: recordings on the server, and straight from telemetry into a file here."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.output import carry_out, results, say, write_json
+from mcclient.errors import RequestRefused
+from mcclient.machine import Machine
+from mcclient.sample_file import open_sample_file
+
+SUFFIX = ".mcap"
+NameArgument = Annotated[str, typer.Argument(metavar="[NAME]", help="Of the recording.")]
+OutputOption = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to; default: its name, here.")
+]
+
+
+def build_app() -> typer.Typer:
+    """The commands ``mcctl record …``."""
+    app = typer.Typer(help="Record cycles: on the server, or here with --output.", no_args_is_help=False)
+    app.callback(invoke_without_command=True)(record)
+    app.command("start")(start)
+    app.command("stop")(stop)
+    app.command("save")(save)
+    app.command("list")(list_)
+    app.command("get")(get)
+    return app
+
+
+def record(
+    context: typer.Context,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Record telemetry into a file here: .mcap, .parquet, .csv or .npz; Ctrl-C ends it.",
+        ),
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", "-s", min=0.0, help="How long; default: until Ctrl-C.")
+    ] = None,
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Record cycles: on the server (start, stop, save, list, get), or here with --output."""
+    if context.invoked_subcommand is not None:
+        return
+    if output is None:
+        raise typer.BadParameter("give --output FILE, or one of start, stop, save, list, get")
+
+    async def work() -> dict[str, Any]:
+        async with Target(machine, connect, zenoh).open() as one:
+            return await _record_here(one, output, seconds)
+
+    found = carry_out(work, json)
+    if json:
+        write_json({"ok": True, **found})
+    else:
+        lost = f", {found['lost']} lost on the way" if found["lost"] else ""
+        say(f"{output}: {found['cycles']} cycles{lost}")
+
+
+async def _record_here(machine: Machine, output: Path, seconds: float | None) -> dict[str, Any]:
+    if not output.resolve().parent.is_dir():
+        raise RequestRefused("MC511", f"{output} cannot be written: there is no such folder", "make it first")
+    try:
+        file = open_sample_file(output, machine.info)
+    except OSError as error:
+        raise RequestRefused(
+            "MC511", f"{output} cannot be written: {error.strerror}", "choose another"
+        ) from error
+    cycles, lost, expected = 0, 0, None
+    ended = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    stop_signals = _on_interrupt(loop, ended)
+    say(f"recording {machine.name} into {output}; Ctrl-C ends it")
+
+    async def take() -> None:
+        nonlocal cycles, lost, expected
+        async for samples in machine.samples():
+            if expected is not None and samples.seq > expected:
+                lost += samples.seq - expected
+            expected = samples.seq + len(samples.time_s)
+            cycles += len(samples.time_s)
+            file.append(samples)
+
+    taking = asyncio.ensure_future(take())
+    taking.add_done_callback(lambda _: ended.set())
+    try:
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(ended.wait(), seconds)
+    finally:
+        stop_signals()
+        taking.cancel()
+        outcome = (await asyncio.gather(taking, return_exceptions=True))[0]
+    try:
+        file.finish()
+    except OSError as error:
+        raise RequestRefused("MC511", f"{output} could not be written: {error}", "make room") from error
+    if isinstance(outcome, OSError):
+        raise RequestRefused("MC511", f"{output} could not be written: {outcome}", "make room") from outcome
+    return {"output": str(output), "cycles": cycles, "lost": lost}
+
+
+def _on_interrupt(loop: asyncio.AbstractEventLoop, ended: asyncio.Event) -> Any:
+    import signal
+
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    try:
+        for number in numbers:
+            loop.add_signal_handler(number, ended.set)
+    except (NotImplementedError, RuntimeError, ValueError):
+        # not in the main thread
+        return lambda: None
+    return lambda: [loop.remove_signal_handler(number) for number in numbers]
+
+
+def start(
+    name: NameArgument = "",
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", "-s", min=0.001, max=86_400.0, help="End it after this time.")
+    ] = None,
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Record every cycle into a file on the server from now on."""
+    _told("recording", json, Target(machine, connect, zenoh), lambda one: one.start_recording(name, seconds))
+
+
+def stop(
+    name: NameArgument = "",
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """End a recording on the server; without a name the only one."""
+    _told("written", json, Target(machine, connect, zenoh), lambda one: one.stop_recording(name))
+
+
+def save(
+    reason: Annotated[str, typer.Option("--reason", help="Stands in the file and in its name.")] = "asked",
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Write out the black box, the last minutes, on the server."""
+    _told("written", json, Target(machine, connect, zenoh), lambda one: one.save_black_box(reason))
+
+
+def _told(word: str, json: bool, target: Target, order: Any) -> None:
+    async def work() -> tuple[str, str]:
+        async with target.open() as one:
+            return one.name, await order(one)
+
+    machine, name = carry_out(work, json)
+    if json:
+        write_json({"ok": True, "machine": machine, "recording": name})
+    else:
+        say(f"{machine}: {name} {word}")
+
+
+def list_(
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """List the recordings on the server, and what the black box holds."""
+
+    async def work() -> tuple[str, dict[str, Any]]:
+        async with Target(machine, connect, zenoh).open() as one:
+            return one.name, await one.recordings()
+
+    name, found = carry_out(work, json)
+    if json:
+        write_json({"ok": True, "machine": name, **found})
+        return
+    if found["recordings"]:
+        results().print(recordings_table(found["recordings"]))
+    recorder = found["recorder"]
+    if recorder is None:
+        say(f"{name}: no recorder runs", "yellow")
+    else:
+        held = f"{recorder['held_s']:.1f} s in {recorder['held_bytes'] / 1e6:.1f} MB"
+        missed = f"; {recorder['missed_cycles']} cycles missed" if recorder["missed_cycles"] else ""
+        say(f"{name}: the black box holds {held}{missed}")
+
+
+def recordings_table(recordings: list[dict[str, Any]]) -> Table:
+    """A row for each recording, the newest first."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title, justify in (("name", "left"), ("state", "left"), ("size", "right"), ("written", "left")):
+        table.add_column(title, overflow="fold", justify=justify)  # type: ignore[arg-type]
+    for each in recordings:
+        at = datetime.fromtimestamp(each["modified_at"]).astimezone().isoformat(" ", "seconds")
+        table.add_row(Text(each["name"]), each["state"], f"{each['size'] / 1e6:.1f} MB", at)
+    return table
+
+
+def get(
+    name: Annotated[str, typer.Argument(metavar="[NAME]", help="Left out: the newest.")] = "",
+    output: OutputOption = None,
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Take a recording over from the server into a file here."""
+
+    async def work() -> tuple[str, Path, int]:
+        async with Target(machine, connect, zenoh).open() as one:
+            chosen = name.removesuffix(SUFFIX) or await _newest(one)
+            target = output or Path(f"{chosen}{SUFFIX}")
+            return chosen, target, await _download(one, chosen, target)
+
+    chosen, target, size = carry_out(work, json)
+    if json:
+        write_json({"ok": True, "recording": chosen, "output": str(target), "size": size})
+    else:
+        say(f"{target}: {size / 1e6:.1f} MB")
+
+
+async def _newest(machine: Machine) -> str:
+    done = [each["name"] for each in (await machine.recordings())["recordings"] if each["state"] == "done"]
+    if not done:
+        raise RequestRefused("MC585", f"{machine.name} has no recording", "mcctl record save makes one")
+    return str(done[0])
+
+
+async def _download(machine: Machine, name: str, target: Path) -> int:
+    partial = target.with_name(f".{target.name}.{os.getpid()}.part")
+    size = 0
+    try:
+        with partial.open("wb") as stream:
+            shown_at = time.monotonic()
+            async for part, whole in machine.read_recording(name):
+                stream.write(part)
+                size += len(part)
+                if time.monotonic() - shown_at > 1.0:
+                    shown_at = time.monotonic()
+                    say(f"{name}: {100.0 * size / max(whole, 1):.0f} % of {whole / 1e6:.1f} MB")
+        os.replace(partial, target)
+    except OSError as error:
+        raise RequestRefused(
+            "MC511", f"{target} cannot be written: {error.strerror}", "give --output"
+        ) from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return size
