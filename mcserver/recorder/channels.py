@@ -82,9 +82,17 @@ class CycleField(enum.Enum):
     CONDITION = 12
     RATE = 13
     PROGRAM_STATE = 14
+    INPUT = 15
+    OUTPUT = 16
+    INTERLOCK = 17
 
 
-def cycle_fields(axes: int, slots: int) -> list[Field]:
+def cycle_fields_of(machine: Machine, slots: int) -> list[Field]:
+    """Fields of a cycle's message of this machine."""
+    return cycle_fields(len(machine.axes), slots, len(machine.inputs), len(machine.outputs))
+
+
+def cycle_fields(axes: int, slots: int, inputs: int = 1, outputs: int = 1) -> list[Field]:
     """Fields of a cycle's message; positions are doubles, what is looked at by eye floats."""
     shapes: dict[CycleField, tuple[Kind, int | None]] = {
         CycleField.CYCLE: (Kind.UINT64, None),
@@ -101,6 +109,9 @@ def cycle_fields(axes: int, slots: int) -> list[Field]:
         CycleField.CONDITION: (Kind.SMALL, axes),
         CycleField.RATE: (Kind.FLOAT, slots),
         CycleField.PROGRAM_STATE: (Kind.SMALL, slots),
+        CycleField.INPUT: (Kind.FLOAT, inputs),
+        CycleField.OUTPUT: (Kind.FLOAT, outputs),
+        CycleField.INTERLOCK: (Kind.SMALL, None),
     }
     return [Field(field.name.lower(), field.value, kind, count) for field, (kind, count) in shapes.items()]
 
@@ -124,6 +135,8 @@ def channels(machine: Machine) -> tuple[list[Schema], list[Channel]]:
     schemas = [Schema(1, cycle, "protobuf", "mcserver.Cycle")]
     names = {"axes": ",".join(str(axis.index) for axis in machine.axes)}
     names["units"] = ",".join(axis.type.unit for axis in machine.axes)
+    names["inputs"] = ",".join(each.name for each in machine.inputs)
+    names["outputs"] = ",".join(each.name for each in machine.outputs)
     found = [Channel(CYCLES, CYCLES_TOPIC, "protobuf", names, 1)]
     for number, (name, message, channel, topic) in enumerate(json, start=2):
         schemas.append(Schema(number, _json_schema(message), "jsonschema", name))
@@ -151,7 +164,12 @@ def _protobuf_schema() -> bytes:
     condition = _enumeration("AxisCondition", AxisCondition)
     state = _enumeration("ProgramState", SlotState)
     cycle = _message("Cycle", cycle_fields(axes=1, slots=1))
-    for field, kind in (("condition", condition), ("program_state", state), ("estop", None)):
+    for field, kind in (
+        ("condition", condition),
+        ("program_state", state),
+        ("estop", None),
+        ("interlock", None),
+    ):
         (described,) = (each for each in cycle.field if each.name == field)
         if kind is None:
             described.type = FieldDescriptorProto.TYPE_BOOL

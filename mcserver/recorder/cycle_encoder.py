@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mcserver.executor.shm.feedback import (
     CYCLE,
     ESTOP,
+    INTERLOCK,
     LATE,
     LINE,
     SLOT_RATE,
@@ -18,7 +19,7 @@ from mcserver.executor.shm.feedback import (
     FeedbackRing,
 )
 from mcserver.machine.machine_file import Machine
-from mcserver.recorder.channels import CYCLES, FIRST_TOOL, cycle_fields, pose_fields
+from mcserver.recorder.channels import CYCLES, FIRST_TOOL, cycle_fields_of, pose_fields
 from mcserver.recorder.chunks import Times
 from mcserver.recorder.fixed_records import FixedRecords
 from mcserver.simulation.tool_poses import ToolPoses
@@ -43,10 +44,9 @@ class CycleEncoder:
         self, machine: Machine, slots: int, ring: FeedbackRing, epoch: float, poses: ToolPoses
     ) -> None:
         self._ring = ring
-        self._slots = slots
         self._epoch_ns = round(epoch * 1e9)
         self._scale = np.array([1.0 / axis.type.si_per_unit for axis in machine.axes])
-        self._cycles = FixedRecords(CYCLES, cycle_fields(len(machine.axes), slots))
+        self._cycles = FixedRecords(CYCLES, cycle_fields_of(machine, slots))
         self._poses = poses
         self._tools = {
             tool: FixedRecords(FIRST_TOOL + at, pose_fields()) for at, tool in enumerate(poses.numbers)
@@ -66,7 +66,8 @@ class CycleEncoder:
         ring, scale = self._ring, self._scale
         times = self.log_time(rows[:, TIME])
         setpoint, position = ring.block(rows, "setpoint"), ring.block(rows, "actual")
-        slots = rows[:, rows.shape[1] - 4 * self._slots :].reshape(len(rows), self._slots, 4)
+        slots = ring.slots_of(rows)
+        inputs, outputs = ring.io_of(rows)
         values: dict[str, NDArray[np.generic]] = {
             "cycle": rows[:, CYCLE].astype(np.uint64),
             "time": rows[:, TIME],
@@ -82,6 +83,9 @@ class CycleEncoder:
             "condition": ring.block(rows, "condition").astype(np.uint8),
             "rate": slots[:, :, SLOT_RATE],
             "program_state": slots[:, :, SLOT_STATE].astype(np.uint8),
+            "input": inputs,
+            "output": outputs,
+            "interlock": (rows[:, INTERLOCK] != 0.0).astype(np.uint8),
         }
         # a drive may report nonsense: more than a float holds becomes infinite, and is recorded as that
         with np.errstate(over="ignore", invalid="ignore"):

@@ -45,7 +45,7 @@ class Field(msgspec.Struct, frozen=True):
     """One field of a message.
 
     Attributes:
-        number: in the schema, at most 15. count: of a packed repeated field; None: a single value.
+        number: in the schema. count: of a packed repeated field; None: a single value.
     """
 
     name: str

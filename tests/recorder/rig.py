@@ -42,7 +42,8 @@ class Rig:
         loaded = load_machine(machine)
         self.machine: Machine = _with(loaded, RecorderSection(**settings))
         self.axes = len(self.machine.axes)
-        self.ring = FeedbackRing(None, self.axes, SLOTS)
+        inputs, outputs = len(self.machine.inputs), len(self.machine.outputs)
+        self.ring = FeedbackRing(None, self.axes, SLOTS, inputs=inputs, outputs=outputs)
         self.folder = RecordingFolder(folder)
         schemas, topics = channels(self.machine)
         self.writer = FileWriter(
@@ -59,7 +60,7 @@ class Rig:
         self.recorder = Recorder(
             self.machine, self.ring, SLOTS, start, poses, self.folder, self.writer, lambda: self.clock
         )
-        self.row = FeedbackRow(self.axes, SLOTS)
+        self.row = FeedbackRow(self.axes, SLOTS, inputs, outputs)
         self.row.condition[:] = AxisCondition.HOLDING
         self.cycle = 0
         self.reports: list[Report] = []

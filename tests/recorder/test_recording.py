@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from mcserver.machine.machine_file import builtin_text
 from mcserver.recorder.messages import Happened, Saved, StartRecording, StopRecording
 from mcserver.service.reports import Event, Fault, LineReport
 from tests.recorder.rig import EPOCH, Rig, column, decoded
@@ -111,6 +112,36 @@ def test_tools_have_a_channel_each(tmp_path: Path) -> None:
     poses = decoded(path, "/tools/3")
     assert len(poses) == 25  # 50 Hz
     assert abs(poses[0][2].z) > 1.0 or abs(poses[0][2].x) > 1.0
+
+
+def test_inputs_and_outputs_are_there_under_their_names(tmp_path: Path) -> None:
+    file = tmp_path / "io.toml"
+    file.write_text(
+        builtin_text("cartesian")
+        + """
+[[input]]
+number = 3
+name = "door"
+[[input]]
+number = 0
+name = "pressure"
+kind = "analog"
+[[output]]
+number = 1
+name = "coolant"
+"""
+    )
+    rig = Rig(tmp_path / "recordings", str(file))
+    rig.row.inputs[:] = [1.0, 4.5]
+    rig.row.outputs[:] = [1.0]
+    path = recorded(rig, 100)
+    cycle = decoded(path, "/cycles")[-1][2]
+    assert (list(cycle.input), list(cycle.output), cycle.program_state[0]) == ([1.0, 4.5], [1.0], 1)
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    (metadata,) = [each.metadata for each in summary.channels.values() if each.topic == "/cycles"]
+    assert (metadata["inputs"], metadata["outputs"]) == ("door,pressure", "coolant")
 
 
 def test_every_schema_is_one_that_its_encoding_can_read(tmp_path: Path) -> None:

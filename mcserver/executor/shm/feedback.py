@@ -248,6 +248,11 @@ class FeedbackRing:
         inputs, outputs, _ = _io_blocks(rows, self._axes, self._slots, self._inputs, self._outputs)
         return inputs, outputs
 
+    def slots_of(self, rows: Array) -> Array:
+        """Programs' slots of rows, shape (n, slots, 4): `SLOT_U`, `SLOT_RATE`, …"""
+        at = _HEAD + _BLOCKS * self._axes
+        return rows[:, at : at + _SLOT * self._slots].reshape(len(rows), self._slots, _SLOT)
+
     @staticmethod
     def time_of(rows: Array) -> Array:
         """Executor times of rows [s]."""

@@ -81,4 +81,5 @@ def map_feedback(descriptor: int, machine: Machine, slots: int) -> FeedbackRing:
     """The feedback alone, for a process that only looks: it cannot write anything in the block."""
     before, size = _sizes(machine, slots)[:2]
     whole = memoryview(mmap.mmap(descriptor, before + size, prot=mmap.PROT_READ))
-    return FeedbackRing(whole[before:], len(machine.axes), slots)
+    inputs, outputs = len(machine.inputs), len(machine.outputs)
+    return FeedbackRing(whole[before:], len(machine.axes), slots, inputs=inputs, outputs=outputs)
