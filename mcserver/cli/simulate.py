@@ -19,6 +19,7 @@ from mcserver.cli.rejection import reject
 from mcserver.cli.simulation_report import NOTHING_SIMULATED, diagnostics_of, print_report
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.input_script import with_inputs
 from mcserver.simulation.recorder import Recorded
 from mcserver.simulation.recording_file import write_csv, write_npz
 from mcserver.simulation.tool_poses import ToolPoses
@@ -31,17 +32,28 @@ OutputOption = Annotated[
 ]
 
 
+InputsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--input",
+        metavar="NAME=VALUE@SECONDS",
+        help="Set a simulated input: door=on@2.5; repeatable.",
+    ),
+]
+
+
 def simulate_program(
     file: ProgramArgument,
     machine: MachineOption = DEFAULT_MACHINE,
     output: OutputOption = None,
+    inputs: InputsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run a program on a virtual clock, by the same code as the server."""
     with json_answer_on_error(json, NOTHING_SIMULATED):
         if output is not None:
             check_output(output, (".csv", ".npz"))
-        described = load_machine(machine)
+        described = with_inputs(load_machine(machine), inputs or ())
         program = load_program(file)
         if program.faults:
             if json:

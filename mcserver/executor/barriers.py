@@ -11,7 +11,7 @@ from typing import Protocol
 
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
-from mcserver.executor.io_bank import WaitMode
+from mcserver.motion.canonical import WaitMode
 
 # A drive that does not do as told within this time is at fault [s].
 DRIVE_TIMEOUT_S = 5.0

@@ -25,8 +25,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import hold_position
 from mcserver.executor.homing import Homes, Refers
 from mcserver.executor.independent import TrajectoryError
-from mcserver.executor.io_bank import WaitMode
-from mcserver.motion.canonical import AxisOperation
+from mcserver.motion.canonical import AxisOperation, WaitMode
 
 if TYPE_CHECKING:
     from mcserver.executor.slot import ProgramSlot
@@ -353,6 +352,8 @@ def _input(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
 
 
 def _finish(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
+    if control.operation:
+        slot.cycle.io.make_safe(slot.index)
     slot.finish(control.line, left)
     return None
 

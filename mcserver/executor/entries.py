@@ -57,7 +57,8 @@ class Control(msgspec.Struct, frozen=True):
         values: shape (K,) for RAPID, SPEED and TORQUE; for END optionally the final positions (without them
             the axes hold the row at or right after u); else None.
         seconds: for DWELL; for WAIT the time-out.
-        operation: for AXIS: index of the operation in ``list(AxisOperation)``.
+        operation: for AXIS: index of the operation in ``list(AxisOperation)``; for FINISH: 1 where a faulty
+            line has ended the program, whose outputs become safe; for INPUT: a `WaitMode`.
         token: for SETTLE: a number that the executor reports back with the positions.
         channel: for OUTPUT and INPUT: column of the machine's output or input. value: for OUTPUT.
     """

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mcserver.drives.bus import DriveBus
 from mcserver.drives.io_bus import IoBus
 from mcserver.executor.axes import AxisBank
+from mcserver.executor.barriers import Dwell, InputWait
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
@@ -119,10 +120,11 @@ class Executor:
     @property
     def at_rest(self) -> bool:
         """Whether nothing is commanded to move: no program runs, and no axis moves to a position by
-        itself.
+        itself; and every output has its value.
         """
         running = any(slot.running for slot in self._slots)
-        return not running and not self.motions.mask & ~self.motions.speeding and not self.bank.starting
+        moving = self.motions.mask & ~self.motions.speeding
+        return not (running or moving or self.bank.starting) and self._io.settled
 
     def u(self, slot: int) -> float:
         """Where the program in a slot is on its time axis [cycles]."""
@@ -214,6 +216,11 @@ class Executor:
     def warn(self, code: FaultCode) -> None:
         """Reports something about the machine as a whole."""
         self._cycle.fault(code, -1, 0)
+
+    @property
+    def timed(self) -> bool:
+        """Whether a program stands at a dwell, or at an input for a limited time."""
+        return any(isinstance(slot.barrier, Dwell | InputWait) for slot in self._used if slot.running)
 
     @property
     def standing(self) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Sequence
 
@@ -19,16 +18,6 @@ NOBODY = -1
 OPERATOR = -2
 # A scripted change is due in the first cycle that is not earlier than this [s].
 ROUNDING_S = 1e-9
-
-
-class WaitMode(enum.IntEnum):
-    """What M66 waits for; numbers of its word L."""
-
-    IMMEDIATE = 0
-    RISE = 1
-    FALL = 2
-    HIGH = 3
-    LOW = 4
 
 
 class IoBank:
@@ -129,6 +118,11 @@ class IoBank:
         """A program has ended in order: its outputs stay as they are."""
         self._owner = [NOBODY if each == owner else each for each in self._owner]
         self._written = False
+
+    @property
+    def settled(self) -> bool:
+        """Whether every output that was set has been exchanged."""
+        return self._written or bool((self._row.outputs == self._wanted).all())
 
     def value(self, column: int) -> float:
         """Return an input's value as of the latest exchange."""

@@ -10,6 +10,7 @@ from mcserver.errors import Diagnostic
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.profile_words import ProfileWords
 from mcserver.gcode.text.source import split_lines
+from mcserver.machine.dialect_section import CodeOutput
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import (
     AxisLine,
@@ -104,10 +105,12 @@ class _Survey:
 
     def profile_words(self, words: ProfileWords, line: int) -> None:
         """Note the codes of a line that have no effect on this machine."""
-        codes = list(words.ignored)
+        codes, outputs = list(words.ignored), self._dialect.outputs
         for action in words.actions:
+            code = action.code
+            mapped = code in outputs if code != "S" else any(map(_follows_speed, outputs.values()))
             idle = (
-                (action.code in ("M3", "M4", "M5", "S") and self._dialect.spindle is None)
+                (code in ("M3", "M4", "M5", "S") and self._dialect.spindle is None and not mapped)
                 or (action.code == "M6" and self._dialect.tool_change == "ignore")
                 or (action.code == "G43" and not self._dialect.cutters)
             )
@@ -166,3 +169,7 @@ class _Survey:
         if not said:
             return self._found
         return sorted([*self._found, *said], key=lambda each: each.line)
+
+
+def _follows_speed(settings: tuple[CodeOutput, ...]) -> bool:
+    return any(each.value is None for each in settings)

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+import re
+from collections.abc import Container, Mapping, Sequence
 from typing import Literal
 
 import msgspec
 
+from mcserver.machine.io_section import Output
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.sections import CutterSection, DialectSection
 from mcserver.units import MM
 
 Profile = Literal["reference", "cnc", "printer", "robot"]
+
+
+# codes that act by themselves and cannot be given to outputs
+_OWN = frozenset({*range(3), 6, 30, 60, *range(62, 69), 82, 83, *range(97, 100), 600})
+
+
+class CodeOutput(msgspec.Struct, frozen=True):
+    """What a code does to an output, by its column; ``value`` None: it follows the word S."""
+
+    column: int
+    value: float | None
 
 
 class Dialect(msgspec.Struct, frozen=True):
@@ -23,6 +36,7 @@ class Dialect(msgspec.Struct, frozen=True):
         ignore: codes and macros that are accepted without effect, besides the profile's own.
         spindle: axis that M3, M4, M5 and S turn; None: they have no effect.
         dwell_unit: of G04 P [s]. tool_change: what M6 does where the tool differs from the one before.
+        outputs: what codes do to outputs, such as ``M8``. channels: the machine has inputs or outputs.
         systems: work coordinate systems that programs start with, number → axis → [m or rad].
         cutters: length of each tool of the tool table, for G43 [m].
     """
@@ -36,6 +50,8 @@ class Dialect(msgspec.Struct, frozen=True):
     tool_change: Literal["pause", "ignore"] = "pause"
     cutters: Mapping[int, float] = {}
     systems: Mapping[int, Mapping[int, float]] = {}
+    outputs: Mapping[str, tuple[CodeOutput, ...]] = {}
+    channels: bool = False
 
     @property
     def reference(self) -> bool:
@@ -45,20 +61,24 @@ class Dialect(msgspec.Struct, frozen=True):
     @property
     def strict(self) -> bool:
         """Return True if programs are read as the reference has it and no other way."""
-        return self.profile == "reference" and not (self.letters or self.ignore or self.spindle is not None)
+        widened = self.letters or self.ignore or self.spindle is not None or self.channels
+        return self.profile == "reference" and not widened
 
 
 def read_dialect(
     section: DialectSection | None,
     cutters: list[CutterSection | None],
     axes: Container[int],
+    outputs: Sequence[Output],
     mistakes: Mistakes,
+    *,
+    channels: bool = False,
 ) -> Dialect:
     """Return the dialect of ``[dialect]`` and ``[[cutter]]``.
 
     Args:
         section: None where there is none, or one with a mistake. cutters: None where one has a mistake.
-        axes: numbers of the machine's axes.
+        axes: numbers of the machine's axes. outputs: of the machine. channels: it has inputs or outputs.
     """
     lengths: dict[int, float] = {}
     for position, cutter in enumerate(cutters):
@@ -70,7 +90,7 @@ def read_dialect(
             )
         lengths[cutter.number] = cutter.length_mm * MM
     if section is None:
-        return Dialect(cutters=lengths)
+        return Dialect(cutters=lengths, channels=channels)
     for letter, axis in section.letters.items():
         if len(letter) != 1 or letter not in "DEHLOQS":
             mistakes.add(
@@ -99,4 +119,52 @@ def read_dialect(
         dwell_unit=1e-3 if unit == "ms" else 1.0,
         tool_change=section.tool_change,
         cutters=lengths,
+        outputs=_read_code_outputs(section, outputs, mistakes),
+        channels=channels,
     )
+
+
+def _read_code_outputs(
+    section: DialectSection, outputs: Sequence[Output], mistakes: Mistakes
+) -> dict[str, tuple[CodeOutput, ...]]:
+    """Return ``[dialect.outputs]``: code → what it does to outputs."""
+    columns = {output.name: column for column, output in enumerate(outputs)}
+    found: dict[str, tuple[CodeOutput, ...]] = {}
+    for written, settings in section.outputs.items():
+        path = ("dialect", "outputs", written)
+        code = re.fullmatch(r"[Mm]0*([0-9]{1,4})", written)
+        if code is None:
+            mistakes.add(path, "is not an M-code", "write it as M8")
+            continue
+        if int(code[1]) in _OWN:
+            mistakes.add(path, "does something else", "M3 to M5, M7 to M9, M10, M106 and others are free")
+            continue
+        name = f"M{int(code[1])}"
+        if name in found:
+            mistakes.add(path, f"{name} is there twice", "write all its outputs in one table")
+        each: list[CodeOutput] = []
+        for output_name, value in settings.items():
+            column = columns.get(output_name)
+            if column is None:
+                known = ", ".join(columns) or "none"
+                mistakes.add((*path, output_name), "is no output of this file", f"there is {known}")
+                continue
+            output = outputs[column]
+            if value == "S":
+                if output.digital:
+                    mistakes.add((*path, output_name), "a digital one cannot follow S", "give true or false")
+                each.append(CodeOutput(column, None))
+                continue
+            level = float(value)
+            if output.digital is not isinstance(value, bool):
+                hint = "true or false" if output.digital else 'a number, or "S"'
+                mistakes.add((*path, output_name), f"{value!r} is no value of this output", f"give {hint}")
+            elif not output.low <= level <= output.high:
+                mistakes.add(
+                    (*path, output_name),
+                    f"{level:g} is outside its min … max",
+                    f"give {output.low:g} … {output.high:g}",
+                )
+            each.append(CodeOutput(column, level))
+        found[name] = tuple(each)
+    return found

@@ -215,10 +215,17 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     sound = file["axis"] is not None and None not in file["axis"]
     tools = read_tools(file.get("tool") or (), axes if sound else range(MAX_AXES), mistakes)
     numbers = axes if sound else range(MAX_AXES)
-    dialect = read_dialect(file.get("dialect"), file.get("cutter") or [], numbers, mistakes)
     names = {bus.name for bus in buses}
     inputs = read_inputs(file.get("input") or (), names, mistakes)
     outputs = read_outputs(file.get("output") or (), inputs, names, mistakes)
+    dialect = read_dialect(
+        file.get("dialect"),
+        file.get("cutter") or [],
+        numbers,
+        outputs,
+        mistakes,
+        channels=bool(inputs or outputs),
+    )
     scales = {index: axis.type.si_per_unit for index, axis in axes.items()}
     letters = {**LETTERS, **dialect.letters}
     probe = read_probe(file.get("probe"), letters, scales, mistakes) if sound else None

@@ -230,6 +230,7 @@ class DialectSection(msgspec.Struct, frozen=True):
     spindle_axis: AxisNumber | None = None
     dwell: Literal["s", "ms"] | None = None
     tool_change: Literal["pause", "ignore"] = "pause"
+    outputs: dict[str, dict[str, bool | float | Literal["S"]]] = {}
 
 
 class CutterSection(msgspec.Struct, frozen=True):

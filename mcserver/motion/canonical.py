@@ -167,13 +167,52 @@ class PauseLine(msgspec.Struct, frozen=True):
     line: int
 
 
+class WaitMode(enum.IntEnum):
+    """What M66 waits for; numbers of its word L."""
+
+    IMMEDIATE = 0
+    RISE = 1
+    FALL = 2
+    HIGH = 3
+    LOW = 4
+
+
+class OutputSetting(msgspec.Struct, frozen=True):
+    """Set the machine's output of a column to a value in its unit."""
+
+    column: int
+    value: float
+
+
+class OutputLine(msgspec.Struct, frozen=True):
+    """M62 to M65, M67, M68: set outputs.
+
+    Attributes:
+        with_motion: in the cycle in which the next motion begins (D-70); else where the motion before them
+            has ended (D-71).
+    """
+
+    line: int
+    settings: tuple[OutputSetting, ...]
+    with_motion: bool
+
+
+class InputLine(msgspec.Struct, frozen=True):
+    """M66: motion before it ends, then an input is read, or waited for up to ``timeout`` [s] (D-72)."""
+
+    line: int
+    column: int
+    mode: WaitMode
+    timeout: float
+
+
 class EndLine(msgspec.Struct, frozen=True):
     """M02 or M30."""
 
     line: int
 
 
-Canonical = MotionLine | AxisLine | PauseLine | EndLine
+Canonical = MotionLine | AxisLine | PauseLine | OutputLine | InputLine | EndLine
 
 
 def requested_of(line: MotionLine) -> float | None:

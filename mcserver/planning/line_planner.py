@@ -21,7 +21,9 @@ from mcserver.motion.canonical import (
     EndLine,
     FeedGroup,
     Group,
+    InputLine,
     MotionLine,
+    OutputLine,
     PauseLine,
     PlainRun,
     RapidGroup,
@@ -111,6 +113,9 @@ class LinePlanner:
         self.flush = False
         self.last_line = 0
         self.pause_u: float | None = None
+        # outputs by column that wait for the next motion, and those of lines whose motion is in the window
+        self._due: dict[int, float] = {}
+        self._at_start: dict[int, dict[int, float]] = {}
 
     @property
     def planned_line(self) -> int:
@@ -122,6 +127,21 @@ class LinePlanner:
         self.canonical.clear()
         self.output.drop()
         self.source = None
+        self.drop_outputs()
+
+    def drop_outputs(self) -> None:
+        """Drop outputs that wait for the next motion: there is none."""
+        self._due.clear()
+
+    def finish(self, *, broken: bool) -> None:
+        """Put the program's end behind the motion.
+
+        Args:
+            broken: a faulty line ended it: its outputs become safe.
+        """
+        self._set_outputs(self._due, self.motion.u, self.last_line)
+        self._due = {}
+        self.control(ControlKind.FINISH, self.last_line, operation=int(broken))
 
     def settled(self, setpoints: Sequence[float]) -> dict[int, float]:
         """Take the positions that were asked for [m or rad].
@@ -151,6 +171,8 @@ class LinePlanner:
         elif isinstance(piece, LineMark):
             kind = ControlKind.LINE_END if piece.ends else ControlKind.LINE_START
             self.output.put(Control(kind, piece.u, piece.line))
+            if not piece.ends and self._at_start:
+                self._set_outputs(self._at_start.pop(piece.line, {}), piece.u, piece.line)
         elif isinstance(piece, Activation):
             self.output.put(Control(ControlKind.BEGIN, piece.u, piece.line, axes=piece.mask))
         else:
@@ -177,6 +199,13 @@ class LinePlanner:
     def step(self) -> bool:
         """Plan the next canonical line; False where the window has to be closed first."""
         line = self.canonical[0]
+        if isinstance(line, OutputLine) and line.with_motion:
+            self.canonical.popleft()
+            self._due.update((each.column, each.value) for each in line.settings)
+            return True
+        if self._due and (isinstance(line, PlainRun) or (isinstance(line, MotionLine) and _travels(line))):
+            self._at_start[line.line] = self._due
+            self._due = {}
         if isinstance(line, PlainRun):
             self.canonical.popleft()
             if not self._flow_on(line):
@@ -206,9 +235,39 @@ class LinePlanner:
             self.motion.to_whole_cycle()
             self.pause_u = self.motion.u
             self.control(ControlKind.PAUSE, line.line)
+        elif isinstance(line, OutputLine):
+            self._set_now(line)
+        elif isinstance(line, InputLine):
+            self._read_input(line)
         elif isinstance(line, EndLine):
             self.last_line = line.line
         return True
+
+    def _set_now(self, line: OutputLine) -> None:
+        """Set outputs where the motion before them has ended (D-71)."""
+        self.motion.to_whole_cycle()
+        settings = {each.column: each.value for each in line.settings}
+        # what was to come with the next motion came first in the program
+        self._due = {column: value for column, value in self._due.items() if column not in settings}
+        self._set_outputs(settings, self.motion.u, line.line)
+
+    def _set_outputs(self, settings: Mapping[int, float], u: float, line: int) -> None:
+        for column, value in settings.items():
+            self.output.put(Control(ControlKind.OUTPUT, u, line, channel=column, value=value))
+
+    def _read_input(self, line: InputLine) -> None:
+        """Have an input read, or waited for, where the motion before it has ended (D-72)."""
+        self.motion.to_whole_cycle()
+        self.reports.append(Report(ReportKind.PLANNED, line.line))
+        self.control(ControlKind.LINE_START, line.line)
+        self.control(
+            ControlKind.INPUT,
+            line.line,
+            channel=line.column,
+            operation=int(line.mode),
+            seconds=line.timeout,
+        )
+        self.control(ControlKind.LINE_END, line.line)
 
     def _report(self, line: MotionLine) -> None:
         self.reports.append(
@@ -275,6 +334,8 @@ class LinePlanner:
         self.control(ControlKind.LINE_START, line.line)
         for group in line.groups:
             self._transmit(group, line.line)
+        # behind what energizes axes: outputs come with the motion itself
+        self._set_outputs(self._at_start.pop(line.line, {}), planner.u, line.line)
         end = start
         bound: Bound | None = None
         if feeds:
@@ -391,3 +452,8 @@ class LinePlanner:
     def control(self, kind: ControlKind, line: int, **more: Any) -> None:
         """Put a control entry where the plan ends."""
         self.output.put(Control(kind, self.motion.u, line, **more))
+
+
+def _travels(line: MotionLine) -> bool:
+    """Return True if the line is motion for M62: one of G00 to G03, or G1020."""
+    return any(isinstance(group, FeedGroup | RapidGroup) for group in line.groups)

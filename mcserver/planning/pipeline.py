@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.headroom import stopping_rows
 from mcserver.gcode.profiles.frame import Frame
@@ -103,6 +103,8 @@ class Pipeline:
         # read, but not interpreted before the executor has reported positions
         self._held: ParsedLine | None = None
         self._phase = Phase.PLANNING
+        # a faulty line has ended the program
+        self._broken = False
 
     # ------------------------------------------------------------------ state
 
@@ -261,7 +263,9 @@ class Pipeline:
         line = rejected.diagnostics[0].line
         plan.reports.append(Report(ReportKind.REJECTED, line, diagnostics=rejected.diagnostics))
         self._end_of_text()
+        self._broken = True
         plan.canonical.clear()
+        plan.drop_outputs()
         self._held = None
         plan.flush = plan.motion.pending > 0
 
@@ -288,7 +292,7 @@ class Pipeline:
             if plan.motion.pending:
                 plan.flush = True
                 return True
-            plan.control(ControlKind.FINISH, plan.last_line)
+            plan.finish(broken=self._broken)
             self._phase = Phase.FINISHED
             plan.output.flush()
             plan.reports.append(Report(ReportKind.FINISHED, plan.last_line))

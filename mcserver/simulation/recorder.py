@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.tool_poses import ToolPoses
 
@@ -23,6 +24,7 @@ class Recorded:
     Attributes:
         time_s, line: shape (N,). axes: shape (K,), axis numbers. setpoint, actual: shape (N, K).
         tools: by tool number the poses that the setpoints give, shape (N, 6): X Y Z A B C [mm, deg].
+        inputs, outputs: by name the values in each cycle, shape (N,).
     """
 
     time_s: Array
@@ -31,6 +33,8 @@ class Recorded:
     setpoint: Array
     actual: Array
     tools: Mapping[int, Array] = field(default_factory=dict)
+    inputs: Mapping[str, Array] = field(default_factory=dict)
+    outputs: Mapping[str, Array] = field(default_factory=dict)
 
     def with_tools(self, machine: Machine, poses: ToolPoses) -> Recorded:
         """The same run with the poses of all the machine's tools."""
@@ -42,12 +46,15 @@ class Recorded:
 class Recorder:
     """Called once a cycle by the virtual executor.
 
+    Args:
+        keep: rows are wanted. channels: the executor's own inputs and outputs, which it changes in place.
+
     Attributes:
         line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape
         (K,) [SI].
     """
 
-    def __init__(self, machine: Machine, keep: bool) -> None:
+    def __init__(self, machine: Machine, keep: bool, channels: tuple[Array, Array] | None = None) -> None:
         self._machine = machine
         self._keep = keep
         start = np.array([axis.initial_position for axis in machine.axes])
@@ -56,6 +63,9 @@ class Recorder:
         self.last: Array = start.copy()
         self.line = 0
         self._width = len(machine.axes)
+        nothing = np.zeros(0)
+        self._inputs, self._outputs = (nothing, nothing) if channels is None else channels
+        self._columns = 2 + 2 * self._width + len(self._inputs) + len(self._outputs)
         self._blocks: list[Array] = []
         self._fill = _BLOCK
 
@@ -67,13 +77,16 @@ class Recorder:
         if not self._keep:
             return
         if self._fill == _BLOCK:
-            self._blocks.append(np.empty((_BLOCK, 2 + 2 * self._width)))
+            self._blocks.append(np.empty((_BLOCK, self._columns)))
             self._fill = 0
         row = self._blocks[-1][self._fill]
         row[0] = time
         row[1] = line
         row[2 : 2 + self._width] = setpoint
-        row[2 + self._width :] = actual
+        at = 2 + 2 * self._width
+        row[2 + self._width : at] = actual
+        row[at : at + len(self._inputs)] = self._inputs
+        row[at + len(self._inputs) :] = self._outputs
         self._fill += 1
 
     def stretch(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
@@ -87,14 +100,18 @@ class Recorder:
         done = 0
         while done < len(times):
             if self._fill == _BLOCK:
-                self._blocks.append(np.empty((_BLOCK, 2 + 2 * self._width)))
+                self._blocks.append(np.empty((_BLOCK, self._columns)))
                 self._fill = 0
             part = slice(done, min(len(times), done + _BLOCK - self._fill))
             count = part.stop - part.start
             rows = self._blocks[-1][self._fill : self._fill + count]
             rows[:, 0], rows[:, 1] = times[part], lines[part]
             rows[:, 2 : 2 + self._width] = setpoint[part]
-            rows[:, 2 + self._width :] = actual[part]
+            at = 2 + 2 * self._width
+            rows[:, 2 + self._width : at] = actual[part]
+            # nothing changes in a stretch
+            rows[:, at : at + len(self._inputs)] = self._inputs
+            rows[:, at + len(self._inputs) :] = self._outputs
             self._fill += count
             done += count
 
@@ -103,14 +120,23 @@ class Recorder:
         if not self._keep:
             return None
         if not self._blocks:
-            rows = np.empty((0, 2 + 2 * self._width))
+            rows = np.empty((0, self._columns))
         else:
             rows = np.concatenate([*self._blocks[:-1], self._blocks[-1][: self._fill]])
         scale = np.array([axis.type.si_per_unit for axis in self._machine.axes])
+        at, machine = 2 + 2 * self._width, self._machine
+        channels = rows[:, at:].T.copy()
         return Recorded(
             time_s=rows[:, 0].copy(),
             line=rows[:, 1].copy(),
             axes=np.array([float(axis.index) for axis in self._machine.axes]),
             setpoint=rows[:, 2 : 2 + self._width] / scale,
-            actual=rows[:, 2 + self._width :] / scale,
+            actual=rows[:, 2 + self._width : at] / scale,
+            inputs=_by_name(machine.inputs, channels[: len(self._inputs)]),
+            outputs=_by_name(machine.outputs, channels[len(self._inputs) :]),
         )
+
+
+def _by_name(channels: Sequence[Input | Output], values: Array) -> dict[str, Array]:
+    """Values by the names of inputs or outputs; a recorder without these has none."""
+    return {each.name: column for each, column in zip(channels, values, strict=False)}

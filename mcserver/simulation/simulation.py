@@ -135,7 +135,8 @@ class _Run:
         self._end = 0.0
         self._finished = False
         self._faults: list[Diagnostic] = []
-        self._recorder = Recorder(machine, record)
+        row = self._executor.executor.row
+        self._recorder = Recorder(machine, record, (row.inputs, row.outputs))
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
 
@@ -182,7 +183,7 @@ class _Run:
         return self._executor.u(SLOT)
 
     def _moved(self) -> bool:
-        moved = self._u() != self._seen_u
+        moved = self._u() != self._seen_u or self._executor.executor.timed
         self._seen_u = self._u()
         return moved
 
@@ -271,6 +272,7 @@ class _Run:
             if self._machine.tools:
                 line["planning_s"] = record.planning
             lines.append(line)
+        machine = self._machine
         axes = {}
         low, high, last = self._recorder.low, self._recorder.high, self._recorder.last
         for column, axis in enumerate(self._machine.axes):
@@ -279,7 +281,7 @@ class _Run:
                 axis.type.unit,
                 *(float(each[column]) / unit for each in (last, low, high)),
             )
-        return {
+        report = {
             "ok": not self._failed,
             "duration_s": self._end,
             "feed_length_mm": self._feed_length / MM,
@@ -287,3 +289,13 @@ class _Run:
             "axes": axes,
             "diagnostics": [each.as_json() for each in (*warnings, *self._faults)],
         }
+        row = self._executor.executor.row
+        if machine.inputs:
+            report["inputs"] = {
+                each.name: float(value) for each, value in zip(machine.inputs, row.inputs, strict=True)
+            }
+        if machine.outputs:
+            report["outputs"] = {
+                each.name: float(value) for each, value in zip(machine.outputs, row.outputs, strict=True)
+            }
+        return report

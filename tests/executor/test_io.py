@@ -7,9 +7,10 @@ import pytest
 
 from mcserver.executor.entries import ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.io_bank import NOBODY, OPERATOR, WaitMode
+from mcserver.executor.io_bank import NOBODY, OPERATOR
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.motion.canonical import WaitMode
 from tests.executor.rig import CYCLE_S, Rig
 
 AXIS = """

@@ -6,8 +6,9 @@ import math
 
 import msgspec
 
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS, TAKES_AXES
+from mcserver.gcode.profiles.codes import IO_WORDS, SPINDLE, SYSTEM_NUMBERS, TAKES_AXES
 from mcserver.gcode.profiles.frame import Offsets
+from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import (
     axis_scale,
@@ -53,9 +54,18 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
         if code == "S":
             spindle = True
             block.frame = msgspec.structs.replace(frame, spindle_rpm=_value(block, action, "S", least=0.0))
-        elif code in ("M3", "M4", "M5"):
+            _follow_speed(block, action, actions, effects)
+        elif code in SPINDLE:
             spindle = True
             block.frame = msgspec.structs.replace(frame, direction={"M3": 1, "M4": -1, "M5": 0}[code])
+            _set_mapped(block, action, block.frame.spindle_rpm, effects)
+        elif code in IO_WORDS:
+            done = read_io(block, action)
+            if done is not None:
+                effects.before.append(done)
+        elif code in block.setup.machine.dialect.outputs:
+            word = action.words.get("S")
+            _set_mapped(block, action, None if word is None else word.value, effects)
         elif code == "T":
             block.frame = msgspec.structs.replace(frame, tool=int(_value(block, action, "T", least=0.0)))
         elif code == "M6":
@@ -95,6 +105,30 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             block.frame = msgspec.structs.replace(block.frame, stored=stored)
         elif action.code in ("G28", "G30"):
             _go_home(block, action, effects)
+
+
+def act_at_end(block: BlockState) -> list[Canonical]:
+    """Return what M2 and M30 do to outputs: M5 and M9, where the machine file maps them (D-73)."""
+    whole = (1, len(block.parsed.text) + 1)
+    done = (read_mapped(block, code, Action(code, whole, {}), 0.0) for code in ("M5", "M9"))
+    return [each for each in done if each is not None]
+
+
+def _set_mapped(block: BlockState, action: Action, speed: float | None, effects: Effects) -> None:
+    done = read_mapped(block, action.code, action, speed)
+    if done is not None:
+        effects.before.append(done)
+
+
+def _follow_speed(block: BlockState, action: Action, actions: tuple[Action, ...], effects: Effects) -> None:
+    """Let outputs that follow S do so while the spindle turns; a line with M3 to M5 does it there."""
+    frame = block.frame
+    if frame.direction == 0 or any(each.code in SPINDLE for each in actions):
+        return
+    code = "M3" if frame.direction > 0 else "M4"
+    done = read_mapped(block, code, action, frame.spindle_rpm, only_speed=True)
+    if done is not None:
+        effects.before.append(done)
 
 
 def _value(block: BlockState, action: Action, letter: str, least: float = -math.inf) -> float:

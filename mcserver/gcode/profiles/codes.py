@@ -54,6 +54,19 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
         ),
     }
 )
+SPINDLE: Final = frozenset({"M3", "M4", "M5"})
+# M62 to M68: the letters of their own words
+IO_WORDS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "M62": "P",
+        "M63": "P",
+        "M64": "P",
+        "M65": "P",
+        "M66": "PELQ",
+        "M67": "EQ",
+        "M68": "EQ",
+    }
+)
 # the state that holds here anyway: not worth a word
 SILENT: Final = frozenset({"G91.1", "G97"})
 
@@ -80,6 +93,8 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "M64": "this machine has no outputs",
         "M65": "this machine has no outputs",
         "M66": "this machine has no inputs",
+        "M67": "this machine has no outputs",
+        "M68": "this machine has no outputs",
         "M97": "subprograms are not read here; let the post write the moves out",
         "M98": "subprograms are not read here; let the post write the moves out",
         "M99": "subprograms are not read here; let the post write the moves out",

@@ -16,11 +16,13 @@ from mcserver.gcode.profiles.codes import (
     ACTING,
     HARMLESS_MACRO,
     IGNORED,
+    IO_WORDS,
     MOTIONS,
     PROGRAM,
     REFUSED,
     SETTINGS,
     SILENT,
+    SPINDLE,
     TAKES_AXES,
     code_name,
 )
@@ -46,6 +48,7 @@ _FOREIGN = re.compile(r"[DEHLOQSdehloqs]")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
 _OFFSET_LETTERS = frozenset("IJKRP")
 
+_OWN_LINE = "give each a line of its own"
 COMPUTED = "the program computes: expressions, parameters and O-words are not read here"
 
 
@@ -54,7 +57,9 @@ class ProfileReader:
 
     def __init__(self, dialect: Dialect) -> None:
         self._dialect = dialect
-        self._acting = ACTING[dialect.profile]
+        self._acting = ACTING[dialect.profile] | dialect.outputs.keys()
+        if dialect.channels:
+            self._acting |= IO_WORDS.keys()
         self._ignored = IGNORED[dialect.profile] | dialect.ignore
         self._axes = {**AXIS_LETTERS, **dialect.letters}
         self._tools = dialect.profile in ("reference", "robot")  # T means the reference's tool
@@ -88,7 +93,7 @@ class ProfileReader:
             name = code_name(head[1], float(head[2]))
             family = name.partition(".")[0]
             idle = head[1] == "T" or name in self._ignored or (head[1] == "M" and family in self._ignored)
-            if idle and self._dialect.profile == "printer":
+            if idle and name not in self._acting and self._dialect.profile == "printer":
                 return nothing(family)
         macro = _MACRO.match(code)
         if macro is not None and macro[1] not in ("IF", "WHILE"):
@@ -162,8 +167,9 @@ class ProfileReader:
         if faults.found:
             # what is left of such a line would only be blamed for it
             return _line(number, text, code, [], faults, ProfileWords(ignored=tuple(ignored)))
+        taken = self._io_words(codes, own, loose, faults)
         actions = self._actions(codes, own, loose, faults, bool(ignored or motions or tolerances))
-        if motions:
+        if motions and "P" not in taken:
             loose += [word for word in own if word.letter == "P"]
         ordered: list[Word] = []
         for word in settings:
@@ -195,16 +201,56 @@ class ProfileReader:
                 words.append(Word(match[1], float(match[2]), match[2], self._axes.get(match[1], -1), span))
         return words
 
+    def _io_words(
+        self, codes: list[Word], own: list[Word], loose: list[Word], faults: FaultList
+    ) -> frozenset[str]:
+        """Give codes of inputs and outputs their words, which may be axis letters elsewhere.
+
+        Returns:
+            Letters that one of M62 to M68 takes in this line.
+        """
+        letters: set[str] = set()
+        first: Word | None = None
+        for word in codes:
+            name = code_name(word.letter, word.value)
+            if name in self._dialect.outputs:
+                letters.add("S")
+            if name not in self._acting or name not in IO_WORDS:
+                continue
+            if first is not None:
+                faults.add("MC153", f"{name} and another of M62 to M68 share a line", word.span, _OWN_LINE)
+                return frozenset()
+            first = word
+            letters.update(IO_WORDS[name])
+        if not letters:
+            return frozenset()
+        own += [word for word in loose if word.letter in letters]
+        loose[:] = [word for word in loose if word.letter not in letters]
+        if first is None:
+            return frozenset()
+        name = code_name(first.letter, first.value)
+        for letter in IO_WORDS[name]:
+            same = [word for word in own if word.letter == letter]
+            if len(same) > 1:
+                faults.add("MC153", f"{letter} stands twice beside {name}", same[1].span, _OWN_LINE)
+        for word in codes:
+            other = code_name(word.letter, word.value)
+            if other in ("G4", "G10"):
+                faults.add("MC153", f"{other} and {name} would share their words", word.span, _OWN_LINE)
+        return frozenset(IO_WORDS[name])
+
     def _actions(
         self, codes: list[Word], own: list[Word], loose: list[Word], faults: FaultList, others: bool
     ) -> list[Action]:
         """Give each acting code the words that it takes; axis words are taken out of ``loose``."""
         actions: list[Action] = []
         words = {word.letter: word for word in own}
+        names = {code_name(word.letter, word.value) for word in codes}
+        speeds = not names & (self._dialect.outputs.keys() - SPINDLE)
         for word in own:
-            if word.letter in "ST":
+            if word.letter == "T" or (word.letter == "S" and speeds):
                 actions.append(Action(word.letter, word.span, {word.letter: word}))
-        for word in codes:
+        for word in sorted(codes, key=_precedence):
             name = code_name(word.letter, word.value)
             if name in SILENT:
                 continue
@@ -240,6 +286,16 @@ class ProfileReader:
                 word.span,
                 f'if it may go without effect, list it in the machine file: [dialect] ignore = ["{name}"]',
             )
+
+
+def _precedence(word: Word) -> int:
+    """Return where a code stands in RS-274's order of execution (D-61)."""
+    name = code_name(word.letter, word.value)
+    if name in IO_WORDS:
+        return 0
+    if word.letter == "M":
+        return {"M6": 1, "M600": 1, "M3": 2, "M4": 2, "M5": 2, "M82": 5, "M83": 5}.get(name, 3)
+    return 4 if name == "G4" else 5
 
 
 def _blank(text: str) -> str:

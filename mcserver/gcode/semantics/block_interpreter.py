@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mcserver.gcode.line_faults import FaultList
-from mcserver.gcode.profiles.actions import Effects, act_after, act_before
+from mcserver.gcode.profiles.actions import Effects, act_after, act_at_end, act_before
 from mcserver.gcode.semantics.arcs import command_number
 from mcserver.gcode.semantics.axis_words import (
     Words,
@@ -69,6 +69,8 @@ class BlockInterpreter:
             block.change(shift=frame[0], incremental=frame[1])
         act_after(block, profile.actions, effects)
         self.after += effects.after
+        if self.ended:
+            self.after += act_at_end(block)
 
     def _read_groups(self) -> None:
         for group in self.block.parsed.groups:
