@@ -27,11 +27,12 @@ from mcserver.net.inbox import Inbox
 from mcserver.net.keys import Keys
 from mcserver.net.messages import EstopRequest, StreamLines
 from mcserver.net.methods import Methods
+from mcserver.net.publishing import PublishingThread
 from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
 from mcserver.net.rpc import RpcServer
 from mcserver.net.session import Publication, ZenohSession
 from mcserver.net.shared_loop import SharedLoop
-from mcserver.net.telemetry import Telemetry
+from mcserver.net.telemetry import CycleTelemetry, StateTelemetry
 from mcserver.recorder.views import RecordingAccess
 from mcserver.service.jog import Jogging
 from mcserver.service.reports import ENDED, Ack, Event
@@ -43,6 +44,7 @@ log = logging.getLogger(__name__)
 QUERIES = 2048
 STREAMED_MESSAGES = 8192
 TOKENS = 4096
+CONFIRMATIONS = 64
 # A killed server's token stays as long as its link's lease (`mcserver.net.configuration.LEASE_MS`).
 TOKEN_LOOKS, TOKEN_PAUSE_S = 10, 0.5
 NAME_REMEDY = "give one of them another name: they share the calls, and neither knows of the other's programs"
@@ -74,7 +76,11 @@ class MachineEndpoint:
         self._confirmations: Publication = session.publisher(keys.event, emergency_stop_qos())
         self._acks: dict[str, Publication] = {}
         self._rpc: RpcServer | None = None
-        self._telemetry: asyncio.Task[None] | None = None
+        self._publishing = PublishingThread("publishing")
+        # apart from all else, so that the confirmation of a stop waits for nothing
+        self._confirming = PublishingThread("confirming", CONFIRMATIONS)
+        self._cycles: CycleTelemetry | None = None
+        self._states: asyncio.Task[None] | None = None
 
     @classmethod
     async def open(cls, machine: str, options: NetworkOptions, instance: str) -> MachineEndpoint:
@@ -132,23 +138,20 @@ class MachineEndpoint:
             publisher = self._acks[ack.program] = self._session.publisher(
                 self.keys.ack(ack.program), ack_qos()
             )
-        self._put(publisher, self._encode(ack))
+        try:
+            publisher.put(self._encode(ack))
+        except zenoh.ZError as error:
+            log.warning("an acknowledgement could not be published: %s", error)
         if ack.state in ENDED:
             del self._acks[ack.program]
             publisher.undeclare()
 
     def publish_event(self, event: Event) -> None:
         payload = self._encode(event)
-        self._put(self._events, payload)
         if event.kind == "estop":
-            # the confirmation of a stop must not be dropped: once more, waiting for room, and not in the loop
-            self._loop.run_in_executor(None, self._put, self._confirmations, payload)
-
-    def _put(self, publisher: Publication, payload: bytes) -> None:
-        try:
-            publisher.put(payload)
-        except zenoh.ZError as error:
-            log.warning("nothing could be published: %s", error)
+            # the confirmation of a stop must not be dropped: once more, waiting for room where there is none
+            self._confirming.put(self._confirmations.put, payload)
+        self._publishing.put(self._events.put, payload)
 
     # ------------------------------------------------------------ in
 
@@ -173,7 +176,7 @@ class MachineEndpoint:
         servers: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_server, service), limit=TOKENS)
         strays: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stray, service), limit=64)
 
-        ahead = (queries, lines, tokens)
+        ahead = (queries, lines, tokens, stops)
         quick: Borrower[zenoh.Query] = Borrower(loop, queries, partial(self._answer_now, service, rpc), ahead)
         single: Borrower[zenoh.Sample] = Borrower(loop, lines, partial(self._take_lines_now, service), ahead)
 
@@ -195,15 +198,19 @@ class MachineEndpoint:
         session.subscribe(keys.lines_in("*", "*"), single.push)
         session.queryable(keys.rpc("*", "*"), ask)
         session.queryable(keys.info, ask)
-        self._telemetry = asyncio.ensure_future(Telemetry(session, keys, service).run())
+        self._cycles = CycleTelemetry(session, keys, service)
+        self._states = asyncio.ensure_future(StateTelemetry(session, keys, service, self._publishing).run())
         session.token(keys.live(service.options.instance))
         session.watch_tokens(keys.live("*"), servers.push)
 
     async def close(self) -> None:
         """Ends everything, within a limit."""
-        if self._telemetry is not None:
-            self._telemetry.cancel()
-            await asyncio.gather(self._telemetry, return_exceptions=True)
+        if self._states is not None:
+            self._states.cancel()
+            await asyncio.gather(self._states, return_exceptions=True)
+        for thread in (self._cycles, self._publishing, self._confirming):
+            if thread is not None:
+                await asyncio.to_thread(thread.close)
         if self._rpc is not None:
             await self._rpc.close()
         if self._emergency is not None:

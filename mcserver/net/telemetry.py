@@ -4,71 +4,107 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+import threading
+import time
 
 import msgspec
 import zenoh
 
+from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Keys
 from mcserver.net.messages import TelemetryBlock
+from mcserver.net.publishing import PublishingThread
 from mcserver.net.qos import axis_qos, batch_qos, state_qos
 from mcserver.net.session import ZenohSession
 from mcserver.net.status import CYCLES_A_MESSAGE, STATE_HZ, EdgeUnits, machine_status
+from mcserver.service.motion_port import MotionPort
 from mcserver.service.service import MachineService
 
 log = logging.getLogger(__name__)
 
-# messages in one turn, where the loop was late
+# messages in one turn, where the thread was late
 CATCH_UP = 20
+CLOSE_LIMIT_S = 1.0
 
 
-class Telemetry:
-    """Publishes until it is cancelled.
+class StateTelemetry:
+    """Publishes the state of the whole machine; made and encoded in the loop, put from a thread.
+
+    Args:
+        session: what to publish on.
+        keys: of this machine.
+        service: what to publish.
+        publishing: puts.
+    """
+
+    def __init__(
+        self, session: ZenohSession, keys: Keys, service: MachineService, publishing: PublishingThread
+    ) -> None:
+        self._service = service
+        self._publishing = publishing
+        self._units = EdgeUnits(service.machine)
+        self._encode = msgspec.msgpack.Encoder().encode
+        self._state = session.matched_publisher(keys.telemetry_state, state_qos())
+
+    async def run(self) -> None:
+        """Publish until cancelled, at absolute times, so that the period does not drift."""
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        while True:
+            due = max(due + 1.0 / STATE_HZ, loop.time())
+            await asyncio.sleep(due - loop.time())
+            if self._state.wanted:
+                state = machine_status(self._service, self._units)
+                self._publishing.put(self._state.put, self._encode(state))
+
+
+class CycleTelemetry:
+    """Publishes every cycle, from a thread of its own; it only reads what the executor shares.
 
     Nothing is read or encoded for keys that nobody subscribes to.
 
     Args:
         session: what to publish on.
         keys: of this machine.
-        service: what to publish.
+        service: of the machine.
     """
 
     def __init__(self, session: ZenohSession, keys: Keys, service: MachineService) -> None:
-        self._service = service
+        self._port: MotionPort = service.port
+        self._period_s = CYCLES_A_MESSAGE * service.machine.cycle_s
         self._units = EdgeUnits(service.machine)
         self._encode = msgspec.msgpack.Encoder().encode
         self._batch = session.matched_publisher(keys.telemetry_batch, batch_qos())
-        self._state = session.matched_publisher(keys.telemetry_state, state_qos())
         self._axes = [
             session.matched_publisher(keys.telemetry_axis(axis.index), axis_qos())
             for axis in service.machine.axes
         ]
         self._next_cycle = 0
+        self._failed = DefectLog(log)
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="telemetry", daemon=True)
+        self._thread.start()
 
-    async def run(self) -> None:
-        """Both clocks, each on absolute times, so that neither drifts."""
-        batch_s = CYCLES_A_MESSAGE * self._service.machine.cycle_s
-        async with asyncio.TaskGroup() as group:
-            group.create_task(self._every(batch_s, self._publish_cycles))
-            group.create_task(self._every(1.0 / STATE_HZ, self._publish_state))
+    def close(self) -> None:
+        """End the thread, within a limit."""
+        self._ending.set()
+        self._thread.join(CLOSE_LIMIT_S)
 
-    async def _every(self, period_s: float, publish: Callable[[], None]) -> None:
-        loop = asyncio.get_running_loop()
-        due = loop.time()
+    def _run(self) -> None:
+        due = time.monotonic()
         while True:
-            due = max(due + period_s, loop.time())
-            await asyncio.sleep(due - loop.time())
+            due = max(due + self._period_s, time.monotonic())
+            if self._ending.wait(max(0.0, due - time.monotonic())):
+                return
             try:
-                publish()
+                self._publish()
             except zenoh.ZError as error:
-                log.warning("telemetry could not be published: %s", error)
+                self._failed.add(f"telemetry could not be published: {error}")
+            except Exception as error:
+                # one batch that fails does not end all that come after it
+                self._failed.add(f"telemetry failed: {error}", error)
 
-    def _publish_state(self) -> None:
-        if not self._state.wanted:
-            return
-        self._state.put(self._encode(machine_status(self._service, self._units)))
-
-    def _publish_cycles(self) -> None:
+    def _publish(self) -> None:
         whole = self._batch.wanted
         single = [column for column, publisher in enumerate(self._axes) if publisher.wanted]
         if not (whole or single):
@@ -76,7 +112,7 @@ class Telemetry:
             self._next_cycle = -1
             return
         for _ in range(CATCH_UP):
-            cycles = self._service.port.cycles_since(self._next_cycle, CYCLES_A_MESSAGE)
+            cycles = self._port.cycles_since(self._next_cycle, CYCLES_A_MESSAGE)
             if cycles is None or len(cycles.setpoint) == 0:
                 return
             self._next_cycle = cycles.first + len(cycles.setpoint)

@@ -33,6 +33,7 @@ SECTIONS = {
     "first_motion": "submit → first motion",
     "responsiveness": "calls while a long program is planned",
     "round_trip": "submit → acknowledgement",
+    "crowd": "status beside 50 subscribers and 10 streams",
     "telemetry": "telemetry of 64 axes at 1 kHz",
 }
 

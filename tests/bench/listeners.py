@@ -17,6 +17,8 @@ def main(endpoint: str, machine: str, count: int) -> None:
     sessions = [zenoh.open(client_config(endpoint)) for _ in range(count)]
     for session in sessions:
         session.declare_subscriber(f"mc/@v1/{machine}/tele/batch", handler)
+        if "--events" in sys.argv:
+            session.declare_subscriber(f"mc/@v1/{machine}/event", handler)
     print("ready", flush=True)
     sys.stdin.read()
     print(next(arrived), flush=True)

@@ -18,7 +18,7 @@ import zenoh
 
 from tests.bench.figures import NotAvailable
 
-START_LIMIT_S = 20.0
+START_LIMIT_S = 60.0
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from mcserver.net.configuration import NetworkOptions
+from mcserver.net.publishing import PublishingThread
+from mcserver.net.replies import ReplySender
 from mcserver.net.shared_loop import SharedLoop
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
@@ -30,6 +32,9 @@ class Rig:
         self.port = port
         self.pipelines = pipelines
         self.endpoint = endpoint
+        # of rigs whose tests look behind the server's face
+        self.replies: ReplySender
+        self.publishing: PublishingThread
 
 
 @pytest.fixture
@@ -41,7 +46,9 @@ async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
         network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
     )
     async with running(machine, options, port, pipelines) as (service, face):
-        yield Rig(service, port, pipelines, (await face.endpoints())[0])
+        made = Rig(service, port, pipelines, (await face.endpoints())[0])
+        made.publishing = face._publishing
+        yield made
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""A caller that asks for large replies and stops reading holds up nobody else's calls."""
+"""A caller that stops reading its replies holds up nobody else's calls, as long as it may last."""
 
 from __future__ import annotations
 
@@ -6,47 +6,110 @@ import asyncio
 import signal
 import subprocess
 import sys
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 
+import pytest
+
+from mcserver.net import configuration
+from mcserver.net.configuration import NetworkOptions
+from mcserver.net.replies import ReplySender
+from mcserver.server import ServerOptions, running
 from tests.net.client import WireClient
 from tests.net.conftest import Rig
+from tests.service.fakes import FakePipelines, FakePort, three_axes
 
-# Asks, says so, and reads no more: the process stops itself as a whole, its network threads too.
+# Stops its own network threads at once, so that no reply is ever read, then asks as long as anything fits.
 GREEDY = """
-import json, os, signal, sys
+import json, os, signal, sys, threading, time
 import zenoh
 config = zenoh.Config()
-for key, value in {"mode": "client", "connect/endpoints": [sys.argv[1]],
-                   "scouting/multicast/enabled": False}.items():
+for key, value in {"mode": "client", "connect/endpoints": [sys.argv[1]], "scouting/multicast/enabled": False,
+                   "transport/link/tx/lease": 120000}.items():
     config.insert_json5(key, json.dumps(value))
 session = zenoh.open(config)
-handler = zenoh.handlers.Callback(lambda reply: None, indirect=False)
-for _ in range(400):
-    session.get("mc/@v1/bench/@rpc/greedy/events", handler, congestion_control=zenoh.CongestionControl.BLOCK,
-                priority=zenoh.Priority.INTERACTIVE_HIGH, express=True, timeout=60.0)
+stuck = threading.Event()
+# a callback that does not return: the thread that reads this link reads no more
+handler = zenoh.handlers.Callback(lambda reply: stuck.wait(), indirect=False)
+for number in range(int(sys.argv[3])):
+    session.get(f"mc/@v1/bench/@rpc/greedy/{sys.argv[2]}", handler, timeout=120.0, express=True,
+                congestion_control=zenoh.CongestionControl.BLOCK, priority=zenoh.Priority.INTERACTIVE_HIGH)
 print("asked", flush=True)
-os.kill(os.getpid(), signal.SIGSTOP)
+sys.stdin.read()
+os.kill(os.getpid(), signal.SIGKILL)
 """
-LIMIT_S = 20.0
+LIMIT_S = 30.0
+CALLS = 200
 
 
-async def test_who_stops_reading_large_replies_costs_nobody_else_a_call(rig: Rig, client: WireClient) -> None:
+@pytest.fixture
+async def patient_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Rig]:
+    """A server that never closes the link of who takes no replies: what is stuck stays stuck."""
+    key = "transport/link/tx/queue/congestion_control/block/wait_before_close"
+    monkeypatch.setitem(configuration.SETTINGS, key, 120_000_000)
+    machine = three_axes()
+    port = FakePort(machine)
+    pipelines = FakePipelines(port)
+    options = ServerOptions(
+        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
+    )
+    async with running(machine, options, port, pipelines) as (service, face):
+        rig = Rig(service, port, pipelines, (await face.endpoints())[0])
+        assert face._rpc is not None
+        rig.replies = face._rpc._replies
+        yield rig
+
+
+def in_a_lane(replies: ReplySender) -> object:
+    """The reply to the greedy caller that a sender's thread is stuck with; None: none."""
+    lane = replies._lanes.get("greedy")
+    return lane.replies[0] if lane is not None and lane.replies else None
+
+
+def in_a_network_thread(replies: ReplySender) -> object:
+    """Whether a network thread is stuck with a reply of its own."""
+    return replies._inline.locked() or None
+
+
+async def stuck(find: Callable[[], object]) -> object:
+    """What stays stuck over a hundred looks."""
+    before, same = find(), 0
+    async with asyncio.timeout(LIMIT_S):
+        while before is None or same < 100:
+            await asyncio.sleep(0.01)
+            now = find()
+            same = same + 1 if now is before else 0
+            before = now
+    return before
+
+
+@pytest.mark.parametrize(
+    ("method", "count", "where"),
+    [("events", 200, in_a_lane), ("status", 60_000, in_a_network_thread)],
+    ids=["large replies", "small replies"],
+)
+async def test_who_stops_reading_costs_nobody_else_a_call(
+    patient_rig: Rig, method: str, count: int, where: Callable[[ReplySender], object]
+) -> None:
+    rig = patient_rig
     for number in range(1000):
         rig.service.events.publish("warning", message=f"{number} " + 200 * "x")
     greedy = await asyncio.to_thread(
         subprocess.Popen,
-        [sys.executable, "-c", GREEDY, rig.endpoint],
+        [sys.executable, "-c", GREEDY, rig.endpoint, method, str(count)],
+        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     )
+    honest = WireClient(rig.endpoint, "bench", "honest")
     try:
-        assert greedy.stdout is not None
-        assert await asyncio.wait_for(asyncio.to_thread(greedy.stdout.readline), LIMIT_S) == "asked\n"
+        before = await stuck(lambda: where(rig.replies))
         async with asyncio.timeout(LIMIT_S):
-            for _ in range(200):
-                assert (await client.call("status"))["state"] == "ready"
+            for _ in range(CALLS):
+                assert (await honest.call("status"))["state"] == "ready"
+        # all of them were answered while the greedy one's reply was stuck, not after it
+        assert where(rig.replies) is before
     finally:
-        greedy.send_signal(signal.SIGCONT)
-        greedy.kill()
-        await asyncio.to_thread(greedy.wait, LIMIT_S)
-        if greedy.stdout is not None:
-            greedy.stdout.close()
+        await honest.close()
+        greedy.send_signal(signal.SIGKILL)
+        await asyncio.to_thread(greedy.communicate)
