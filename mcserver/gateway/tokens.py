@@ -23,6 +23,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,30}")
 _READING = frozenset({"info", "status", "programs", "events", "check", "simulate", "drives", "io", "arms"})
 _OPERATING = frozenset(
     {"open", "submit", "close", "hold", "resume", "step", "abort", "override", "jog", "reset", "estop"}
+    | {"set_output", "set_simulated_input"}
 )
 
 

@@ -30,6 +30,9 @@ from mcserver.service.reports import (
     Fault as Fault,
 )
 from mcserver.service.reports import (
+    InputStatus as InputStatus,
+)
+from mcserver.service.reports import (
     LineReport as LineReport,
 )
 from mcserver.service.reports import (
@@ -37,6 +40,9 @@ from mcserver.service.reports import (
 )
 from mcserver.service.reports import (
     OnDisconnect as OnDisconnect,
+)
+from mcserver.service.reports import (
+    OutputStatus as OutputStatus,
 )
 from mcserver.service.reports import (
     ProgramState as ProgramState,
@@ -59,6 +65,7 @@ MAX_LINES_A_MESSAGE = 20_000
 ProgramId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
 RequestId = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 LineNumber = Annotated[int, Meta(ge=1, le=2**53)]
+ChannelName = Annotated[str, Meta(max_length=40)]
 AxisIndex = Annotated[int, Meta(ge=0, le=63)]
 
 
@@ -216,6 +223,20 @@ class EstopRequest(Request, frozen=True, kw_only=True):
     client: Annotated[str, Meta(max_length=63)] = ""
 
 
+class SetOutputRequest(Request, frozen=True, kw_only=True):
+    """Sets an output by its name; digital: true and false, or 1 and 0."""
+
+    output: ChannelName
+    value: bool | float
+
+
+class SetInputRequest(Request, frozen=True, kw_only=True):
+    """Sets a simulated input by its name, as `SetOutputRequest`; its script ends."""
+
+    input: ChannelName
+    value: bool | float
+
+
 class CheckRequest(Request, frozen=True, kw_only=True):
     """Every fault of a program's text; nothing runs. ``positions`` start the axes there [mm, deg]."""
 
@@ -276,6 +297,13 @@ class OverrideReply(msgspec.Struct, frozen=True):
 
     percent: float
     programs: list[str]
+
+
+class SetReply(msgspec.Struct, frozen=True):
+    """The value that an input or output has from the next cycle on."""
+
+    name: str
+    value: float
 
 
 class JogReply(msgspec.Struct, frozen=True):
@@ -352,6 +380,41 @@ class ToolInfo(msgspec.Struct, frozen=True):
     euler: str
 
 
+class InputInfo(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One input.
+
+    Attributes:
+        number: of its kind, as M66 names it. source: where a real one comes from; empty: it is simulated.
+        hold, stop: it can hold the programs, or stop the machine.
+    """
+
+    name: str
+    number: int
+    kind: Literal["digital", "analog"]
+    unit: str = ""
+    source: str = ""
+    hold: bool = False
+    stop: bool = False
+
+
+class OutputInfo(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One output.
+
+    Attributes:
+        number: of its kind, as M62 to M68 name it. target: where a real one goes; empty: it is simulated.
+        min, max: least and greatest value. safe: its value once what has set it is lost; None: it stays.
+    """
+
+    name: str
+    number: int
+    kind: Literal["digital", "analog"]
+    unit: str = ""
+    target: str = ""
+    min: float = 0.0
+    max: float = 1.0
+    safe: float | None = None
+
+
 class TelemetryInfo(msgspec.Struct, frozen=True):
     """How to read ``tele/batch``: its columns, its fields and how many cycles a message holds at most."""
 
@@ -393,3 +456,5 @@ class Info(msgspec.Struct, frozen=True):
     telemetry: TelemetryInfo
     limits: LimitsInfo
     methods: list[str]
+    inputs: list[InputInfo] = []
+    outputs: list[OutputInfo] = []

@@ -76,6 +76,8 @@ class Methods:
             "override": (wire.OverrideRequest, self.override),
             "jog": (wire.JogRequest, self.jog),
             "reset": (wire.ResetRequest, self.reset),
+            "set_output": (wire.SetOutputRequest, self.set_output),
+            "set_simulated_input": (wire.SetInputRequest, self.set_simulated_input),
             "estop": (wire.EstopRequest, self.estop),
             "sdo_write": (drive_wire.SdoWriteRequest, self.sdo_write),
             "request_run": (arming_wire.RunRequestRequest, self._arming.request_run),
@@ -179,6 +181,16 @@ class Methods:
         self._service.reset(request.axes)
         self._record(client, "reset")
         return wire.Done()
+
+    def set_output(self, client: str, request: wire.SetOutputRequest) -> wire.SetReply:
+        value = self._service.set_output(request.output, request.value)
+        self._record(client, "set_output", None, f"{request.output} = {value:g}")
+        return wire.SetReply(request.output, value)
+
+    def set_simulated_input(self, client: str, request: wire.SetInputRequest) -> wire.SetReply:
+        value = self._service.channels.set_input(request.input, request.value)
+        self._record(client, "set_simulated_input", None, f"{request.input} = {value:g}")
+        return wire.SetReply(request.input, value)
 
     def estop(self, client: str, request: wire.EstopRequest) -> wire.Done:
         self._service.emergency_stop(client, request.reason)

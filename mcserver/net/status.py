@@ -8,6 +8,7 @@ from importlib import metadata
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
@@ -17,8 +18,10 @@ from mcserver.net.messages import (
     AxesStatus,
     AxisInfo,
     Info,
+    InputInfo,
     LimitsInfo,
     MachineStatus,
+    OutputInfo,
     TelemetryInfo,
     ToolInfo,
     ToolPose,
@@ -86,6 +89,8 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         override=100.0 * service.override,
         late_cycles=snapshot.late_cycles,
         tools=units.tools(snapshot.position),
+        inputs=service.channels.inputs(snapshot),
+        outputs=service.channels.outputs(snapshot),
     )
 
 
@@ -126,6 +131,8 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
             remembered_answer_s=REMEMBERED_S,
         ),
         methods=sorted(methods),
+        inputs=[_input_info(each) for each in machine.inputs],
+        outputs=[_output_info(each) for each in machine.outputs],
     )
 
 
@@ -135,6 +142,31 @@ def _version() -> str:
     except metadata.PackageNotFoundError:
         # run from a source tree that is not installed
         return "0"
+
+
+def _input_info(each: Input) -> InputInfo:
+    return InputInfo(
+        name=each.name,
+        number=each.number,
+        kind="digital" if each.digital else "analog",
+        unit=each.unit,
+        source="" if each.source is None else each.source.shown,
+        hold=math.isfinite(each.hold_below) or math.isfinite(each.hold_above),
+        stop=math.isfinite(each.stop_below) or math.isfinite(each.stop_above),
+    )
+
+
+def _output_info(each: Output) -> OutputInfo:
+    return OutputInfo(
+        name=each.name,
+        number=each.number,
+        kind="digital" if each.digital else "analog",
+        unit=each.unit,
+        target="" if each.target is None else each.target.shown,
+        min=each.low,
+        max=each.high,
+        safe=each.safe,
+    )
 
 
 def _axis_info(axis: Axis) -> AxisInfo:

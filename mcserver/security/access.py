@@ -22,14 +22,15 @@ STOPPING = ("estop",)
 ASKING = ("request_run", "run_armed", "run_requests", "hold", "abort")
 ARMING = ("arm", "run_requests")
 OPERATING = ("open", "submit", "close", "hold", "resume", "step", "abort", "override", "jog", "reset")
+SWITCHING = ("set_output", "set_simulated_input")
 RECORDING = ("record_start", "record_stop", "record_save")
 ENGINEERING = ("sdo_write",)
 
 METHODS: dict[Role, tuple[str, ...]] = {
     Role.OBSERVER: LOOKING + STOPPING,
     Role.AGENT: LOOKING + CHECKING + STOPPING + ASKING,
-    Role.OPERATOR: LOOKING + CHECKING + STOPPING + OPERATING + ARMING + RECORDING,
-    Role.ENGINEER: LOOKING + CHECKING + STOPPING + OPERATING + ARMING + RECORDING + ENGINEERING,
+    Role.OPERATOR: LOOKING + CHECKING + STOPPING + OPERATING + SWITCHING + ARMING + RECORDING,
+    Role.ENGINEER: LOOKING + CHECKING + STOPPING + OPERATING + SWITCHING + ARMING + RECORDING + ENGINEERING,
 }
 MOVERS = frozenset({Role.OPERATOR, Role.ENGINEER})
 

@@ -86,6 +86,12 @@ class ExecutorPort:
     def abort(self, slot: int) -> None:
         self._executor.mailbox.abort(slot)
 
+    def set_output(self, column: int, value: float) -> None:
+        self._executor.mailbox.set_output(column, value)
+
+    def set_input(self, column: int, value: float) -> None:
+        self._executor.mailbox.set_input(column, value)
+
     def stop_all(self) -> None:
         self._executor.mailbox.stop()
 
@@ -101,6 +107,7 @@ class ExecutorPort:
         if row is None:
             raise RuntimeError("no cycle has passed yet")
         setpoint, _, position, velocity, torque, condition = history.blocks_of(row)
+        inputs, outputs, owners = history.channels_of(row)
         return Snapshot(
             time=float(row[TIME]),
             setpoint=setpoint,
@@ -109,6 +116,9 @@ class ExecutorPort:
             torque=torque,
             states=[_STATES[int(each)] for each in condition.tolist()],
             late_cycles=int(row[LATE]),
+            inputs=inputs,
+            outputs=outputs,
+            owners=owners,
         )
 
     def cycles_since(self, cycle: int, limit: int) -> Cycles | None:

@@ -31,8 +31,21 @@ class Cycles(msgspec.Struct, frozen=True):
     torque: Array
 
 
+def _nothing() -> Array:
+    return np.zeros(0)
+
+
+def _nobody() -> NDArray[np.int64]:
+    return np.zeros(0, np.int64)
+
+
 class Snapshot(msgspec.Struct, frozen=True):
-    """The machine in its newest cycle, in SI; arrays of shape (K,)."""
+    """The machine in its newest cycle, in SI; arrays of shape (K,).
+
+    Attributes:
+        inputs, outputs: in the order of the machine's model. owners: who has set each output last, as
+            `mcserver.executor.io_bank` has it.
+    """
 
     time: float
     setpoint: Array
@@ -41,6 +54,9 @@ class Snapshot(msgspec.Struct, frozen=True):
     torque: Array
     states: Sequence[AxisState]
     late_cycles: int
+    inputs: Array = msgspec.field(default_factory=_nothing)
+    outputs: Array = msgspec.field(default_factory=_nothing)
+    owners: NDArray[np.int64] = msgspec.field(default_factory=_nobody)
 
 
 class MotionPort(Protocol):
@@ -74,6 +90,12 @@ class MotionPort(Protocol):
 
     def abort(self, slot: int) -> None:
         """Stops along the path, empties the rings and reports STOPPED."""
+
+    def set_output(self, column: int, value: float) -> None:
+        """Sets an output of the machine."""
+
+    def set_input(self, column: int, value: float) -> None:
+        """Sets a simulated input of the machine."""
 
     def stop_all(self) -> None:
         """Aborts every program and stops every axis within its limits; axes stay energized."""

@@ -91,8 +91,10 @@ class ProgramTable:
         *,
         on_ack: Callable[[Ack], None],
         on_event: Callable[[Event], None],
+        inputs: Sequence[str] = (),
     ) -> None:
         self.port = port
+        self._inputs = inputs
         self.options = options
         self.programs: dict[str, Program] = {}
         self.leases = LeaseTable()
@@ -119,6 +121,10 @@ class ProgramTable:
             raise
         self.offsets = WorkOffsets(options.journal.with_name(f"{options.journal.name}.offsets.json"))
         self.planner = planner(self._planner_events)
+        # told of a stop that the executor has latched by itself
+        self.on_machine_stop: Callable[[Fault], None] = self.faults.latch
+        # inputs that hold the programs now, by column
+        self._holding: set[int] = set()
         self.heartbeat = Heartbeat(port.beat, lambda: self.planner.last_seen)
 
     def now(self) -> float:
@@ -202,6 +208,8 @@ class ProgramTable:
             program = self.programs[grant.program]
             program.slot = grant.slot
             program.begun = self.port.snapshot().time
+            # as the executor does by itself
+            program.held = program.held or bool(self._holding)
             # here, so that no hold or abort can reach the executor before it
             self.port.begin(grant.slot, grant.axes, ratio=program.override, held=program.held)
             request = PipelineRequest(program.program, grant.axes, program.modal, self.offsets.frame())
@@ -381,6 +389,11 @@ class ProgramTable:
         elif event.kind is EventKind.AXIS_DONE:
             program.progress.ended(event.line)
             self._has_moved(program)
+        elif event.kind is EventKind.INPUT:
+            name = self._inputs[event.token] if event.token < len(self._inputs) else ""
+            value, waited = event.values
+            message = f"{name} = {value:g} after {waited:.3f} s"
+            self.publish("input.read", program, line=event.line, message=message)
         elif event.kind is EventKind.PAUSED:
             self.enter(program, "paused")
             self.publish("program.paused", program, line=event.line)
@@ -391,11 +404,16 @@ class ProgramTable:
             self._end(program, "aborted" if program.ended_as == "finished" else program.ended_as)
 
     def _fault(self, event: ExecutorEvent, program: Program | None) -> None:
-        fault = fault_of(event, None if program is None else program.program)
+        fault = fault_of(event, None if program is None else program.program, self._inputs)
         if event.code in WARNINGS:
             message = f"{fault.message}: {fault.hint}"
             where = {"program": fault.program, "line": fault.line, "axis": fault.axis}
             self.events.publish("warning", reason=fault.code, message=message, **where)
+            self._interlock(event, fault)
+            return
+        if event.code == FaultCode.INTERLOCK_STOP:
+            if program is None:
+                self.on_machine_stop(fault)
             return
         if event.code == FaultCode.EMERGENCY_STOP:
             # latched and told by whoever asked for it
@@ -410,6 +428,24 @@ class ProgramTable:
             hit = [each for each in self.programs.values() if not each.ended]
         for each in hit:
             self.stop(each, "faulted", fault.message, fault)
+
+    def _interlock(self, event: ExecutorEvent, fault: Fault) -> None:
+        """Note that an input holds the programs, or does so no more: they stay held until resumed."""
+        if event.code == FaultCode.INTERLOCK_FREE:
+            self._holding.discard(int(event.values[0]))
+        if event.code != FaultCode.INTERLOCK_HOLD:
+            return
+        self._holding.add(int(event.values[0]))
+        for program in self.programs.values():
+            if not (program.ended or program.held or program.slot is None):
+                program.held = True
+                self.enter(program, "held")
+                self.publish("program.held", program, reason=fault.code, message=fault.message)
+
+    def program_in(self, slot: int) -> str | None:
+        """Return the id of the program in an executor's slot."""
+        program = self._in_slot(slot)
+        return None if program is None else program.program
 
     def _record(self, fault: Fault) -> None:
         self.journal.fault(fault, self.options.clock())

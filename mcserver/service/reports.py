@@ -41,6 +41,7 @@ EventKind = Literal[
     "program.resumed",
     "program.paused",
     "program.closed",
+    "input.read",
     "program.ended",
     "lines.started",
     "lines.ended",
@@ -154,6 +155,24 @@ class ToolPose(msgspec.Struct, frozen=True):
     orientation: list[float]
 
 
+class InputStatus(msgspec.Struct, frozen=True):
+    """An input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now."""
+
+    name: str
+    value: float
+    holds: bool = False
+    stops: bool = False
+
+
+class OutputStatus(msgspec.Struct, frozen=True):
+    """An output: its value (digital: 0, 1), and who has set it last: a program's id, ``operator`` or nobody
+    (empty)."""
+
+    name: str
+    value: float
+    set_by: str = ""
+
+
 class MachineStatus(msgspec.Struct, frozen=True):
     """Payload of ``tele/state`` and reply of ``status``.
 
@@ -161,6 +180,7 @@ class MachineStatus(msgspec.Struct, frozen=True):
         t: executor time [s]. wall: Unix time of ``t`` [s].
         override: machine-wide feed override [%].
         late_cycles: cycles that began too late, since the start.
+        inputs, outputs: those of the machine file, in the order of ``info``.
     """
 
     t: float
@@ -173,6 +193,8 @@ class MachineStatus(msgspec.Struct, frozen=True):
     override: float = 100.0
     late_cycles: int = 0
     tools: list[ToolPose] = []
+    inputs: list[InputStatus] = []
+    outputs: list[OutputStatus] = []
 
 
 class LineReport(msgspec.Struct, frozen=True, omit_defaults=True):

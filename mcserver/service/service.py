@@ -15,6 +15,7 @@ from mcserver.errors import Refused, RejectedLines, ServiceError
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import Planning, StepLine
+from mcserver.service.channels import Channels
 from mcserver.service.deferred import Deferred
 from mcserver.service.event_log import EventLog
 from mcserver.service.journal_reader import check_known, read_lines_before, read_programs
@@ -67,8 +68,17 @@ class MachineService:
         # emergency stops asked for so far
         self.stops = 0
         self._loop = asyncio.get_running_loop()
-        self._table = ProgramTable(port, planning.planner, options, on_ack=on_ack, on_event=on_event)
+        self._table = ProgramTable(
+            port,
+            planning.planner,
+            options,
+            on_ack=on_ack,
+            on_event=on_event,
+            inputs=[each.name for each in machine.inputs],
+        )
         self._planning = planning
+        self.channels = Channels(machine, port, self._table.program_in)
+        self._table.on_machine_stop = self._stopped_by_input
         self._counter = 0
         # the event of the stop that is latched
         self._estop: Event | None = None
@@ -301,8 +311,13 @@ class MachineService:
         return chosen
 
     def resume(self, program_id: str | None) -> list[Program]:
-        """Ends a hold, M00 or M01."""
+        """Ends a hold, M00 or M01.
+
+        Raises:
+            ServiceError: MC443 an input holds the programs; MC503, MC509, MC515, MC517.
+        """
         self._ready()
+        self.channels.refuse_interlocked(self.channels.holding(), "resume")
         chosen = [
             program for program in self._chosen(program_id) if program.held or program.state == "paused"
         ]
@@ -382,6 +397,25 @@ class MachineService:
             if not program.ended:
                 self._table.stop(program, "faulted", "emergency stop", fault)
 
+    def _stopped_by_input(self, fault: Fault) -> None:
+        """The executor has latched a stop by itself: it counts like one that was asked for."""
+        self._table.faults.latch(fault)
+        if self._estop is None:
+            self._estop = self.events.publish("estop", reason=fault.message)
+            self._confirmed = self._loop.time()
+        for program in list(self._table.programs.values()):
+            if not program.ended:
+                self._table.stop(program, "faulted", fault.message, fault)
+
+    def set_output(self, name: str, value: bool | float) -> float:
+        """Set an output by its name.
+
+        Raises:
+            ServiceError: MC445, MC446; MC509 the emergency stop is latched; MC515.
+        """
+        self._ready()
+        return self.channels.set_output(name, value)
+
     def _confirm_stop(self, event: Event) -> None:
         """Publish the event of the latched stop again, under its number; seldom, however many ask for it."""
         if self._loop.time() - self._confirmed >= CONFIRM_PERIOD_S:
@@ -392,8 +426,9 @@ class MachineService:
         """Clears the latch; axes stay without energy.
 
         Raises:
-            ServiceError: MC509 programs are still coming to rest; MC507.
+            ServiceError: MC443 an input stops the machine; MC509 programs are still coming to rest; MC507.
         """
+        self.channels.refuse_interlocked(self.channels.stopping(), "reset")
         wanted = self._axes(axes)
         if any(program.state == "ending" for program in self._table.programs.values()):
             raise Refused("MC509", "motion is still coming to rest", "try again in a moment", faults=[])

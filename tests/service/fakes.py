@@ -118,6 +118,12 @@ class FakePort:
         if self.stops_at_once:
             self.happen(EventKind.STOPPED, slot)
 
+    def set_output(self, column: int, value: float) -> None:
+        self.calls.append(("set_output", column, value))
+
+    def set_input(self, column: int, value: float) -> None:
+        self.calls.append(("set_input", column, value))
+
     def stop_all(self) -> None:
         self.calls.append(("stop_all",))
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from mcclient.arming import ArmingCalls
 from mcclient.calls import DEADLINE_S, Caller
+from mcclient.channels import ChannelCalls
 from mcclient.discovery import CONNECT_S, find_machine, new_client_id
 from mcclient.drives import DriveCalls
 from mcclient.errors import ProtocolError
@@ -42,7 +43,7 @@ LONG_JOB_S = 120.0
 EVENTS_A_PAGE = 1000
 
 
-class Machine(ArmingCalls, DriveCalls, RecordingCalls):
+class Machine(ArmingCalls, ChannelCalls, DriveCalls, RecordingCalls):
     """A connected machine.
 
     Attributes:

@@ -324,6 +324,14 @@ class Machine:
     def estop(self, reason: str = "", *, timeout_s: float = DEADLINE_S) -> None:
         self._loop.run(self._machine.estop(reason, timeout_s=timeout_s))
 
+    def set_output(self, name: str, value: bool | float) -> float:
+        """As `mcclient.Machine.set_output`."""
+        return self._loop.run(self._machine.set_output(name, value))
+
+    def set_simulated_input(self, name: str, value: bool | float) -> float:
+        """As `mcclient.Machine.set_simulated_input`."""
+        return self._loop.run(self._machine.set_simulated_input(name, value))
+
     def drives(self) -> list[DriveInfo]:
         return self._loop.run(self._machine.drives())
 

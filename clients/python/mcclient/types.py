@@ -127,6 +127,25 @@ class ToolPose:
 
 
 @dataclass(frozen=True, slots=True)
+class InputStatus:
+    """An input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now."""
+
+    name: str
+    value: float
+    holds: bool = False
+    stops: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OutputStatus:
+    """An output: its value, and who has set it last: a program's id, ``operator`` or nobody (empty)."""
+
+    name: str
+    value: float
+    set_by: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class MachineStatus:
     """The whole machine; ``state`` is ``ready``, ``fault`` or ``estop``, the latter two latched until
     reset.
@@ -142,6 +161,8 @@ class MachineStatus:
     override: float = 100.0
     late_cycles: int = 0
     tools: tuple[ToolPose, ...] = ()
+    inputs: tuple[InputStatus, ...] = ()
+    outputs: tuple[OutputStatus, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +238,34 @@ class TelemetryInfo:
 
 
 @dataclass(frozen=True, slots=True)
+class InputInfo:
+    """One input; ``number`` is of its kind, ``source`` empty where it is simulated."""
+
+    name: str
+    number: int
+    kind: str
+    unit: str = ""
+    source: str = ""
+    hold: bool = False
+    stop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OutputInfo:
+    """One output; ``number`` is of its kind, ``target`` empty where it is simulated, ``safe`` None: it
+    stays."""
+
+    name: str
+    number: int
+    kind: str
+    unit: str = ""
+    target: str = ""
+    min: float = 0.0
+    max: float = 1.0
+    safe: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class LimitsInfo:
     """Bounds of the service."""
 
@@ -246,6 +295,8 @@ class Info:
     telemetry: TelemetryInfo = field(default_factory=TelemetryInfo)
     limits: LimitsInfo = field(default_factory=LimitsInfo)
     methods: tuple[str, ...] = ()
+    inputs: tuple[InputInfo, ...] = ()
+    outputs: tuple[OutputInfo, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

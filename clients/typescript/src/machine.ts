@@ -38,6 +38,16 @@ export class Machine {
   /** A new program; lines are streamed to it, each exactly once. */
   program(options: OpenOptions = {}): Promise<Program> { return Program.open(this.gateway, this, options); }
 
+  /** Sets an output by its name: a digital one true or false, an analog one in its unit. */
+  setOutput(output: string, value: boolean | number): Promise<{ name: string; value: number }> {
+    return this.call("set_output", { output, value });
+  }
+
+  /** Sets a simulated input by its name. */
+  setSimulatedInput(input: string, value: boolean | number): Promise<{ name: string; value: number }> {
+    return this.call("set_simulated_input", { input, value });
+  }
+
   /** Moves an axis by a distance [mm, deg]. */
   jog(axis: number, distance: number, velocity?: number): Promise<{ program: string }> {
     return this.call("jog", { axis, distance, velocity: velocity ?? null });

@@ -26,9 +26,15 @@ export interface AxesStatus {
   index: number[]; position: number[]; setpoint: number[]; velocity: number[]; torque: number[]; state: string[];
 }
 
+export interface InputStatus { name: string; value: number; holds: boolean; stops: boolean; }
+
+/** `set_by`: a program's id, "operator", or nobody (""). */
+export interface OutputStatus { name: string; value: number; set_by: string; }
+
 export interface MachineStatus {
   t: number; wall: number; instance: string; state: "ready" | "fault" | "estop"; axes: AxesStatus;
   programs: ProgramStatus[]; faults: Fault[]; override: number; late_cycles: number;
+  inputs: InputStatus[]; outputs: OutputStatus[];
 }
 
 export interface MotionEvent {
@@ -38,12 +44,18 @@ export interface MotionEvent {
 
 export interface EventPage { instance: string; oldest: number; newest: number; events: MotionEvent[]; }
 
+/** An input (`source`) or output (`target`, `min`, `max`, `safe`); what is left out has its default. */
+export interface ChannelInfo {
+  name: string; number: number; kind: "digital" | "analog"; unit?: string; source?: string; target?: string;
+  hold?: boolean; stop?: boolean; min?: number; max?: number; safe?: number | null;
+}
+
 export interface Info {
   machine: string; server: string; protocol: number[]; instance: string; epoch: number; cycle_s: number;
   axes: { index: number; type: string; unit: string; max_velocity: number }[];
   telemetry: { axes: number[]; fields: string[]; cycles_a_message: number };
   limits: { max_line_length: number; max_lines_a_message: number; queue_lines: number };
-  methods: string[];
+  methods: string[]; inputs: ChannelInfo[]; outputs: ChannelInfo[];
 }
 
 export interface CheckResult { ok: boolean; diagnostics: Diagnostic[]; }

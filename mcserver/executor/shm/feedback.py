@@ -243,6 +243,11 @@ class FeedbackRing:
         part: Array = rows[:, start : start + self._axes]
         return part
 
+    def channels_of(self, row: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Inputs, outputs and who has set these, of one row."""
+        inputs, outputs, owners = _io_blocks(row, self._axes, self._slots, self._inputs, self._outputs)
+        return inputs, outputs, owners.astype(np.int64)
+
     def io_of(self, rows: Array) -> tuple[Array, Array]:
         """Inputs and outputs of rows, shapes (n, I) and (n, O)."""
         inputs, outputs, _ = _io_blocks(rows, self._axes, self._slots, self._inputs, self._outputs)

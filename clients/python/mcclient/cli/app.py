@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from mcclient.cli import arm, console, drives, fleet, look, operate, record, run, send, watch, zero
+from mcclient.cli import arm, console, drives, fleet, io, look, operate, record, run, send, watch, zero
 from mcclient.cli.output import exit_code_of, say, show_error
 from mcclient.errors import MotionError
 
@@ -69,6 +69,7 @@ def build_app() -> typer.Typer:
     app.command("estop")(operate.estop)
     app.command("arm")(arm.arm)
     app.add_typer(record.build_app(), name="record")
+    app.add_typer(io.build_app(), name="io")
     app.add_typer(drives.build_drives_app(), name="drives")
     app.add_typer(drives.build_sdo_app(), name="sdo")
     app.add_typer(fleet.build_app(), name="fleet")
