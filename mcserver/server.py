@@ -34,6 +34,7 @@ from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.jog import Jogging
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program_table import ServiceOptions
+from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
 from mcserver.simulation.program_checker import ProgramChecker
@@ -161,7 +162,9 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
             booted(machine, on_progress, stopping.is_set, take_over=options.take_over) as drives,
             contextlib.AsyncExitStack() as stack,
         ):
-            executor = ExecutorProcess(drives.machine or machine)
+            journal = options.journal or default_journal(machine.name)
+            references = References(references_file(journal), machine).holding
+            executor = ExecutorProcess(drives.machine or machine, references=references)
             executor.launch()
             stack.callback(executor.stop)
             planning = ProcessPlanning(machine, executor)

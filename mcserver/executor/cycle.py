@@ -52,13 +52,8 @@ class Cycle:
         self.estop = False
         self.history: Array = np.full((machine.exact_stop_cycles, len(machine.axes)), np.nan)
         self.shifted: list[Callable[[int, float], None]] = []
-        self.homed = HomedAxes(machine, bank, self._shift, assume=assume_homed)
+        self.homed = HomedAxes(machine, bank, self.shifted, assume=assume_homed)
         self._events = events
-
-    def _shift(self, column: int, distance: float) -> None:
-        self.history[:, column] += distance
-        for each in self.shifted:
-            each(column, distance)
 
     def emit(
         self,

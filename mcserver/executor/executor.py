@@ -260,6 +260,8 @@ class Executor:
 
     def close(self) -> None:
         """Every drive de-energized, buses given back."""
+        # nothing is left for a collection: it never runs in the executor's process
+        self._cycle.shifted.clear()
         self._io.make_safe()
         self._io.before_exchange()
         self.bank.close()

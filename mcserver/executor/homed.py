@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 
@@ -43,7 +43,8 @@ class HomedAxes:
 
     Args:
         assume: every axis counts as homed, as in simulations.
-        shifted: called with a column and a distance where its positions read that much more from now on.
+        shifted: called with a column and a distance where its positions read that much more from now on; the
+            list may grow.
 
     Attributes:
         mask: columns that know where they are. required: columns that programs move only then.
@@ -54,7 +55,7 @@ class HomedAxes:
         self,
         machine: Machine,
         bank: AxisBank,
-        shifted: Callable[[int, float], None],
+        shifted: Sequence[Callable[[int, float], None]],
         *,
         assume: bool = False,
     ) -> None:
@@ -119,4 +120,5 @@ class HomedAxes:
 
     def _shift(self, column: int, distance: float) -> None:
         self._bank.shift(column, distance)
-        self._shifted(column, distance)
+        for each in self._shifted:
+            each(column, distance)

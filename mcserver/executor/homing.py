@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from mcserver.drives.bus import HOME_SWITCH, DriveMode, DriveState, drives_mode
 from mcserver.executor.barriers import DRIVE_TIMEOUT_S, BarrierFault
@@ -69,18 +70,6 @@ class AxisHoming:
         self._contact = 0.0
         self._waited = 0.0
         self.phase = HomingPhase.START
-        self._steps: dict[HomingPhase, Callable[[], HomingPhase | None]] = {
-            HomingPhase.START: self._start,
-            HomingPhase.RELEASE: self._release,
-            HomingPhase.APPROACH: self._approach,
-            HomingPhase.BACK_OFF: self._back_off,
-            HomingPhase.LATCH: self._latch,
-            HomingPhase.INDEX: self._index,
-            HomingPhase.REFERENCE: self._reference,
-            HomingPhase.DEPART: self._depart,
-            HomingPhase.DRIVE: self._drive,
-            HomingPhase.HOLD: self._hold,
-        }
 
     def step(self) -> bool:
         """Look at the fresh feedback and go on; True: the axis is homed and at rest.
@@ -92,7 +81,7 @@ class AxisHoming:
             return True
         was_active, self._active = self._active, self._switch()
         self._edge = self._active != was_active
-        following = self._steps[self.phase]()
+        following = _STEPS[self.phase](self)
         if following is not None:
             self.phase = following
             self._cycle.emit(EventKind.HOMING, self._slot, 0, axis=self._axis.index, token=int(following))
@@ -319,6 +308,22 @@ class AxisHoming:
         cycle = self._cycle
         cycle.homed.refer(self._column, position, at)
         report_homed(cycle, self._slot, self._column)
+
+
+_STEPS: Mapping[HomingPhase, Callable[[AxisHoming], HomingPhase | None]] = MappingProxyType(
+    {
+        HomingPhase.START: AxisHoming._start,
+        HomingPhase.RELEASE: AxisHoming._release,
+        HomingPhase.APPROACH: AxisHoming._approach,
+        HomingPhase.BACK_OFF: AxisHoming._back_off,
+        HomingPhase.LATCH: AxisHoming._latch,
+        HomingPhase.INDEX: AxisHoming._index,
+        HomingPhase.REFERENCE: AxisHoming._reference,
+        HomingPhase.DEPART: AxisHoming._depart,
+        HomingPhase.DRIVE: AxisHoming._drive,
+        HomingPhase.HOLD: AxisHoming._hold,
+    }
+)
 
 
 class Homes:

@@ -69,6 +69,7 @@ class Supervision:
     def shift(self, column: int, distance: float) -> None:
         """The column's positions read ``distance`` more from now on."""
         self._past[:, column] += distance
+        self._cycle.history[:, column] += distance
 
     def before_exchange(self) -> None:
         """No setpoint leaves the axis's travel; one that would is refused."""

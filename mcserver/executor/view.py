@@ -50,6 +50,11 @@ class ExecutorView:
             index for index, column in self._columns.items() if int(condition[column]) in ENERGIZED
         )
 
+    def homed(self) -> frozenset[int]:
+        """Axes that know where they are."""
+        mask = self._newest().homed
+        return frozenset(index for index, column in self._columns.items() if mask >> column & 1)
+
     def positions(self) -> dict[int, float]:
         """Where motion starts from [m, rad]: the setpoint, or the encoder of an axis without energy."""
         latest = self._newest()

@@ -22,7 +22,10 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,30}")
 # What each method needs; a method that is not listed needs an engineer.
 _READING = frozenset({"info", "status", "programs", "events", "check", "simulate", "drives", "io", "arms"})
 _OPERATING = frozenset(
-    {"open", "submit", "close", "hold", "resume", "step", "abort", "override", "jog", "reset", "estop"}
+    {
+        *("open", "submit", "close", "hold", "resume", "step", "abort", "override"),
+        *("jog", "home", "reference", "reset", "estop"),
+    }
     | {"set_output", "set_simulated_input"}
 )
 

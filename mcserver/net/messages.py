@@ -205,6 +205,18 @@ class JogRequest(Request, frozen=True, kw_only=True):
     program: ProgramId | None = None
 
 
+class HomeRequest(Request, frozen=True, kw_only=True):
+    """Finds the references of axes, those with the lowest order first; None: of all that have a method."""
+
+    axes: Annotated[list[AxisIndex], Meta(min_length=1)] | None = None
+
+
+class ReferenceRequest(Request, frozen=True, kw_only=True):
+    """Says where axes are, by number as text [mm, deg]; nothing moves."""
+
+    positions: dict[str, float]
+
+
 class ResetRequest(Request, frozen=True, kw_only=True):
     """Clears a latched fault or emergency stop; axes stay without energy until captured (G1010)."""
 
@@ -312,6 +324,13 @@ class JogReply(msgspec.Struct, frozen=True):
     program: str
 
 
+class HomeReply(msgspec.Struct, frozen=True):
+    """The program that homes, for ``abort``, and its axes in the order of their homing."""
+
+    program: str
+    axes: list[int]
+
+
 class CheckReply(msgspec.Struct, frozen=True):
     """As ``mcserver check --json``."""
 
@@ -356,7 +375,10 @@ class EventsReply(msgspec.Struct, frozen=True):
 
 
 class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One axis; limits in mm or deg and seconds, None where not limited."""
+    """One axis; limits in mm or deg and seconds, None where not limited.
+
+    ``homing``: how it finds its reference; None: its encoder's reading is its position.
+    """
 
     index: int
     type: Literal["linear", "rotary"]
@@ -368,6 +390,7 @@ class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     min_position: float | None = None
     max_position: float | None = None
     in_position: float = 0.0
+    homing: str | None = None
 
 
 class ToolInfo(msgspec.Struct, frozen=True):

@@ -20,6 +20,7 @@ from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
 from mcserver.recorder.views import NoRecorder, RecordingAccess
 from mcserver.service.deferred import Deferred
+from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
 from mcserver.service.reports import wire_diagnostic
@@ -57,6 +58,7 @@ class Methods:
         self._checker = checker
         self._drives = drives
         self._units = EdgeUnits(service.machine)
+        self._homing = HomingService(service)
         self._arming = ArmingMethods(service, checker)
         self._recordings = RecordingMethods(
             recorder or NoRecorder(),
@@ -75,6 +77,8 @@ class Methods:
             "step": (wire.StepRequest, self.step),
             "override": (wire.OverrideRequest, self.override),
             "jog": (wire.JogRequest, self.jog),
+            "home": (wire.HomeRequest, self.home),
+            "reference": (wire.ReferenceRequest, self.reference),
             "reset": (wire.ResetRequest, self.reset),
             "set_output": (wire.SetOutputRequest, self.set_output),
             "set_simulated_input": (wire.SetInputRequest, self.set_simulated_input),
@@ -176,6 +180,18 @@ class Methods:
         if request.program is None:
             self._record(client, "jog", program, f"axis {request.axis}")
         return wire.JogReply(program)
+
+    async def home(self, client: str, request: wire.HomeRequest) -> wire.HomeReply:
+        program = await self._homing.home(client, request.axes)
+        self._record(client, "home", program.program, " ".join(f"axis {axis}" for axis in program.axes))
+        return wire.HomeReply(program.program, list(program.axes))
+
+    async def reference(self, client: str, request: wire.ReferenceRequest) -> wire.Done:
+        positions = self._service.positions_si(request.positions)
+        program = await self._homing.reference(client, positions)
+        shown = ", ".join(f"axis {axis} at {at:g}" for axis, at in request.positions.items())
+        self._record(client, "reference", program.program, shown)
+        return _done([program])
 
     def reset(self, client: str, request: wire.ResetRequest) -> wire.Done:
         self._service.reset(request.axes)

@@ -77,6 +77,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         velocity=(snapshot.velocity * units.scale).tolist(),
         torque=snapshot.torque.tolist(),
         state=list(snapshot.states),
+        homed=list(snapshot.homed),
     )
     return MachineStatus(
         t=snapshot.time,
@@ -186,4 +187,5 @@ def _axis_info(axis: Axis) -> AxisInfo:
         min_position=limit(axis.min_position),
         max_position=limit(axis.max_position),
         in_position=axis.in_position * scale,
+        homing=None if axis.homing is None else axis.homing.method,
     )

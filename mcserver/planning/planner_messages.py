@@ -38,12 +38,14 @@ class PipelineRequest(msgspec.Struct, frozen=True):
     Attributes:
         axes: that the program may name. modal: state to start with; None: a program's own beginning.
         frame: work offsets of that beginning; None: none.
+        unhomed: it may move axes that are not homed, slowly.
     """
 
     program: str
     axes: frozenset[int]
     modal: ModalState | None = None
     frame: Frame | None = None
+    unhomed: bool = False
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):

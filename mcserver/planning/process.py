@@ -28,6 +28,7 @@ from mcserver.planning.message_pipe import MessagePipe
 from mcserver.planning.pipeline import FaultRule, Pipeline
 from mcserver.planning.planner import Planner
 from mcserver.planning.planner_messages import PipelineRequest, PlannerCommand, PlannerStart
+from mcserver.planning.unhomed import machine_for
 from mcserver.processes import freeze_heap
 
 NICE = 5
@@ -88,7 +89,7 @@ class PipelineFactory:
     def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> Pipeline:
         """Make the pipeline of a program that begins now."""
         return Pipeline(
-            self._machine,
+            machine_for(self._machine, self._view.homed(), moves_unhomed=request.unhomed),
             sink,
             lines=lines,
             kinematics=self._kinematics,

@@ -21,7 +21,10 @@ STOPPING = ("estop",)
 # an agent asks for runs that an operator arms, and may stop along the path
 ASKING = ("request_run", "run_armed", "run_requests", "hold", "abort")
 ARMING = ("arm", "run_requests")
-OPERATING = ("open", "submit", "close", "hold", "resume", "step", "abort", "override", "jog", "reset")
+OPERATING = (
+    *("open", "submit", "close", "hold", "resume", "step", "abort", "override"),
+    *("jog", "home", "reference", "reset"),
+)
 SWITCHING = ("set_output", "set_simulated_input")
 RECORDING = ("record_start", "record_stop", "record_save")
 ENGINEERING = ("sdo_write",)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import Protocol
 
-from mcserver.executor.shm.feedback import LATE, TIME, FeedbackRing, FeedbackState
+from mcserver.executor.entries import Control, MotionSink
+from mcserver.executor.shm.feedback import LATE, TIME, FeedbackRing, FeedbackState, homed_of
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.view import ExecutorView, SlotView
 from mcserver.machine.machine_file import Machine
@@ -41,8 +43,14 @@ class ExecutorFaces(Protocol):
     @property
     def ending(self) -> str: ...
     def open_slot(
-        self, slot: int, axes_mask: int | None = None, *, override: float = 1.0, hold: bool = False
-    ) -> object: ...
+        self,
+        slot: int,
+        axes_mask: int | None = None,
+        *,
+        override: float = 1.0,
+        hold: bool = False,
+        unhomed: bool = False,
+    ) -> MotionSink: ...
     def beat(self) -> None: ...
     def stop(self) -> object: ...
 
@@ -65,8 +73,19 @@ class ExecutorPort:
     def epoch(self) -> float:
         return self._executor.epoch
 
-    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
-        self._executor.open_slot(slot, self._mask(axes), override=ratio, hold=held)
+    def begin(
+        self,
+        slot: int,
+        axes: frozenset[int],
+        *,
+        ratio: float,
+        held: bool,
+        unhomed: bool = False,
+        controls: Sequence[Control] = (),
+    ) -> None:
+        sink = self._executor.open_slot(slot, self._mask(axes), override=ratio, hold=held, unhomed=unhomed)
+        for control in controls:
+            sink.put_control(control)
 
     def beat(self) -> None:
         self._executor.beat()
@@ -108,6 +127,7 @@ class ExecutorPort:
             raise RuntimeError("no cycle has passed yet")
         setpoint, _, position, velocity, torque, condition = history.blocks_of(row)
         inputs, outputs, owners = history.channels_of(row)
+        homed = homed_of(row)
         return Snapshot(
             time=float(row[TIME]),
             setpoint=setpoint,
@@ -119,6 +139,7 @@ class ExecutorPort:
             inputs=inputs,
             outputs=outputs,
             owners=owners,
+            homed=[bool(homed >> column & 1) for column in range(len(self._columns))],
         )
 
     def cycles_since(self, cycle: int, limit: int) -> Cycles | None:

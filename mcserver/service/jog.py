@@ -63,7 +63,9 @@ class Jogging:
         move = self._move(axis, distance, velocity)
         if distance is None and hold_s is None:
             hold_s = DEFAULT_HOLD_S
-        program = await self._service.open(client, name=f"jog axis {axis_index}", axes=[axis_index])
+        program = await self._service.open(
+            client, name=f"jog axis {axis_index}", axes=[axis_index], unhomed=True
+        )
         try:
             await self._service.submit(client, program.program, 1, [f"G1010 P{axis_index}", move])
         except Exception:
@@ -104,6 +106,9 @@ class Jogging:
     def _move(self, axis: Axis, distance: float | None, velocity: float | None) -> str:
         scale = axis.type.si_per_unit
         limit = axis.max_velocity / scale
+        homed = self._service.homed(axis.index)
+        if axis.homing is not None and not homed:
+            limit = min(limit, axis.homing.jog_velocity / scale)
         if velocity is None and distance is not None:
             velocity = limit * DEFAULT_SHARE
         if velocity is None or velocity == 0.0 or not math.isfinite(velocity):
@@ -112,14 +117,14 @@ class Jogging:
             )
         speed = min(abs(velocity), limit)
         if distance is None:
-            return self._endless(axis, math.copysign(speed, velocity))
+            return self._endless(axis, math.copysign(speed, velocity), homed=homed)
         if not math.isfinite(distance):
             raise Refused("MC511", f"{distance} is no distance", "leave it out for a jog without an end")
         return f"G94 F{60.0 * speed:.6f} G91 G01 [{axis.index}]{distance:.6f}"
 
-    def _endless(self, axis: Axis, velocity: float) -> str:
+    def _endless(self, axis: Axis, velocity: float, *, homed: bool) -> str:
         feed = f"G94 F{60.0 * abs(velocity):.6f}"
         limit = (axis.max_position if velocity > 0.0 else axis.min_position) / axis.type.si_per_unit
-        if math.isfinite(limit):
+        if homed and math.isfinite(limit):
             return f"{feed} G90 G01 [{axis.index}]{limit:.6f}"
         return f"{feed} G91 G01 [{axis.index}]{velocity * ENDLESS_S:.6f}"

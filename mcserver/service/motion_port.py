@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.executor.entries import Control
 from mcserver.executor.view import SlotView
 from mcserver.service.reports import AxisState
 
@@ -45,6 +46,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     Attributes:
         inputs, outputs: in the order of the machine's model. owners: who has set each output last, as
             `mcserver.executor.io_bank` has it.
+        homed: whether each axis knows where it is.
     """
 
     time: float
@@ -57,6 +59,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     inputs: Array = msgspec.field(default_factory=_nothing)
     outputs: Array = msgspec.field(default_factory=_nothing)
     owners: NDArray[np.int64] = msgspec.field(default_factory=_nobody)
+    homed: Sequence[bool] = ()
 
 
 class MotionPort(Protocol):
@@ -70,8 +73,22 @@ class MotionPort(Protocol):
     def epoch(self) -> float:
         """Unix time of executor time 0 [s]."""
 
-    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
-        """Empties the slot's rings and starts its time axis at 0; ``ratio`` is the override."""
+    def begin(
+        self,
+        slot: int,
+        axes: frozenset[int],
+        *,
+        ratio: float,
+        held: bool,
+        unhomed: bool = False,
+        controls: Sequence[Control] = (),
+    ) -> None:
+        """Empties the slot's rings and starts its time axis at 0.
+
+        Args:
+            ratio: the override. unhomed: the program may move axes that are not homed.
+            controls: all of a program that needs no planner.
+        """
 
     def beat(self) -> None:
         """Says that the server is alive; without it motion stops."""

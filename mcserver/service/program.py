@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
 
+from mcserver.executor.entries import Control
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.service.deferred import Deferred
 from mcserver.service.line_queue import LineQueue
@@ -60,6 +61,9 @@ class Program:
         # for the pipeline, until it begins
         self.modal: ModalState | None = None
         self.slot: int | None = None
+        # all of a program that needs no planner; and whether it may move axes that are not homed
+        self.controls: Sequence[Control] = ()
+        self.unhomed = False
         # executor time of the newest cycle before it began [s]
         self.begun = 0.0
         # counts rejections: what the planner says about lines of an earlier epoch no longer matters

@@ -11,12 +11,15 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
+from mcserver.executor.homing import HomingPhase
+from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
@@ -45,6 +48,7 @@ from mcserver.service.journal_file import JournalConnection, open_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
+from mcserver.service.references import References, references_file
 from mcserver.service.reports import Ack, Event, Fault, ProgramState, wire_diagnostic
 from mcserver.service.reports import EventKind as Kind
 from mcserver.service.work_offsets import WorkOffsets
@@ -53,6 +57,23 @@ log = logging.getLogger(__name__)
 
 ENDED_PROGRAMS = 100
 TICK_S = 0.02
+
+# What an axis does while it is homed, for people.
+PHASES = MappingProxyType(
+    {
+        HomingPhase.START: "off the switch, the search begins",
+        HomingPhase.RELEASE: "the switch is active: off it first",
+        HomingPhase.APPROACH: "searching",
+        HomingPhase.BACK_OFF: "found, backing off",
+        HomingPhase.LATCH: "slowly to it again",
+        HomingPhase.INDEX: "on to the index",
+        HomingPhase.REFERENCE: "found, coming to rest",
+        HomingPhase.DEPART: "homed, going to its place",
+        HomingPhase.DRIVE: "the drive homes itself",
+        HomingPhase.HOLD: "the drive is at home",
+        HomingPhase.DONE: "done",
+    }
+)
 
 
 class ServiceOptions(msgspec.Struct, frozen=True):
@@ -79,12 +100,14 @@ class ProgramTable:
         programs: open ones and the last `ENDED_PROGRAMS` that have ended, oldest first.
         faults: latched until a reset.
         offsets: work coordinate systems, which outlive programs and the server.
+        references: of axes, which outlive the server.
         journal_damage: of the journal as it was found at this start; None: it is sound.
         journal_failure: why the journal cannot be written now; empty: it can.
     """
 
     def __init__(
         self,
+        machine: Machine,
         port: MotionPort,
         planner: Callable[[OnPlannerEvents], PlannerClient],
         options: ServiceOptions,
@@ -120,6 +143,7 @@ class ProgramTable:
             self._lock.release()
             raise
         self.offsets = WorkOffsets(options.journal.with_name(f"{options.journal.name}.offsets.json"))
+        self.references = References(references_file(options.journal), machine)
         self.planner = planner(self._planner_events)
         # told of a stop that the executor has latched by itself
         self.on_machine_stop: Callable[[Fault], None] = self.faults.latch
@@ -211,9 +235,19 @@ class ProgramTable:
             # as the executor does by itself
             program.held = program.held or bool(self._holding)
             # here, so that no hold or abort can reach the executor before it
-            self.port.begin(grant.slot, grant.axes, ratio=program.override, held=program.held)
-            request = PipelineRequest(program.program, grant.axes, program.modal, self.offsets.frame())
-            self.planner.send(Begin(request, grant.slot, program.step, program.begun))
+            self.references.may_move(grant.axes)
+            self.port.begin(
+                grant.slot,
+                grant.axes,
+                ratio=program.override,
+                held=program.held,
+                unhomed=program.unhomed,
+                controls=program.controls,
+            )
+            if not program.controls:
+                frame = self.offsets.frame()
+                request = PipelineRequest(program.program, grant.axes, program.modal, frame, program.unhomed)
+                self.planner.send(Begin(request, grant.slot, program.step, program.begun))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
             self.publish("program.started", program)
@@ -377,6 +411,9 @@ class ProgramTable:
         if event.kind is EventKind.FAULT:
             self._fault(event, program)
             return
+        if event.kind in (EventKind.HOMING, EventKind.HOMED, EventKind.UNHOMED):
+            self._homing(event, program)
+            return
         if program is None or event.time < program.begun:
             # of the program that was in the slot before, whose end was seen without this
             return
@@ -446,6 +483,23 @@ class ProgramTable:
         """Return the id of the program in an executor's slot."""
         program = self._in_slot(slot)
         return None if program is None else program.program
+
+    def _homing(self, event: ExecutorEvent, program: Program | None) -> None:
+        """An axis goes on with its homing, has its reference, or has lost it."""
+        where = {"axis": event.axis, "program": None if program is None else program.program}
+        if event.kind is EventKind.HOMING:
+            self.events.publish("axis.homing", message=PHASES[HomingPhase(event.token)], **where)
+            return
+        if event.kind is EventKind.HOMED:
+            offset, reading = event.values
+            self.references.keep(event.axis, offset, reading)
+            self.events.publish("axis.homed", message="", **where)
+        else:
+            self.references.forget(event.axis)
+            reason = f"MC{event.code}" if event.code else ""
+            self.events.publish("axis.unhomed", reason=reason, message="", **where)
+        if self.references.failure:
+            self.events.publish("warning", reason="MC459", message=self.references.failure)
 
     def _record(self, fault: Fault) -> None:
         self.journal.fault(fault, self.options.clock())

@@ -54,6 +54,10 @@ EventKind = Literal[
     "command",
     "client.gone",
     "recording",
+    "axis.homing",
+    "axis.homed",
+    "axis.unhomed",
+    "probe",
     CanopenEventKind,
 ]
 
@@ -137,7 +141,11 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class AxesStatus(msgspec.Struct, frozen=True):
-    """All axes, column-wise: every list has one entry for each of ``index``."""
+    """All axes, column-wise: every list has one entry for each of ``index``.
+
+    Attributes:
+        homed: whether the axis knows where it is; axes without ``[axis.homing]`` always do.
+    """
 
     index: list[int]
     position: list[float]
@@ -145,6 +153,7 @@ class AxesStatus(msgspec.Struct, frozen=True):
     velocity: list[float]
     torque: list[float]
     state: list[AxisState]
+    homed: list[bool] = []
 
 
 class ToolPose(msgspec.Struct, frozen=True):

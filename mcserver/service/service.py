@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 import msgspec
 
 from mcserver.errors import Refused, RejectedLines, ServiceError
+from mcserver.executor.entries import Control
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import Planning, StepLine
@@ -69,6 +70,7 @@ class MachineService:
         self.stops = 0
         self._loop = asyncio.get_running_loop()
         self._table = ProgramTable(
+            machine,
             port,
             planning.planner,
             options,
@@ -94,6 +96,7 @@ class MachineService:
         self._table.planner.start()
         self._table.heartbeat.start()
         self.events.publish("server.started", message=f"machine {self.machine.name}")
+        self._say_lost_references()
         damage = self._table.journal_damage
         if damage is not None:
             message = f"the journal was damaged: {damage.message}; as it was it is kept in {damage.kept}"
@@ -114,6 +117,9 @@ class MachineService:
         while self._chosen(None) and self._loop.time() < deadline:
             await asyncio.sleep(TICK_S)
         await self._table.planner.stop()
+        if self.port.alive():
+            positions = self.port.snapshot().position.tolist()
+            self._table.references.stand(dict(zip(self._all_axes, positions, strict=True)))
         await asyncio.to_thread(self.port.close)
         self._table.heartbeat.stop()
         self._table.journal.server_stopped(self.options.instance, self.options.clock())
@@ -150,8 +156,13 @@ class MachineService:
         resume_of: str | None = None,
         step: bool = False,
         hold: bool = False,
+        unhomed: bool = False,
+        controls: Sequence[Control] = (),
     ) -> Program:
         """Opens a program and queues it for its axes.
+
+        Args:
+            unhomed: it may move axes that are not homed. controls: all of a program that needs no planner.
 
         Raises:
             ServiceError: MC503 no program ``resume_of``, MC507 no such axis, MC508 too many programs, MC509 a
@@ -197,9 +208,25 @@ class MachineService:
         )
         program.modal = modal
         program.held = hold
+        program.unhomed = unhomed
+        program.controls = tuple(controls)
+        program.closed = bool(controls)
         program.override = self.override
         self._table.add(program, before)
         return program
+
+    async def command(
+        self, client: str, name: str, axes: Sequence[int], controls: Sequence[Control]
+    ) -> Program:
+        """Open a program of control entries, which needs no planner, and queue it for its axes.
+
+        Args:
+            controls: all of it; the last one is its end.
+
+        Raises:
+            ServiceError: as `open`.
+        """
+        return await self.open(client, name=name, axes=axes, controls=controls)
 
     def submit(
         self, client: str, program_id: str, first: int, lines: Sequence[str], *, judge: bool = True
@@ -452,6 +479,11 @@ class MachineService:
         if self._estop is None and self._table.faults.forget_cleared(states):
             self.events.publish("reset", message="the latch is cleared")
 
+    def homed(self, axis: int) -> bool:
+        """Return whether an axis knows where it is."""
+        homed = self.port.snapshot().homed
+        return not homed or homed[self.machine.column_of(axis)]
+
     def holder(self, axis: int) -> str | None:
         """The program that may move ``axis`` now."""
         return self._table.leases.holder(axis)
@@ -497,6 +529,21 @@ class MachineService:
         return found[:limit]
 
     # ------------------------------------------------------------ inside
+
+    def _say_lost_references(self) -> None:
+        """Say which references of an earlier start do not hold now."""
+        references = self._table.references
+        if references.damage:
+            log.error("MC459: %s", references.damage)
+            self.events.publish("warning", reason="MC459", message=references.damage)
+        for axis in sorted(references.axes):
+            if not self.homed(axis):
+                message = (
+                    f"axis {axis} is not homed: its encoder does not read what it did when the server stopped"
+                )
+                log.warning("MC459: %s", message)
+                self.events.publish("warning", reason="MC459", axis=axis, message=message)
+                references.forget(axis)
 
     def _fail_without_executor(self) -> None:
         fault = Fault(

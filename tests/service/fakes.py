@@ -85,7 +85,7 @@ class FakePort:
         with self._lock:
             self._events.append(event)
 
-    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
+    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool, **_more: object) -> None:
         self.calls.append(("begin", slot, axes, ratio, held))
         self.at_rest.discard(slot)
 

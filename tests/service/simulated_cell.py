@@ -104,7 +104,7 @@ class SimulatedPort(FakePort):
             self._owners.pop(slot, None)
         super().happen(kind, slot, line, time=self._cell.loop.time(), **values)
 
-    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool) -> None:
+    def begin(self, slot: int, axes: frozenset[int], *, ratio: float, held: bool, **_more: object) -> None:
         taken = frozenset[int]().union(*self._owners.values())
         require(slot not in self._owners and not taken & axes, f"slot {slot} takes axes that are in motion")
         self._owners[slot] = axes

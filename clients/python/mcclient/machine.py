@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import weakref
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -322,6 +322,22 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, RecordingCalls):
             "program": program,
         }
         return str(unpack(await self._caller.call("jog", request))["program"])
+
+    async def home(self, axes: Sequence[int] | None = None) -> str:
+        """Lets axes find their references; returns the id of the program that does.
+
+        It runs on: events ``axis.homing``, ``axis.homed`` and ``program.ended`` say how it goes.
+
+        Args:
+            axes: None: all that can.
+        """
+        request = {"axes": None if axes is None else list(axes)}
+        return str(unpack(await self._caller.call("home", request))["program"])
+
+    async def reference(self, positions: Mapping[int, float]) -> None:
+        """Says where axes are, by number [mm, deg]; nothing moves."""
+        written = {str(axis): float(at) for axis, at in positions.items()}
+        await self._caller.call("reference", {"positions": written})
 
     async def reset(self, axes: Sequence[int] | None = None) -> None:
         """Clears a latched fault or emergency stop; axes stay without energy until captured (G1010)."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Coroutine, Iterable, Iterator, Sequence
+from collections.abc import Coroutine, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Generic, Self, TypeVar
 
@@ -317,6 +317,14 @@ class Machine:
         return self._loop.run(
             self._machine.jog(axis, distance, velocity=velocity, hold_s=hold_s, program=program)
         )
+
+    def home(self, axes: Sequence[int] | None = None) -> str:
+        """As `mcclient.Machine.home`."""
+        return self._loop.run(self._machine.home(axes))
+
+    def reference(self, positions: Mapping[int, float]) -> None:
+        """As `mcclient.Machine.reference`."""
+        self._loop.run(self._machine.reference(positions))
 
     def reset(self, axes: Sequence[int] | None = None) -> None:
         self._loop.run(self._machine.reset(axes))

@@ -107,7 +107,10 @@ class ProgramStatus:
 
 @dataclass(frozen=True, slots=True)
 class AxesStatus:
-    """All axes, column-wise: each tuple has one entry for each of ``index``."""
+    """All axes, column-wise: each tuple has one entry for each of ``index``.
+
+    ``homed``: whether an axis knows where it is; those without ``[axis.homing]`` always do.
+    """
 
     index: tuple[int, ...] = ()
     position: tuple[float, ...] = ()
@@ -115,6 +118,7 @@ class AxesStatus:
     velocity: tuple[float, ...] = ()
     torque: tuple[float, ...] = ()
     state: tuple[str, ...] = ()
+    homed: tuple[bool, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +218,7 @@ class AxisInfo:
     min_position: float | None = None
     max_position: float | None = None
     in_position: float = 0.0
+    homing: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,10 @@ export class Machine {
   resume(program?: string): Promise<unknown> { return this.call("resume", { program: program ?? null }); }
   abort(program?: string): Promise<unknown> { return this.call("abort", { program: program ?? null }); }
   override(percent: number, program?: string): Promise<unknown> { return this.call("override", { percent, program: program ?? null }); }
+  /** Lets axes find their references (all that can, without `axes`); the program goes on by itself, `abort` stops it. */
+  home(axes?: number[]): Promise<{ program: string; axes: number[] }> { return this.call("home", { axes: axes ?? null }); }
+  /** Says where axes are, by number [mm, deg]; nothing moves. */
+  reference(positions: Record<string, number>): Promise<unknown> { return this.call("reference", { positions }); }
   reset(): Promise<unknown> { return this.call("reset"); }
 
   /** Emergency stop; resolves once the server has confirmed it. No safety function: machines need a circuit of their own. */

@@ -24,6 +24,7 @@ export interface ProgramStatus extends Ack {
 
 export interface AxesStatus {
   index: number[]; position: number[]; setpoint: number[]; velocity: number[]; torque: number[]; state: string[];
+  homed?: boolean[];
 }
 
 export interface InputStatus { name: string; value: number; holds: boolean; stops: boolean; }
@@ -52,7 +53,7 @@ export interface ChannelInfo {
 
 export interface Info {
   machine: string; server: string; protocol: number[]; instance: string; epoch: number; cycle_s: number;
-  axes: { index: number; type: string; unit: string; max_velocity: number }[];
+  axes: { index: number; type: string; unit: string; max_velocity: number; homing?: string | null }[];
   telemetry: { axes: number[]; fields: string[]; cycles_a_message: number };
   limits: { max_line_length: number; max_lines_a_message: number; queue_lines: number };
   methods: string[]; inputs: ChannelInfo[]; outputs: ChannelInfo[];

@@ -131,6 +131,11 @@ class FeedbackRow:
         cells[at + 3] = generation
 
 
+def homed_of(row: Array) -> int:
+    """Mask of the columns that know where they are, of a row."""
+    return int(row[_HOMED_LOW]) | int(row[_HOMED_HIGH]) << 32
+
+
 def row_width(axes: int, slots: int, inputs: int = 0, outputs: int = 0) -> int:
     """Doubles in a row."""
     return _HEAD + _BLOCKS * axes + _SLOT * slots + inputs + 2 * outputs
@@ -300,5 +305,5 @@ class FeedbackRing:
             inputs=inputs.copy(),
             outputs=outputs.copy(),
             owners=owners.astype(np.int64),
-            homed=int(row[_HOMED_LOW]) | int(row[_HOMED_HIGH]) << 32,
+            homed=homed_of(row),
         )

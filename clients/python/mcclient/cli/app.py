@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from mcclient.cli import arm, console, drives, fleet, io, look, operate, record, run, send, watch, zero
+from mcclient.cli import arm, console, drives, fleet, home, io, look, operate, record, run, send, watch, zero
 from mcclient.cli.output import exit_code_of, say, show_error
 from mcclient.errors import MotionError
 
@@ -65,6 +65,8 @@ def build_app() -> typer.Typer:
     app.command("override")(operate.override)
     # a distance or a velocity may be negative: such words are no options
     app.command("jog", context_settings={"ignore_unknown_options": True})(operate.jog)
+    app.command("home")(home.home)
+    app.command("reference", context_settings={"ignore_unknown_options": True})(home.reference)
     app.command("reset")(operate.reset)
     app.command("estop")(operate.estop)
     app.command("arm")(arm.arm)

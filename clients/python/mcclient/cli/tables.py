@@ -68,20 +68,33 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
     table.add_column("unit")
     table.add_column("state", min_width=10)
     axes = status.axes
+    # only machines that have something to home
+    homing = {axis.index for axis in info.axes if axis.homing is not None} if axes.homed else set()
+    if homing:
+        table.add_column("homed")
     count = len(axes.index) if rows is None else min(rows, len(axes.index))
     for row in range(count):
         unit = units.get(axes.index[row], "")
-        table.add_row(
+        cells: list[str | Text] = [
             str(axes.index[row]),
             f"{axes.position[row]:.3f}",
             f"{axes.setpoint[row]:.3f}",
             f"{axes.velocity[row]:.2f}",
             unit,
             state_text(axes.state[row]),
-        )
+        ]
+        if homing:
+            cells.append(_homed_text(axes.index[row] in homing, homed=axes.homed[row]))
+        table.add_row(*cells)
     if count < len(axes.index):
-        table.add_row("…", f"{len(axes.index) - count} more", "", "", "", "")
+        table.add_row("…", f"{len(axes.index) - count} more")
     return table
+
+
+def _homed_text(needed: bool, *, homed: bool) -> Text:
+    if not needed:
+        return Text("")
+    return Text("yes", style="green") if homed else Text("no", style="yellow")
 
 
 def _tools_table(status: MachineStatus) -> Table:

@@ -1,0 +1,36 @@
+"""The machine that a program is planned for while some axes do not know where they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container
+
+import msgspec
+
+from mcserver.machine.machine_file import Axis, Machine
+
+
+def machine_for(machine: Machine, homed: Container[int], *, moves_unhomed: bool) -> Machine:
+    """Return the machine with the limits that count now.
+
+    The travel of an axis that is not homed does not count, and what may move it all the same (a jog) does so
+    slowly. An axis that programs may move only once it is homed keeps its limits: they count when it is.
+
+    Args:
+        homed: numbers of the axes that know where they are.
+        moves_unhomed: the program may move the others.
+    """
+    if all(axis.index in homed for axis in machine.axes):
+        return machine
+    axes = tuple(
+        axis if axis.index in homed else _unhomed(axis, moves=moves_unhomed) for axis in machine.axes
+    )
+    return msgspec.structs.replace(machine, axes=axes)
+
+
+def _unhomed(axis: Axis, *, moves: bool) -> Axis:
+    homing = axis.homing
+    if homing is None or (homing.required and not moves):
+        return axis
+    speed = min(axis.max_velocity, homing.jog_velocity) if moves else axis.max_velocity
+    return msgspec.structs.replace(axis, min_position=-math.inf, max_position=math.inf, max_velocity=speed)

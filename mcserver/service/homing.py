@@ -1,0 +1,123 @@
+"""Homing and references as operators ask for them: programs of control entries, each with a lease."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Mapping, Sequence
+
+from mcserver.errors import Refused
+from mcserver.executor.entries import Control, ControlKind
+from mcserver.machine.machine_file import Axis
+from mcserver.motion.canonical import AxisOperation
+from mcserver.service.program import Program
+from mcserver.service.service import MachineService
+
+# Longest wait for a reference to be given, and how often it is looked [s].
+REFERENCE_LIMIT_S = 3.0
+REFERENCE_LOOK_S = 0.005
+_CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
+
+
+class HomingService:
+    """Homes the axes of one machine. All of it runs in the loop."""
+
+    def __init__(self, service: MachineService) -> None:
+        self._service = service
+        self._machine = service.machine
+
+    async def home(self, client: str, axes: Sequence[int] | None) -> Program:
+        """Begin to home axes, those of the lowest order first; None: all that can find their reference.
+
+        Raises:
+            ServiceError: MC455 an axis finds no reference by itself, MC507 no such axis, MC512 it is leased.
+        """
+        chosen = [self._axis(index) for index in axes] if axes is not None else self._finding()
+        for axis in chosen:
+            if axis.homing is None or not axis.homing.finds:
+                raise Refused(
+                    "MC455",
+                    f"axis {axis.index} has no homing of its own",
+                    f"say where it is: mcctl reference {axis.index} POSITION",
+                    axis=axis.index,
+                )
+        numbers = [axis.index for axis in chosen]
+        self._check_free(numbers)
+        groups: dict[int, int] = {}
+        for axis in chosen:
+            order = axis.homing.order if axis.homing is not None else 0
+            groups[order] = groups.get(order, 0) | self._bit(axis.index)
+        everything = sum(groups.values())
+        controls = [Control(ControlKind.AXIS, 0.0, 0, axes=everything, operation=_CAPTURE)]
+        controls += [Control(ControlKind.HOME, 0.0, 0, axes=groups[order]) for order in sorted(groups)]
+        controls.append(Control(ControlKind.FINISH, 0.0, 0))
+        shown = " ".join(str(number) for number in numbers)
+        return await self._service.command(client, f"home axis {shown}", numbers, controls)
+
+    async def reference(self, client: str, positions: Mapping[int, float]) -> Program:
+        """Say where axes are [m or rad]; nothing moves. Returns once it is done.
+
+        Raises:
+            ServiceError: MC455 an axis without ``[axis.homing]``, MC458 it moves, MC507, MC511, MC512.
+        """
+        if not positions:
+            raise Refused("MC511", "a reference names no axis", "give axes and positions")
+        values = [math.nan] * len(self._machine.axes)
+        mask = 0
+        for index, position in positions.items():
+            axis = self._axis(index)
+            if axis.homing is None:
+                raise Refused(
+                    "MC455",
+                    f"axis {index} has no [axis.homing]: its encoder's reading is its position",
+                    'add [axis.homing] with method = "manual" or "absolute" to the machine file',
+                    axis=index,
+                )
+            if not math.isfinite(position):
+                raise Refused("MC511", f"{position} is no position", "give a number")
+            values[self._machine.column_of(index)] = position
+            mask |= self._bit(index)
+        self._check_free(list(positions))
+        controls = [
+            Control(ControlKind.REFERENCE, 0.0, 0, axes=mask, values=tuple(values)),
+            Control(ControlKind.FINISH, 0.0, 0),
+        ]
+        shown = " ".join(str(number) for number in positions)
+        program = await self._service.command(client, f"reference axis {shown}", list(positions), controls)
+        for _ in range(round(REFERENCE_LIMIT_S / REFERENCE_LOOK_S)):
+            if program.ended:
+                break
+            await asyncio.sleep(REFERENCE_LOOK_S)
+        if program.fault is not None:
+            raise Refused(program.fault.code, program.fault.message, program.fault.hint)
+        if program.state != "finished":
+            self._service.abort(program.program, "the reference took too long")
+            raise Refused("MC458", "the reference was not given in time", "see mcctl status, then try again")
+        return program
+
+    def _finding(self) -> list[Axis]:
+        found = [axis for axis in self._machine.axes if axis.homing is not None and axis.homing.finds]
+        if not found:
+            raise Refused(
+                "MC455",
+                f"no axis of {self._machine.name} finds a reference by itself",
+                "add [axis.homing] to the machine file, or say where axes are: mcctl reference",
+            )
+        return found
+
+    def _axis(self, index: int) -> Axis:
+        axis = self._machine.axis(index)
+        if axis is None:
+            raise Refused(
+                "MC507", f"the machine {self._machine.name} has no axis {index}", "see `info`", axis=index
+            )
+        return axis
+
+    def _bit(self, index: int) -> int:
+        return 1 << self._machine.column_of(index)
+
+    def _check_free(self, axes: Sequence[int]) -> None:
+        for axis in axes:
+            holder = self._service.holder(axis)
+            if holder is not None:
+                raise Refused("MC512", f"axis {axis} is leased to {holder}", "abort it first", program=holder)

@@ -1,0 +1,115 @@
+"""References of axes that outlive the server: of absolute encoders, and those given by hand."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from mcserver.executor.homed import StoredReference
+from mcserver.machine.machine_file import Axis, Machine
+
+log = logging.getLogger(__name__)
+
+
+def references_file(journal: Path) -> Path:
+    """Return the file beside a journal."""
+    return journal.with_name(f"{journal.name}.references.json")
+
+
+class References:
+    """The references that are kept in a file: JSON, axis → offset and, for other than absolute encoders, what
+    the encoder read when the axis stood for the last time.
+
+    A reference given by hand holds after a restart only where the encoder still reads that: one that has lost
+    its power counts from anew. While its axis may move, nothing is known to compare with.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        damage: why it could not be read; empty: it could.
+        failure: why it could not be written; empty: it could.
+    """
+
+    def __init__(self, path: Path, machine: Machine) -> None:
+        self._path = path
+        self._kept = {axis.index: axis for axis in machine.axes if _is_kept(axis)}
+        self.damage = ""
+        self.failure = ""
+        found: dict[int, StoredReference] = {}
+        try:
+            found = msgspec.json.decode(path.read_bytes(), type=dict[int, StoredReference])
+        except FileNotFoundError:
+            pass
+        except (OSError, ValueError, RecursionError) as error:
+            self.damage = f"the references in {path} cannot be read: {error}; their axes are not homed"
+        self._stored = {axis: each for axis, each in found.items() if axis in self._kept}
+
+    @property
+    def holding(self) -> Mapping[int, StoredReference]:
+        """Those that an executor may take at its start, by axis number."""
+        return {
+            axis: StoredReference(each.offset) if self._absolute(axis) else each
+            for axis, each in self._stored.items()
+            if self._absolute(axis) or each.reading is not None
+        }
+
+    @property
+    def axes(self) -> frozenset[int]:
+        """Axes with a reference in the file."""
+        return frozenset(self._stored)
+
+    def keep(self, axis: int, offset: float, reading: float) -> None:
+        """Keep the reference of an axis, which stands [m or rad]."""
+        if axis in self._kept:
+            self._stored[axis] = StoredReference(offset, None if self._absolute(axis) else reading)
+            self._write()
+
+    def forget(self, axis: int) -> None:
+        """An axis has lost its reference."""
+        if self._stored.pop(axis, None) is not None:
+            self._write()
+
+    def may_move(self, axes: Iterable[int]) -> None:
+        """Axes may move from now on: their readings hold no longer."""
+        changed = False
+        for axis in axes:
+            stored = self._stored.get(axis)
+            if stored is not None and stored.reading is not None:
+                self._stored[axis] = StoredReference(stored.offset)
+                changed = True
+        if changed:
+            self._write()
+
+    def stand(self, positions: Mapping[int, float]) -> None:
+        """Axes stand at these positions as the server stops [m or rad]."""
+        for axis, stored in self._stored.items():
+            if not self._absolute(axis) and axis in positions:
+                self._stored[axis] = StoredReference(stored.offset, positions[axis] - stored.offset)
+        if self._stored:
+            self._write()
+
+    def _absolute(self, axis: int) -> bool:
+        homing = self._kept[axis].homing
+        return homing is not None and homing.absolute
+
+    def _write(self) -> None:
+        aside = self._path.with_name(f"{self._path.name}.new")
+        try:
+            with aside.open("wb") as file:
+                file.write(msgspec.json.encode(self._stored))
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(aside, self._path)
+            self.failure = ""
+        except OSError as error:
+            self.failure = f"the references could not be kept in {self._path}: {error}"
+            log.error("MC459: %s", self.failure)
+
+
+def _is_kept(axis: Axis) -> bool:
+    return axis.homing is not None and (axis.homing.absolute or axis.homing.method == "manual")
