@@ -41,7 +41,8 @@ class Sessions:
         self._config_file = config_file
         self._origins = origins
         self._sessions: dict[str, GatewaySession] = {}
-        self._ends: set[asyncio.Task[None]] = set()
+        # by the session's secret: what ends it once its grace is over
+        self._ends: dict[str, asyncio.Task[None]] = {}
         self._decode = msgspec.msgpack.Decoder(frames.Request).decode
 
     def principal(self, token: str) -> Principal | None:
@@ -50,7 +51,7 @@ class Sessions:
 
     async def close(self) -> None:
         """Ends all sessions."""
-        for task in list(self._ends):
+        for task in self._ends.values():
             task.cancel()
         await asyncio.gather(
             *(session.close() for session in self._sessions.values()), return_exceptions=True
@@ -81,8 +82,7 @@ class Sessions:
         if session.connection is socket:
             session.connection = None
             session.end_subscriptions()
-            self._ends.add(task := asyncio.ensure_future(self._end_after_grace(session)))
-            task.add_done_callback(self._ends.discard)
+            self._ends[session.secret] = asyncio.ensure_future(self._end_after_grace(session))
 
     async def _session(self, secret: str, principal: Principal) -> tuple[GatewaySession, bool]:
         known = self._sessions.get(secret)
@@ -91,6 +91,10 @@ class Sessions:
                 # the old connection is dead and does not know it yet
                 await _close(known.connection, TAKEN_OVER, "taken up by another connection")
             known.end_subscriptions()
+            # the grace begins anew with the next loss
+            ending = self._ends.pop(secret, None)
+            if ending is not None:
+                ending.cancel()
             return known, True
         if len(self._sessions) >= MAX_SESSIONS:
             raise MotionError("MC071", f"{MAX_SESSIONS} clients are connected", "close one")
@@ -102,6 +106,7 @@ class Sessions:
         await asyncio.sleep(GRACE_S)
         if session.connection is None:
             del self._sessions[session.secret]
+            del self._ends[session.secret]
             await session.close()
 
     async def _exchange(self, socket: WebSocket, session: GatewaySession) -> None:
