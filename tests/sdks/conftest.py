@@ -1,52 +1,140 @@
-"""Each SDK's conformance program, built once; the server and the gateway are those of tests/gateway."""
+"""Each SDK's conformance program, built once; one server of 64 axes and one gateway to it for all tests.
+
+A language takes part by a function in `SDKS` that builds its conformance program and gives its command.
+"""
 
 from __future__ import annotations
 
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from mcclient import sync
 
 from tests.e2e.servers import ROOT, ServerProcess
-from tests.gateway.conftest import gateway, server, tokens
+from tests.gateway.conftest import GatewayProcess, tokens
 
-__all__ = ["gateway", "server", "tokens"]
+__all__ = ["tokens"]
+
+AXES = 64
+MACHINE = """
+[machine]
+name = "cell"
+""" + "".join(
+    f"""
+[[axis]]
+index = {index}
+type = "linear"
+max_velocity = 500.0
+max_acceleration = 5000.0
+drive = {{ kind = "ideal" }}
+"""
+    for index in range(AXES)
+)
+BUILD_LIMIT_S = 280.0
+
+
+@dataclass(frozen=True)
+class Sdk:
+    """An SDK's conformance program: its command, and what it reaches a machine through."""
+
+    command: tuple[str, ...]
+    through: Literal["gateway", "zenoh"]
+
+
+def python() -> Sdk:
+    return Sdk((sys.executable, str(ROOT / "clients" / "python" / "conformance" / "main.py")), "zenoh")
+
+
+def typescript() -> Sdk:
+    node, npm = needed("node"), needed("npm")
+    folder = ROOT / "clients" / "typescript"
+    if not (folder / "node_modules" / "ws").is_dir():
+        build([npm, "install", "--no-audit", "--no-fund", "--silent"], folder)
+    build([npm, "run", "--silent", "build"], folder)
+    return Sdk((node, str(folder / "conformance" / "main.mjs")), "gateway")
+
+
+def go() -> Sdk:
+    folder = ROOT / "clients" / "go"
+    made = ROOT / "build" / "go" / "conformance"
+    build([needed("go"), "build", "-o", str(made), "./cmd/conformance"], folder)
+    return Sdk((str(made),), "gateway")
+
+
+SDKS = {each.__name__: each for each in (python, typescript, go)}
+
+
+def needed(tool: str) -> str:
+    """Path of a language's tool; the test is skipped by its name where it is not installed."""
+    found = shutil.which(tool)
+    if found is None:
+        pytest.skip(f"{tool} is not installed")
+    return found
+
+
+def build(command: list[str], folder: Path) -> str:
+    """Build, with the registry's proxy if there is one, and say why where it fails; what was printed."""
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=BUILD_LIMIT_S, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="session", params=SDKS)
+def sdk(request: pytest.FixtureRequest) -> Sdk:
+    """One SDK's conformance program, built."""
+    return SDKS[request.param]()
 
 
 @pytest.fixture(scope="session")
-def typescript() -> list[str]:
-    """The command of the TypeScript SDK's conformance program."""
-    node, npm = shutil.which("node"), shutil.which("npm")
-    if node is None or npm is None:
-        pytest.skip("node and npm are not installed")
-    folder = ROOT / "clients" / "typescript"
-    if not (folder / "node_modules" / "ws").is_dir():
-        subprocess.run([npm, "install", "--no-audit", "--no-fund", "--silent"], cwd=folder, check=True)
-    subprocess.run([npm, "run", "--silent", "build"], cwd=folder, check=True)
-    return [node, str(folder / "conformance" / "main.mjs")]
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    folder = tmp_path_factory.mktemp("server")
+    (folder / "cell.toml").write_text(MACHINE, "utf-8")
+    made = ServerProcess(folder, str(folder / "cell.toml"), "cell")
+    made.start()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="session")
+def gateway(server: ServerProcess, tokens: tuple[Path, dict[str, str]]) -> Iterator[GatewayProcess]:
+    made = GatewayProcess(server.endpoint, "--tokens", str(tokens[0]))
+    yield made
+    made.close()
 
 
 @pytest.fixture
 def machine(server: ServerProcess) -> Iterator[sync.Machine]:
     """The server as another client sees it, at rest at X0 before each test."""
     with sync.Machine.connect("cell", server.endpoint) as made:
-        with made.program("to zero") as program:
-            program.send("G1010")
-            program.send("G00 X0 Y0 Z0")
+        to_zero(made)
         yield made
+    with sync.Machine.connect("cell", server.endpoint) as made:
         made.abort()
         while made.programs(ended=False):
             pass
         made.reset()
 
 
+def to_zero(machine: sync.Machine) -> None:
+    """Axes have energy and are at zero."""
+    with machine.program("to zero", axes=[0, 1]) as program:
+        program.send("G1010")
+        program.send("G00 X0 Y0")
+
+
 def environment() -> dict[str, str]:
-    """Of a conformance program: no proxy between it and the loopback."""
-    return {key: value for key, value in os.environ.items() if not key.lower().endswith("_proxy")}
+    """Of a conformance program: no proxy between it and the loopback; the Python SDK from its folder."""
+    kept = {key: value for key, value in os.environ.items() if not key.lower().endswith("_proxy")}
+    return {**kept, "PYTHONPATH": str(ROOT / "clients" / "python")}
 
 
 def program_file(folder: Path, lines: list[str]) -> Path:

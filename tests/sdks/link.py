@@ -3,36 +3,48 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import socket
 import threading
-from urllib.parse import urlsplit
 
 
 class CuttableLink:
-    """Forwards connections to a URL's host and port; `cut` breaks those that are open.
+    """Forwards connections to an address; `cut` breaks those that are open.
+
+    Args:
+        address: a URL, or an endpoint of Zenoh such as ``tcp/127.0.0.1:7447``.
 
     Attributes:
-        url: the same URL through the link.
+        address: the same address through the link.
     """
 
-    def __init__(self, url: str) -> None:
-        parts = urlsplit(url)
-        assert parts.hostname is not None
-        assert parts.port is not None
-        self._target = (parts.hostname, parts.port)
+    def __init__(self, address: str) -> None:
+        host_and_port = re.search(r"([\d.]+):(\d+)", address)
+        assert host_and_port is not None
+        self._target = (host_and_port[1], int(host_and_port[2]))
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self.url = parts._replace(netloc=f"127.0.0.1:{self._listener.getsockname()[1]}").geturl()
+        self.address = address.replace(host_and_port[0], f"127.0.0.1:{self._listener.getsockname()[1]}", 1)
         self._open: list[socket.socket] = []
-        self.forwarded = 0
+        self._there = threading.Event()
+        self._there.set()
         threading.Thread(target=self._accept, daemon=True).start()
 
-    def cut(self) -> None:
-        """Breaks every connection that is open; new ones are forwarded again."""
+    def cut(self, seconds: float = 0.0) -> None:
+        """Break every connection that is open, and each new one until ``seconds`` have passed."""
+        if seconds:
+            self._there.clear()
+            timer = threading.Timer(seconds, self._there.set)
+            timer.daemon = True
+            timer.start()
         while self._open:
             each = self._open.pop()
             with contextlib.suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)
             each.close()
+
+    def wait(self) -> None:
+        """Until the link is there again."""
+        self._there.wait()
 
     def close(self) -> None:
         self._listener.close()
@@ -42,9 +54,16 @@ class CuttableLink:
         while True:
             try:
                 near, _ = self._listener.accept()
-                far = socket.create_connection(self._target)
             except OSError:
                 return
+            if not self._there.is_set():
+                near.close()
+                continue
+            try:
+                far = socket.create_connection(self._target)
+            except OSError:
+                near.close()
+                continue
             self._open += [near, far]
             for source, sink in ((near, far), (far, near)):
                 threading.Thread(target=self._forward, args=(source, sink), daemon=True).start()
@@ -53,7 +72,6 @@ class CuttableLink:
         with contextlib.suppress(OSError):
             while data := source.recv(65536):
                 sink.sendall(data)
-                self.forwarded += len(data)
         for each in (source, sink):
             with contextlib.suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)

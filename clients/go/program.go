@@ -1,0 +1,528 @@
+package mcclient
+
+import (
+	"context"
+	"errors"
+	"fmt"
+	"iter"
+	"strings"
+	"sync"
+	"time"
+	"unicode/utf8"
+)
+
+// without a word for so long, the server is asked
+const doubtPeriod = 2 * time.Second
+
+// between two questions to a server that is away
+const askPause = 250 * time.Millisecond
+
+// OpenOptions of a program; the zero value leases every axis and starts at line 1.
+type OpenOptions struct {
+	// Name is for people: a file's name.
+	Name string
+	// Axes to lease; nil: all of the machine.
+	Axes []int64
+	// FinishOnDisconnect lets what was accepted run on when this client is gone for longer than the gateway's grace; else it is stopped along its
+	// path.
+	FinishOnDisconnect bool
+	// StartLine is the first line that runs; lines before it, from Before or from the journal of ResumeOf, set modal state only.
+	StartLine int64
+	Before    []string
+	ResumeOf  string
+	// Hold begins held; Resume starts it.
+	Hold bool
+}
+
+// Program is one stream of lines with modal state and axes of its own.
+type Program struct {
+	// ID is the program's id on the server, Axes those that it leases.
+	ID   string
+	Axes []int64
+
+	machine  *Machine
+	patience time.Duration
+	// one call at a time sends; who has the turn may leave an exchange behind that ends later
+	turn     chan struct{}
+	exchange chan struct{}
+
+	mu      sync.Mutex
+	stream  *stream
+	heard   time.Time
+	changed chan struct{}
+	stop    func()
+}
+
+// Program opens a program.
+func (m *Machine) Program(ctx context.Context, options *OpenOptions) (*Program, error) {
+	if options == nil {
+		options = &OpenOptions{}
+	}
+	opened, err := callFor[OpenReply](ctx, m, "open", options.params())
+	if err != nil {
+		return nil, err
+	}
+	program := &Program{
+		ID: opened.Program, Axes: opened.Axes, machine: m, patience: m.client.options.Patience, turn: make(chan struct{}, 1),
+		stream: newStream(opened), heard: time.Now(), changed: make(chan struct{}),
+	}
+	if program.patience == 0 {
+		program.patience = programPatience
+	}
+	stop, err := m.client.listen(ctx, &topic{
+		machine: m.name,
+		name:    "ack/" + program.ID,
+		deliver: func(payload []byte) {
+			if ack, err := decode[Ack](payload); err == nil {
+				program.hear(func(s *stream) { s.acknowledged(ack) })
+			}
+		},
+		resumed: func() { program.change(func(s *stream) { s.doubtful = true }) },
+		ended: func(err error) {
+			program.change(func(s *stream) {
+				if s.failure == nil && !s.state.Ended() {
+					s.failure = err
+				}
+			})
+		},
+	})
+	if err != nil {
+		ending, cancel := context.WithTimeout(context.WithoutCancel(ctx), stopLimit)
+		defer cancel()
+		_ = program.Abort(ending)
+		return nil, err
+	}
+	program.change(func(*stream) { program.stop = stop })
+	return program, nil
+}
+
+func (o *OpenOptions) params() map[string]any {
+	params := map[string]any{"name": o.Name, "on_disconnect": "stop", "hold": o.Hold}
+	if o.FinishOnDisconnect {
+		params["on_disconnect"] = "finish"
+	}
+	if o.Axes != nil {
+		params["axes"] = o.Axes
+	}
+	if o.StartLine > 0 {
+		params["start_line"] = o.StartLine
+	}
+	if o.Before != nil {
+		params["before"] = o.Before
+	}
+	if o.ResumeOf != "" {
+		params["resume_of"] = o.ResumeOf
+	}
+	return params
+}
+
+// Accepted is the number of the last line that the server has taken and journaled.
+func (p *Program) Accepted() int64 { return p.look(func(s *stream) int64 { return s.accepted }) }
+
+// Done is the number of the last line that has ended.
+func (p *Program) Done() int64 { return p.look(func(s *stream) int64 { return s.done }) }
+
+// Given is the number of the last line given to Send or SendLines.
+func (p *Program) Given() int64 { return p.look(func(s *stream) int64 { return s.given() }) }
+
+// State is as the server said last.
+func (p *Program) State() ProgramState {
+	p.mu.Lock()
+	defer p.mu.Unlock()
+	return p.stream.state
+}
+
+// SendLines streams lines as the server takes them and returns once all are accepted. A fault of a line that is found later is returned by Finish.
+//
+// It fails with a RejectedError or an EndedError.
+func (p *Program) SendLines(ctx context.Context, lines iter.Seq[string]) (failure error) {
+	if err := p.begin(ctx); err != nil {
+		return err
+	}
+	defer func() { p.end(failure) }()
+	chunk := make([]string, 0, chunkLines)
+	for line := range lines {
+		text, err := p.checked(line)
+		if err != nil {
+			return err
+		}
+		if chunk = append(chunk, text); len(chunk) == cap(chunk) {
+			if err := p.sendChunk(ctx, chunk); err != nil {
+				return err
+			}
+			chunk = chunk[:0]
+		}
+	}
+	return p.sendChunk(ctx, chunk)
+}
+
+// Send sends one line and waits for the verdict on it, not for its motion; it returns the line's number.
+//
+// It fails with a RejectedError where the line has faults: nothing of it moves, and the program lives on.
+func (p *Program) Send(ctx context.Context, line string) (number int64, failure error) {
+	if err := p.begin(ctx); err != nil {
+		return 0, err
+	}
+	defer func() { p.end(failure) }()
+	text, err := p.checked(line)
+	if err != nil {
+		return 0, err
+	}
+	p.change(func(s *stream) { number = s.give(text) })
+	return number, p.drain(ctx, true)
+}
+
+// Close says that no more lines will come; what is accepted runs to its end.
+func (p *Program) Close(ctx context.Context) (failure error) {
+	if err := p.begin(ctx); err != nil {
+		if p.State().Ended() {
+			return nil
+		}
+		return err
+	}
+	defer func() { p.end(failure) }()
+	reply, err := callFor[CloseReply](ctx, p.machine, "close", map[string]any{"program": p.ID, "last": p.Accepted()})
+	if err != nil {
+		return p.meaning(ctx, err)
+	}
+	p.hear(func(s *stream) {
+		s.numbers(reply.Accepted, reply.Done, 0)
+		// why it has ended is not in this reply
+		s.doubtful = s.doubtful || reply.State.Ended()
+	})
+	return nil
+}
+
+// Finish closes the program and waits until it has ended; nil: it has finished. A rejected line is returned once what is before it has run.
+func (p *Program) Finish(ctx context.Context) error {
+	var rejected error
+	if err := p.Close(ctx); err != nil {
+		if !errors.As(err, new(*RejectedError)) || p.State().Ended() {
+			return err
+		}
+		rejected = err
+		p.change(func(s *stream) { s.forgive() })
+		if err := p.Close(ctx); err != nil {
+			return err
+		}
+	}
+	err := p.until(ctx, func(s *stream) bool {
+		var line *RejectedError
+		if errors.As(s.failure, &line) && !s.state.Ended() {
+			// found after the close: the program ends there
+			return false
+		}
+		return s.state.Ended() || s.failure != nil
+	})
+	if err != nil {
+		return err
+	}
+	p.mu.Lock()
+	defer p.mu.Unlock()
+	if p.stream.failure != nil {
+		return p.stream.failure
+	}
+	return rejected
+}
+
+// WaitDone waits until the line with this number has ended, or the program has finished.
+func (p *Program) WaitDone(ctx context.Context, line int64) error {
+	err := p.until(ctx, func(s *stream) bool { return s.done >= line || s.state.Ended() || s.failure != nil })
+	if err != nil {
+		return err
+	}
+	p.mu.Lock()
+	defer p.mu.Unlock()
+	if p.stream.done >= line || p.stream.state == Finished {
+		return nil
+	}
+	return p.stream.failure
+}
+
+// Hold stops the program along its path until Resume.
+func (p *Program) Hold(ctx context.Context) error { return p.operate(ctx, "hold", nil) }
+
+// Resume ends a hold, M00 or M01.
+func (p *Program) Resume(ctx context.Context) error { return p.operate(ctx, "resume", nil) }
+
+// Abort stops along the path and drops the rest; the program ends as aborted.
+func (p *Program) Abort(ctx context.Context) error { return p.operate(ctx, "abort", nil) }
+
+// Override sets the feed override of this program [%].
+func (p *Program) Override(ctx context.Context, percent float64) error {
+	return p.operate(ctx, "override", map[string]any{"percent": percent})
+}
+
+func (p *Program) operate(ctx context.Context, method string, params map[string]any) error {
+	if params == nil {
+		params = map[string]any{}
+	}
+	params["program"] = p.ID
+	return p.machine.Call(ctx, method, params, nil)
+}
+
+// begin waits for its turn and returns what keeps the program from taking lines.
+func (p *Program) begin(ctx context.Context) error {
+	select {
+	case p.turn <- struct{}{}:
+	case <-ctx.Done():
+		return ctx.Err()
+	}
+	err := p.settle(ctx)
+	if err != nil {
+		p.end(err)
+	}
+	return err
+}
+
+// settle asks where a call that was given up has left the numbers.
+func (p *Program) settle(ctx context.Context) error {
+	for p.look(func(s *stream) int64 { return asNumber(s.adrift) }) > 0 {
+		if err := p.ask(ctx, nil); err != nil {
+			return err
+		}
+	}
+	p.mu.Lock()
+	defer p.mu.Unlock()
+	if p.stream.failure == nil && p.stream.state.Ended() {
+		return p.stream.closed()
+	}
+	return p.stream.failure
+}
+
+// end gives up the turn, and the lines that are not accepted: the application knows by the failure and by Accepted where it stands.
+func (p *Program) end(failure error) {
+	left := p.exchange
+	p.exchange = nil
+	finish := func() {
+		p.change(func(s *stream) {
+			s.abandon()
+			if failure != nil && errors.Is(failure, s.failure) {
+				s.forgive()
+			}
+		})
+		<-p.turn
+	}
+	if left == nil {
+		finish()
+		return
+	}
+	// cancelled while lines were under way: whether they are taken shows when their reply comes
+	go func() {
+		<-left
+		finish()
+	}()
+}
+
+func (p *Program) sendChunk(ctx context.Context, lines []string) error {
+	p.change(func(s *stream) {
+		for _, line := range lines {
+			s.give(line)
+		}
+	})
+	return p.drain(ctx, false)
+}
+
+// drain sends what waits until all of it is accepted.
+func (p *Program) drain(ctx context.Context, judge bool) error {
+	for {
+		p.mu.Lock()
+		first, lines := p.stream.next()
+		failure, left := p.stream.failure, len(p.stream.waiting)
+		p.mu.Unlock()
+		switch {
+		case failure != nil:
+			return failure
+		case left == 0:
+			return nil
+		case lines == nil:
+			// lines whose fate is not known are asked for before anything else is sent
+			ready := func(s *stream) bool {
+				return s.underWay == 0 && s.credit > 0 || s.failure != nil || len(s.waiting) == 0
+			}
+			if err := p.until(ctx, ready); err != nil {
+				return err
+			}
+		default:
+			if err := p.submit(ctx, first, lines, judge); err != nil {
+				return err
+			}
+		}
+	}
+}
+
+// submit sends one message and takes its reply. When the context is done the exchange goes on without the caller.
+func (p *Program) submit(ctx context.Context, first int64, lines []string, judge bool) error {
+	outcome := make(chan error, 1)
+	finished := make(chan struct{})
+	go func() {
+		defer close(finished)
+		outcome <- p.carryOut(context.WithoutCancel(ctx), first, lines, judge)
+	}()
+	select {
+	case <-ctx.Done():
+		p.exchange = finished
+		return ctx.Err()
+	case err := <-outcome:
+		if errors.As(err, new(*UnreachableError)) && Code(err) != CodeClientClosed {
+			// whether the lines have arrived is not known
+			return p.ask(ctx, err)
+		}
+		if err != nil {
+			return err
+		}
+	}
+	if p.look(func(s *stream) int64 { return asNumber(s.doubtful) }) > 0 {
+		return p.ask(ctx, nil)
+	}
+	return nil
+}
+
+func (p *Program) carryOut(ctx context.Context, first int64, lines []string, judge bool) error {
+	params := map[string]any{"program": p.ID, "first": first, "lines": lines, "judge": judge}
+	reply, err := callFor[SubmitReply](ctx, p.machine, "submit", params)
+	var refused *RefusedError
+	if err == nil {
+		p.hear(func(s *stream) { s.answered(reply) })
+	} else if errors.As(err, &refused) {
+		p.hear(func(s *stream) { err = s.refused(refused) })
+	}
+	return err
+}
+
+// until waits for a condition; after a silence, or where something does not fit, the server is asked.
+func (p *Program) until(ctx context.Context, holds func(*stream) bool) error {
+	for {
+		p.mu.Lock()
+		if holds(p.stream) {
+			p.mu.Unlock()
+			return nil
+		}
+		changed, doubtful := p.changed, p.stream.doubtful
+		p.mu.Unlock()
+		if doubtful {
+			if err := p.ask(ctx, nil); err != nil {
+				return err
+			}
+			continue
+		}
+		timer := time.NewTimer(doubtPeriod)
+		select {
+		case <-ctx.Done():
+			timer.Stop()
+			return ctx.Err()
+		case <-changed:
+		case <-timer.C:
+			if err := p.ask(ctx, nil); err != nil {
+				return err
+			}
+		}
+		timer.Stop()
+	}
+}
+
+// ask asks what the server has; while it is away, until the client's patience is over.
+func (p *Program) ask(ctx context.Context, away error) error {
+	reply, err := callFor[ProgramsReply](ctx, p.machine, "programs", map[string]any{"program": p.ID})
+	if Code(err) == "MC503" {
+		p.hear(func(s *stream) { s.asked(nil) })
+		return nil
+	}
+	if errors.As(err, new(*UnreachableError)) && Code(err) != CodeClientClosed {
+		p.mu.Lock()
+		silence, accepted, done := time.Since(p.heard), p.stream.accepted, p.stream.done
+		p.stream.doubtful = true
+		p.mu.Unlock()
+		if silence < p.patience {
+			return sleep(ctx, askPause)
+		}
+		return unreachable(Code(err), fmt.Sprintf("%v; of program %s lines through %d were accepted and through %d done", errors.Join(away, err), p.ID, accepted, done), "once the server is back, Programs tells how far it came")
+	}
+	if err != nil {
+		return err
+	}
+	p.hear(func(s *stream) {
+		for i := range reply.Programs {
+			if reply.Programs[i].Program == p.ID {
+				s.asked(&reply.Programs[i])
+				return
+			}
+		}
+		s.asked(nil)
+	})
+	return nil
+}
+
+// meaning asks why a call about the program was refused, where the program's end is the likely reason.
+func (p *Program) meaning(ctx context.Context, err error) error {
+	switch Code(err) {
+	case "MC503", "MC505", "MC510", CodeNobodyAnswers, CodeNoAnswer:
+		_ = p.ask(ctx, err)
+		p.mu.Lock()
+		defer p.mu.Unlock()
+		if p.stream.failure != nil {
+			return p.stream.failure
+		}
+	}
+	return err
+}
+
+func (p *Program) checked(line string) (string, error) {
+	text := strings.TrimRight(line, "\r\n")
+	limit := p.machine.Info.Limits.MaxLineLength
+	length := int64(utf8.RuneCountInString(text))
+	switch {
+	case strings.ContainsAny(text, "\r\n"):
+		return "", &Error{Code: CodeLineUnfit, Message: "a line must not hold a line end", Hint: "split the text into lines"}
+	case !utf8.ValidString(text):
+		return "", &Error{Code: CodeLineUnfit, Message: "the line is no UTF-8", Hint: "convert the file"}
+	case limit > 0 && length > limit:
+		return "", &Error{Code: CodeLineUnfit, Message: fmt.Sprintf("the line has %d characters, the server takes %d", length, limit), Hint: "break it at a command"}
+	}
+	return text, nil
+}
+
+// hear changes the stream by what the server says.
+func (p *Program) hear(apply func(*stream)) {
+	p.change(func(s *stream) {
+		apply(s)
+		p.heard = time.Now()
+	})
+}
+
+func (p *Program) change(apply func(*stream)) {
+	p.mu.Lock()
+	defer p.mu.Unlock()
+	apply(p.stream)
+	close(p.changed)
+	p.changed = make(chan struct{})
+	if p.stop != nil && p.stream.state.Ended() {
+		// nothing more will be said of it; not from here, as it writes
+		go p.stop()
+		p.stop = nil
+	}
+}
+
+func (p *Program) look(at func(*stream) int64) int64 {
+	p.mu.Lock()
+	defer p.mu.Unlock()
+	return at(p.stream)
+}
+
+func sleep(ctx context.Context, pause time.Duration) error {
+	timer := time.NewTimer(pause)
+	defer timer.Stop()
+	select {
+	case <-ctx.Done():
+		return ctx.Err()
+	case <-timer.C:
+		return nil
+	}
+}
+
+func asNumber(holds bool) int64 {
+	if holds {
+		return 1
+	}
+	return 0
+}

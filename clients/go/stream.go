@@ -1,0 +1,304 @@
+package mcclient
+
+import (
+	"errors"
+	"fmt"
+	"slices"
+)
+
+const (
+	chunkLines = 1000
+	chunkBytes = 64 * 1024
+)
+
+// stream is the numbering of one program's lines: a state machine without I/O or clock, for a client that has one message under way.
+//
+// The server takes line n only after line n - 1, acknowledges a repeat and never runs it again. So whatever is not known to be accepted
+// may be sent again, and must be until it is: nothing is lost and nothing runs twice (docs/wire/lines.md).
+type stream struct {
+	program  string
+	accepted int64
+	done     int64
+	credit   int64
+	state    ProgramState
+	failure  error
+	// lines given that are not known to be accepted: accepted + 1, accepted + 2, …
+	waiting []string
+	// of these, so many are in the message under way
+	underWay int
+	// the line that was found faulty last, until it has been accepted anew: late acknowledgements still name it
+	rejected int64
+	// an acknowledgement could not be placed: the server has to be asked
+	doubtful bool
+	// lines were given up while it was not known whether they had arrived: the server's number is the right one
+	adrift     bool
+	chunkLines int
+}
+
+func newStream(opened *OpenReply) *stream {
+	return &stream{
+		program:    opened.Program,
+		accepted:   opened.Expected - 1,
+		done:       opened.Expected - 1,
+		credit:     opened.Credit,
+		state:      opened.State,
+		chunkLines: chunkLines,
+	}
+}
+
+// given is the number of the last line given.
+func (s *stream) given() int64 { return s.accepted + int64(len(s.waiting)) }
+
+// give appends a line and returns its number.
+func (s *stream) give(line string) int64 {
+	s.waiting = append(s.waiting, line)
+	return s.given()
+}
+
+// forgive clears a rejection that the program outlives, once the application has been told of it and of nothing less: lines that were given in
+// ignorance of it would take other numbers.
+func (s *stream) forgive() {
+	var rejected *RejectedError
+	if errors.As(s.failure, &rejected) && !s.state.Ended() {
+		s.failure = nil
+	}
+}
+
+// next returns the message to send now, within the credit; nil where there is none, or one is under way.
+func (s *stream) next() (first int64, lines []string) {
+	if s.underWay > 0 || s.failure != nil || s.state.Ended() {
+		return 0, nil
+	}
+	count := min(len(s.waiting), int(max(0, s.credit)), s.chunkLines)
+	size := 0
+	for index := range count {
+		size += len(s.waiting[index])
+		if size > chunkBytes && index > 0 {
+			count = index
+			break
+		}
+	}
+	if count == 0 {
+		return 0, nil
+	}
+	s.underWay = count
+	// a copy: the message may be sent again after these lines have been given up
+	return s.accepted + 1, slices.Clone(s.waiting[:count])
+}
+
+// answered takes the reply to the message under way.
+func (s *stream) answered(reply *SubmitReply) {
+	s.underWay = 0
+	s.numbers(reply.Accepted, reply.Done, reply.Credit)
+	s.leftOver()
+}
+
+// refused takes an error reply to the message under way. What it does not mean for the stream itself is returned.
+func (s *stream) refused(refusal *RefusedError) error {
+	sent := s.underWay
+	s.underWay = 0
+	cause := refusal.Cause
+	s.credit = whole(cause.Details["credit"], s.credit)
+	s.done = max(s.done, whole(cause.Details["done"], 0))
+	switch {
+	case len(cause.Diagnostics) > 0:
+		s.reject(whole(cause.Details["expected"], s.accepted+1), cause.Diagnostics)
+	case cause.Code == "MC505":
+		// a line before was rejected, which an acknowledgement says or has said
+		if s.failure == nil {
+			s.doubtful = true
+		}
+	case cause.Code == "MC503":
+		s.unknown()
+	case cause.Code == "MC510":
+		if state, found := cause.Details["state"].(string); found && ProgramState(state).Ended() {
+			s.ended(ProgramState(state), nil, nil)
+		}
+		if s.failure == nil {
+			s.failure = s.closed()
+		}
+	default:
+		// such as MC519: whether the lines will be taken is not said
+		s.underWay = sent
+		return refusal
+	}
+	return nil
+}
+
+// acknowledged takes an Ack, whenever one comes.
+func (s *stream) acknowledged(ack *Ack) {
+	if ack.Program != s.program {
+		return
+	}
+	s.numbers(ack.Accepted, ack.Done, ack.Credit)
+	s.rejection(ack.Rejected, ack.Accepted, ack.State, ack.Diagnostics)
+	s.enter(ack.State, ack.Fault, ack.Diagnostics)
+	s.leftOver()
+}
+
+// asked takes what the server says when it is asked; nil: it knows no such program. Nothing is under way any more.
+func (s *stream) asked(status *ProgramStatus) {
+	s.underWay, s.doubtful = 0, false
+	if status == nil {
+		s.unknown()
+		return
+	}
+	if s.adrift && status.Accepted > s.accepted {
+		s.accepted, s.waiting = status.Accepted, nil
+	}
+	s.adrift = false
+	s.numbers(status.Accepted, status.Done, status.Credit)
+	s.rejection(status.Rejected, status.Accepted, status.State, status.Diagnostics)
+	s.enter(status.State, status.Fault, status.Diagnostics)
+	s.leftOver()
+	if status.Accepted < s.accepted && s.failure == nil {
+		// lines that were acknowledged and are not there any more: nothing that this client could send again
+		s.failure = &EndedError{
+			Cause: &Error{Code: CodeNotUnderstood, Message: fmt.Sprintf("the server has lines through %d, and had acknowledged %d", status.Accepted, s.accepted), Hint: "abort the program"},
+			State: s.state, Accepted: status.Accepted, Done: s.done,
+		}
+	}
+}
+
+func (s *stream) numbers(accepted, done, credit int64) {
+	// older than what is known, or about lines that were never given
+	if accepted < s.accepted || accepted > s.given() {
+		return
+	}
+	if accepted > s.accepted {
+		count := int(accepted - s.accepted)
+		s.waiting = s.waiting[count:]
+		s.underWay = max(0, s.underWay-count)
+		s.accepted = accepted
+		if s.accepted >= s.rejected {
+			s.rejected = 0
+		}
+	}
+	s.done = max(s.done, done)
+	s.credit = credit
+}
+
+// rejection takes a line that was found faulty, as an acknowledgement names it.
+func (s *stream) rejection(line, accepted int64, state ProgramState, diagnostics []Diagnostic) {
+	switch {
+	case line == 0 || accepted != line-1 || line > s.given() || s.failure != nil:
+		return
+	case line == s.rejected:
+		// an old one, or the corrected line is faulty too
+		s.doubtful = s.doubtful || s.underWay > 0
+	case s.underWay > 0 && line > s.accepted:
+		// within the message under way: its reply says so too, or the server is asked
+		s.doubtful = true
+	case state.Ended():
+		s.cut(line)
+	default:
+		s.reject(line, diagnostics)
+	}
+}
+
+func (s *stream) reject(line int64, diagnostics []Diagnostic) {
+	s.cut(line)
+	s.rejected = line
+	s.failure = s.faulty(line, diagnostics)
+}
+
+// cut gives up a line and all behind it: it is the next number.
+func (s *stream) cut(line int64) {
+	keep := max(0, line-1-s.accepted)
+	s.waiting = s.waiting[:min(keep, int64(len(s.waiting)))]
+	s.underWay = min(s.underWay, len(s.waiting))
+	s.accepted = min(s.accepted, line-1)
+}
+
+func (s *stream) enter(state ProgramState, fault *Fault, diagnostics []Diagnostic) {
+	if s.state.Ended() {
+		return
+	}
+	if state.Ended() {
+		s.ended(state, fault, diagnostics)
+		return
+	}
+	s.state = state
+}
+
+func (s *stream) ended(state ProgramState, fault *Fault, diagnostics []Diagnostic) {
+	if s.state.Ended() {
+		return
+	}
+	s.state = state
+	cause := &Error{Code: CodeAborted, Message: fmt.Sprintf("the program was aborted; lines through %d are done", s.done), Hint: "an operator did so, or the server saw this client go"}
+	switch {
+	case state == Finished:
+		return
+	case state == Rejected:
+		s.failure = s.faulty(s.accepted+1, diagnostics)
+		return
+	case state == Interrupted:
+		cause = &Error{Code: CodeInterrupted, Message: fmt.Sprintf("the server that ran the program went away; lines through %d are done, line %d may have begun", s.done, s.done+1), Hint: "move the machine where it should be, then open a program with ResumeOf and StartLine"}
+	case fault != nil:
+		cause = &Error{Code: fault.Code, Message: fault.Message, Hint: fault.Hint}
+	case state == Faulted:
+		cause = &Error{Code: "MC400", Message: "a fault of the machine ended the program", Hint: "see the machine's faults"}
+	}
+	s.failure = &EndedError{Cause: cause, State: state, Fault: fault, Accepted: s.accepted, Done: s.done}
+}
+
+// abandon gives up the lines that wait. Those under way may arrive all the same.
+func (s *stream) abandon() {
+	if s.underWay > 0 {
+		s.adrift, s.doubtful = true, true
+	}
+	s.waiting, s.underWay = nil, 0
+}
+
+// unknown: the server knows no such program, so that it was another start of it that ran the program.
+func (s *stream) unknown() { s.ended(Interrupted, nil, nil) }
+
+// leftOver raises that lines wait for a program that has finished without them.
+func (s *stream) leftOver() {
+	if s.state == Finished && s.failure == nil && len(s.waiting) > 0 {
+		s.failure = s.closed()
+		s.waiting = nil
+	}
+}
+
+func (s *stream) closed() error {
+	return &EndedError{
+		Cause: &Error{Code: CodeProgramClosed, Message: fmt.Sprintf("the program takes no more lines: it is %s", s.state), Hint: "open another one"},
+		State: s.state, Accepted: s.accepted, Done: s.done,
+	}
+}
+
+func (s *stream) faulty(line int64, diagnostics []Diagnostic) error {
+	first := Diagnostic{Code: "MC100", Message: fmt.Sprintf("line %d was rejected", line), Line: line}
+	if len(diagnostics) > 0 {
+		first = diagnostics[0]
+	}
+	return &RejectedError{
+		Cause: &Error{Code: first.Code, Message: first.Message, Hint: first.Hint, Diagnostics: diagnostics},
+		Line:  line, Column: first.Column, Accepted: s.accepted, Done: s.done,
+	}
+}
+
+// whole reads a number of an error's details.
+func whole(value any, otherwise int64) int64 {
+	switch number := value.(type) {
+	case int8:
+		return int64(number)
+	case int16:
+		return int64(number)
+	case int32:
+		return int64(number)
+	case int64:
+		return number
+	case uint8:
+		return int64(number)
+	case uint16:
+		return int64(number)
+	case uint32:
+		return int64(number)
+	case uint64:
+		return int64(number)
+	}
+	return otherwise
+}

@@ -1,0 +1,20 @@
+"""Each SDK's own tests, which play the contract, and the form of its sources."""
+
+from __future__ import annotations
+
+import shutil
+
+from tests.e2e.servers import ROOT
+from tests.sdks.conftest import build, needed
+
+
+def test_the_go_sdk_passes_its_tests_under_the_race_detector() -> None:
+    go, folder = needed("go"), ROOT / "clients" / "go"
+    build([go, "vet", "./..."], folder)
+    # the race detector needs a C compiler
+    build([go, "test", *(["-race"] if shutil.which("gcc") else []), "-timeout", "100s", "./..."], folder)
+
+
+def test_the_go_sdk_is_formatted() -> None:
+    needed("go")
+    assert not build([needed("gofmt"), "-l", "."], ROOT / "clients" / "go")
