@@ -61,6 +61,8 @@ async def test_a_run_is_asked_for_armed_and_started_once(
         await client.call("run_armed", text=TEXT.replace("X10", "X100"))
     assert changed.value.body["code"] == "MC571"
     assert rig.service.current() == []
+    # another program has the axis: the run waits, and has not ended while it is looked at
+    await client.call("open", axes=[0])
     started = await client.call("run_armed", text=TEXT)
     assert started["override"] == pytest.approx(40.0)
     # nobody raises it above what the operator allowed
