@@ -16,7 +16,7 @@ PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 
 export PIP_NO_INPUT := 1
 
-.PHONY: sdks help demo dog test test-computing test-realtime socketcan socketcan-long faults soak lint format bench pictures clean
+.PHONY: sdks help demo dog test test-computing test-realtime socketcan socketcan-long faults soak fuzz schedules lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -74,6 +74,12 @@ bench: $(VENV)/.for-development  ## every figure beside a floor measured in the 
 
 soak: $(VENV)/.for-development  ## programs under random faults; make soak ARGS="--minutes 10 --seed 2" (default: 120 minutes)
 	@$(BIN)/python -m tests.bench.soak_faults $(ARGS)
+
+fuzz: $(VENV)/.for-development  ## random inputs for all that takes bytes; make fuzz ARGS="--seconds 3600 --seed 2" (default: a minute)
+	@$(BIN)/python -m tests.fuzz $(ARGS)
+
+schedules: $(VENV)/.for-development  ## runs of the simulated cell; make schedules ARGS="--first 5000 --count 1000" (default: 20 000)
+	@$(BIN)/python -m tests.bench.schedules $(ARGS)
 
 pictures: $(VENV)/.for-development  ## draw the pictures of the documentation anew, by the product itself
 	$(BIN)/mcserver plot examples/arcs.gcode --output docs/images/arcs.png
