@@ -62,7 +62,7 @@ async def main(program: Path, machine: str, output: Path) -> int:
     output.parent.mkdir(parents=True, exist_ok=True)
     with output.open("wb") as stream:
         # telemetry is float32: enough for path and speed, too coarse for jerk
-        draw_png(scene_of(program, machine, samples, lines), stream, limits=False)
+        draw_png(scene_of(program, machine, samples, lines), stream, axes=False)
     console.print(f"the path really taken: {output}")
     return 0
 

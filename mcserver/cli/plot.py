@@ -1,37 +1,49 @@
-"""``mcserver plot``: simulate a program and draw what it does."""
+"""``mcserver plot``: simulate a program, or open a recording, and draw what it does."""
 
 from __future__ import annotations
 
 import importlib.util
-from typing import Annotated, BinaryIO
+from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
 from mcserver.cli.console import narration, show_diagnostics
 from mcserver.cli.exit_codes import ExitCode
-from mcserver.cli.options import DEFAULT_MACHINE, MachineOption, ProgramArgument
+from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.cli.planner_warm_up import prepare_planner
 from mcserver.cli.program_text import load_program
+from mcserver.cli.recorded import is_recording_name, open_recording
 from mcserver.cli.rejection import reject
 from mcserver.cli.simulate import live_progress
 from mcserver.cli.simulation_report import diagnostics_of
 from mcserver.errors import ConfigurationError
-from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
+
+if TYPE_CHECKING:
+    from mcserver.plot.scene import Scene
 
 
 def plot(
-    file: ProgramArgument,
+    file: Annotated[
+        str,
+        typer.Argument(metavar="FILE", help="A G-code program to simulate, or a recording (.mcap, .npz)."),
+    ],
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="P.png|.html", help="A picture, or a page to explore.")
     ],
     machine: MachineOption = DEFAULT_MACHINE,
     limits: Annotated[
-        bool, typer.Option("--limits/--no-limits", help="In a picture, draw each axis against its limits.")
-    ] = True,
+        bool | None,
+        typer.Option(
+            "--limits/--no-limits",
+            help="In a picture, scale each axis to its limits, or leave the axes out; "
+            "without either they are scaled to the motion.",
+        ),
+    ] = None,
 ) -> None:
-    """Simulate a program and draw its path, its speed, and each axis against its limits."""
+    """Draw what a program does, or what a recording holds: path, speed, errors, and each axis."""
     suffix = check_output(output, (".png", ".html"))
     if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
         raise ConfigurationError(
@@ -39,7 +51,16 @@ def plot(
             "pictures need matplotlib",
             "pip install 'mcserver[plot]'; an .html page needs nothing more",
         )
-    described = load_machine(machine)
+    if is_recording_name(file):
+        from mcserver.plot.recorded_scene import recorded_scene
+
+        opened = open_recording(file, machine)
+        _draw(recorded_scene(opened.run, opened.machine, opened.kinematics), output, suffix, limits)
+        return
+    _draw_program(file, load_machine(machine), output, suffix, limits)
+
+
+def _draw_program(file: str, described: Machine, output: str, suffix: str, limits: bool | None) -> None:
     program = load_program(file)
     if program.faults:
         reject(program.faults, program)
@@ -61,18 +82,25 @@ def plot(
         program.lines,
         kinematics,
     )
+    _draw(scene, output, suffix, limits)
+    show_diagnostics(diagnostics, program.lines, program.name)
+    if simulation.exit_code:
+        raise typer.Exit(simulation.exit_code)
+
+
+def _draw(scene: Scene, output: str, suffix: str, limits: bool | None) -> None:
     if suffix == ".png":
         from mcserver.plot.figure import draw_png
 
-        write_atomically(output, lambda stream: draw_png(scene, stream, limits=limits))
+        write_atomically(
+            output,
+            lambda stream: draw_png(scene, stream, axes=limits is not False, limits=bool(limits)),
+        )
     else:
         from mcserver.plot.html import page_of
 
         write_atomically(output, lambda stream: _write_text(stream, page_of(scene)))
-    narration().print(f"drawn: {output}")
-    show_diagnostics(diagnostics, program.lines, program.name)
-    if simulation.exit_code:
-        raise typer.Exit(simulation.exit_code)
+    narration().print(f"drawn: {output}", markup=False)
 
 
 def _write_text(stream: BinaryIO, text: str) -> None:

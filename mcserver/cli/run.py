@@ -54,11 +54,17 @@ def run(
         bool,
         typer.Option("--take-over", help="Reset the drives on CAN buses even where another master is heard."),
     ] = False,
+    recorder: Annotated[
+        bool,
+        typer.Option("--recorder/--no-recorder", help="Keep the black box, as the machine file says."),
+    ] = True,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say more of what happens.")] = False,
 ) -> None:
     """Run the server, until Ctrl-C or SIGTERM, which stop every axis in a controlled way."""
     described = named(load_machine(machine), name)
     build_kinematics(described)
+    if not recorder:
+        described = without_recorder(described)
     from mcserver.net.configuration import NetworkOptions
     from mcserver.net.shared_loop import SharedLoop
     from mcserver.server import ServerOptions, serve
@@ -99,6 +105,12 @@ def named(machine: Machine, name: str | None) -> Machine:
             "MC017", f"--name {name!r} cannot be part of a key", "use letters, digits, '-', '_', '.'"
         )
     return msgspec.structs.replace(machine, name=name)
+
+
+def without_recorder(machine: Machine) -> Machine:
+    """The machine with its recorder switched off."""
+    off = msgspec.structs.replace(machine.recorder, enabled=False)
+    return msgspec.structs.replace(machine, recorder=off)
 
 
 def announce(machine: Machine, endpoints: list[str]) -> None:

@@ -11,30 +11,40 @@ from matplotlib.figure import Figure
 from mcserver.plot.path_panel import draw_path
 from mcserver.plot.scene import AxisTrace, Scene
 from mcserver.plot.theme import FAINT_INK, INK, STYLE, colours_of
-from mcserver.plot.time_panels import draw_against_limit, draw_speed, draw_times
+from mcserver.plot.time_panels import (
+    draw_derivative,
+    draw_deviation,
+    draw_following_errors,
+    draw_speed,
+    draw_times,
+)
 
 MAX_AXIS_ROWS = 16
 WIDTH = 13.0
-HEAD, TOP, SPEED, AXIS_ROW = 0.75, 6.6, 2.3, 1.75
+HEAD, TOP, SPEED, ERRORS, AXIS_ROW = 0.75, 6.6, 2.3, 1.9, 1.75
 DOTS_PER_INCH = 110
 
 
-def draw_png(scene: Scene, stream: BinaryIO, *, limits: bool = True) -> None:
-    """The picture as PNG: path, times, speed, and (``limits``) each moving axis against its limits."""
-    compose(scene, limits=limits).savefig(
+def draw_png(scene: Scene, stream: BinaryIO, *, axes: bool = True, limits: bool = False) -> None:
+    """The picture as PNG: path, times, speed, errors, and (``axes``) each moving axis.
+
+    Args:
+        limits: scale the axes to their limits, not to the motion.
+    """
+    compose(scene, axes=axes, limits=limits).savefig(
         stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": "mcserver plot"}
     )
 
 
-def compose(scene: Scene, *, limits: bool = True) -> Figure:
-    """The figure with all its panels."""
+def compose(scene: Scene, *, axes: bool = True, limits: bool = False) -> Figure:
+    """The figure with all its panels; see `draw_png`."""
     style: Any = dict(STYLE)
     with mpl.rc_context(style):
-        return _compose(scene, scene.axes[:MAX_AXIS_ROWS] if limits else ())
+        return _compose(scene, scene.axes[:MAX_AXIS_ROWS] if axes else (), limits)
 
 
-def _compose(scene: Scene, shown: tuple[AxisTrace, ...]) -> Figure:
-    heights = [TOP, SPEED, *[AXIS_ROW] * len(shown)]
+def _compose(scene: Scene, shown: tuple[AxisTrace, ...], limits: bool) -> Figure:
+    heights = [TOP, SPEED, ERRORS, *[AXIS_ROW] * len(shown)]
     height = HEAD + sum(heights)
     figure = Figure(figsize=(WIDTH, height))
     FigureCanvasAgg(figure)
@@ -47,9 +57,15 @@ def _compose(scene: Scene, shown: tuple[AxisTrace, ...]) -> Figure:
     draw_path(figure, grid[0, :4], scene, colours)
     draw_times(figure.add_subplot(grid[0, 4:]), scene, colours)
     draw_speed(figure.add_subplot(grid[1, :]), scene, colours)
-    for row, trace in enumerate(shown, start=2):
+    if scene.paths:
+        draw_following_errors(figure.add_subplot(grid[2, :3]), scene)
+        draw_deviation(figure.add_subplot(grid[2, 3:]), scene, colours)
+    else:
+        draw_following_errors(figure.add_subplot(grid[2, :]), scene)
+    for row, trace in enumerate(shown, start=3):
         for order in range(3):
-            draw_against_limit(figure.add_subplot(grid[row, 2 * order : 2 * order + 2]), scene, trace, order)
+            panel = figure.add_subplot(grid[row, 2 * order : 2 * order + 2])
+            draw_derivative(panel, scene, trace, order, to_limit=limits)
 
     left, top = 0.014, 1.0 - 0.28 / height
     figure.text(left, top, scene.title, fontsize=15, fontweight="bold", color=INK, va="center")

@@ -67,6 +67,7 @@ def _path(path: PathTrace) -> dict[str, Any]:
         "setpoint": [_short(column) for column in path.setpoint[rows].T],
         "actual": [_short(column) for column in path.actual[rows].T],
         "speed": _short(path.speed()[rows]),
+        "deviation": _short(_extremes(path.deviation(), rows)),
     }
 
 
@@ -74,6 +75,7 @@ def _axis(trace: AxisTrace, scene: Scene, rows: NDArray[np.int64]) -> dict[str, 
     series = {"position": _short(trace.setpoint[rows]), "actual": _short(trace.actual[rows])}
     for name, values in zip(QUANTITIES, trace.derivatives(scene.cycle_s), strict=True):
         series[name] = _short(_extremes(values, rows))
+    series["following error"] = _short(_extremes(trace.following_error, rows))
     limits = {
         name: limit if math.isfinite(limit) else None
         for name, limit in zip(QUANTITIES, trace.limits, strict=True)

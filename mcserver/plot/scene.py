@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -22,6 +23,9 @@ Lines = NDArray[np.int64]
 MAX_TOOL_POINTS = 2000
 # less travel than this is a reading of the encoder, not a motion [mm, deg]
 LEAST_TRAVEL = 1e-6
+# A drive's lag is shorter [s].
+LAG_S = 0.25
+MAX_PIECES = 501
 
 
 class AxisTrace(msgspec.Struct, frozen=True):
@@ -42,6 +46,11 @@ class AxisTrace(msgspec.Struct, frozen=True):
     actual: Array
     limits: tuple[float, float, float]
     readings: NDArray[np.bool_]
+
+    @property
+    def following_error(self) -> Array:
+        """Setpoint minus encoder, shape (N,) [mm or deg]; 0 where the axis is not energized."""
+        return self.setpoint - self.actual
 
     def derivatives(self, cycle_s: float) -> tuple[Array, Array, Array]:
         """Velocity, acceleration and jerk of the setpoint as differences of whole cycles, shape (N,) each.
@@ -81,6 +90,36 @@ class PathTrace(msgspec.Struct, frozen=True):
             return np.zeros(len(self.time))
         steps = np.linalg.norm(np.diff(self.setpoint, axis=0), axis=1) / np.diff(self.time)
         return np.concatenate([[0.0], steps])
+
+    def deviation(self) -> Array:
+        """Distance of the encoders' path from that of the setpoints, shape (M,) [mm].
+
+        Of each point from the nearest of the pieces around its own time: a drive that lags, but follows the
+        path, has no deviation.
+        """
+        count = len(self.time)
+        if count < 2:
+            return np.zeros(count)
+        rows = np.arange(count)
+        near = max(2, int(np.searchsorted(self.time, self.time[0] + LAG_S)))
+        # of a long run every so many pieces, and not more of them
+        offsets = np.unique(np.linspace(-near, near, min(2 * near + 1, MAX_PIECES)).astype(np.int64))
+        best = np.full(count, np.inf)
+        for offset, following in pairwise(offsets.tolist()):
+            first = self.setpoint[np.clip(rows + offset, 0, count - 1)]
+            last = self.setpoint[np.clip(rows + following, 0, count - 1)]
+            np.minimum(best, _distance(self.actual, first, last), out=best)
+        return best
+
+
+def _distance(points: Array, first: Array, last: Array) -> Array:
+    """Distances of points from straight pieces, shape (M,)."""
+    piece = last - first
+    length2 = np.einsum("ij,ij->i", piece, piece)
+    along = np.einsum("ij,ij->i", points - first, piece) / np.where(length2 > 0.0, length2, 1.0)
+    nearest = first + np.clip(along, 0.0, 1.0)[:, np.newaxis] * piece
+    distance: Array = np.linalg.norm(points - nearest, axis=1)
+    return distance
 
 
 class TimedLine(msgspec.Struct, frozen=True):
@@ -126,7 +165,7 @@ def build_scene(
         axis = machine.axis(int(number))
         setpoint, actual = recording.setpoint[:, column], recording.actual[:, column]
         if axis is not None and len(setpoint) and np.ptp(setpoint) > LEAST_TRAVEL:
-            traces.append(_axis_trace(axis, setpoint, actual))
+            traces.append(_axis_trace(axis, setpoint, actual, _name_of(axis.index, kinematics)))
     paths = _tool_paths(machine, recording, line, kinematics) if kinematics is not None else ()
     return Scene(
         title=title,
@@ -141,11 +180,21 @@ def build_scene(
     )
 
 
-def _axis_trace(axis: Axis, setpoint: Array, actual: Array) -> AxisTrace:
+def _name_of(index: int, kinematics: MachineKinematics | None) -> str:
+    """The joint's name where the axis is one of a tool's chain: X of a robot is no axis of its own."""
+    if kinematics is not None:
+        for tool in kinematics.tools:
+            chain = kinematics.tool(tool).chain
+            if index in chain.axes:
+                return f"{chain.joint_names[list(chain.axes).index(index)]} (axis {index})"
+    return axis_name(index)
+
+
+def _axis_trace(axis: Axis, setpoint: Array, actual: Array, name: str) -> AxisTrace:
     scale = axis.type.si_per_unit
     return AxisTrace(
         index=axis.index,
-        name=axis_name(axis.index),
+        name=name,
         unit=axis.type.unit,
         linear=axis.type is AxisType.LINEAR,
         setpoint=setpoint,

@@ -16,6 +16,9 @@ from mcserver.plot.theme import FAINT_INK, INK, LIMIT
 
 MAX_BARS = 20
 LEAST_BARS = 8
+# Share of a limit from which on it is drawn without being asked for.
+NEAR_LIMIT = 0.6
+SHADES = ("#4477aa", "#ee6677", "#228833", "#aa3377", "#66ccee", "#ccbb44")
 QUANTITIES = ("velocity", "acceleration", "jerk")
 
 
@@ -45,8 +48,12 @@ def draw_speed(axes: Any, scene: Scene, colours: Mapping[int, str]) -> None:
     axes.set_xlabel("time [s]")
 
 
-def draw_against_limit(axes: Any, scene: Scene, trace: AxisTrace, order: int) -> None:
-    """Velocity (0), acceleration (1) or jerk (2) of one axis between its limits."""
+def draw_derivative(axes: Any, scene: Scene, trace: AxisTrace, order: int, *, to_limit: bool) -> None:
+    """Velocity (0), acceleration (1) or jerk (2) of one axis.
+
+    Args:
+        to_limit: scale to the limit; else to the motion, and the limit is drawn where it is near.
+    """
     values = trace.derivatives(scene.cycle_s)[order]
     limit = trace.limits[order]
     axes.fill_between(scene.time, values, color="#4477aa", alpha=0.18, linewidth=0)
@@ -54,15 +61,49 @@ def draw_against_limit(axes: Any, scene: Scene, trace: AxisTrace, order: int) ->
     peak = float(np.abs(values).max(initial=0.0))
     unit = f"{trace.unit}/s" + ("", "²", "³")[order]
     if math.isfinite(limit):
-        for bound in (limit, -limit):
-            axes.axhline(bound, color=LIMIT, linewidth=1.0, linestyle=(0, (5, 3)))
-        axes.set_ylim(-1.18 * max(limit, peak), 1.18 * max(limit, peak))
+        if to_limit or peak > NEAR_LIMIT * limit:
+            for bound in (limit, -limit):
+                axes.axhline(bound, color=LIMIT, linewidth=1.0, linestyle=(0, (5, 3)))
+            axes.set_ylim(-1.18 * max(limit, peak), 1.18 * max(limit, peak))
         said = f"peak {peak:,.0f} of {limit:,.0f} {unit} ({100.0 * peak / limit:.0f} %)"
     else:
         said = f"peak {peak:,.0f} {unit}, not limited"
     axes.set_title(f"{trace.name} {QUANTITIES[order]}")
     axes.set_title(said.replace(",", "\u2009"), loc="right", fontsize=8, fontweight="normal", color=FAINT_INK)
     axes.yaxis.set_major_formatter(EngFormatter(sep="\u2009"))
+    axes.margins(x=0.01)
+
+
+def draw_following_errors(axes: Any, scene: Scene) -> None:
+    """Setpoint minus encoder of the axes with the greatest errors."""
+    errors = sorted(
+        ((float(np.abs(trace.following_error).max(initial=0.0)), trace) for trace in scene.axes),
+        key=lambda each: -each[0],
+    )[: len(SHADES)]
+    for (peak, trace), shade in zip(errors, SHADES, strict=False):
+        label = f"{trace.name}, peak {peak:.3g} {trace.unit}"
+        axes.plot(scene.time, trace.following_error, color=shade, linewidth=1.0, label=label)
+    if errors:
+        axes.legend(loc="upper right", fontsize=7.5, ncols=2)
+    units = " or ".join(sorted({trace.unit for _, trace in errors}))
+    axes.set_title(f"Following error [{units}]" if units else "Following error")
+    axes.set_xlabel("time [s]")
+    axes.margins(x=0.01)
+
+
+def draw_deviation(axes: Any, scene: Scene, colours: Mapping[int, str]) -> None:
+    """Distance of the encoders' path from the setpoints' path."""
+    peak = 0.0
+    for path in scene.paths:
+        deviation = path.deviation()
+        peak = max(peak, float(deviation.max(initial=0.0)))
+        for number, first, end in runs_of(path.line):
+            part = slice(first, end + 1)
+            axes.plot(path.time[part], deviation[part], color=colours[number], linewidth=1.2)
+    axes.set_title("Path deviation [mm]")
+    axes.set_title(f"peak {peak:.3g} mm", loc="right", fontsize=8, fontweight="normal", color=FAINT_INK)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("time [s]")
     axes.margins(x=0.01)
 
 

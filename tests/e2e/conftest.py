@@ -37,8 +37,8 @@ def own_server(tmp_path: Path) -> Iterator[ServerProcess]:
     yield from served(tmp_path, "cartesian", "own")
 
 
-def served(folder: Path, machine: str, name: str) -> Iterator[ServerProcess]:
-    process = ServerProcess(folder, machine, name)
+def served(folder: Path, machine: str, name: str, *, recorder: bool = False) -> Iterator[ServerProcess]:
+    process = ServerProcess(folder, machine, name, recorder=recorder)
     try:
         process.start()
         yield process

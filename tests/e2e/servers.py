@@ -36,17 +36,19 @@ class ServerProcess:
         folder: where the journal is.
         machine: built-in name or machine file.
         name: in the key space.
+        recorder: whether it has one; most tests look at other things, and save its start.
 
     Attributes:
         endpoint: of the first start; the system chose its port.
         said: lines of standard error of the present start.
     """
 
-    def __init__(self, folder: Path, machine: str, name: str) -> None:
+    def __init__(self, folder: Path, machine: str, name: str, *, recorder: bool = False) -> None:
         self.machine = machine
         self.name = name
         self.endpoint = "tcp/127.0.0.1:0"
         self.said: list[str] = []
+        self._recorder = "--recorder" if recorder else "--no-recorder"
         self._journal = folder / "journal.db"
         self._process: subprocess.Popen[str] | None = None
         self._reader: threading.Thread | None = None
@@ -54,7 +56,7 @@ class ServerProcess:
 
     def start(self) -> None:
         """Starts it and waits until it says that it is ready."""
-        options = ["--machine", self.machine, "--name", self.name, "--listen", self.endpoint]
+        options = ["--machine", self.machine, "--name", self.name, "--listen", self.endpoint, self._recorder]
         self.said = []
         process = subprocess.Popen(
             [sys.executable, "-m", "mcserver", "run", *options, "--journal", str(self._journal)],

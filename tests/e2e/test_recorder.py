@@ -39,7 +39,7 @@ bandwidth_hz = 3
 def boxed(tmp_path: Path) -> Iterator[ServerProcess]:
     file = tmp_path / "boxed.toml"
     file.write_text(MACHINE)
-    yield from served(tmp_path, str(file), "boxed")
+    yield from served(tmp_path, str(file), "boxed", recorder=True)
 
 
 def recorders(server: ServerProcess) -> list[int]:
