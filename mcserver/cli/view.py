@@ -24,6 +24,7 @@ from mcserver.cli.console import (
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption
 from mcserver.cli.program_text import load_program
+from mcserver.cli.recorded import is_recording_name, open_recording
 from mcserver.cli.rejection import reject
 from mcserver.cli.simulate import live_progress
 from mcserver.cli.simulation_report import diagnostics_of
@@ -50,7 +51,10 @@ class Up(enum.Enum):
 
 def view(
     file: Annotated[
-        str | None, typer.Argument(metavar="[FILE]", help="A G-code program to simulate and play.")
+        str | None,
+        typer.Argument(
+            metavar="[FILE]", help="A G-code program to simulate and play, or a recording (.mcap, .npz)."
+        ),
     ] = None,
     machine: MachineOption = DEFAULT_MACHINE,
     connect: Annotated[
@@ -74,9 +78,13 @@ def view(
             )
         if not _installed("viser"):
             raise ConfigurationError("MC016", "mcserver view needs viser", "pip install 'mcserver[view]'")
+    shown = _Address(host, port, up.value, json)
+    if file is not None and is_recording_name(file):
+        _play_recording(file, machine, shown)
+        return
+    with json_answer_on_error(json):
         described = load_machine(machine)
         kinematics = build_kinematics(described)
-    shown = _Address(host, port, up.value, json)
     if file is not None:
         _play(file, described, kinematics, shown)
     elif connect is not None:
@@ -127,6 +135,28 @@ def _play(file: str, machine: Machine, kinematics: MachineKinematics | None, add
     with _window(machine, kinematics, tracks, address) as window, _until_told() as stop:
         player = Player(window, machine, kinematics, recording, tracks, program.lines)
         address.tell(window.url, f"{program.name} on {machine.name}")
+        player.run(stop)
+
+
+def _play_recording(file: str, machine: str, address: _Address) -> None:
+    from mcserver.view.player import Player
+    from mcserver.view.tracks import tracks_of
+
+    with json_answer_on_error(address.json):
+        opened = open_recording(file, machine)
+        run, described = opened.run, opened.machine
+        recorded = [int(axis) for axis in run.cycles.axes]
+        if recorded != [axis.index for axis in described.axes]:
+            raise UsageFault(
+                "MC017",
+                f"{file} has the axes {recorded}, which are not those of {described.name}",
+                "name the machine of the recording with --machine",
+            )
+    tracks = tracks_of(described, opened.kinematics, run.cycles)
+    text = [run.text.get(number, "") for number in range(1, max(run.text, default=0) + 1)]
+    with _window(described, opened.kinematics, tracks, address) as window, _until_told() as stop:
+        player = Player(window, described, opened.kinematics, run.cycles, tracks, text)
+        address.tell(window.url, f"{run.name} on {described.name}")
         player.run(stop)
 
 

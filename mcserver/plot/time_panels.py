@@ -18,7 +18,8 @@ MAX_BARS = 20
 LEAST_BARS = 8
 # Share of a limit from which on it is drawn without being asked for.
 NEAR_LIMIT = 0.6
-SHADES = ("#4477aa", "#ee6677", "#228833", "#aa3377", "#66ccee", "#ccbb44")
+MOST_ERRORS = 3
+SHADES = ("#4477aa", "#ee6677", "#228833")
 QUANTITIES = ("velocity", "acceleration", "jerk")
 
 
@@ -75,16 +76,24 @@ def draw_derivative(axes: Any, scene: Scene, trace: AxisTrace, order: int, *, to
 
 
 def draw_following_errors(axes: Any, scene: Scene) -> None:
-    """Setpoint minus encoder of the axes with the greatest errors."""
+    """Setpoint minus encoder of the three axes with the greatest errors."""
     errors = sorted(
         ((float(np.abs(trace.following_error).max(initial=0.0)), trace) for trace in scene.axes),
         key=lambda each: -each[0],
-    )[: len(SHADES)]
+    )[:MOST_ERRORS]
     for (peak, trace), shade in zip(errors, SHADES, strict=False):
         label = f"{trace.name}, peak {peak:.3g} {trace.unit}"
         axes.plot(scene.time, trace.following_error, color=shade, linewidth=1.0, label=label)
     if errors:
-        axes.legend(loc="upper right", fontsize=7.5, ncols=2)
+        # above the panel, where it hides nothing
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            borderaxespad=0.1,
+            fontsize=7.5,
+            ncols=3,
+            frameon=False,
+        )
     units = " or ".join(sorted({trace.unit for _, trace in errors}))
     axes.set_title(f"Following error [{units}]" if units else "Following error")
     axes.set_xlabel("time [s]")

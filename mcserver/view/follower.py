@@ -50,9 +50,12 @@ class Follower:
         gui = window.gui
         self._status = gui.add_html("")
         clear = gui.add_button("Clear the trails")
+        fit = gui.add_button("Look at the trails")
         frames = gui.add_checkbox("joint frames", False)
         self._values = gui.add_html("")
         self._cleared = threading.Event()
+        self._fit = threading.Event()
+        fit.on_click(lambda _: self._fit.set())
         clear.on_click(lambda _: self._cleared.set())
         frames.on_update(lambda _: window.show_frames(frames.value))
 
@@ -84,6 +87,10 @@ class Follower:
         if self._count % TRAIL_EVERY == 1:
             self._window.show_trails({label: np.array(self._trails[label]) for label in self._moved})
             self._moved.clear()
+            self._window.fit_where_it_grows()
+        if self._fit.is_set():
+            self._fit.clear()
+            self._window.fit()
         if self._count % PANEL_EVERY == 1:
             self._say(_status(state))
             values = axes_html(self._machine.axes, positions, self._names)

@@ -44,7 +44,7 @@ def open_window(
     upwards = up_of(up, [tip[:3, 3] for tip in tips.values()], [chain.points[0] for chain in chains])
     points = [track.points for track in tracks] + [tip[None, :3, 3] for tip in tips.values()]
     standing = stage(body.parts, body.poses(start), points, upwards)
-    window = Window(host, port, title=machine.name, body=body, stage=standing, tips=tuple(tips))
+    window = Window(host, port, title=machine.name, body=body, standing=standing, tips=tuple(tips))
     try:
         window.place(start, tips)
         yield window

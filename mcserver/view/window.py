@@ -14,7 +14,7 @@ import numpy as np
 from mcserver.errors import UsageFault
 from mcserver.view.body import Body
 from mcserver.view.solids import Array, Colour
-from mcserver.view.stage import Stage
+from mcserver.view.stage import Stage, stage
 from mcserver.view.tracks import Track
 
 # of lines on the screen [pixels]
@@ -26,6 +26,8 @@ TRAIL: Colour = (238, 102, 119)
 # axes of drawn frames and tips, as shares of what is seen
 FRAME_SIZE = 0.05
 TIP_SIZE = 0.035
+# The cameras follow once what is travelled is so many times as large as it was.
+GROWTH = 1.5
 
 
 class Window:
@@ -33,7 +35,7 @@ class Window:
 
     Args:
         host, port: where it is served; port 0 takes a free one.
-        title: of the page. body: what is drawn. stage: how it stands. tips: labels of its tips.
+        title: of the page. body: what is drawn. standing: how it stands. tips: labels of its tips.
 
     Attributes:
         url: its address. gui: viser's controls beside the picture.
@@ -43,7 +45,7 @@ class Window:
     """
 
     def __init__(
-        self, host: str, port: int, *, title: str, body: Body, stage: Stage, tips: Sequence[str]
+        self, host: str, port: int, *, title: str, body: Body, standing: Stage, tips: Sequence[str]
     ) -> None:
         # here, as it takes a second and is an extra
         import viser
@@ -58,7 +60,7 @@ class Window:
         server.request_share_url = _no_tunnel  # type: ignore[method-assign]
         self._server = server
         self._body = body
-        self._size, self._up = stage.size, stage.up
+        self._size, self._up = standing.size, standing.up
         self._parts: dict[str, Any] = {}
         self._tips: dict[str, Any] = {}
         # as sent, by viser's name: what stands still is not sent again
@@ -66,29 +68,32 @@ class Window:
         self._tracks: dict[str, Any] = {}
         self._line_paths: dict[str, Any] = {}
         self._paths_wanted = True
+        # what has been travelled or will be, by name
+        self._points: dict[str, Array] = {}
+        self._seen = 0.0
         self.gui = server.gui
         shown = f"[{host}]" if ":" in host else host
         self.url = f"http://{shown}:{server.get_port()}"
         try:
-            self._furnish(title, stage, tips)
+            self._furnish(title, standing, tips)
         except BaseException:
             self.close()
             raise
 
-    def _furnish(self, title: str, stage: Stage, tips: Sequence[str]) -> None:
+    def _furnish(self, title: str, standing: Stage, tips: Sequence[str]) -> None:
         self.gui.configure_theme(show_logo=False, show_share_button=False)
         self.gui.main_panel.dock_right()
         self.gui.set_panel_label(title)
         scene = self._server.scene
-        scene.set_up_direction(stage.up)
+        scene.set_up_direction(standing.up)
         for place, part in enumerate(self._body.parts):
             # numbered: a slash in a link's name would make it the child of another
             name = f"/machine/{place}"
             self._parts[part.name] = scene.add_frame(
                 name,
                 show_axes=False,
-                axes_length=FRAME_SIZE * stage.size,
-                axes_radius=0.06 * FRAME_SIZE * stage.size,
+                axes_length=FRAME_SIZE * standing.size,
+                axes_radius=0.06 * FRAME_SIZE * standing.size,
             )
             for number, solid in enumerate(part.solids):
                 scene.add_mesh_simple(
@@ -100,20 +105,21 @@ class Window:
         for label in tips:
             self._tips[label] = scene.add_frame(
                 f"/tips/{label or 'tip'}",
-                axes_length=TIP_SIZE * stage.size,
-                axes_radius=0.07 * TIP_SIZE * stage.size,
+                axes_length=TIP_SIZE * standing.size,
+                axes_radius=0.07 * TIP_SIZE * standing.size,
             )
             if label:
                 scene.add_label(f"/tips/{label}/name", label, anchor="bottom-center")
-        self._add_floor(stage)
+        self._add_floor(standing)
         camera = self._server.initial_camera
-        camera.position = tuple(stage.camera)
-        camera.look_at = tuple(stage.middle)
-        camera.up = tuple(stage.up)
+        camera.position = tuple(standing.camera)
+        camera.look_at = tuple(standing.middle)
+        camera.up = tuple(standing.up)
 
     def add_tracks(self, tracks: Sequence[Track]) -> None:
         """Draws paths in space."""
         for track in tracks:
+            self._points[f"path {track.label}"] = track.points
             self._tracks[track.label] = self._draw(f"/paths/{track.label or 'path'}", track.points, PATH)
 
     def highlight(self, tracks: Sequence[Track], line: int, colour: Colour) -> None:
@@ -131,11 +137,32 @@ class Window:
     def show_trails(self, trails: Mapping[str, Array]) -> None:
         """Draws where tips have been, (n, 3) [m] by label, in place of what was drawn before."""
         for label, points in trails.items():
+            self._points[f"trail {label}"] = points
             if len(points) > 1:
                 self._draw(f"/trails/{label or 'tip'}", points, TRAIL)
 
+    def fit(self) -> None:
+        """Turns all cameras to what is travelled, as near as it is seen whole."""
+        points = [each for each in self._points.values() if len(each)]
+        if not points:
+            return
+        shown = stage((), {}, points, self._up)
+        self._seen = shown.size
+        cameras: list[Any] = [client.camera for client in self._server.get_clients().values()]
+        for camera in [self._server.initial_camera, *cameras]:
+            camera.up = tuple(self._up)
+            camera.look_at = tuple(shown.middle)
+            camera.position = tuple(shown.camera)
+
+    def fit_where_it_grows(self) -> None:
+        """`fit` where what is travelled has become much larger than it was when it was last fitted."""
+        points = [each for each in self._points.values() if len(each)]
+        if points and stage((), {}, points, self._up).size > max(GROWTH * self._seen, self._size):
+            self.fit()
+
     def clear_trails(self) -> None:
         """Takes the trails away."""
+        self._points = {name: each for name, each in self._points.items() if not name.startswith("trail ")}
         self._server.scene.remove_by_name("/trails")
 
     def place(self, positions: Mapping[int, float], tips: Mapping[str, Array]) -> None:
@@ -194,24 +221,24 @@ class Window:
         handle.position = pose[:3, 3]
         handle.wxyz = self._rotation.from_matrix(pose[:3, :3]).wxyz
 
-    def _add_floor(self, stage: Stage) -> None:
-        side = 4.0 * stage.size
+    def _add_floor(self, standing: Stage) -> None:
+        side = 4.0 * standing.size
         planes: tuple[Literal["yz"], Literal["zx"], Literal["xy"]] = ("yz", "zx", "xy")
-        plane = planes[int(np.argmax(np.abs(stage.up)))]
-        cell = 10.0 ** np.floor(np.log10(stage.size / 3.0))
-        position = stage.middle - stage.up * (stage.middle @ stage.up - stage.floor)
+        plane = planes[int(np.argmax(np.abs(standing.up)))]
+        cell = 10.0 ** np.floor(np.log10(standing.size / 3.0))
+        position = standing.middle - standing.up * (standing.middle @ standing.up - standing.floor)
         self._server.scene.add_grid(
             "/floor",
             width=side,
             height=side,
             plane=plane,
-            position=np.round(position / cell) * cell * (1.0 - np.abs(stage.up))
-            + position * np.abs(stage.up),
+            position=np.round(position / cell) * cell * (1.0 - np.abs(standing.up))
+            + position * np.abs(standing.up),
             cell_size=cell,
             section_size=10.0 * cell,
             cell_color=(222, 227, 232),
             section_color=(190, 198, 207),
-            fade_distance=5.0 * stage.size,
+            fade_distance=5.0 * standing.size,
             shadow_opacity=0.18,
         )
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcserver.plot.scene import build_scene
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.plot.scene import PathTrace, build_scene
 from mcserver.plot.strokes import runs_of
 from mcserver.plot.time_panels import peaks
+from mcserver.simulation.recorder import Recorded
 from tests.plot.synthetic import machine, report, run, scene, smooth
 
 STILL = np.zeros(400)
@@ -80,3 +83,43 @@ def test_a_reading_of_an_axis_without_energy_is_no_motion() -> None:
     drawn = build_scene("p", described, recorded, report(400), [])
     assert peaks(drawn)[0, 0] < 2.0
     assert drawn.axes[0].derivatives(0.001)[0][-10:].tolist() == [0.0] * 10
+
+
+def test_a_drive_that_lags_on_the_path_has_no_deviation() -> None:
+    angle = np.linspace(0.0, np.pi, 2000)
+    setpoint = np.stack([100.0 * np.cos(angle), 100.0 * np.sin(angle)], axis=1)
+    lagging = np.concatenate([np.repeat(setpoint[:1], 30, axis=0), setpoint[:-30]])
+    time_s = 0.001 * np.arange(2000)
+    path = PathTrace("", ("X", "Y"), time_s, np.ones(2000, dtype=np.int64), setpoint, lagging)
+    assert np.linalg.norm(setpoint - lagging, axis=1).max() > 4.0
+    assert path.deviation().max() < 1e-9
+
+
+def test_a_drive_beside_the_path_deviates_by_its_distance() -> None:
+    along = np.linspace(0.0, 200.0, 2000)
+    setpoint = np.stack([along, np.zeros(2000)], axis=1)
+    path = PathTrace(
+        "",
+        ("X", "Y"),
+        0.001 * np.arange(2000),
+        np.ones(2000, dtype=np.int64),
+        setpoint,
+        setpoint + np.array([0.0, 0.3]),
+    )
+    assert path.deviation() == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_a_path_of_hardly_any_points_has_a_deviation_for_each(count: int) -> None:
+    points = np.zeros((count, 2))
+    path = PathTrace("", ("X", "Y"), 0.001 * np.arange(count), np.ones(count, dtype=np.int64), points, points)
+    assert path.deviation().tolist() == [0.0] * count
+
+
+def test_axes_of_a_robot_have_the_names_of_its_joints() -> None:
+    machine = load_machine("arm6")
+    columns = np.zeros((100, 6))
+    columns[:, 1] = smooth(100, 5.0)
+    recorded = Recorded(0.001 * np.arange(100), np.ones(100), np.arange(6.0), columns, columns)
+    drawn = build_scene("p", machine, recorded, report(100), [], build_kinematics(machine))
+    assert [trace.name for trace in drawn.axes] == ["joint_2 (axis 1)"]

@@ -91,6 +91,16 @@ def test_a_player_shows_the_row_that_it_is_told(window: Window) -> None:
     assert window.tip("T3")[2] == pytest.approx(0.8 * 0.45, abs=2e-3)
 
 
+def test_the_camera_looks_at_what_is_travelled(window: Window) -> None:
+    square = np.array([[5.0, 5.0, 0.0], [6.0, 5.0, 0.0], [6.0, 6.0, 0.0]])
+    window.show_trails({"far": square})
+    window.fit()
+    camera = window._server.initial_camera
+    assert np.allclose(camera.look_at, [5.5, 5.5, 0.0])
+    assert np.linalg.norm(np.array(camera.position) - camera.look_at) < 2.0
+    window.clear_trails()
+
+
 async def test_a_running_server_is_followed(tmp_path: Path, window: Window) -> None:
     options = ServerOptions(
         network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
