@@ -15,7 +15,7 @@ from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.configuration import PDO_OBJECTS
 from mcserver.canopen.node import Node, NodeAxis, Phase
 from mcserver.canopen.service import CanopenService
-from mcserver.canopen.settings import AXIS_OFFSET, DriveSettings
+from mcserver.canopen.settings import AXIS_OFFSET, NO_AXIS, DriveSettings
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
 from mcserver.canopen.views import DriveInfo, MonitoredValue, SdoTarget, SdoValue
 from mcserver.drives.cia402.state import power_state
@@ -71,7 +71,8 @@ class OperatorAccess:
 
     def drives(self) -> list[DriveInfo]:
         now = time.monotonic()
-        views = [_view(node, axis, now) for node in self._service.nodes for axis in node.axes]
+        nodes = [node for node in self._service.nodes if node.settings.axis != NO_AXIS]
+        views = [_view(node, axis, now) for node in nodes for axis in node.axes]
         return sorted(views, key=lambda view: view.axis)
 
     async def sdo_read(self, target: SdoTarget, kind: str | None) -> SdoValue:

@@ -18,7 +18,7 @@ from mcserver.canopen.sdo import NodeSdo
 from mcserver.canopen.sdo_write import SdoWrite
 from mcserver.canopen.settings import DriveSettings
 
-CIA_402 = 402
+CIA_401, CIA_402 = 401, 402
 # A reset is repeated after this time, then after twice as long, and so on: a slow drive must not be reset
 # again while it boots [s].
 FIRST_PATIENCE_S = 0.5
@@ -108,8 +108,9 @@ class NodeBoot:
             DriveError: MC551 it is another device, MC553, MC554. Stopped.
         """
         node.identity = self._identify(node, sdo)
-        for axis in node.axes:
-            self._check_mode(axis.settings, sdo)
+        if node.settings.kind == "cia402":
+            for axis in node.axes:
+                self._check_mode(axis.settings, sdo)
         remarks: list[str] = []
         dropped: set[str] = set()
         for write in writes:
@@ -249,10 +250,11 @@ class NodeBoot:
     def _identify(self, node: Node, sdo: NodeSdo) -> Identity:
         settings = node.settings
         device_type = int.from_bytes(sdo.upload(0x1000, 0)[:4], "little")
-        if device_type & 0xFFFF != CIA_402:
+        what, profile = ("an I/O node", CIA_401) if settings.kind == "cia401" else ("a drive", CIA_402)
+        if device_type & 0xFFFF != profile:
             raise DriveError(
                 "MC551",
-                f"{settings.name}: 1000h says device profile {device_type & 0xFFFF}, a drive has {CIA_402}",
+                f"{settings.name}: 1000h says device profile {device_type & 0xFFFF}, {what} has {profile}",
                 "check the node number, or the drive's configured profile",
                 axis=settings.axis,
             )

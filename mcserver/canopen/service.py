@@ -17,6 +17,7 @@ from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.configuration import configure
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.eds import load_description
+from mcserver.canopen.io_nodes import configure_io
 from mcserver.canopen.listening import MASTER, Listening, refuse_other_masters
 from mcserver.canopen.node import Node, NodeAxis
 from mcserver.canopen.service_bus import CanopenBus, OnEvent, ServiceTimes
@@ -79,9 +80,11 @@ class CanopenService:
         dictionaries = {drive.axis: dictionary_of(drive) for drive in drives if drive.kind == "cia402"}
         plans: dict[str, list[NodeAxis]] = {}
         for drive in drives:
-            plans.setdefault(drive.bus, []).append(
-                _plan(drive, machine.cycle_s, dictionaries.get(drive.axis))
-            )
+            if drive.kind == "cia401":
+                planned = NodeAxis(drive, writes=tuple(configure_io(drive, machine, MASTER)))
+            else:
+                planned = _plan(drive, machine.cycle_s, dictionaries.get(drive.axis))
+            plans.setdefault(drive.bus, []).append(planned)
         service = cls(dictionaries)
         ports: list[CanPort] = []
         try:

@@ -23,7 +23,7 @@ from mcserver.canopen.listening import MASTER
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node import Node, NodeAxis, Phase
 from mcserver.canopen.sdo import NodeSdo
-from mcserver.canopen.settings import SdoTimes
+from mcserver.canopen.settings import NO_AXIS, SdoTimes
 from mcserver.errors import McError
 
 log = logging.getLogger(__name__)
@@ -262,7 +262,8 @@ class CanopenBus:
         self._tell("drive.emergency", node, message, "" if emergency.cleared else "MC556")
 
     def _tell(self, kind: CanopenEventKind, node: Node | None, message: str, code: str = "") -> None:
-        self._on_event(CanopenEvent(kind, message, None if node is None else node.settings.axis, code))
+        axis = None if node is None or node.settings.axis == NO_AXIS else node.settings.axis
+        self._on_event(CanopenEvent(kind, message, axis, code))
 
     # ------------------------------------------------------------ workers
 

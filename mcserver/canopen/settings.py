@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from mcserver.can.pdo_layout import Mode
 from mcserver.drives.cia402.scaling import homing_objects, scaling_objects
 from mcserver.errors import Diagnostic
-from mcserver.machine.drive_section import CAN_KINDS
+from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig
+from mcserver.machine.io_process_data import HEARTBEAT_MS, nodes_on
 from mcserver.machine.machine_file import Axis, Machine
 
 _MODES = {
@@ -18,6 +19,8 @@ _MODES = {
 }
 # From the objects of a node's axis to those of its next one (CiA 402).
 AXIS_OFFSET = 0x800
+# In place of an axis's number, of nodes that have none.
+NO_AXIS = -1
 
 
 @dataclass(frozen=True)
@@ -86,23 +89,40 @@ class DriveSettings:
 
     @property
     def has_profile(self) -> bool:
-        """Whether it is a node with the objects of CiA 402, which is configured, started and watched."""
-        return self.kind == "cia402"
+        """Whether it is a node by CiA 402 or 401, which is configured, started and watched."""
+        return self.kind in ("cia402", "cia401")
 
     @property
     def name(self) -> str:
         """For messages: ``axis 2, node 3 on can0``."""
+        if self.kind == "cia401":
+            return f"the I/O node {self.node} on {self.bus}"
         return f"axis {self.axis}, node {self.node} on {self.bus}"
 
 
 def uses_can(machine: Machine) -> bool:
-    """Whether any axis has a drive on a CAN bus."""
-    return any(axis.drive.kind in CAN_KINDS for axis in machine.axes)
+    """Whether any axis has a drive on a CAN bus, or any input or output is on one."""
+    drives = any(axis.drive.kind in CAN_KINDS for axis in machine.axes)
+    return drives or any(nodes_on(machine, bus.name) for bus in machine.buses)
 
 
 def settings_of(machine: Machine) -> list[DriveSettings]:
-    """All drives on CAN buses, by axis."""
-    return [_of_axis(machine, axis) for axis in machine.axes if axis.drive.kind in CAN_KINDS]
+    """All drives on CAN buses, by axis, and behind them the nodes with inputs and outputs."""
+    drives = [_of_axis(machine, axis) for axis in machine.axes if axis.drive.kind in CAN_KINDS]
+    return drives + [_of_io(bus, node) for bus in machine.buses for node in nodes_on(machine, bus.name)]
+
+
+def _of_io(bus: CanBusConfig, node: int) -> DriveSettings:
+    return DriveSettings(
+        axis=NO_AXIS,
+        kind="cia401",
+        bus=bus.name,
+        address=bus.address,
+        node=node,
+        heartbeat_ms=HEARTBEAT_MS,
+        listen_s=bus.listen_ms / 1e3,
+        foreign_sync=bus.sync == "foreign",
+    )
 
 
 def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:

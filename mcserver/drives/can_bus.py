@@ -10,12 +10,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mcserver.can.cob import SYNC
 from mcserver.can.open import open_port
 from mcserver.can.pdo_layout import TPDO1
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
 from mcserver.drives.cia402.axes import DELAY_CYCLES, Cia402Axes
+from mcserver.drives.io_nodes import Array, IoNodes
 from mcserver.drives.node_watch import NodeWatch, bus_back
 from mcserver.drives.servosila.axis import ServosilaAxis
 from mcserver.errors import RuntimeFault
@@ -77,6 +81,10 @@ class CanBus:
         self._streamed = [
             (index, ServosilaAxis(axes[index], self._cycle, bus.silence_cycles)) for index in streamed
         ]
+        io = IoNodes(machine, bus.name, self._cycle, bus.silence_cycles)
+        self._io = io if io.numbers else None
+        if self._io is not None and bus.sync == "own":
+            self._sends_sync = True
         self._tpdo1: dict[int, tuple[slice, int]] = {}
         self._others: dict[int, Callable[[bytes], None]] = {}
         self._sync = bytearray()
@@ -89,6 +97,28 @@ class CanBus:
     @property
     def columns(self) -> tuple[int, ...]:
         return self._columns
+
+    @property
+    def inputs(self) -> tuple[int, ...]:
+        """Columns of the machine's inputs on this bus."""
+        return () if self._io is None else self._io.inputs
+
+    @property
+    def outputs(self) -> tuple[int, ...]:
+        """Columns of the machine's outputs on this bus."""
+        return () if self._io is None else self._io.outputs
+
+    def write_outputs(self, raw: Array) -> None:
+        if self._io is not None:
+            self._io.write_outputs(raw)
+
+    def read_inputs(self, raw: Array, fresh: NDArray[np.bool_]) -> None:
+        if self._io is not None:
+            self._io.read_inputs(raw, fresh)
+
+    def read_outputs(self, fresh: NDArray[np.bool_]) -> None:
+        if self._io is not None:
+            self._io.read_outputs(fresh)
 
     @property
     def follows_exactly(self) -> bool:
@@ -117,12 +147,12 @@ class CanBus:
             for _ in range(max(20, round(BOOT_TIMEOUT_S / self._cycle))):
                 self._take(port)
                 missing -= self._answered()
-                if not missing:
+                if not missing and (self._io is None or not self._io.missing):
                     break
                 self._send_off(port)
                 self._wait(self._cycle)
             else:
-                raise self._no_answer(min(missing))
+                raise self._no_answer(missing)
             if self._servo is not None:
                 self._servo.begin_here()
                 self._servo.read(self._feedback)
@@ -154,6 +184,8 @@ class CanBus:
             lost += servo.send()
         for index, axis in self._streamed:
             lost += not self._exchange_streamed(index, axis, setpoints)
+        if self._io is not None:
+            lost += self._io.send()
         if self._sends_sync and not port.send_prepared(self._sync):
             lost += 1
         self._unsent = self._unsent + 1 if lost else 0
@@ -187,6 +219,8 @@ class CanBus:
         self._sync = port.prepare(SYNC, 0)
         for _, axis in self._streamed:
             self._others.update(axis.open(port))
+        if self._io is not None:
+            self._others.update(self._io.open(port))
         servo, watch = self._servo, self._watch
         if servo is None or watch is None:
             return
@@ -197,6 +231,8 @@ class CanBus:
     def _take(self, port: CanPort) -> None:
         """Everything that has come; of each kind the latest value stays."""
         frames = port.drain()
+        if self._io is not None:
+            self._io.tick()
         servo = self._servo
         if servo is not None:
             arena, came = servo.begin()
@@ -227,6 +263,8 @@ class CanBus:
         """A cycle in which nothing is energized; before the first exchange CiA 402 drives get SYNC alone."""
         if self._servo is not None:
             self._servo.send()
+        if self._io is not None:
+            self._io.send()
         for _, axis in self._streamed:
             axis.step(DriveMode.OFF, 0.0, 0.0, 0.0)
         if self._sends_sync:
@@ -259,8 +297,15 @@ class CanBus:
             answered.update(self._servo.came())
         return answered
 
-    def _no_answer(self, index: int) -> RuntimeFault:
-        axis = self._axes[index]
+    def _no_answer(self, missing: set[int]) -> RuntimeFault:
+        if not missing:
+            nodes = self._io.missing if self._io is not None else []
+            return RuntimeFault(
+                "MC444",
+                f"the I/O node {nodes[0]} on {self.config.name} does not answer SYNC",
+                "check its supply, cable, node number and bit rate, and that it has TPDOs for its inputs",
+            )
+        axis = self._axes[min(missing)]
         return RuntimeFault(
             "MC411",
             f"the drive of axis {axis.index} (node {axis.drive.node} on {self.config.name}) does not answer: "
@@ -282,7 +327,8 @@ class CanBus:
         self._down = False
         if self._watch is not None:
             self._watch.forget()
-        self._events.append(bus_back(self._columns[0], self.config.name))
+        if self._columns:
+            self._events.append(bus_back(self._columns[0], self.config.name))
 
     def _fail_silent(self, servo: Cia402Axes) -> None:
         for number, age in enumerate(servo.ages.tolist()):

@@ -32,3 +32,6 @@ class IoBus(Protocol):
 
     def read_inputs(self, raw: Array, fresh: NDArray[np.bool_]) -> None:
         """Fill in the newest raw values, shape of `inputs`; ``fresh``: False where the node is lost."""
+
+    def read_outputs(self, fresh: NDArray[np.bool_]) -> None:
+        """Fill in which outputs' nodes are there, shape of `outputs`."""

@@ -10,6 +10,7 @@ from mcserver.drives.can_bus import CanBus
 from mcserver.drives.ideal import IdealBus
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
+from mcserver.machine.io_process_data import nodes_on
 from mcserver.machine.machine_file import Axis, Machine
 
 BusFactory = Callable[[Machine, Sequence[Axis], Sequence[int]], list[DriveBus]]
@@ -51,8 +52,6 @@ def create_buses(machine: Machine, factories: Mapping[str, BusFactory] = BUS_FAC
     Raises:
         ConfigurationError: MC006 a kind of drive that this installation cannot drive.
     """
-    if factories is BUS_FACTORIES:
-        _refuse_unreachable_io(machine)
     by_factory: dict[BusFactory, list[int]] = {}
     for column, axis in enumerate(machine.axes):
         factory = factories.get(axis.drive.kind)
@@ -67,20 +66,16 @@ def create_buses(machine: Machine, factories: Mapping[str, BusFactory] = BUS_FAC
     buses: list[DriveBus] = []
     for factory, columns in by_factory.items():
         buses += factory(machine, [machine.axes[column] for column in columns], columns)
+    if factories is BUS_FACTORIES:
+        buses += _for_io_alone(machine, buses)
     return buses
 
 
-def _refuse_unreachable_io(machine: Machine) -> None:
-    """Refuse inputs and outputs that no bus of this installation exchanges.
-
-    Raises:
-        ConfigurationError: MC006.
-    """
-    objects = [each.source for each in machine.inputs] + [each.target for each in machine.outputs]
-    for each in objects:
-        if each is not None:
-            raise ConfigurationError(
-                "MC006",
-                f"an input or output is {each.shown}, which this installation cannot exchange",
-                "leave its source or target out: it is simulated then",
-            )
+def _for_io_alone(machine: Machine, buses: Sequence[DriveBus]) -> list[DriveBus]:
+    """Make the CAN buses that have inputs and outputs, but no drives."""
+    made = {bus.config.name for bus in buses if isinstance(bus, CanBus)}
+    return [
+        CanBus(machine, bus, [])
+        for bus in machine.buses
+        if bus.name not in made and nodes_on(machine, bus.name)
+    ]

@@ -88,7 +88,7 @@ class Executor:
         self._row = FeedbackRow(len(machine.axes), len(rings), inputs, outputs)
         self.bank = AxisBank(machine, buses, self._row)
         self.motions = IndependentMotions(machine, self._row)
-        on_buses = [bus for bus in self.bank.buses if isinstance(bus, IoBus)]
+        on_buses = [bus for bus in self.bank.buses if isinstance(bus, IoBus) and (bus.inputs or bus.outputs)]
         self._io = IoBank(machine, self._row, on_buses)
         self._has_io = bool(inputs or outputs)
         # inputs that held the machine in the cycle before
@@ -295,6 +295,8 @@ class Executor:
                     slot.open(orders)
                     if self._io.holding:
                         slot.interlock()
+                    if self._io.missing >= 0:
+                        slot.fault(FaultCode.IO_LOST, 0, -1, (float(self._io.missing), 0.0))
                 if slot not in self._used:
                     self._used.append(slot)
             if slot.running:

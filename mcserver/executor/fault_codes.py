@@ -107,24 +107,30 @@ def code_of_drive_fault(fault: int) -> FaultCode:
 
 
 def remedy_of(
-    code: int, axis: int, values: Sequence[float] = (), inputs: Sequence[str] = ()
+    code: int,
+    axis: int,
+    values: Sequence[float] = (),
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
 ) -> tuple[str, str]:
     """A sentence and a hint for a FAULT event, from its code, axis number and values.
 
     Args:
-        inputs: names of the machine's inputs.
+        inputs, outputs: names of the machine's.
     """
     message, hint = _TEXT.get(code, ("the executor reports a fault", "see docs/executor.md"))
     detail = int(values[1]) if len(values) > 1 and code in _DETAILED else 0
     name = "an input"
-    if code in _OF_INPUTS and values and 0 <= int(values[0]) < len(inputs):
-        name = f'the input "{inputs[int(values[0])]}"'
+    if code in _OF_CHANNELS and values and 0 <= int(values[0]) < len(inputs) + len(outputs):
+        column = int(values[0])
+        kind = "input" if column < len(inputs) else "output"
+        name = f'the {kind} "{[*inputs, *outputs][column]}"'
     text = message.format(axis=axis, detail=_detail_text(code, detail), input=name)
     return text, hint.format(axis=axis, input=name)
 
 
-# Faults whose first value is the column of an input.
-_OF_INPUTS = frozenset(
+# Faults whose first value is the column of an input, or behind these of an output.
+_OF_CHANNELS = frozenset(
     {
         FaultCode.INPUT_TIMEOUT,
         FaultCode.INTERLOCK_HOLD,

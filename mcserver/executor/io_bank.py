@@ -29,7 +29,8 @@ class IoBank:
 
     Attributes:
         holding, stopping: columns of the inputs that hold or stop the machine now.
-        lost: columns of inputs and outputs whose node is silent, as seen in this cycle for the first time.
+        lost: columns of inputs, and behind them of outputs, whose node is silent for the first time in this
+            cycle. missing: the first of those whose node is silent now; -1: none.
     """
 
     def __init__(self, machine: Machine, row: FeedbackRow, buses: Sequence[IoBus] = ()) -> None:
@@ -40,6 +41,7 @@ class IoBank:
         self.holding: tuple[int, ...] = ()
         self.stopping: tuple[int, ...] = ()
         self.lost: tuple[int, ...] = ()
+        self.missing = -1
         self._interlocked = [
             column
             for column, each in enumerate(machine.inputs)
@@ -57,7 +59,7 @@ class IoBank:
         self._scripted = 0
         self._overruled: set[int] = set()
         self._moving = True
-        self._fresh = np.ones(len(machine.inputs), np.bool_)
+        self._fresh = np.ones(len(machine.inputs) + len(machine.outputs), np.bool_)
         self._orders_seen = 0
         self._input_counts = [0] * len(machine.inputs)
         self._output_counts = [0] * len(machine.outputs)
@@ -200,19 +202,17 @@ class IoBank:
         return raw
 
     def _read_buses(self) -> None:
-        lost: list[int] = []
-        for bus, columns, _ in self._buses:
-            if not len(columns):
-                continue
+        before, count = self._fresh.copy(), len(self._inputs)
+        for bus, columns, outputs in self._buses:
             raw, fresh = np.zeros(len(columns)), np.ones(len(columns), np.bool_)
             bus.read_inputs(raw, fresh)
+            self._fresh[columns] = fresh
+            reached = np.ones(len(outputs), np.bool_)
+            bus.read_outputs(reached)
+            self._fresh[count + outputs] = reached
             for place, column in enumerate(columns.tolist()):
                 if not fresh[place]:
-                    if self._fresh[column]:
-                        lost.append(column)
-                    self._fresh[column] = False
                     continue
-                self._fresh[column] = True
                 channel, value = self._inputs[column], float(raw[place])
                 if channel.digital:
                     value = float((value != 0.0) is not channel.invert)
@@ -221,7 +221,9 @@ class IoBank:
                 if value != self._source[column]:
                     self._source[column] = value
                     self._moving = True
-        self.lost = tuple(lost)
+        self.lost = tuple(np.nonzero(before & ~self._fresh)[0].tolist())
+        (missing,) = np.nonzero(~self._fresh)
+        self.missing = int(missing[0]) if len(missing) else -1
         if self._pending and any(self._pending):
             self._moving = True
 

@@ -9,11 +9,14 @@ is 135 for 8 bytes; the three bits between frames are in it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mcserver.can.pdo import ProcessData
 from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Pdo
 from mcserver.errors import ConfigurationError
+from mcserver.machine.io_process_data import HEARTBEAT_MS, io_process_data, nodes_on
 
 if TYPE_CHECKING:
     from mcserver.machine.drive_section import CanBusConfig
@@ -114,10 +117,10 @@ class BusLoad:
 
     def _spread(self, buses: int) -> float:
         """Load of the fullest bus if the axes were spread evenly; what a bus has anyway stays."""
-        part = self.axes_of(buses) / self.axes
+        part = self.axes_of(buses) / self.axes if self.axes else 1.0
         bits = 0.0
         for share in self.shares:
-            whole = share.what in ("SYNC", "heartbeat of the master")
+            whole = share.what in ("SYNC", "heartbeat of the master", "inputs", "outputs")
             bits += (share.frames * self.cycle_hz + share.fixed_hz) * share.bits * (1.0 if whole else part)
         return bits / self.bitrate
 
@@ -139,13 +142,20 @@ def bus_loads(machine: Machine) -> tuple[BusLoad, ...]:
     for bus in machine.buses:
         axes = [axis for axis in machine.axes if axis.drive.bus == bus.name and axis.drive.node]
         axes = [axis for axis in axes if axis.drive.kind in ("cia402", "servosila")]
-        if axes:
-            loads.append(load_of(bus, axes, machine.cycle_hz))
+        nodes = [io_process_data(machine, bus.name, node) for node in nodes_on(machine, bus.name)]
+        if axes or nodes:
+            loads.append(load_of(bus, axes, machine.cycle_hz, nodes))
     return tuple(loads)
 
 
-def load_of(bus: CanBusConfig, axes: list[Axis], cycle_hz: float) -> BusLoad:
-    """The load of one bus with these axes, all of them in velocity mode, which takes most."""
+def load_of(
+    bus: CanBusConfig, axes: list[Axis], cycle_hz: float, nodes: Sequence[ProcessData] = ()
+) -> BusLoad:
+    """The load of one bus with these axes, all of them in velocity mode, which takes most.
+
+    Args:
+        nodes: the process data of its I/O nodes.
+    """
     servo = [axis for axis in axes if axis.drive.kind == "cia402"]
     streamed = [axis for axis in axes if axis.drive.kind == "servosila"]
     shares: list[Share] = []
@@ -163,6 +173,15 @@ def load_of(bus: CanBusConfig, axes: list[Axis], cycle_hz: float) -> BusLoad:
             Share("heartbeats", 0.0, frame_bits(1), beats),
             Share("heartbeat of the master", 0.0, frame_bits(1), MASTER_HEARTBEAT_HZ),
         ]
+    if nodes and not servo:
+        shares += [
+            Share("SYNC", 1.0, frame_bits(0)),
+            Share("heartbeat of the master", 0.0, frame_bits(1), MASTER_HEARTBEAT_HZ),
+        ]
+    for node in nodes:
+        shares += [Share("inputs", 1.0, frame_bits(pdo.length)) for pdo in node.tpdos]
+        shares += [Share("outputs", 1.0, frame_bits(pdo.length)) for pdo in node.rpdos]
+        shares.append(Share("heartbeats", 0.0, frame_bits(1), 1000.0 / HEARTBEAT_MS))
     if streamed:
         shares.append(Share("commands", float(len(streamed)), frame_bits(SERVOSILA_BYTES)))
         every_cycle = sum(not axis.drive.telemetry_hz for axis in streamed)

@@ -27,6 +27,7 @@ from mcserver.machine.homing_section import (
     read_homing,
     read_probe,
 )
+from mcserver.machine.io_process_data import check_nodes
 from mcserver.machine.io_section import Input, Output, read_inputs, read_outputs
 from mcserver.machine.section_reader import Mistakes, read_keys
 from mcserver.machine.sections import (
@@ -236,6 +237,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     }
     if file.get("input") is None or None not in file["input"]:
         check_inputs(switches, probe, {each.number for each in inputs if each.digital}, mistakes)
+    check_nodes(inputs, outputs, drives, mistakes)
     kinematics: KinematicsSection | None = file.get("kinematics")
     if "tool" in raw and "kinematics" not in raw:
         mistakes.add(("tool",), "tools need a [kinematics] section", "name the URDF there")

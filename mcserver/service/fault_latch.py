@@ -13,10 +13,12 @@ LATCHED_FAULTS = 64
 FAULT_SHOWN_S = 0.5
 
 
-def fault_of(event: ExecutorEvent, program: str | None, inputs: Sequence[str] = ()) -> Fault:
-    """Put an event of kind FAULT into words; ``inputs``: names of the machine's."""
+def fault_of(
+    event: ExecutorEvent, program: str | None, inputs: Sequence[str] = (), outputs: Sequence[str] = ()
+) -> Fault:
+    """Put an event of kind FAULT into words; ``inputs``, ``outputs``: names of the machine's."""
     axis = event.axis if event.axis >= 0 else None
-    message, hint = remedy_of(event.code, event.axis, event.values, inputs)
+    message, hint = remedy_of(event.code, event.axis, event.values, inputs, outputs)
     return Fault(
         code=f"MC{event.code}",
         message=message,

@@ -115,9 +115,10 @@ class ProgramTable:
         on_ack: Callable[[Ack], None],
         on_event: Callable[[Event], None],
         inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
     ) -> None:
         self.port = port
-        self._inputs = inputs
+        self._inputs, self._outputs = inputs, outputs
         self.options = options
         self.programs: dict[str, Program] = {}
         self.leases = LeaseTable()
@@ -441,7 +442,7 @@ class ProgramTable:
             self._end(program, "aborted" if program.ended_as == "finished" else program.ended_as)
 
     def _fault(self, event: ExecutorEvent, program: Program | None) -> None:
-        fault = fault_of(event, None if program is None else program.program, self._inputs)
+        fault = fault_of(event, None if program is None else program.program, self._inputs, self._outputs)
         if event.code in WARNINGS:
             message = f"{fault.message}: {fault.hint}"
             where = {"program": fault.program, "line": fault.line, "axis": fault.axis}
