@@ -17,6 +17,7 @@ import typer
 from mckinematics.errors import KinematicsError
 
 from mcserver.cli import (
+    benchmark,
     check,
     doctor,
     drive_sim,
@@ -79,6 +80,7 @@ def build_app() -> typer.Typer:
     app.command("grammar")(grammar.grammar)
     app.command("lsp")(lsp.lsp)
     app.command("mcp")(mcp.mcp)
+    app.command("benchmark")(benchmark.benchmark)
     app.command("simulate")(simulate.simulate_program)
     app.command("plot")(plot.plot)
     app.command("view")(view.view)

@@ -13,6 +13,7 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
+from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.text.source import split_lines
 from mcserver.machine.machine_file import Machine
@@ -28,6 +29,13 @@ BURST = 1000
 STUCK = 600_000
 
 SLOT = 0
+
+_ENERGIZED = (
+    AxisCondition.HOLDING,
+    AxisCondition.MOVING,
+    AxisCondition.SPEED,
+    AxisCondition.TORQUE,
+)
 
 
 @dataclass
@@ -51,12 +59,14 @@ class Simulation:
         exit_code: 0, 1 (a fault while running) or 4 (rejected).
         recording: one row a cycle in mm and degrees, if asked for.
         feed_length: linear part of all G01-G03 commands [m].
+        energized: numbers of the axes that are energized at the end.
     """
 
     report: dict[str, Any]
     exit_code: int
     recording: Recorded | None = None
     feed_length: float = 0.0
+    energized: frozenset[int] = frozenset()
 
 
 def simulate(
@@ -160,6 +170,7 @@ class _Run:
             1 if self._failed else 0,
             self._recorder.recording(),
             self._feed_length,
+            self._energized(),
         )
 
     @property
@@ -252,6 +263,14 @@ class _Run:
             self._take_events()
         if moving:
             self._end = max(self._end, self._executor.time)
+
+    def _energized(self) -> frozenset[int]:
+        conditions = self._executor.feedback.condition
+        return frozenset(
+            axis.index
+            for axis, condition in zip(self._machine.axes, conditions, strict=True)
+            if condition in _ENERGIZED
+        )
 
     def _report(self, warnings: list[Diagnostic]) -> dict[str, Any]:
         lines = []

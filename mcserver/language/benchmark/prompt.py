@@ -1,0 +1,36 @@
+"""What a writer of programs is given for a task: the machine, the dialect in short, and the words."""
+
+from __future__ import annotations
+
+import functools
+
+import msgspec
+
+from mcserver.language.agents.knowledge import dialect_topic, machine_facts
+from mcserver.language.benchmark.tasks import Task
+from mcserver.machine.machine_file import load_machine
+
+_RULES = """\
+Write a G-code program for this machine. Answer with the program alone, or put it into one block between lines
+of ```. Axes are not energized at the start: G1010 does that, or a rapid move. Lengths are mm, angles degrees.
+Pass through places exactly and stay on the path that is asked for. A program that is refused or fails is no
+answer."""
+
+
+def write_prompt(task: Task) -> str:
+    """Write the whole prompt of a task.
+
+    Raises:
+        ConfigurationError: the task's machine cannot be loaded.
+    """
+    machine, dialect = _knowledge(task.machine)
+    parts = [_RULES, "", "Machine:", machine, "", "Dialect:", dialect, "", "Task:", task.prompt.strip()]
+    if task.faulty:
+        parts += ["", "The program:", "```", task.faulty.strip(), "```"]
+    return "\n".join([*parts, ""])
+
+
+@functools.lru_cache(maxsize=16)
+def _knowledge(source: str) -> tuple[str, str]:
+    machine = load_machine(source)
+    return msgspec.json.encode(machine_facts(machine)).decode(), dialect_topic("", machine)
