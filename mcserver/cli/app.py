@@ -36,6 +36,7 @@ from mcserver.cli import (
     simulate,
     view,
     web,
+    webhooks,
 )
 from mcserver.cli.console import show_error
 from mcserver.cli.exit_codes import ExitCode, OutputFault, exit_code_of
@@ -85,6 +86,7 @@ def build_app() -> typer.Typer:
     app.command("plot")(plot.plot)
     app.command("view")(view.view)
     app.command("web")(web.web)
+    app.command("webhooks")(webhooks.webhooks)
     app.command("scan")(scan.scan)
     app.command("gateway")(gateway.gateway)
     app.command("examples")(examples.examples)

@@ -13,7 +13,7 @@ from mcclient.errors import MotionError
 from mcclient.keys import ALL_MACHINES, Keys, machine_and_instance, machine_of_call
 from mcclient.presence import Presence
 from mcclient.transport import Link, endpoints_of, user_of
-from mcclient.types import MachineStatus
+from mcclient.types import EventPage, MachineStatus
 from mcclient.wire import decode
 
 ORDER_S = 3.0
@@ -85,6 +85,16 @@ class FleetLink:
             return decode(MachineStatus, await caller.call("status", deadline_s=timeout_s))
         except MotionError:
             return None
+
+    async def events(self, machine: str, since: int, limit: int = 1000) -> EventPage:
+        """Events of one machine from number ``since`` on, as far as its server still has them.
+
+        Raises:
+            MotionError: it does not answer, or refuses.
+        """
+        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
+        reply = await caller.call("events", {"since": since, "limit": limit}, deadline_s=ORDER_S)
+        return decode(EventPage, reply)
 
     async def order(self, machine: str, method: str) -> None:
         """``hold``, ``resume`` or ``abort`` for every program of one machine.

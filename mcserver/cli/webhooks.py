@@ -1,0 +1,78 @@
+"""``mcserver webhooks``: messages to other programs about programs that ended, faults and emergency stops."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib.util
+import logging
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mcserver.cli.console import narration
+from mcserver.cli.options import ConnectOption, ZenohConfigOption
+from mcserver.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from mcserver.web.webhooks import Hook
+
+PERIOD_S = 0.5
+RETRY_S = 2.0
+
+
+def webhooks(
+    config: Annotated[Path, typer.Argument(metavar="FILE", help="The receivers (TOML): docs/webhooks.md.")],
+    connect: ConnectOption = None,
+    zenoh: ZenohConfigOption = None,
+) -> None:
+    """Tell other programs of programs that ended, faults and emergency stops, until Ctrl-C."""
+    missing = [name for name in ("httpx", "mcclient") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise ConfigurationError(
+            "MC016", f"mcserver webhooks needs {', '.join(missing)}", "pip install 'mcserver[web]' mcclient"
+        )
+    from mcserver.web.webhooks import read_hooks
+
+    hooks = read_hooks(config)
+    # it would log addresses, which may hold secrets
+    logging.getLogger("httpx").setLevel(logging.WARNING)
+    narration().print(f"webhooks: {', '.join(hook.name for hook in hooks)} (Ctrl-C ends)", markup=False)
+    try:
+        asyncio.run(_run(hooks, tuple(connect or ()), zenoh))
+    except KeyboardInterrupt:
+        return
+
+
+async def _run(hooks: list[Hook], connect: tuple[str, ...], zenoh: Path | None) -> None:
+    import httpx
+    from mcclient import MotionError
+    from mcclient.fleet import FleetLink
+
+    from mcserver.web.fleet_events import FleetEvents
+    from mcserver.web.webhooks import Receiver
+
+    async with httpx.AsyncClient(follow_redirects=False) as client, asyncio.TaskGroup() as group:
+        receivers = [Receiver(hook, client, time.time) for hook in hooks]
+        for receiver in receivers:
+            group.create_task(receiver.run())
+        while True:
+            try:
+                link = await FleetLink.open(connect or None, config_file=zenoh)
+            except MotionError as error:
+                narration().print(f"{error.message}; trying again", markup=False)
+                await asyncio.sleep(RETRY_S)
+                continue
+            events = FleetEvents(link, history=False)
+            try:
+                while True:
+                    for machine, event in await events.poll(PERIOD_S):
+                        for receiver in receivers:
+                            receiver.take(machine, event)
+                    await asyncio.sleep(PERIOD_S)
+            except MotionError as error:
+                narration().print(f"{error.message}; connecting again", markup=False)
+            finally:
+                await link.close()
+            await asyncio.sleep(RETRY_S)
