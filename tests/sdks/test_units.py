@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 
 from tests.e2e.servers import ROOT
-from tests.sdks.conftest import build, needed
+from tests.sdks.conftest import build, needed, typescript
 
 
 def test_the_go_sdk_passes_its_tests_under_the_race_detector() -> None:
@@ -18,3 +18,9 @@ def test_the_go_sdk_passes_its_tests_under_the_race_detector() -> None:
 def test_the_go_sdk_is_formatted() -> None:
     needed("go")
     assert not build([needed("gofmt"), "-l", "."], ROOT / "clients" / "go")
+
+
+def test_the_typescript_sdk_plays_the_contract() -> None:
+    folder = ROOT / "clients" / "typescript"
+    typescript()
+    build([needed("node"), "--test", "test/"], folder)

@@ -22,7 +22,10 @@ export class ProgramRejected extends MotionError {}
 
 /** The program ended otherwise than finished: aborted, faulted, interrupted. */
 export class ProgramEnded extends MotionError {
-  constructor(readonly state: string, code: string, message: string, hint = "") { super(code, message, hint); }
+  /** `accepted` and `done` are numbers of lines: those through `done` have ended, the one after it may have begun. */
+  constructor(
+    readonly state: string, code: string, message: string, hint = "", readonly accepted = 0, readonly done = 0,
+  ) { super(code, message, hint); }
 }
 
 export function refusal(error: { code: string; message: string; hint?: string; details?: Record<string, unknown>; diagnostics?: Diagnostic[] }): MotionError {

@@ -1,6 +1,7 @@
 import { decode, encode } from "@msgpack/msgpack";
 import { MotionError, NobodyAnswers, refusal } from "./errors.js";
 import { Machine } from "./machine.js";
+import { understand } from "./wire.js";
 
 /** The part of a WebSocket that is used: the browser's own, or the class of the package `ws` in Node. */
 export interface Socket {
@@ -23,15 +24,23 @@ export interface ConnectOptions {
   deadlineMs?: number;
 }
 
-interface Pending { frame: Record<string, unknown>; resolve: (value: any) => void; reject: (error: Error) => void; timer: ReturnType<typeof setTimeout>; }
+interface Pending { frame: Record<string, unknown>; sent: boolean; resolve: (value: any) => void; reject: (error: Error) => void; timer: ReturnType<typeof setTimeout>; }
 interface Listening { machine: string; topic: string; deliver: (message: any) => void; onResumed: () => void; }
 
 const RETRY_MS = [50, 100, 200, 400, 800, 1000];
+/** What may be asked again under any circumstances: it changes nothing, or stops. */
+const REPEATABLE = new Set([
+  "info", "status", "programs", "events", "check", "simulate", "drives", "sdo_read", "run_requests", "abort", "hold", "machines", "subscribe", "estop",
+]);
+/** Too many calls at once: none of them was carried out. */
+const TOO_MUCH = "MC071";
+const BUSY_MS = 100;
 const LONG = new Set(["check", "simulate"]);
 
 /**
  * One client of a gateway. A connection that breaks is made anew: calls without an answer are sent again with the same
- * number, so that nothing is done twice, and subscriptions are made again.
+ * number, so that nothing is done twice, and subscriptions are made again. Where the gateway no longer knows the client, calls that change
+ * something and may have been carried out are not sent again: they fail with MC532.
  */
 export class Gateway {
   /** This client's id, as others see it in events. */
@@ -39,6 +48,7 @@ export class Gateway {
   role = "";
   #socket: Socket | null = null;
   #session = "";
+  #greeted = false;
   #numbers = 0;
   #pending = new Map<number, Pending>();
   #listening = new Map<number, Listening>();
@@ -95,7 +105,7 @@ export class Gateway {
         this.#pending.delete(id);
         reject(new NobodyAnswers("MC532", `no answer to ${String(frame["method"] ?? frame["op"])} within ${limit / 1000} s`, "is the gateway running?"));
       }, limit);
-      this.#pending.set(id, { frame: whole, resolve, reject, timer });
+      this.#pending.set(id, { frame: whole, sent: this.#connected, resolve, reject, timer });
       this.#send(whole);
     });
   }
@@ -107,11 +117,13 @@ export class Gateway {
     await new Promise<void>((resolve, reject) => {
       const timer = setTimeout(() => reject(new NobodyAnswers("MC532", `no answer to subscribe ${topic}`)), this.options.deadlineMs ?? 15_000);
       const frame = { op: "subscribe", id, machine, topic };
-      this.#pending.set(id, { frame, resolve: () => resolve(), reject, timer });
+      this.#pending.set(id, { frame, sent: this.#connected, resolve: () => resolve(), reject, timer });
       this.#send(frame);
     });
     return () => { if (this.#listening.delete(id)) this.#send({ op: "unsubscribe", id }); };
   }
+
+  get #connected(): boolean { return this.#socket !== null && this.#greeted; }
 
   #open(): void {
     const Kind = this.options.WebSocket ?? (globalThis as { WebSocket?: ConnectOptions["WebSocket"] }).WebSocket;
@@ -127,6 +139,7 @@ export class Gateway {
 
   #lost(reason: string): void {
     this.#socket = null;
+    this.#greeted = false;
     if (this.#closed) return;
     if (!this.#session) {
       this.#closed = true;
@@ -139,25 +152,40 @@ export class Gateway {
   #receive(frame: Record<string, any>): void {
     if (frame["op"] === "hello") {
       const again = this.#session !== "";
-      this.client = frame["client"]; this.role = frame["role"]; this.#session = frame["session"]; this.#retries = 0;
+      this.client = frame["client"]; this.role = frame["role"]; this.#session = frame["session"]; this.#retries = 0; this.#greeted = true;
       this.#ready?.(); this.#ready = null;
       if (!again) return;
       for (const [id, each] of this.#listening) if (!this.#pending.has(id)) this.#send({ op: "subscribe", id, machine: each.machine, topic: each.topic });
-      for (const pending of this.#pending.values()) this.#send(pending.frame);
+      for (const [id, pending] of this.#pending) {
+        const what = String(pending.frame["method"] ?? pending.frame["op"]);
+        if (!frame["resumed"] && pending.sent && !REPEATABLE.has(what)) {
+          this.#pending.delete(id);
+          clearTimeout(pending.timer);
+          pending.reject(new NobodyAnswers("MC532", `the gateway no longer knows this client: whether ${what} was carried out is not known`, "look at the machine's status before doing it again"));
+        } else { pending.sent = true; this.#send(pending.frame); }
+      }
       for (const each of this.#listening.values()) each.onResumed();
     } else if (frame["op"] === "message") {
       this.#listening.get(frame["id"])?.deliver(frame["message"]);
     } else if (frame["op"] === "reply") {
       const pending = this.#pending.get(frame["id"]);
       if (!pending) return;
+      if (!frame["ok"] && frame["error"]?.code === TOO_MUCH) {
+        setTimeout(() => { if (this.#pending.get(frame["id"]) === pending) this.#send(pending.frame); }, BUSY_MS);
+        return;
+      }
       this.#pending.delete(frame["id"]);
       clearTimeout(pending.timer);
-      if (frame["ok"]) pending.resolve(frame["value"]); else pending.reject(refusal(frame["error"]));
+      if (frame["ok"]) pending.resolve(frame["value"]); else pending.reject(reason(frame["error"]));
     }
   }
 
   #send(frame: Record<string, unknown>): void {
     // what is not sent now is sent by the next connection
-    if (this.#socket && this.#session) { try { this.#socket.send(encode(frame)); } catch { /* it is closing */ } }
+    if (this.#socket && this.#greeted) { try { this.#socket.send(encode(frame)); } catch { /* it is closing */ } }
   }
+}
+
+function reason(error: unknown): MotionError {
+  try { return refusal(understand("ErrorReply", error)); } catch (misunderstood) { return misunderstood as MotionError; }
 }

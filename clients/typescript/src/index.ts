@@ -5,3 +5,5 @@ export { type ConnectOptions, Gateway, type Socket } from "./gateway.js";
 export { Machine } from "./machine.js";
 export * from "./messages.js";
 export { type OpenOptions, Program } from "./program.js";
+export { LineWindow } from "./window.js";
+export { columnsOf, understand } from "./wire.js";

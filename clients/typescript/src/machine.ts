@@ -2,6 +2,7 @@ import { Feed } from "./feed.js";
 import type { Gateway } from "./gateway.js";
 import type { CheckResult, EventPage, Info, MachineStatus, MotionEvent, ProgramStatus, Samples } from "./messages.js";
 import { type OpenOptions, Program } from "./program.js";
+import { columnsOf, understand } from "./wire.js";
 
 const KEEP_MS = 100;
 const HOLD_S = 0.35;
@@ -88,7 +89,7 @@ export class Machine {
     let stop = (): void => {};
     const feed = new Feed<MotionEvent>(4096, () => stop(), signal);
     const take = (event: MotionEvent): void => {
-      if (event.instance !== instance) { instance = event.instance; last = event.seq - 1; }
+      if (event.instance !== instance) { instance = event.instance; last = 0; }
       if (event.seq === last + 1) { last = event.seq; feed.push(event); }
       else if (event.seq > last) void catchUp();
     };
@@ -100,28 +101,24 @@ export class Machine {
         for (const event of page.events) take(event);
       } catch { catching = null; }
     })();
-    stop = await this.gateway.listen(this.name, "events", take, () => void catchUp());
+    const hear = (message: unknown): void => { try { take(understand<MotionEvent>("Event", message)); } catch { /* of another version */ } };
+    stop = await this.gateway.listen(this.name, "events", hear, () => void catchUp());
     return feed;
   }
 
   async #feed<T>(topic: string, limit: number, convert: (message: any) => T, signal?: AbortSignal): Promise<Feed<T>> {
     let stop = (): void => {};
     const feed = new Feed<T>(limit, () => stop(), signal);
-    stop = await this.gateway.listen(this.name, topic, (message) => feed.push(convert(message)));
+    stop = await this.gateway.listen(this.name, topic, (message) => {
+      // what is not understood costs itself only
+      try { feed.push(convert(message)); } catch { /* of another version */ }
+    });
     return feed;
   }
 
-  #samplesOf(block: [number, number, Uint8Array]): Samples {
-    const [seq, t, bytes] = block;
-    const { axes, fields: names } = this.info.telemetry;
-    const values = new Float32Array(bytes.slice().buffer);
-    const rows = values.length / (axes.length * names.length);
-    const fields: Record<string, Float32Array> = {};
-    names.forEach((name, field) => {
-      const column = (fields[name] = new Float32Array(rows * axes.length));
-      for (let i = 0; i < column.length; i += 1) column[i] = values[i * names.length + field]!;
-    });
-    return { seq, t, cycleS: this.info.cycle_s, rows, axes, fields };
+  #samplesOf(block: unknown): Samples {
+    const { axes, fields } = this.info.telemetry;
+    return { ...columnsOf(block, axes.length, fields), cycleS: this.info.cycle_s, axes };
   }
 }
 

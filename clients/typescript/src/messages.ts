@@ -18,6 +18,10 @@ export interface Ack {
   rejected?: number; diagnostics?: Diagnostic[]; fault?: Fault | null; expected?: number;
 }
 
+export interface OpenReply { program: string; state: ProgramState; axes: number[]; expected: number; credit: number; instance: string; }
+
+export interface SubmitReply { program: string; accepted: number; done: number; credit: number; }
+
 export interface ProgramStatus extends Ack {
   client: string; name: string; axes: number[]; line: number; closed: boolean; progress: number; eta_s?: number | null;
 }

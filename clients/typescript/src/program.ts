@@ -1,7 +1,9 @@
-import { type MotionError, ProgramEnded, ProgramRejected, RequestRefused } from "./errors.js";
+import { NobodyAnswers, ProgramRejected, RequestRefused } from "./errors.js";
 import type { Gateway } from "./gateway.js";
 import type { Machine } from "./machine.js";
-import { type Ack, ENDED, type ProgramState } from "./messages.js";
+import type { Ack, OpenReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
+import { LineWindow } from "./window.js";
+import { understand } from "./wire.js";
 
 export interface OpenOptions {
   /** For people: a file's name. */
@@ -10,72 +12,110 @@ export interface OpenOptions {
   axes?: number[];
   /** What happens when this client is gone for longer than the gateway's grace. */
   onDisconnect?: "finish" | "stop";
+  /** The first line that runs; lines before it, from `before` or the journal of `resumeOf`, set modal state only. */
   startLine?: number;
   before?: string[];
+  resumeOf?: string;
   hold?: boolean;
+  /** How long the motion server may be away before NobodyAnswers [ms]; default 30 s. */
+  patienceMs?: number;
 }
 
-const CHUNK_LINES = 1000;
+const GIVE_LINES = 1000;
 const DOUBT_MS = 2000;
+const ASK_MS = 250;
+const PATIENCE_MS = 30_000;
 
 /**
- * One stream of lines with modal state and axes of its own. Line n is taken only after line n - 1, a repeat is never run again:
- * so whatever is not known to be accepted is sent again after a loss, and nothing is lost or runs twice.
+ * One stream of lines with modal state and axes of its own. Whatever is not known to be accepted is sent again after a loss: nothing is lost
+ * and nothing runs twice. One call at a time sends; others wait for it.
  */
 export class Program {
-  accepted: number;
-  done: number;
-  state: ProgramState;
-  #credit: number;
-  #failure: MotionError | null = null;
+  readonly #window: LineWindow;
   #changed: (() => void)[] = [];
-  #stop: () => void = () => {};
+  #stop: (() => void) | null = null;
+  #turn: Promise<void> = Promise.resolve();
+  #heard = Date.now();
 
-  private constructor(private readonly gateway: Gateway, private readonly machine: Machine, readonly id: string, opened: { state: ProgramState; expected: number; credit: number }) {
-    this.accepted = this.done = opened.expected - 1;
-    this.#credit = opened.credit;
-    this.state = opened.state;
+  private constructor(private readonly machine: Machine, readonly id: string, opened: OpenReply, private readonly patienceMs: number) {
+    this.#window = new LineWindow(opened);
   }
 
   static async open(gateway: Gateway, machine: Machine, options: OpenOptions): Promise<Program> {
-    const opened = await machine.call<{ program: string; state: ProgramState; expected: number; credit: number }>("open", {
+    const opened = understand<OpenReply>("OpenReply", await machine.call("open", {
       name: options.name ?? "", axes: options.axes ?? null, on_disconnect: options.onDisconnect ?? "stop",
-      start_line: options.startLine ?? 1, before: options.before ?? [], hold: options.hold ?? false,
-    });
-    const program = new Program(gateway, machine, opened.program, opened);
-    program.#stop = await gateway.listen(machine.name, `ack/${program.id}`, (ack: Ack) => program.#take(ack), () => void program.#ask());
+      start_line: options.startLine ?? 1, before: options.before ?? [], resume_of: options.resumeOf ?? null, hold: options.hold ?? false,
+    }));
+    const program = new Program(machine, opened.program, opened, options.patienceMs ?? PATIENCE_MS);
+    try {
+      const stop = await gateway.listen(machine.name, `ack/${program.id}`, (message: unknown) => program.#onAck(message), () => program.#change((window) => { window.doubtful = true; }));
+      program.#change(() => { program.#stop = stop; });
+    } catch (error) {
+      await program.abort().catch(() => undefined);
+      throw error;
+    }
     return program;
   }
 
-  get ended(): boolean { return ENDED.has(this.state); }
+  /** Lines through this number are taken and journaled by the server. */
+  get accepted(): number { return this.#window.accepted; }
+  /** Lines through this number have ended. */
+  get done(): number { return this.#window.done; }
+  /** Number of the last line given. */
+  get given(): number { return this.#window.given; }
+  get state(): ProgramState { return this.#window.state; }
+  get ended(): boolean { return this.#window.ended; }
 
   /** Streams lines as the server takes them; resolves with the last one's number once all are accepted. */
-  async sendLines(lines: Iterable<string> | AsyncIterable<string>, signal?: AbortSignal): Promise<number> {
-    let chunk: string[] = [];
-    for await (const line of lines as AsyncIterable<string>) {
-      chunk.push(line);
-      if (chunk.length >= CHUNK_LINES) { await this.#submit(chunk, signal); chunk = []; }
-    }
-    if (chunk.length) await this.#submit(chunk, signal);
-    return this.accepted;
+  sendLines(lines: Iterable<string> | AsyncIterable<string>, signal?: AbortSignal): Promise<number> {
+    return this.#inTurn(async () => {
+      for await (const line of lines as AsyncIterable<string>) {
+        this.#window.give(line);
+        if (this.#window.given - this.#window.accepted >= GIVE_LINES) await this.#drain(false, signal);
+      }
+      await this.#drain(false, signal);
+      return this.accepted;
+    });
   }
 
   /** Sends one line and waits for the verdict on it: ProgramRejected where it has faults, and the program lives on. */
-  async send(line: string): Promise<number> {
-    try {
-      this.#numbers(await this.machine.call("submit", { program: this.id, first: this.accepted + 1, lines: [line], judge: true }));
-    } catch (error) { throw this.#meaning(error); }
-    return this.accepted;
+  send(line: string, signal?: AbortSignal): Promise<number> {
+    return this.#inTurn(async () => {
+      const number = this.#window.give(line);
+      await this.#drain(true, signal);
+      return number;
+    });
   }
 
-  /** No more lines will come; resolves once the program has finished, rejects as it ended otherwise. */
+  /** No more lines will come; what is accepted runs to its end. */
+  close(): Promise<void> {
+    return this.#inTurn(async () => {
+      try {
+        const reply = await this.machine.call<{ state: ProgramState }>("close", { program: this.id, last: this.accepted });
+        // why it has ended is not in this reply
+        this.#hear((window) => { window.doubtful ||= reply.state !== "running"; });
+      } catch (error) {
+        // the likely reason is the program's end, or a line that was found faulty
+        await this.#ask(error);
+        if (this.#window.failure) throw this.#window.failure;
+        if (!this.ended) throw error;
+      }
+    });
+  }
+
+  /** `close`, then waits until the program has finished; rejects as it ended otherwise, of a faulty line once what is before it has run. */
   async finish(signal?: AbortSignal): Promise<void> {
-    try {
-      await this.machine.call("close", { program: this.id, last: this.accepted });
-    } catch (error) { if (!this.ended) throw this.#meaning(error); }
-    while (!this.ended) { this.#raise(); await this.#wait(signal); }
-    this.#stop();
-    if (this.state !== "finished") throw this.#failure ?? new ProgramEnded(this.state, "MC535", `the program is ${this.state}`);
+    let rejection: ProgramRejected | null = null;
+    if (!this.ended) {
+      try { await this.close(); } catch (error) {
+        if (!(error instanceof ProgramRejected) || this.ended) throw error;
+        rejection = error;
+        await this.close();
+      }
+    }
+    await this.#until((window) => window.ended || (window.failure !== null && !(window.failure instanceof ProgramRejected)), signal);
+    if (this.#window.failure) throw this.#window.failure;
+    if (rejection) throw rejection;
   }
 
   hold(): Promise<unknown> { return this.machine.hold(this.id); }
@@ -83,63 +123,100 @@ export class Program {
   abort(): Promise<unknown> { return this.machine.abort(this.id); }
   override(percent: number): Promise<unknown> { return this.machine.override(percent, this.id); }
 
-  async #submit(lines: string[], signal?: AbortSignal): Promise<void> {
-    const through = this.accepted + lines.length;
-    const start = this.accepted;
-    while (this.accepted < through) {
-      this.#raise();
-      signal?.throwIfAborted();
-      const rest = lines.slice(this.accepted - start, this.accepted - start + Math.max(0, this.#credit));
-      if (!rest.length) { await this.#wait(signal); continue; }
+  /** One call after the other; what a call gave and is not accepted at its end is given up. */
+  #inTurn<T>(send: () => Promise<T>): Promise<T> {
+    const mine = this.#turn.then(async () => {
       try {
-        this.#numbers(await this.machine.call("submit", { program: this.id, first: this.accepted + 1, lines: rest, judge: false }));
+        while (this.#window.adrift) await this.#ask();
+        if (this.#window.failure) throw this.#window.failure;
+        if (this.ended) throw new RequestRefused("MC536", `the program takes no more lines: it is ${this.state}`, "open another one");
+        return await send();
       } catch (error) {
-        if (error instanceof RequestRefused && error.code === "MC505") { this.#numbers(error.details as unknown as Ack); continue; }
-        throw this.#meaning(error);
-      }
+        if (error === this.#window.failure) this.#window.forgive();
+        throw error;
+      } finally { this.#window.abandon(); }
+    });
+    this.#turn = mine.then(() => undefined, () => undefined);
+    return mine;
+  }
+
+  /** Sends what waits until all of it is accepted. */
+  async #drain(judge: boolean, signal?: AbortSignal): Promise<void> {
+    for (;;) {
+      const message = this.#window.next();
+      if (this.#window.failure) throw this.#window.failure;
+      signal?.throwIfAborted();
+      if (!this.#window.pending) return;
+      if (message) await this.#submit(message, judge);
+      // lines whose fate is not known are asked for before anything else is sent
+      else await this.#until((window) => (!window.uncertain && window.credit > 0) || window.failure !== null || !window.pending, signal);
     }
   }
 
-  #numbers(reply: { accepted: number; done: number; credit: number }): void {
-    this.accepted = Math.max(this.accepted, reply.accepted);
-    this.done = Math.max(this.done, reply.done);
-    this.#credit = reply.credit;
-  }
-
-  #take(ack: Ack): void {
-    this.#numbers(ack);
-    if (!this.ended) this.state = ack.state;
-    if (ack.rejected) this.#failure = new ProgramRejected(ack.diagnostics?.[0]?.code ?? "MC100", ack.diagnostics?.[0]?.message ?? `line ${ack.rejected} is faulty`, ack.diagnostics?.[0]?.hint, { line: ack.rejected }, ack.diagnostics ?? []);
-    else if (ack.fault) this.#failure = new ProgramEnded(ack.state, ack.fault.code, ack.fault.message, ack.fault.hint);
-    else if (this.ended && this.state !== "finished") this.#failure = new ProgramEnded(this.state, this.state === "interrupted" ? "MC534" : "MC535", `the program was ${this.state}`);
-    for (const changed of this.#changed.splice(0)) changed();
-  }
-
-  async #ask(): Promise<void> {
+  async #submit(message: { first: number; lines: string[] }, judge: boolean): Promise<void> {
     try {
-      const [status] = await this.machine.programs(this.id);
-      if (status) this.#take(status);
+      const reply = understand<SubmitReply>("SubmitReply", await this.machine.call("submit", { program: this.id, ...message, judge }));
+      this.#hear((window) => window.answered(reply));
     } catch (error) {
-      if (error instanceof RequestRefused && error.code === "MC503") this.#take({ program: this.id, accepted: this.accepted, done: this.done, credit: 0, state: "interrupted" });
+      if (error instanceof NobodyAnswers && error.code !== "MC539") { await this.#ask(error); return; }
+      if (!(error instanceof RequestRefused)) throw error;
+      let left: RequestRefused | null = null;
+      this.#hear((window) => { left = window.refused(error); });
+      if (left) throw left;
+    }
+    if (this.#window.doubtful) await this.#ask();
+  }
+
+  /** Asks what the server has; while it is away, until the patience is over. */
+  async #ask(away?: unknown): Promise<void> {
+    try {
+      const found = (await this.machine.programs(this.id)).map((each) => understand<ProgramStatus>("ProgramStatus", each));
+      const mine = found.find((each) => each.program === this.id) ?? null;
+      this.#hear((window) => window.asked(mine));
+    } catch (error) {
+      if (error instanceof RequestRefused && error.code === "MC503") this.#hear((window) => window.asked(null));
+      else if (error instanceof NobodyAnswers && error.code !== "MC539" && Date.now() - this.#heard < this.patienceMs) {
+        this.#window.doubtful = true;
+        await new Promise((resolve) => setTimeout(resolve, ASK_MS));
+      } else throw away instanceof NobodyAnswers ? away : error;
     }
   }
 
-  #raise(): void { if (this.#failure) throw this.#failure; }
+  /** Waits for a condition; after a silence, or where something does not fit, the server is asked. */
+  async #until(holds: (window: LineWindow) => boolean, signal?: AbortSignal): Promise<void> {
+    while (!holds(this.#window)) {
+      signal?.throwIfAborted();
+      if (this.#window.doubtful || !(await this.#news(signal))) await this.#ask();
+    }
+  }
 
-  /** Until something changes; after a silence the server is asked. */
-  #wait(signal?: AbortSignal): Promise<void> {
+  /** Whether something has changed before the silence was too long. */
+  #news(signal?: AbortSignal): Promise<boolean> {
     return new Promise((resolve, reject) => {
-      const abort = (): void => { clearTimeout(timer); reject(signal?.reason); };
-      const timer = setTimeout(() => { signal?.removeEventListener("abort", abort); void this.#ask().then(resolve); }, DOUBT_MS);
+      const end = (): void => { clearTimeout(timer); signal?.removeEventListener("abort", abort); };
+      const abort = (): void => { end(); reject(signal?.reason); };
+      const timer = setTimeout(() => { end(); resolve(false); }, DOUBT_MS);
       signal?.addEventListener("abort", abort, { once: true });
-      this.#changed.push(() => { clearTimeout(timer); signal?.removeEventListener("abort", abort); resolve(); });
+      this.#changed.push(() => { end(); resolve(true); });
     });
   }
 
-  #meaning(error: unknown): unknown {
-    if (error instanceof RequestRefused && error.diagnostics.length) {
-      return new ProgramRejected(error.code, error.message, error.hint, error.details, error.diagnostics);
-    }
-    return this.#failure ?? error;
+  #onAck(message: unknown): void {
+    try {
+      const ack = understand<Ack>("Ack", message);
+      this.#hear((window) => window.acknowledged(ack));
+    } catch { /* of another version: the server is asked after a silence */ }
+  }
+
+  /** Takes what the server says. */
+  #hear(apply: (window: LineWindow) => void): void {
+    this.#heard = Date.now();
+    this.#change(apply);
+  }
+
+  #change(apply: (window: LineWindow) => void): void {
+    apply(this.#window);
+    if (this.ended && this.#stop) { this.#stop(); this.#stop = null; }
+    for (const changed of this.#changed.splice(0)) changed();
   }
 }

@@ -1,0 +1,191 @@
+import { type MotionError, ProgramEnded, ProgramRejected, RequestRefused } from "./errors.js";
+import { type Ack, type Diagnostic, ENDED, type Fault, type OpenReply, type ProgramState, type ProgramStatus, type SubmitReply } from "./messages.js";
+
+const CHUNK_LINES = 1000;
+const CHUNK_CHARACTERS = 64 * 1024;
+
+/**
+ * The numbering of one program's lines: a state machine without I/O or clock, for a client that has one message under way.
+ *
+ * The server takes line n only after line n - 1, acknowledges a repeat and never runs it again. So whatever is not known to be accepted may
+ * be sent again, and must be until it is: nothing is lost and nothing runs twice (docs/wire/lines.md).
+ */
+export class LineWindow {
+  accepted: number;
+  done: number;
+  credit: number;
+  state: ProgramState;
+  failure: MotionError | null = null;
+  /** Something could not be placed: the server has to be asked before anything is sent. */
+  doubtful = false;
+  readonly #program: string;
+  readonly #chunkLines: number;
+  /** Lines given that are not known to be accepted: accepted + 1, accepted + 2, … */
+  #waiting: string[] = [];
+  #underWay = 0;
+  /** The line that was found faulty last, until it has been accepted anew: late acknowledgements still name it. */
+  #rejected = 0;
+  /** Lines were given up while it was not known whether they had arrived: the server's number is the right one. */
+  #adrift = false;
+
+  constructor(opened: OpenReply, chunkLines = CHUNK_LINES) {
+    this.#program = opened.program;
+    this.#chunkLines = chunkLines;
+    this.accepted = this.done = opened.expected - 1;
+    this.credit = opened.credit;
+    this.state = opened.state;
+  }
+
+  get ended(): boolean { return ENDED.has(this.state); }
+  /** Number of the last line given. */
+  get given(): number { return this.accepted + this.#waiting.length; }
+  /** Whether lines wait for their acceptance. */
+  get pending(): boolean { return this.#waiting.length > 0; }
+  /** Whether the fate of a message is not known. */
+  get uncertain(): boolean { return this.#underWay > 0; }
+  get adrift(): boolean { return this.#adrift; }
+
+  give(line: string): number { this.#waiting.push(line); return this.given; }
+
+  /** Clears a rejection that the program outlives, once the application has been told of it. */
+  forgive(): void { if (this.failure instanceof ProgramRejected && !this.ended) this.failure = null; }
+
+  /** The message to send now, within the credit; null where there is none, or one is under way. */
+  next(): { first: number; lines: string[] } | null {
+    if (this.#underWay > 0 || this.failure || this.ended) return null;
+    let count = Math.min(this.#waiting.length, Math.max(0, this.credit), this.#chunkLines);
+    let size = 0;
+    for (let index = 0; index < count; index += 1) {
+      size += this.#waiting[index]!.length;
+      if (size > CHUNK_CHARACTERS && index > 0) count = index;
+    }
+    if (count === 0) return null;
+    this.#underWay = count;
+    return { first: this.accepted + 1, lines: this.#waiting.slice(0, count) };
+  }
+
+  /** Takes the reply to the message under way. */
+  answered(reply: SubmitReply): void {
+    this.#underWay = 0;
+    this.#numbers(reply.accepted, reply.done, reply.credit);
+    this.#leftOver();
+  }
+
+  /** Takes an error reply to the message under way; gives back what it does not mean for the lines themselves. */
+  refused(refusal: RequestRefused): RequestRefused | null {
+    const sent = this.#underWay;
+    this.#underWay = 0;
+    this.credit = wholeNumber(refusal.details["credit"], this.credit);
+    this.done = Math.max(this.done, wholeNumber(refusal.details["done"], 0));
+    if (refusal.diagnostics.length) this.#reject(wholeNumber(refusal.details["expected"], this.accepted + 1), refusal.diagnostics);
+    else if (refusal.code === "MC505") this.doubtful ||= !this.failure;
+    else if (refusal.code === "MC503") this.#end("interrupted");
+    else if (refusal.code === "MC510") {
+      const state = String(refusal.details["state"] ?? "");
+      if (ENDED.has(state)) this.#end(state as ProgramState);
+      this.failure ??= this.#closed();
+    } else {
+      // such as MC519: whether the lines will be taken is not said
+      this.#underWay = sent;
+      return refusal;
+    }
+    return null;
+  }
+
+  /** Takes an acknowledgement, whenever one comes. */
+  acknowledged(ack: Ack): void {
+    if (ack.program !== this.#program) return;
+    this.#numbers(ack.accepted, ack.done, ack.credit);
+    this.#rejection(ack.rejected ?? 0, ack.accepted, ack.state, ack.diagnostics ?? []);
+    this.#enter(ack.state, ack.fault, ack.diagnostics ?? []);
+    this.#leftOver();
+  }
+
+  /** Takes what the server says when it is asked; null: it knows no such program. Nothing is under way any more. */
+  asked(status: ProgramStatus | null): void {
+    this.#underWay = 0;
+    this.doubtful = false;
+    if (!status) { this.#end("interrupted"); return; }
+    if (this.#adrift && status.accepted > this.accepted) { this.accepted = status.accepted; this.#waiting = []; }
+    this.#adrift = false;
+    this.acknowledged(status);
+    if (status.accepted < this.accepted && !this.failure) {
+      this.failure = new ProgramEnded(this.state, "MC533", `the server has lines through ${status.accepted}, and had acknowledged ${this.accepted}`, "abort the program", status.accepted, this.done);
+    }
+  }
+
+  /** Gives up the lines that wait. Those under way may arrive all the same. */
+  abandon(): void {
+    if (this.#underWay > 0) this.#adrift = this.doubtful = true;
+    this.#waiting = [];
+    this.#underWay = 0;
+  }
+
+  #numbers(accepted: number, done: number, credit: number): void {
+    // older than what is known, or about lines that were never given
+    if (accepted < this.accepted || accepted > this.given) return;
+    this.#waiting.splice(0, accepted - this.accepted);
+    this.#underWay = Math.max(0, this.#underWay - (accepted - this.accepted));
+    if (accepted > this.accepted && accepted >= this.#rejected) this.#rejected = 0;
+    this.accepted = accepted;
+    this.done = Math.max(this.done, done);
+    this.credit = credit;
+  }
+
+  #rejection(line: number, accepted: number, state: ProgramState, diagnostics: Diagnostic[]): void {
+    if (line === 0 || accepted !== line - 1 || line > this.given || this.failure) return;
+    // an old one, or the corrected line is faulty too
+    if (line === this.#rejected) this.doubtful ||= this.#underWay > 0;
+    // within the message under way: its reply says so too, or the server is asked
+    else if (this.#underWay > 0 && line > this.accepted) this.doubtful = true;
+    else if (ENDED.has(state)) this.#cut(line);
+    else this.#reject(line, diagnostics);
+  }
+
+  #reject(line: number, diagnostics: Diagnostic[]): void {
+    this.#cut(line);
+    this.#rejected = line;
+    this.failure = faulty(line, diagnostics);
+  }
+
+  /** Gives up a line and all behind it: it is the next number. */
+  #cut(line: number): void {
+    this.#waiting.length = Math.min(this.#waiting.length, Math.max(0, line - 1 - this.accepted));
+    this.#underWay = Math.min(this.#underWay, this.#waiting.length);
+    this.accepted = Math.min(this.accepted, line - 1);
+  }
+
+  #enter(state: ProgramState, fault: Fault | null | undefined, diagnostics: Diagnostic[]): void {
+    if (this.ended) return;
+    if (ENDED.has(state)) this.#end(state, fault, diagnostics); else this.state = state;
+  }
+
+  #end(state: ProgramState, fault: Fault | null = null, diagnostics: Diagnostic[] = []): void {
+    if (this.ended) return;
+    this.state = state;
+    if (state === "finished") return;
+    if (state === "rejected") { this.failure = faulty(this.accepted + 1, diagnostics); return; }
+    const code = state === "interrupted" ? "MC534" : fault ? fault.code : state === "faulted" ? "MC400" : "MC535";
+    const message = state === "interrupted"
+      ? `the server that ran the program went away; lines through ${this.done} are done, line ${this.done + 1} may have begun`
+      : fault?.message ?? `the program was ${state}; lines through ${this.done} are done`;
+    const hint = state === "interrupted" ? "move the machine where it should be, then open a program with resumeOf and startLine" : fault?.hint ?? "";
+    this.failure = new ProgramEnded(state, code, message, hint, this.accepted, this.done);
+  }
+
+  /** Lines wait for a program that has finished without them. */
+  #leftOver(): void {
+    if (this.state === "finished" && !this.failure && this.pending) { this.failure = this.#closed(); this.#waiting = []; }
+  }
+
+  #closed(): ProgramEnded {
+    return new ProgramEnded(this.state, "MC536", `the program takes no more lines: it is ${this.state}`, "open another one", this.accepted, this.done);
+  }
+}
+
+function faulty(line: number, diagnostics: Diagnostic[]): ProgramRejected {
+  const first = diagnostics[0] ?? { code: "MC100", message: `line ${line} was rejected`, line };
+  return new ProgramRejected(first.code, first.message, first.hint ?? "", { line }, diagnostics.length ? diagnostics : [first]);
+}
+
+function wholeNumber(value: unknown, otherwise: number): number { return typeof value === "number" ? value : otherwise; }

@@ -1,0 +1,89 @@
+// Plays the contract (clients/contract) without a network: node --test
+import assert from "node:assert/strict";
+import { readdirSync, readFileSync } from "node:fs";
+import { test } from "node:test";
+import { decode } from "@msgpack/msgpack";
+import { columnsOf, LineWindow, MotionError, ProgramRejected, RequestRefused, understand } from "../dist/index.js";
+
+const folder = new URL("../../contract/", import.meta.url);
+const read = (name) => JSON.parse(readFileSync(new URL(name, folder), "utf8"));
+const bytes = (hex) => Uint8Array.from(Buffer.from(hex, "hex"));
+const KINDS = ["Ack", "ProgramStatus", "OpenReply", "SubmitReply", "CloseReply", "ErrorReply", "Event"];
+const GARBAGE = read("garbage.json").refused;
+// this SDK hands on what it does not use itself: of these kinds only some fields are looked at, and texts are decoded leniently
+const LENIENT = /no UTF-8|^t is|maps, 3000 deep/;
+const STRICT = ["Ack", "OpenReply", "SubmitReply", "CloseReply", "ErrorReply"];
+
+/** Whether all that was decoded is what the contract says; keys that it does not name are later ones. */
+function covers(found, wanted) {
+  if (found instanceof Uint8Array) return Buffer.from(found).toString("base64") === wanted;
+  if (Array.isArray(found)) return Array.isArray(wanted) && found.length === wanted.length && found.every((each, i) => covers(each, wanted[i]));
+  if (found !== null && typeof found === "object") return Object.entries(found).every(([key, each]) => !(key in wanted) || covers(each, wanted[key]));
+  return Object.is(found, wanted) || Math.abs(found) > Number.MAX_SAFE_INTEGER && Number(found) === wanted;
+}
+
+for (const kind of KINDS) {
+  test(`every vector of ${kind} is read as its value`, () => {
+    const file = read(`messages/${kind}.json`);
+    for (const vector of [...file.vectors, ...(file.later_words ?? [])]) {
+      assert.ok(covers(understand(kind, decode(bytes(vector.bytes))), vector.value), vector.name);
+    }
+  });
+}
+
+for (const kind of STRICT) {
+  test(`what is no ${kind} is refused`, () => {
+    for (const vector of [...GARBAGE, ...read(`messages/${kind}.json`).refused]) {
+      if (!LENIENT.test(vector.name)) assert.throws(() => understand(kind, decode(bytes(vector.bytes))), vector.name);
+    }
+  });
+}
+
+test("samples are read column by column", () => {
+  const file = read("telemetry.json");
+  for (const vector of file.vectors) {
+    const made = columnsOf(decode(bytes(vector.bytes)), vector.axes.length, file.fields);
+    assert.deepEqual([made.seq, made.t, made.rows], [vector.seq, vector.t, vector.rows]);
+    for (const name of file.fields) assert.deepEqual([...made.fields[name]], vector.columns[name]);
+  }
+  for (const vector of file.refused) assert.throws(() => columnsOf(decode(bytes(vector.bytes)), vector.axes.length, file.fields), MotionError);
+});
+
+const steps = {
+  open(play, message) { play.window = new LineWindow(play.message("OpenReply", message), play.chunk); },
+  give(play, lines) { for (const line of lines) play.window.give(line); },
+  judge(play, line) { play.window.give(line); },
+  sends(play, wanted) { assert.deepEqual(play.window.next(), wanted); },
+  quiet(play) { assert.equal(play.window.next(), null); },
+  lost() {},
+  ack(play, message) { play.window.acknowledged(play.message("Ack", message)); },
+  asked(play, message) { play.window.asked(message && play.message("ProgramStatus", message)); },
+  closes(play, { last }) { assert.equal(play.window.accepted, last); play.closing = true; },
+  answer(play, answer) {
+    if (play.closing) { play.closing = false; return; }
+    if (answer.refused) {
+      const error = play.message("ErrorReply", answer.refused);
+      assert.equal(play.window.refused(new RequestRefused(error.code, error.message, error.hint, error.details ?? {}, error.diagnostics ?? [])), null);
+    } else play.window.answered(play.message("SubmitReply", answer.reply));
+  },
+  knows(play, { accepted, done, state }) { assert.deepEqual({ accepted: play.window.accepted, done: play.window.done, state: play.window.state }, { accepted, done, state }); },
+  fails(play, { code, line, column }) {
+    const failure = play.window.failure;
+    assert.equal(failure?.code, code);
+    if (line) assert.ok(failure instanceof ProgramRejected && failure.diagnostics[0].line === line && failure.diagnostics[0].column === column);
+    // from here on the application knows
+    play.window.forgive();
+  },
+};
+
+for (const name of readdirSync(new URL("sequences/", folder))) {
+  const sequence = read(`sequences/${name}`);
+  if (sequence.puts_only) continue;
+  test(`the sequence "${sequence.name}" goes as the contract says`, () => {
+    const play = { chunk: sequence.chunk_lines, message: (kind, { bytes: hex }) => understand(kind, decode(bytes(hex))) };
+    sequence.steps.forEach((step, number) => {
+      const [[what, value]] = Object.entries(step);
+      try { steps[what](play, value); } catch (error) { error.message = `step ${number}, ${what}: ${error.message}`; throw error; }
+    });
+  });
+}
