@@ -25,6 +25,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import hold_position
 from mcserver.executor.homing import Homes, Refers
 from mcserver.executor.independent import TrajectoryError
+from mcserver.executor.probing import Probes
 from mcserver.motion.canonical import AxisOperation, WaitMode
 
 if TYPE_CHECKING:
@@ -305,6 +306,21 @@ def _home(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Ba
     return Homes(cycle, control.axes, slot.index, lambda: slot.rapid_rate)
 
 
+def _probe(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+    cycle, bank = slot.cycle, slot.cycle.bank
+    if waited:
+        return None
+    _check_power(slot, control.axes)
+    _check_homed(slot, control.axes)
+    missing = control.axes & ~bank.energized
+    if missing:
+        raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
+    busy = control.axes & (cycle.motions.mask | bank.speed | bank.torque_mode)
+    if busy:
+        raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
+    return Probes(cycle, control, slot.index, lambda: slot.rapid_rate)
+
+
 def _reference(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
     assert control.values is not None
     if waited:
@@ -379,5 +395,6 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.INPUT: _input,
         ControlKind.HOME: _home,
         ControlKind.REFERENCE: _reference,
+        ControlKind.PROBE: _probe,
     }
 )

@@ -40,7 +40,7 @@ class ControlKind(enum.IntEnum):
     FINISH = 13  # the program has ended; its slot is free once this is passed
     HOME = 20  # ``axes`` find their references together; u stands until they are homed
     REFERENCE = 21  # ``axes`` are at ``values`` from here on; nothing moves
-    PROBE = 22  # ``axes`` go straight to ``values`` until the probe trips; ``operation``: which G38
+    PROBE = 22  # ``axes`` go straight to ``values`` until the probe changes
     SETTLE = 14  # u stops here until the planner was told of positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
     INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
@@ -56,9 +56,10 @@ class Control(msgspec.Struct, frozen=True):
         axes: bit mask over the machine's columns (bit 0 = first axis of the machine).
         values: shape (K,) for RAPID, SPEED and TORQUE; for END optionally the final positions (without them
             the axes hold the row at or right after u); else None.
-        seconds: for DWELL; for WAIT the time-out.
-        operation: for AXIS: index of the operation in ``list(AxisOperation)``; for FINISH: 1 where a faulty
-            line has ended the program, whose outputs become safe; for INPUT: a `WaitMode`.
+        seconds: for DWELL; for PROBE the speed along the line [m/s]; for WAIT the time-out.
+        operation: for PROBE: a `ProbeKind`; for AXIS: index of the operation in ``list(AxisOperation)``; for
+            FINISH: 1 where a faulty line has ended the program, whose outputs become safe; for INPUT: a
+            `WaitMode`.
         token: for SETTLE: a number that the executor reports back with the positions.
         channel: for OUTPUT and INPUT: column of the machine's output or input. value: for OUTPUT.
     """

@@ -19,6 +19,7 @@ from mcserver.motion.canonical import (
     DwellGroup,
     FeedGroup,
     MotionLine,
+    ProbeLine,
 )
 
 Progress = Callable[[int, int], None]
@@ -126,6 +127,8 @@ class _Survey:
                 self._energized |= set(value.axes)
             else:
                 self._energized -= set(value.axes)
+        elif isinstance(value, ProbeLine):
+            self.motion(value.axes, value.line)
         elif isinstance(value, MotionLine):
             for group in value.groups:
                 if isinstance(group, FeedGroup):

@@ -38,6 +38,7 @@ class Dialect(msgspec.Struct, frozen=True):
         dwell_unit: of G04 P [s]. tool_change: what M6 does where the tool differs from the one before.
         outputs: what codes do to outputs, such as ``M8``. channels: the machine has inputs or outputs.
         systems: work coordinate systems that programs start with, number → axis → [m or rad].
+        probes: G38.2 … G38.5 act: the machine has a probe.
         cutters: length of each tool of the tool table, for G43 [m].
     """
 
@@ -50,6 +51,7 @@ class Dialect(msgspec.Struct, frozen=True):
     tool_change: Literal["pause", "ignore"] = "pause"
     cutters: Mapping[int, float] = {}
     systems: Mapping[int, Mapping[int, float]] = {}
+    probes: bool = False
     outputs: Mapping[str, tuple[CodeOutput, ...]] = {}
     channels: bool = False
 
@@ -61,7 +63,7 @@ class Dialect(msgspec.Struct, frozen=True):
     @property
     def strict(self) -> bool:
         """Return True if programs are read as the reference has it and no other way."""
-        widened = self.letters or self.ignore or self.spindle is not None or self.channels
+        widened = self.letters or self.ignore or self.spindle is not None or self.channels or self.probes
         return self.profile == "reference" and not widened
 
 

@@ -230,6 +230,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     scales = {index: axis.type.si_per_unit for index, axis in axes.items()}
     letters = {**LETTERS, **dialect.letters}
     probe = read_probe(file.get("probe"), letters, scales, mistakes) if sound else None
+    if probe is not None:
+        dialect = msgspec.structs.replace(dialect, probes=True)
     switches: dict[TomlPath, int] = {
         ("axis", position, "homing", "input"): each.homing.input
         for position, each in enumerate(file["axis"] or ())

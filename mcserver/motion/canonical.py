@@ -161,6 +161,42 @@ class AxisLine(msgspec.Struct, frozen=True):
     axes: tuple[int, ...]
 
 
+class ProbeKind(enum.IntEnum):
+    """G38.2 … G38.5 (D-74)."""
+
+    TOWARDS = 2  # until contact, which has to come
+    TOWARDS_OR_ON = 3  # until contact, or to the end
+    AWAY = 4  # until contact is lost, which has to come
+    AWAY_OR_ON = 5
+
+    @property
+    def towards(self) -> bool:
+        """Whether it ends with contact made."""
+        return self in (ProbeKind.TOWARDS, ProbeKind.TOWARDS_OR_ON)
+
+    @property
+    def needs(self) -> bool:
+        """Whether it is a fault to come to the end without that."""
+        return self in (ProbeKind.TOWARDS, ProbeKind.AWAY)
+
+
+class ProbeLine(msgspec.Struct, frozen=True):
+    """A straight move that ends where the probe changes; what follows starts from there.
+
+    Attributes:
+        targets: of ``axes`` [m or rad]. speed: along the line [m/s]. requested: T to the targets [s].
+        length: to the targets [m].
+    """
+
+    line: int
+    kind: ProbeKind
+    axes: tuple[int, ...]
+    targets: tuple[float, ...]
+    speed: float
+    requested: float
+    length: float
+
+
 class PauseLine(msgspec.Struct, frozen=True):
     """M00 or M01: motion before it ends, then the program waits to be resumed."""
 
@@ -212,7 +248,7 @@ class EndLine(msgspec.Struct, frozen=True):
     line: int
 
 
-Canonical = MotionLine | AxisLine | PauseLine | OutputLine | InputLine | EndLine
+Canonical = MotionLine | AxisLine | ProbeLine | PauseLine | OutputLine | InputLine | EndLine
 
 
 def requested_of(line: MotionLine) -> float | None:

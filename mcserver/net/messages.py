@@ -45,6 +45,9 @@ from mcserver.service.reports import (
     OutputStatus as OutputStatus,
 )
 from mcserver.service.reports import (
+    ProbeStatus as ProbeStatus,
+)
+from mcserver.service.reports import (
     ProgramState as ProgramState,
 )
 from mcserver.service.reports import (

@@ -90,6 +90,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         override=100.0 * service.override,
         late_cycles=snapshot.late_cycles,
         tools=units.tools(snapshot.position),
+        probe=service.probe,
         inputs=service.channels.inputs(snapshot),
         outputs=service.channels.outputs(snapshot),
     )

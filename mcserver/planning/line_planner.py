@@ -26,6 +26,7 @@ from mcserver.motion.canonical import (
     OutputLine,
     PauseLine,
     PlainRun,
+    ProbeLine,
     RapidGroup,
     SpeedGroup,
     TorqueGroup,
@@ -231,6 +232,8 @@ class LinePlanner:
             self.control(ControlKind.LINE_END, line.line)
         elif isinstance(line, AxisLine):
             self._axis_line(line)
+        elif isinstance(line, ProbeLine):
+            self._probe(line)
         elif isinstance(line, PauseLine):
             self.motion.to_whole_cycle()
             self.pause_u = self.motion.u
@@ -426,6 +429,31 @@ class LinePlanner:
         else:
             self.captured -= set(line.axes)
             self._energized -= set(line.axes)
+
+    def _probe(self, line: ProbeLine) -> None:
+        """Let the executor probe; where that ends is where later lines start."""
+        self.reports.append(
+            Report(ReportKind.PLANNED, line.line, requested_s=line.requested, feed_length=line.length)
+        )
+        self.motion.to_whole_cycle()
+        moving = tuple(sorted(self._independent.intersection(line.axes)))
+        if moving:
+            self.output.put(self._wait(line.line, moving))
+            self._independent -= set(moving)
+        self.control(ControlKind.LINE_START, line.line)
+        row = [0.0] * self._width
+        for axis, target in zip(line.axes, line.targets, strict=True):
+            row[self._columns[axis]] = target
+        self.control(
+            ControlKind.PROBE,
+            line.line,
+            axes=self._mask(line.axes),
+            values=tuple(row),
+            seconds=line.speed,
+            operation=int(line.kind),
+        )
+        self.control(ControlKind.LINE_END, line.line)
+        self._await_settled(frozenset(line.axes), observing=True)
 
     def _ask_energized(self, line: MotionLine, axes: frozenset[int]) -> None:
         """Have the executor check axes that no capture of this program holds (D-27): it faults, or they

@@ -49,7 +49,7 @@ from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
 from mcserver.service.references import References, references_file
-from mcserver.service.reports import Ack, Event, Fault, ProgramState, wire_diagnostic
+from mcserver.service.reports import Ack, Event, Fault, ProbeStatus, ProgramState, wire_diagnostic
 from mcserver.service.reports import EventKind as Kind
 from mcserver.service.work_offsets import WorkOffsets
 
@@ -100,7 +100,7 @@ class ProgramTable:
         programs: open ones and the last `ENDED_PROGRAMS` that have ended, oldest first.
         faults: latched until a reset.
         offsets: work coordinate systems, which outlive programs and the server.
-        references: of axes, which outlive the server.
+        references: of axes, which outlive the server. probe: how the last probing move ended.
         journal_damage: of the journal as it was found at this start; None: it is sound.
         journal_failure: why the journal cannot be written now; empty: it can.
     """
@@ -144,6 +144,8 @@ class ProgramTable:
             self._lock.release()
             raise
         self.offsets = WorkOffsets(options.journal.with_name(f"{options.journal.name}.offsets.json"))
+        self._axes = machine.axes
+        self.probe: ProbeStatus | None = None
         self.references = References(references_file(options.journal), machine)
         self.planner = planner(self._planner_events)
         # told of a stop that the executor has latched by itself
@@ -412,6 +414,9 @@ class ProgramTable:
         if event.kind is EventKind.FAULT:
             self._fault(event, program)
             return
+        if event.kind is EventKind.PROBED:
+            self._probed(event, program)
+            return
         if event.kind in (EventKind.HOMING, EventKind.HOMED, EventKind.UNHOMED):
             self._homing(event, program)
             return
@@ -484,6 +489,16 @@ class ProgramTable:
         """Return the id of the program in an executor's slot."""
         program = self._in_slot(slot)
         return None if program is None else program.program
+
+    def _probed(self, event: ExecutorEvent, program: Program | None) -> None:
+        """A probing move has ended."""
+        positions = {
+            str(axis.index): value / axis.type.si_per_unit
+            for axis, value in zip(self._axes, event.values, strict=True)
+        }
+        name = "" if program is None else program.program
+        self.probe = ProbeStatus(name, event.line, bool(event.token), positions, event.time)
+        self.events.publish("probe", program=name or None, line=event.line, probe=self.probe)
 
     def _homing(self, event: ExecutorEvent, program: Program | None) -> None:
         """An axis goes on with its homing, has its reference, or has lost it."""

@@ -182,6 +182,22 @@ class OutputStatus(msgspec.Struct, frozen=True):
     set_by: str = ""
 
 
+class ProbeStatus(msgspec.Struct, frozen=True):
+    """The last probing move that has ended (G38.2 to G38.5).
+
+    Attributes:
+        tripped: the probe changed. positions: where the axes were then, else where the move ended, by number
+            [mm, deg]: positions of axes, whatever offsets the program had.
+        t: executor time [s].
+    """
+
+    program: str
+    line: int
+    tripped: bool
+    positions: dict[str, float]
+    t: float
+
+
 class MachineStatus(msgspec.Struct, frozen=True):
     """Payload of ``tele/state`` and reply of ``status``.
 
@@ -204,6 +220,7 @@ class MachineStatus(msgspec.Struct, frozen=True):
     tools: list[ToolPose] = []
     inputs: list[InputStatus] = []
     outputs: list[OutputStatus] = []
+    probe: ProbeStatus | None = None
 
 
 class LineReport(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -231,7 +248,7 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True):
         kind: says which of the others are set (docs/wire/events.md).
         lines: for ``lines.ended``. line: the last line started for ``lines.started``; the line of a fault.
         reason: why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code.
-        axis: of a drive's event.
+        axis: of a drive's event, or of homing. probe: for ``probe``.
     """
 
     seq: int
@@ -249,3 +266,4 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True):
     message: str = ""
     percent: float | None = None
     axis: int | None = None
+    probe: ProbeStatus | None = None

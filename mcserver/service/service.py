@@ -24,7 +24,16 @@ from mcserver.service.line_queue import Gap, LineQueue
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
 from mcserver.service.program_table import TICK_S, ProgramTable, ServiceOptions
-from mcserver.service.reports import Ack, AxisState, Event, Fault, MachineState, OnDisconnect, ProgramStatus
+from mcserver.service.reports import (
+    Ack,
+    AxisState,
+    Event,
+    Fault,
+    MachineState,
+    OnDisconnect,
+    ProbeStatus,
+    ProgramStatus,
+)
 
 log = logging.getLogger(__name__)
 
@@ -134,6 +143,11 @@ class MachineService:
     def work_systems(self) -> Mapping[int, Mapping[int, float]]:
         """Work coordinate systems that a program starts with, number → axis → [m or rad]."""
         return self._table.offsets.systems
+
+    @property
+    def probe(self) -> ProbeStatus | None:
+        """How the last probing move ended."""
+        return self._table.probe
 
     def now(self) -> float:
         """Executor time [s]."""

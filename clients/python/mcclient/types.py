@@ -122,6 +122,17 @@ class AxesStatus:
 
 
 @dataclass(frozen=True, slots=True)
+class ProbeStatus:
+    """How the last probing move ended; positions of axes by number [mm, deg]."""
+
+    program: str
+    line: int
+    tripped: bool
+    positions: dict[str, float]
+    t: float
+
+
+@dataclass(frozen=True, slots=True)
 class ToolPose:
     """Where a tool's frame is: [x, y, z] in mm, [a, b, c] in deg."""
 
@@ -167,6 +178,7 @@ class MachineStatus:
     tools: tuple[ToolPose, ...] = ()
     inputs: tuple[InputStatus, ...] = ()
     outputs: tuple[OutputStatus, ...] = ()
+    probe: ProbeStatus | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +214,7 @@ class Event:
     message: str = ""
     percent: float | None = None
     axis: int | None = None
+    probe: ProbeStatus | None = None
 
 
 @dataclass(frozen=True, slots=True)

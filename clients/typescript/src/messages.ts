@@ -36,15 +36,19 @@ export interface InputStatus { name: string; value: number; holds: boolean; stop
 /** `set_by`: a program's id, "operator", or nobody (""). */
 export interface OutputStatus { name: string; value: number; set_by: string; }
 
+export interface ProbeStatus { program: string; line: number; tripped: boolean; positions: Record<string, number>; t: number; }
+
 export interface MachineStatus {
   t: number; wall: number; instance: string; state: "ready" | "fault" | "estop"; axes: AxesStatus;
   programs: ProgramStatus[]; faults: Fault[]; override: number; late_cycles: number;
+  probe?: ProbeStatus | null;
   inputs: InputStatus[]; outputs: OutputStatus[];
 }
 
 export interface MotionEvent {
   seq: number; t: number; instance: string; kind: string;
   program?: string | null; client?: string | null; state?: string | null; message?: string; fault?: Fault | null;
+  probe?: ProbeStatus | null;
 }
 
 export interface EventPage { instance: string; oldest: number; newest: number; events: MotionEvent[]; }

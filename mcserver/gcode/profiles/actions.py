@@ -6,9 +6,10 @@ import math
 
 import msgspec
 
-from mcserver.gcode.profiles.codes import IO_WORDS, SPINDLE, SYSTEM_NUMBERS, TAKES_AXES
+from mcserver.gcode.profiles.codes import IO_WORDS, PROBING, SPINDLE, SYSTEM_NUMBERS, TAKES_AXES
 from mcserver.gcode.profiles.frame import Offsets
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
+from mcserver.gcode.profiles.probing import read_probe_move
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import (
     axis_scale,
@@ -105,6 +106,10 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             block.frame = msgspec.structs.replace(block.frame, stored=stored)
         elif action.code in ("G28", "G30"):
             _go_home(block, action, effects)
+        elif action.code in PROBING:
+            probe = read_probe_move(block, action)
+            if probe is not None:
+                effects.after.append(probe)
 
 
 def act_at_end(block: BlockState) -> list[Canonical]:

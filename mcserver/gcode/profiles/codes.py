@@ -31,7 +31,12 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     }
 )
 # of these the axis words, where a line has one of them
-TAKES_AXES: Final = frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G92"})
+# act in every profile of a machine that has a probe
+PROBING: Final = frozenset({f"G38.{n}" for n in range(2, 6)})
+TAKES_AXES: Final = frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G92"}) | PROBING
+
+# actions that move axes
+MOVING: Final = frozenset({"G28", "G30"}) | PROBING
 
 _NO_COMPENSATION = {"G40", "G50", "G69", "G80"}
 IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
@@ -102,7 +107,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
             f"G{number}": "canned cycles are not expanded here; let the post write the moves out"
             for number in (70, 71, 72, 73, 74, 81, 82, 83, 84, 85, 86, 87, 88, 89)
         },
-        **{f"G38.{n}": "this machine cannot probe" for n in range(2, 6)},
+        **{f"G38.{n}": "this machine cannot probe; add [probe] to the machine file" for n in range(2, 6)},
     }
 )
 

@@ -18,6 +18,7 @@ from mcserver.gcode.profiles.codes import (
     IGNORED,
     IO_WORDS,
     MOTIONS,
+    PROBING,
     PROGRAM,
     REFUSED,
     SETTINGS,
@@ -60,6 +61,8 @@ class ProfileReader:
         self._acting = ACTING[dialect.profile] | dialect.outputs.keys()
         if dialect.channels:
             self._acting |= IO_WORDS.keys()
+        if dialect.probes:
+            self._acting |= PROBING
         self._ignored = IGNORED[dialect.profile] | dialect.ignore
         self._axes = {**AXIS_LETTERS, **dialect.letters}
         self._tools = dialect.profile in ("reference", "robot")  # T means the reference's tool

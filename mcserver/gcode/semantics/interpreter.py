@@ -10,6 +10,7 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic
 from mcserver.gcode.fast_path.block import SimpleBlockInterpreter
 from mcserver.gcode.fast_path.runs import MAX_LINES, RunInterpreter
+from mcserver.gcode.profiles.codes import MOVING
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.reader import reader_of
 from mcserver.gcode.semantics.block_interpreter import BlockInterpreter, faults_of
@@ -226,7 +227,7 @@ def _moves(parsed: ParsedLine) -> bool:
     """Return True if the line holds anything that moves axes."""
     if parsed.simple is not None:
         return True
-    if parsed.profile is not None and any(action.code in ("G28", "G30") for action in parsed.profile.actions):
+    if parsed.profile is not None and any(action.code in MOVING for action in parsed.profile.actions):
         return True
     return any(command.moves for group in parsed.groups for command in group) or any(
         isinstance(item, Word) and item.letter in "IJKR"

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 from typing import Annotated
 
 import typer
 
-from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption
+from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.output import errors_told
 from mcclient.cli.send import send
+from mcclient.errors import RequestRefused
+from mcclient.types import ProbeStatus
 
 _AXIS = re.compile(
     r"(?P<axis>[XYZABC]|\[[0-9]{1,2}\])(?:=?(?P<value>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)))?", re.I
@@ -36,6 +40,26 @@ def zero_line(axes: list[str], system: int) -> str:
     return f"G21 G90 G10 L20 P{system} " + " ".join(axis + value for axis, value in words.items())
 
 
+def probed_line(axes: list[str], system: int, probe: ProbeStatus | None) -> str:
+    """Return the line of G-code that lets the last probed place read zero, or the numbers given.
+
+    Raises:
+        RequestRefused: MC511 nothing was probed, or an axis has no letter or number there.
+    """
+    if probe is None or not probe.tripped:
+        raise RequestRefused("MC511", "the probe has met nothing", "probe first, such as: G38.2 Z-10 F100")
+    words = []
+    for word in zero_line(axes, system).split()[4:]:
+        found = _AXIS.fullmatch(word)
+        assert found is not None
+        axis = found["axis"]
+        number = axis.strip("[]") if axis.startswith("[") else str("XYZABC".index(axis))
+        if number not in probe.positions:
+            raise RequestRefused("MC511", f"the machine has no axis {axis}", "see mcctl status")
+        words.append(f"{axis}{probe.positions[number] - float(found['value'] or 0):.6f}")
+    return f"G21 G90 G10 L2 P{system} " + " ".join(words)
+
+
 def zero(
     axes: Annotated[
         list[str],
@@ -44,10 +68,22 @@ def zero(
     system: Annotated[
         int, typer.Option("--system", min=0, max=9, help="1 to 9 for G54 to G59.3; 0: the one in force.")
     ] = 0,
+    probe: Annotated[
+        bool, typer.Option("--probe", help="Where the probe met the work (G38.2), not where the axes are.")
+    ] = False,
     machine: MachineOption = None,
     connect: ConnectOption = None,
     zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Set the work coordinate system where the axes are: mcctl zero X Y, mcctl zero Z=1.5. Nothing moves."""
-    send([zero_line(axes, system)], machine=machine, connect=connect, zenoh=zenoh, json=json)
+    line = zero_line(axes, system)
+    if probe:
+
+        async def look() -> ProbeStatus | None:
+            async with Target(machine, connect, zenoh).open() as one:
+                return (await one.status()).probe
+
+        with errors_told(json):
+            line = probed_line(axes, system, asyncio.run(look()))
+    send([line], machine=machine, connect=connect, zenoh=zenoh, json=json)

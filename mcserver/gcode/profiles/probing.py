@@ -1,0 +1,89 @@
+"""Read G38.2 to G38.5: a straight move until the probe changes (D-74)."""
+
+from __future__ import annotations
+
+import math
+
+from mcserver.gcode.semantics.block_state import BlockState
+from mcserver.gcode.semantics.program_units import axis_scale, shown_position
+from mcserver.gcode.semantics.travel_limits import ROUNDING
+from mcserver.gcode.text.profile_words import Action
+from mcserver.gcode.text.words import INCREMENTAL_LETTERS
+from mcserver.motion.canonical import ProbeKind, ProbeLine
+from mcserver.units import AxisType
+
+
+def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
+    """Return the probing move of a line; None after a fault (MC118, MC121, MC155, MC201)."""
+    modal = block.modal
+    targets = _targets(block, action)
+    # bare axis words behind it do not repeat it, nor what was in force before
+    block.change(motion=None)
+    if targets is None:
+        return None
+    if modal.feed is None or modal.inverse_time:
+        what = f"{action.code} has no speed: " + (
+            "G93 is in force" if modal.inverse_time else "no F is in force"
+        )
+        block.faults.add("MC155" if modal.inverse_time else "MC121", what, action.span, "write G94 and F")
+        return None
+    starts = {axis: block.commanded.start(axis) for axis in targets}
+    length = math.hypot(*(end - starts[axis] for axis, end in targets.items()))
+    if length <= ROUNDING and not block.commanded.guessed.intersection(targets):
+        block.faults.add(
+            "MC155", f"{action.code} goes nowhere", action.span, "give a target beyond the surface"
+        )
+        return None
+    for axis, end in targets.items():
+        block.end_at(axis, end)
+    # where it ends is known when it has ended
+    block.commanded.invalidate(targets)
+    speed = modal.feed.speed
+    return ProbeLine(
+        line=block.parsed.number,
+        kind=ProbeKind(int(action.code[-1])),
+        axes=tuple(targets),
+        targets=tuple(targets.values()),
+        speed=speed,
+        requested=length / speed,
+        length=length,
+    )
+
+
+def _targets(block: BlockState, action: Action) -> dict[int, float] | None:
+    """Return where the axes go [m]; None after a fault."""
+    modal = block.modal
+    found: dict[int, float] = {}
+    if not action.axes:
+        block.faults.add("MC118", f"{action.code} names no axis", action.span, "add axis words, such as Z-10")
+        return None
+    for word in action.axes:
+        if block.usable_axis(word.axis, action) is None:
+            return None
+        axis = block.setup.axes[word.axis]
+        if axis.type is not AxisType.LINEAR:
+            block.faults.add(
+                "MC155", f"axis {word.axis} is rotary: a probing move is a straight line", word.span, ""
+            )
+            return None
+        if word.axis in found:
+            block.faults.add(
+                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
+            )
+            return None
+        value = word.value * axis_scale(axis.type, modal.inch)
+        if modal.incremental or word.letter in INCREMENTAL_LETTERS:
+            end = block.commanded.positions[word.axis] + value
+        else:
+            end = value + (modal.shift or {}).get(word.axis, 0.0)
+        if not axis.min_position - ROUNDING <= end <= axis.max_position + ROUNDING:
+            shown = shown_position(end, axis.type, modal.inch)
+            block.faults.add(
+                "MC201",
+                f"{action.code} takes axis {word.axis} to {shown}, beyond its travel",
+                word.span,
+                "stay within the axis's travel",
+                axis=word.axis,
+            )
+        found[word.axis] = end
+    return found
