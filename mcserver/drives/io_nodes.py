@@ -69,6 +69,9 @@ class IoNodes:
         self._operational = dict.fromkeys(self.numbers, True)
         self._prepared: list[tuple[int, _Pdo, bytearray]] = []
         self._port: CanPort | None = None
+        # sent before the first cycle
+        outputs = [machine.outputs[column] for column in self.outputs]
+        self.write_outputs(np.array([each.raw_of(each.initial) for each in outputs]))
 
     # ------------------------------------------------------------------ frames
 

@@ -192,14 +192,7 @@ class IoBank:
     # ------------------------------------------------------------------ buses
 
     def _raw_outputs(self, columns: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Array:
-        raw = np.empty(len(columns))
-        for place, column in enumerate(columns.tolist()):
-            channel, value = self._outputs[column], float(self._wanted[column])
-            if channel.digital:
-                raw[place] = float((value != 0.0) is not channel.invert)
-            else:
-                raw[place] = (value - channel.offset) / channel.scale
-        return raw
+        return np.array([self._outputs[at].raw_of(float(self._wanted[at])) for at in columns.tolist()])
 
     def _read_buses(self) -> None:
         before, count = self._fresh.copy(), len(self._inputs)
@@ -213,11 +206,7 @@ class IoBank:
             for place, column in enumerate(columns.tolist()):
                 if not fresh[place]:
                     continue
-                channel, value = self._inputs[column], float(raw[place])
-                if channel.digital:
-                    value = float((value != 0.0) is not channel.invert)
-                else:
-                    value = value * channel.scale + channel.offset
+                value = self._inputs[column].value_of(float(raw[place]))
                 if value != self._source[column]:
                     self._source[column] = value
                     self._moving = True

@@ -175,6 +175,12 @@ class Input(msgspec.Struct, frozen=True):
     stop_below: float = -math.inf
     stop_above: float = math.inf
 
+    def value_of(self, raw: float) -> float:
+        """Return the value that a source's number stands for."""
+        if self.digital:
+            return float((raw != 0.0) is not self.invert)
+        return raw * self.scale + self.offset
+
     def holds(self, value: float) -> bool:
         """Return True if this value holds the machine's programs."""
         return not self.hold_below <= value <= self.hold_above
@@ -208,6 +214,12 @@ class Output(msgspec.Struct, frozen=True):
     initial: float = 0.0
     safe: float | None = 0.0
     target: IoObject | None = None
+
+    def raw_of(self, value: float) -> float:
+        """Return the number that is written to the target for a value."""
+        if self.digital:
+            return float((value != 0.0) is not self.invert)
+        return (value - self.offset) / self.scale
 
 
 def read_inputs(

@@ -129,6 +129,10 @@ class Cycle:
     def __init__(self, described: Machine, node: LocalDrive) -> None:
         self.node = node
         node.listen()
+        self.frames: list[tuple[int, bytes]] = []
+        node.network.subscribe(
+            0x200 + NODE, lambda identifier, payload, _at: self.frames.append((identifier, bytes(payload)))
+        )
         self.buses = create_buses(described)
         self.executor = VirtualExecutor(described, buses=self.buses)
         self.codes: list[int] = []
@@ -187,6 +191,12 @@ def test_a_node_is_booted_with_its_process_data(hub: RunningHub, watched: Watche
     # without a master the lamp goes out, the brake closes (it is inverted), the vacuum stays
     assert node.value(0x6206, 1) == 0b00000011
     assert node.value(0x6207, 1) == 0b00000000
+
+
+def test_a_node_is_sent_its_initial_values_from_the_first_frame_on(cycle: Cycle) -> None:
+    sent = [payload for identifier, payload in cycle.frames if identifier == 0x200 + NODE]
+    assert sent
+    assert {payload[0] for payload in sent} == {0}, "the brake is on: its bit is inverted"
 
 
 def test_inputs_and_outputs_pass_once_a_cycle(cycle: Cycle) -> None:

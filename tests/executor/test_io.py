@@ -143,6 +143,28 @@ def test_an_aborted_programs_outputs_are_safe_in_the_cycle_of_the_order(how: str
     assert rig.outputs[-1] == [0.0, 1.0], "nothing of the program is carried out any more"
 
 
+def test_outputs_are_safe_in_the_cycle_behind_the_loss_of_the_server() -> None:
+    rig = IoRig(machine(LAMP, VALVE, '[[output]]\nnumber = 2\nname = "fan"\n')).captured()
+    rig.program.control(ControlKind.OUTPUT, channel=0, value=1.0)
+    rig.executor.mailbox.set_output(1, 1.0)
+    rig.executor.mailbox.set_output(2, 1.0)
+    rig.program.dwell(10.0)
+    rig.step(20)
+    assert rig.outputs[-1] == [1.0, 1.0, 1.0]
+    rig.executor.executor.stop_all(FaultCode.SERVER_LOST)
+    rig.step()
+    assert rig.outputs[-1] == [0.0, 1.0, 0.0], "those of operators too"
+
+
+def test_a_program_that_a_faulty_line_has_ended_leaves_its_outputs_safe() -> None:
+    rig = IoRig(machine(LAMP))
+    rig.program.control(ControlKind.OUTPUT, channel=0, value=1.0)
+    rig.program.dwell(0.01)
+    rig.program.control(ControlKind.FINISH, operation=1)
+    rig.run()
+    assert rig.outputs[-1] == [0.0]
+
+
 def test_an_abort_leaves_outputs_of_others_alone() -> None:
     rig = IoRig(machine(LAMP, '[[output]]\nnumber = 1\nname = "fan"\n')).captured()
     rig.executor.mailbox.set_output(1, 1.0)

@@ -1,0 +1,65 @@
+"""``mcserver simulate --input``: values of inputs over time."""
+
+from __future__ import annotations
+
+import contextlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mcserver.errors import UsageFault
+from mcserver.machine.io_section import Scripted
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.simulation.input_script import with_inputs
+
+
+def machine() -> Machine:
+    return parse_machine(
+        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "linear"\n'
+        "max_velocity = 1.0\nmax_acceleration = 1.0\n"
+        '[[bus]]\nname = "can0"\n'
+        '[[input]]\nnumber = 3\nname = "front door"\nsimulated = [{ at_s = 1.0, value = true }]\n'
+        '[[input]]\nnumber = 3\nname = "air"\nkind = "analog"\n'
+        '[[input]]\nnumber = 4\nname = "real"\n'
+        'source = { bus = "can0", node = 5, object = "6000h", bit = 0 }\n'
+    )
+
+
+def test_entries_join_the_script_of_the_file_in_order_of_time() -> None:
+    door, real, air = with_inputs(machine(), ["front door=off@0.5", "3=on@2s", "air=-4.5"]).inputs
+    assert door.script == (Scripted(0.5, 0.0), Scripted(1.0, 1.0), Scripted(2.0, 1.0))
+    assert air.script == (Scripted(0.0, -4.5),)
+    assert real.source is not None
+
+
+def test_a_real_input_is_simulated_where_it_is_given() -> None:
+    _, real, _ = with_inputs(machine(), ["real=on@1"]).inputs
+    assert real.source is None
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        "",
+        "door",
+        "nothing=on",
+        "front door=2",
+        "front door=",
+        "=on",
+        "air=nan",
+        "air=1@-1",
+        "air=1@x",
+        "5=on",
+    ],
+)
+def test_what_cannot_be_meant_is_refused(entry: str) -> None:
+    with pytest.raises(UsageFault, match="input|value|number|time") as caught:
+        with_inputs(machine(), [entry])
+    assert caught.value.code == "MC029"
+
+
+@given(st.text("frontdair3=@.on- ", max_size=16))
+def test_any_text_is_an_entry_or_a_usage_fault(text: str) -> None:
+    with contextlib.suppress(UsageFault):
+        with_inputs(machine(), [text])
