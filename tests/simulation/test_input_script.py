@@ -54,7 +54,7 @@ def test_a_real_input_is_simulated_where_it_is_given() -> None:
     ],
 )
 def test_what_cannot_be_meant_is_refused(entry: str) -> None:
-    with pytest.raises(UsageFault, match="input|value|number|time") as caught:
+    with pytest.raises(UsageFault, match=r"input|value|number|time") as caught:
         with_inputs(machine(), [entry])
     assert caught.value.code == "MC029"
 
