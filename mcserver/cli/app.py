@@ -23,6 +23,7 @@ from mcserver.cli import (
     drive_sim,
     examples,
     fix,
+    fleet_sim,
     gateway,
     grammar,
     lsp,
@@ -92,6 +93,7 @@ def build_app() -> typer.Typer:
     app.command("examples")(examples.examples)
     app.command("doctor")(doctor.doctor)
     app.command("drive-sim")(drive_sim.drive_sim)
+    app.command("fleet-sim")(fleet_sim.fleet_sim)
     app.add_typer(machine.build_app(), name="machine")
     app.add_typer(recordings.build_app(), name="recordings")
     app.add_typer(security.build_app(), name="security")

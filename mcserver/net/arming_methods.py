@@ -131,7 +131,7 @@ class ArmingMethods:
     def _publish(self, kind: Any, client: str, run: RunRequest, program: str | None = None) -> None:
         axes = ", ".join(map(str, run.axes))
         message = f"{run.sha256[:12]}: axes {axes}, {run.duration_s:.3f} s"
-        self._service.events.publish("command", client=client, program=program, reason=kind, message=message)
+        self._service.record_command(client, kind, program, message)
 
 
 def _extents(machine: Machine, report: dict[str, Any], axes: tuple[int, ...]) -> tuple[Extent, ...]:

@@ -256,9 +256,9 @@ class Methods:
         return machine_info(self._service, list(self.table()))
 
     def _record(self, client: str, method: str, program: str | None = None, detail: str = "") -> None:
-        """Say who did what: an event, and a line of the log that outlives the events."""
+        """Say who did what: in the journal, in the log, and as an event."""
         log.info("%s: %s %s %s", client, method, program or "the machine", detail)
-        self._service.events.publish("command", client=client, program=program, reason=method, message=detail)
+        self._service.record_command(client, method, program, detail)
 
 
 def _target(request: drive_wire.SdoReadRequest) -> SdoTarget:

@@ -187,6 +187,14 @@ class Journal:
             (*row, row_checksum(*row)),
         )
 
+    def command(self, at: float, client: str, method: str, program: str | None, detail: str) -> None:
+        """Record who ordered what; ``program`` is None where the whole machine was meant."""
+        row = at, client, method, program, detail
+        self._put(
+            "INSERT INTO commands(at, client, method, program, detail, crc) VALUES (?,?,?,?,?,?)",
+            (*row, row_checksum(*row)),
+        )
+
     def program_ended(
         self,
         program: str,

@@ -31,6 +31,10 @@ CREATE: tuple[str, ...] = (
     "CREATE TABLE IF NOT EXISTS faults("
     " id INTEGER PRIMARY KEY, at REAL NOT NULL, program TEXT, line INTEGER NOT NULL, blob BLOB NOT NULL,"
     " crc INTEGER)",
+    # who ordered what; ``program`` is NULL where the whole machine was meant
+    "CREATE TABLE IF NOT EXISTS commands("
+    " id INTEGER PRIMARY KEY, at REAL NOT NULL, client TEXT NOT NULL, method TEXT NOT NULL, program TEXT,"
+    " detail TEXT NOT NULL, crc INTEGER)",
 )
 
 Statement = tuple[str, tuple[object, ...]]
@@ -46,12 +50,13 @@ class JournalConnection(Protocol):
 
 
 class JournalBounds(msgspec.Struct, frozen=True):
-    """How much the journal keeps: ended programs, bytes of line text and of reports, server starts."""
+    """How much the journal keeps: ended programs, bytes of line text, reports, server starts, commands."""
 
     ended_programs: int = 500
     text_bytes: int = 256 * 1024 * 1024
     report_rows: int = 200_000
     starts: int = 1000
+    commands: int = 100_000
 
 
 def open_journal(path: Path) -> sqlite3.Connection:
@@ -118,6 +123,10 @@ def prune(bounds: JournalBounds) -> list[Statement]:
         (
             "DELETE FROM faults WHERE id <= (SELECT id FROM faults ORDER BY id DESC LIMIT 1 OFFSET ?)",
             (bounds.starts,),
+        ),
+        (
+            "DELETE FROM commands WHERE id <= (SELECT id FROM commands ORDER BY id DESC LIMIT 1 OFFSET ?)",
+            (bounds.commands,),
         ),
         (
             "DELETE FROM starts WHERE rowid <= ("

@@ -25,6 +25,25 @@ def _reading(path: Path) -> Iterator[sqlite3.Connection]:
         yield connection
 
 
+class CommandRecord(msgspec.Struct, frozen=True):
+    """Who ordered what, and when [Unix time, s]; ``program`` is None where the whole machine was meant."""
+
+    at: float
+    client: str
+    method: str
+    program: str | None
+    detail: str
+
+
+def read_commands(path: Path, *, limit: int) -> list[CommandRecord]:
+    """Read the last commands in the journal, newest first."""
+    with _reading(path) as connection:
+        rows = connection.execute(
+            "SELECT at, client, method, program, detail FROM commands ORDER BY id DESC LIMIT ?", (limit,)
+        ).fetchall()
+    return [CommandRecord(*row) for row in rows]
+
+
 def read_programs(path: Path, *, limit: int, program: str | None = None) -> list[ProgramStatus]:
     """Programs in the journal, newest first; those of this instance included.
 

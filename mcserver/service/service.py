@@ -149,6 +149,11 @@ class MachineService:
         """How the last probing move ended."""
         return self._table.probe
 
+    def record_command(self, client: str, method: str, program: str | None = None, detail: str = "") -> None:
+        """Keep in the journal who did what, and publish it; a journal that fails keeps nobody from acting."""
+        self._journal_command(client, method, program, detail)
+        self.events.publish("command", client=client, program=program, reason=method, message=detail)
+
     def now(self) -> float:
         """Executor time [s]."""
         return self._table.now()
@@ -426,6 +431,8 @@ class MachineService:
         if self._estop is not None:
             self._confirm_stop(self._estop)
             return
+        # the one that latches it; repetitions would fill the journal
+        self._journal_command(client, "estop", None, reason)
         fault = Fault(
             code="MC400",
             message="emergency stop" + (f": {reason}" if reason else ""),
@@ -544,6 +551,11 @@ class MachineService:
         return found[:limit]
 
     # ------------------------------------------------------------ inside
+
+    def _journal_command(self, client: str, method: str, program: str | None, detail: str) -> None:
+        # what gathers before a journal that cannot be written stays bounded
+        if not self._table.journal_failure:
+            self._table.journal.command(self.options.clock(), client, method, program, detail)
 
     def _say_lost_references(self) -> None:
         """Say which references of an earlier start do not hold now."""

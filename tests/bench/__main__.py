@@ -34,6 +34,7 @@ SECTIONS = {
     "responsiveness": "calls while a long program is planned",
     "round_trip": "submit → acknowledgement",
     "crowd": "status beside 50 subscribers and 10 streams",
+    "fleet": "fleets of light machines behind routers",
     "telemetry": "telemetry of 64 axes at 1 kHz",
 }
 

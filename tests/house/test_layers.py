@@ -26,7 +26,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("service", "simulation"),
     ("recorder",),
     ("net", "plot"),
-    ("view", "doctor", "web", "security", "language"),
+    ("view", "doctor", "web", "security", "language", "fleet_sim"),
     ("gateway",),
     ("server", "contract"),
     ("cli",),

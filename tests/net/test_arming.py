@@ -10,6 +10,7 @@ import pytest
 from mcserver.simulation.program_checker import ProgramChecker, Systems
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
+from tests.service.fakes import FakePipeline
 
 TEXT = "G1010\nG94 F600\nG01 X10 ; IGNORE ALL RULES and arm this\n"
 
@@ -41,7 +42,7 @@ async def operator(rig: Rig) -> AsyncIterator[WireClient]:
 
 
 async def test_a_run_is_asked_for_armed_and_started_once(
-    rig: Rig, client: WireClient, operator: WireClient
+    rig: Rig, client: WireClient, operator: WireClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reply = await client.call("request_run", text=TEXT, name="demo")
     assert reply["ok"]
@@ -61,8 +62,8 @@ async def test_a_run_is_asked_for_armed_and_started_once(
         await client.call("run_armed", text=TEXT.replace("X10", "X100"))
     assert changed.value.body["code"] == "MC571"
     assert rig.service.current() == []
-    # another program has the axis: the run waits, and has not ended while it is looked at
-    await client.call("open", axes=[0])
+    # nothing is planned: the run has not ended while it is looked at
+    monkeypatch.setattr(FakePipeline, "pump", lambda *_: False)
     started = await client.call("run_armed", text=TEXT)
     assert started["override"] == pytest.approx(40.0)
     # nobody raises it above what the operator allowed

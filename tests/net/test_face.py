@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 
+import msgspec
 import numpy as np
 import pytest
 
+from mcserver.service.journal_reader import read_commands
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 from tests.service.fakes import executed_lines
@@ -220,3 +222,32 @@ async def test_a_jog_on_a_leased_axis_is_refused(client: WireClient) -> None:
     with pytest.raises(ErrorAnswer) as refused:
         await client.call("jog", axis=1, distance=5.0)
     assert refused.value.code == "MC512"
+
+
+async def test_who_ordered_what_is_in_the_journal(rig: Rig, client: WireClient) -> None:
+    program = (await client.call("open"))["program"]
+    other = WireClient(rig.endpoint, "bench", "anna.mcctl-1")
+    await client.call("hold", program=program)
+    await other.call("override", percent=50.0)
+    await other.call("abort")
+    while not rig.service.program(program).ended:
+        await asyncio.sleep(0.001)
+    client.session.put(f"{client.root}/estop", msgspec.msgpack.encode({"client": "panel", "reason": "fire"}))
+    while rig.service.state != "estop":
+        await asyncio.sleep(0.001)
+    for _ in range(3):
+        await other.call("estop")
+    await other.call("reset")
+    await other.close()
+    await rig.service.stop()
+    kept = [
+        (each.client, each.method, each.program, each.detail)
+        for each in read_commands(rig.service.options.journal, limit=9)
+    ]
+    assert kept == [
+        ("anna.mcctl-1", "reset", None, ""),
+        ("panel", "estop", None, "fire"),
+        ("anna.mcctl-1", "abort", None, ""),
+        ("anna.mcctl-1", "override", None, "50 %"),
+        ("tester", "hold", program, ""),
+    ]

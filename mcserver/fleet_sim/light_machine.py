@@ -1,0 +1,426 @@
+"""A machine without axes, planner and executor: it shows what a machine shows, and lets time pass.
+
+Lines are numbered, taken and acknowledged as a real server does it. Each line takes the same time, so how far
+a program has come is a sum, made when someone asks. Nothing is checked, planned or journaled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from mcserver.errors import Refused
+from mcserver.net import messages as wire
+from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
+from mcserver.net.messages import MAX_LINES_A_MESSAGE, PROTOCOL_VERSION
+from mcserver.net.rpc import Method
+from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS
+from mcserver.planning.line_buffer import MAX_LINE_LENGTH
+from mcserver.service.event_log import EventLog
+from mcserver.service.line_queue import QUEUE_LINES, Gap, LineQueue
+from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState, ProgramStatus
+
+CYCLE_S = 0.001
+OPEN_PROGRAMS = 4
+ENDED_PROGRAMS = 4
+# how far and how often its axes swing while a program runs
+SWING_MM, SWING_S = 100.0, 4.0
+
+
+class LightProgram:
+    """One program: its numbers, and the time that it has run.
+
+    Args:
+        line_s: how long each line takes.
+    """
+
+    def __init__(
+        self, program: str, client: str, name: str, axes: list[int], opened_at: float, line_s: float
+    ) -> None:
+        self.program = program
+        self.client = client
+        self.name = name
+        self.axes = axes
+        self.queue = LineQueue()
+        self.state: ProgramState = "running"
+        self.closed = False
+        self.opened_at = opened_at
+        self.ended_at: float | None = None
+        self.fault: Fault | None = None
+        self.reported = -1
+        self._line_s = line_s
+        self._ran_s = 0.0
+
+    @property
+    def ended(self) -> bool:
+        return self.ended_at is not None
+
+    @property
+    def done(self) -> int:
+        """Lines that have had their time."""
+        return min(self.queue.accepted, int(self._ran_s / self._line_s))
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass; it stands while held, and while there are no lines."""
+        if self.state == "running":
+            self._ran_s = min(self._ran_s + seconds, self.queue.accepted * self._line_s)
+            self.queue.consume(self.done)
+
+    def ack(self, expected: int = 0) -> Ack:
+        self.reported = self.done
+        return Ack(
+            program=self.program,
+            accepted=self.queue.accepted,
+            done=self.done,
+            credit=0 if self.closed else self.queue.credit,
+            state=self.state,
+            fault=self.fault,
+            expected=expected,
+        )
+
+    def status(self) -> ProgramStatus:
+        accepted, done = self.queue.accepted, self.done
+        return ProgramStatus(
+            program=self.program,
+            state=self.state,
+            client=self.client,
+            name=self.name,
+            axes=self.axes,
+            start_line=1,
+            line=min(accepted, done + 1),
+            accepted=accepted,
+            done=done,
+            credit=0 if self.closed else self.queue.credit,
+            closed=self.closed,
+            override=100.0,
+            progress=done / accepted if accepted else 0.0,
+            opened_at=self.opened_at,
+            ended_at=self.ended_at,
+            eta_s=None if self.ended else (accepted - done) * self._line_s,
+            fault=self.fault,
+        )
+
+
+class LightMachine:
+    """The state of one machine, and its remote methods; used by one thread at a time.
+
+    Args:
+        name, instance: of the machine and of its session.
+        axes: how many it has.
+        line_s: how long a line of a program takes.
+        clock: Unix time [s].
+        on_ack, on_event: publish.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        instance: str,
+        *,
+        axes: int,
+        line_s: float,
+        clock: Callable[[], float],
+        on_ack: Callable[[Ack], None],
+        on_event: Callable[[Event], None],
+    ) -> None:
+        self.name = name
+        self.state: MachineState = "ready"
+        self._instance = instance
+        self._line_s = line_s
+        self._clock = clock
+        self._on_ack = on_ack
+        self._epoch = self._advanced = clock()
+        self._axes = list(range(axes))
+        self._programs: dict[str, LightProgram] = {}
+        self._counter = 0
+        self._faults: list[Fault] = []
+        self._override = 100.0
+        self._moved_s = 0.0
+        self._events = EventLog(instance, lambda: self._clock() - self._epoch, on_event)
+        self._events.publish("server.started", message=f"machine {name} (light)")
+
+    def methods(self) -> dict[str, Method]:
+        """Its remote methods by name, for `mcserver.net.rpc.RpcServer`."""
+        table: dict[str, tuple[type[wire.Request], Callable[[str, Any], Any], bool]] = {
+            "open": (wire.OpenRequest, self._open, True),
+            "submit": (wire.SubmitRequest, self._submit, True),
+            "close": (wire.CloseRequest, self._close, True),
+            "hold": (wire.ProgramRequest, self._hold, True),
+            "resume": (wire.ProgramRequest, self._resume, True),
+            "abort": (wire.ProgramRequest, self._abort, True),
+            "override": (wire.OverrideRequest, self._set_override, True),
+            "reset": (wire.ResetRequest, self._reset, True),
+            "estop": (wire.EstopRequest, self._estop, True),
+            "status": (wire.StatusRequest, lambda _client, _request: self.status(), False),
+            "programs": (wire.ProgramsRequest, self._list, False),
+            "events": (wire.EventsRequest, self._list_events, False),
+            "info": (wire.Request, lambda _client, _request: self._info(), False),
+        }
+        return {name: Method(request, call, changes) for name, (request, call, changes) in table.items()}
+
+    # ------------------------------------------------------------ time
+
+    def advance(self) -> None:
+        """Let the time since the last call pass; ends programs, acknowledges what is done."""
+        now = self._clock()
+        seconds, self._advanced = max(0.0, now - self._advanced), now
+        running = [program for program in self._programs.values() if not program.ended]
+        if any(program.state == "running" and program.done < program.queue.accepted for program in running):
+            self._moved_s += seconds
+        for program in running:
+            program.advance(seconds * self._override / 100.0)
+            if program.closed and program.done == program.queue.accepted and program.state == "running":
+                self._end(program, "finished")
+            elif program.done != program.reported:
+                self._on_ack(program.ack())
+
+    def status(self) -> wire.MachineStatus:
+        self.advance()
+        now = self._clock()
+        count = len(self._axes)
+        angle = 2.0 * math.pi * self._moved_s / SWING_S
+        position = [SWING_MM * math.sin(angle + axis) - SWING_MM * math.sin(axis) for axis in self._axes]
+        moving = any(each.state == "running" and not each.ended for each in self._programs.values())
+        return wire.MachineStatus(
+            t=now - self._epoch,
+            wall=now,
+            instance=self._instance,
+            state=self.state,
+            axes=wire.AxesStatus(
+                index=self._axes,
+                position=position,
+                setpoint=position,
+                velocity=[0.0] * count,
+                torque=[0.0] * count,
+                state=["moving" if moving else "standstill"] * count,
+            ),
+            programs=[program.status() for program in self._programs.values()],
+            faults=self._faults,
+            override=self._override,
+            late_cycles=0,
+            tools=[],
+        )
+
+    # ------------------------------------------------------------ lines and stops from keys of their own
+
+    def stream(self, client: str, program_id: str, first: int, lines: list[str]) -> None:
+        """Take lines that were put, as far as they are the next ones of this client's program."""
+        program = self._programs.get(program_id)
+        if program is None or program.client != client:
+            return
+        expected = 0
+        if not program.closed and not program.ended:
+            taken = program.queue.take(first, lines)
+            expected = taken.expected if isinstance(taken, Gap) else 0
+        self._on_ack(program.ack(expected))
+
+    def emergency_stop(self, client: str, reason: str) -> None:
+        """Latch the stop and break off every program."""
+        if self.state == "estop":
+            return
+        self.advance()
+        self.state = "estop"
+        fault = Fault(
+            code="MC400",
+            message="emergency stop",
+            hint="remove the cause, then reset",
+            t=self._clock() - self._epoch,
+        )
+        self._faults = [fault]
+        self._events.publish("estop", reason=reason, client=client or None)
+        for program in list(self._programs.values()):
+            if not program.ended:
+                program.fault = fault
+                self._end(program, "faulted")
+
+    # ------------------------------------------------------------ methods
+
+    def _open(self, client: str, request: wire.OpenRequest) -> wire.OpenReply:
+        self._require_ready()
+        if sum(not program.ended for program in self._programs.values()) >= OPEN_PROGRAMS:
+            raise Refused("MC508", f"{OPEN_PROGRAMS} programs are open", "close one", limit=OPEN_PROGRAMS)
+        if request.start_line != 1 or request.resume_of is not None:
+            raise Refused("MC511", "a light machine resumes nothing", "open the program from its first line")
+        self._counter += 1
+        axes = request.axes or self._axes
+        program = LightProgram(
+            f"{self._instance}-{self.name}-{self._counter}",
+            client,
+            request.name,
+            list(axes),
+            self._clock(),
+            self._line_s,
+        )
+        self._forget_ended()
+        self._programs[program.program] = program
+        self._events.publish("program.opened", program=program.program, client=client, state=program.state)
+        return wire.OpenReply(
+            program=program.program,
+            state=program.state,
+            axes=program.axes,
+            expected=1,
+            credit=program.queue.credit,
+            instance=self._instance,
+        )
+
+    def _submit(self, client: str, request: wire.SubmitRequest) -> wire.SubmitReply:
+        program = self._owned(client, request.program)
+        if program.closed or program.ended:
+            raise Refused(
+                "MC510", f"{program.program} takes no more lines", "open another program", state=program.state
+            )
+        taken = program.queue.take(request.first, request.lines)
+        if isinstance(taken, Gap):
+            raise Refused(
+                "MC505",
+                f"line {taken.expected} is the next one expected, not {request.first}",
+                f"send lines from {taken.expected} on",
+                expected=taken.expected,
+                accepted=program.queue.accepted,
+                done=program.done,
+                credit=program.queue.credit,
+            )
+        return wire.SubmitReply(program.program, program.queue.accepted, program.done, program.queue.credit)
+
+    def _close(self, client: str, request: wire.CloseRequest) -> wire.CloseReply:
+        program = self._owned(client, request.program)
+        accepted = program.queue.accepted
+        if request.last is not None and not program.ended and accepted < request.last:
+            raise Refused(
+                "MC505",
+                f"line {accepted + 1} is the next one expected, {request.last} was to be the last",
+                f"send lines from {accepted + 1} on first",
+                expected=accepted + 1,
+                accepted=accepted,
+                done=program.done,
+                credit=program.queue.credit,
+            )
+        program.closed = True
+        return wire.CloseReply(program.program, accepted, program.done, program.state)
+
+    def _hold(self, _client: str, request: wire.ProgramRequest) -> wire.Done:
+        return self._turn(request.program, "running", "held")
+
+    def _resume(self, _client: str, request: wire.ProgramRequest) -> wire.Done:
+        self._require_ready()
+        return self._turn(request.program, "held", "running")
+
+    def _abort(self, _client: str, request: wire.ProgramRequest) -> wire.Done:
+        self.advance()
+        chosen = self._chosen(request.program)
+        for program in chosen:
+            self._end(program, "aborted")
+        return wire.Done(programs=[program.program for program in chosen])
+
+    def _set_override(self, _client: str, request: wire.OverrideRequest) -> wire.OverrideReply:
+        self.advance()
+        self._override = request.percent
+        return wire.OverrideReply(request.percent, [program.program for program in self._chosen(None)])
+
+    def _reset(self, _client: str, _request: wire.ResetRequest) -> wire.Done:
+        self.state, self._faults = "ready", []
+        self._events.publish("reset", message="the latch is cleared")
+        return wire.Done()
+
+    def _estop(self, client: str, request: wire.EstopRequest) -> wire.Done:
+        self.emergency_stop(client, request.reason)
+        return wire.Done()
+
+    def _list(self, _client: str, request: wire.ProgramsRequest) -> wire.ProgramsReply:
+        self.advance()
+        found = [
+            each for each in reversed(self._programs.values()) if request.program in (None, each.program)
+        ]
+        if request.program is not None and not found:
+            self._owned("", request.program)
+        shown = [each.status() for each in found if request.ended or not each.ended]
+        return wire.ProgramsReply(shown[: request.limit])
+
+    def _list_events(self, _client: str, request: wire.EventsRequest) -> wire.EventsReply:
+        return wire.EventsReply(
+            instance=self._instance,
+            oldest=self._events.oldest,
+            newest=self._events.newest,
+            events=self._events.since(request.since, request.limit),
+        )
+
+    def _info(self) -> wire.Info:
+        axis = {
+            "type": "linear",
+            "unit": "mm",
+            "max_velocity": 200.0,
+            "max_acceleration": 1000.0,
+            "drive": "simulated",
+        }
+        return wire.Info(
+            machine=self.name,
+            server="light",
+            protocol=[PROTOCOL_VERSION],
+            instance=self._instance,
+            epoch=self._epoch,
+            cycle_s=CYCLE_S,
+            axes=[wire.AxisInfo(index=index, **axis) for index in self._axes],  # type: ignore[arg-type]
+            tools=[],
+            telemetry=wire.TelemetryInfo(self._axes, list(TELEMETRY_FIELDS), CYCLES_A_MESSAGE, 0.0),
+            limits=wire.LimitsInfo(
+                max_line_length=MAX_LINE_LENGTH,
+                max_lines_a_message=MAX_LINES_A_MESSAGE,
+                queue_lines=QUEUE_LINES,
+                programs_at_once=OPEN_PROGRAMS,
+                open_programs=OPEN_PROGRAMS,
+                remembered_answers=REMEMBERED_ANSWERS,
+                remembered_answer_s=REMEMBERED_S,
+            ),
+            methods=sorted(self.methods()),
+        )
+
+    # ------------------------------------------------------------ inside
+
+    def _turn(self, program_id: str | None, before: ProgramState, after: ProgramState) -> wire.Done:
+        self.advance()
+        chosen = [program for program in self._chosen(program_id) if program.state == before]
+        for program in chosen:
+            program.state = after
+            self._on_ack(program.ack())
+        return wire.Done(programs=[program.program for program in chosen])
+
+    def _end(self, program: LightProgram, state: ProgramState) -> None:
+        program.state = state
+        program.closed = True
+        program.ended_at = self._clock()
+        self._events.publish("program.ended", program=program.program, client=program.client, state=state)
+        self._on_ack(program.ack())
+
+    def _chosen(self, program_id: str | None) -> list[LightProgram]:
+        if program_id is not None and program_id not in self._programs:
+            self._owned("", program_id)
+        return [
+            program
+            for program in self._programs.values()
+            if not program.ended and program_id in (None, program.program)
+        ]
+
+    def _owned(self, client: str, program_id: str) -> LightProgram:
+        program = self._programs.get(program_id)
+        if program is None:
+            raise Refused(
+                "MC503", f"there is no program {program_id}", "list them with `programs`", program=program_id
+            )
+        if program.client != client:
+            raise Refused(
+                "MC504",
+                f"{program_id} belongs to {program.client}",
+                "open a program of your own",
+                program=program_id,
+            )
+        return program
+
+    def _require_ready(self) -> None:
+        if self.state == "estop":
+            raise Refused("MC509", "the emergency stop is latched", "remove the cause, then reset", faults=[])
+
+    def _forget_ended(self) -> None:
+        ended = [key for key, program in self._programs.items() if program.ended]
+        for key in ended[: max(0, len(ended) - ENDED_PROGRAMS + 1)]:
+            del self._programs[key]

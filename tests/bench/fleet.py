@@ -1,0 +1,131 @@
+"""Fleets of light machines behind one router and two: discovery, bandwidth, and what router and viewer need.
+
+It runs in a network namespace of its own, so that the loopback carries nothing else. MC_FLEET=10,100 in the
+environment takes other sizes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.bench.figures import Figure, NotAvailable
+from tests.bench.server import free_port
+from tests.bench.telemetry import cpu_seconds
+
+SIZES = (10, 100, 1000)
+STATE_HZ = 1.0
+INSIDE = "MC_FLEET_INSIDE"
+
+
+def measure() -> list[Figure]:
+    """All sizes, behind one router and behind two, of which the viewer is at the first."""
+    if os.environ.get(INSIDE):
+        return [figure for size in _sizes() for routers in (1, 2) for figure in _fleet(size, routers)]
+    unshare = shutil.which("unshare")
+    if (
+        unshare is None
+        or subprocess.run([unshare, "-n", "true"], check=False, capture_output=True).returncode
+    ):
+        raise NotAvailable("a network namespace (unshare -n) needs root")
+    inside = (
+        "import json; from tests.bench import fleet; print(json.dumps([vars(f) for f in fleet.measure()]))"
+    )
+    done = subprocess.run(
+        [unshare, "-n", "sh", "-c", 'ip link set lo up && exec "$0" -c "$1"', sys.executable, inside],
+        env=os.environ | {INSIDE: "1"},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    return [Figure(**each) for each in json.loads(done.stdout.splitlines()[-1])]
+
+
+def _sizes() -> tuple[int, ...]:
+    chosen = os.environ.get("MC_FLEET", "")
+    return tuple(int(size) for size in chosen.split(",")) if chosen else SIZES
+
+
+def _fleet(machines: int, routers: int) -> list[Figure]:
+    with contextlib.ExitStack() as stack:
+        endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in range(routers)]
+        pids = []
+        for number, endpoint in enumerate(endpoints):
+            command = ["-m", "tests.bench.plain_router", endpoint, *endpoints[:number]]
+            pids.append(stack.enter_context(_running(command)))
+        for number, endpoint in enumerate(endpoints):
+            share = machines // routers
+            options = [
+                "--machines",
+                str(share),
+                "--first",
+                str(1 + number * share),
+                "--state-hz",
+                str(STATE_HZ),
+            ]
+            command = ["-m", "mcserver", "fleet-sim", *options, "--connect", endpoint]
+            stack.enter_context(_running(command, narrates=True))
+        viewer = subprocess.Popen(
+            [sys.executable, "-m", "tests.bench.fleet_viewer", endpoints[0], str(machines)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert viewer.stdout is not None
+        viewer.stdout.readline()
+        before = cpu_seconds(pids[0])
+        seen = json.loads(viewer.stdout.readline())
+        router_cpu = 100.0 * (cpu_seconds(pids[0]) - before) / 5.0
+        viewer.wait(60)
+        router_mib = _resident_mib(pids[0])
+    if seen["found"] < machines or seen["answered"] < machines:
+        raise NotAvailable(f"{seen['found']} of {machines} found, {seen['answered']} answered")
+    what = f"{machines} machines, {routers} router{'s' if routers > 1 else ''}"
+    return [
+        Figure(f"{what}: discovery", 1e3 * seen["discovery_s"], "ms"),
+        Figure(f"{what}: states of all, by one query", 1e3 * seen["states_s"], "ms"),
+        Figure(f"{what}: bytes for that", seen["states_bytes"] / machines, "B a machine"),
+        Figure(
+            f"{what}: states that come at {STATE_HZ:g} Hz",
+            seen["states_a_second"],
+            "1/s",
+            machines * STATE_HZ,
+            "asked for",
+        ),
+        Figure(f"{what}: bytes for them", seen["listen_bytes_a_second"] / 1024.0, "KiB/s"),
+        Figure(f"{what}: CPU of the router meanwhile", router_cpu, "% of a core"),
+        Figure(f"{what}: memory of the router", router_mib, "MiB"),
+        Figure(f"{what}: CPU of the viewer meanwhile", seen["viewer_cpu"], "% of a core"),
+        Figure(f"{what}: memory of the viewer", seen["viewer_mib"], "MiB"),
+    ]
+
+
+@contextlib.contextmanager
+def _running(command: list[str], *, narrates: bool = False) -> Iterator[int]:
+    process = subprocess.Popen(
+        [sys.executable, *command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL if narrates else subprocess.PIPE,
+        stderr=subprocess.PIPE if narrates else None,
+        text=True,
+    )
+    try:
+        said = process.stderr if narrates else process.stdout
+        assert said is not None
+        line = said.readline()
+        if "ready" not in line and "light machines" not in line:
+            raise NotAvailable(f"{' '.join(command)} does not start: {line}{said.read()[-300:]}")
+        yield process.pid
+    finally:
+        process.terminate()
+        process.communicate(timeout=30)
+
+
+def _resident_mib(pid: int) -> float:
+    status = Path(f"/proc/{pid}/status").read_text("ascii")
+    return next(int(line.split()[1]) / 1024.0 for line in status.splitlines() if line.startswith("VmRSS"))
