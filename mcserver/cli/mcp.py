@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
+from mcserver.cli.options import DEFAULT_MACHINE, CertificateOption, KeyOption, MachineOption
 from mcserver.errors import UsageFault
 from mcserver.machine.machine_file import load_machine
 
@@ -36,11 +36,28 @@ def mcp(
             "--http", metavar="HOST:PORT", help="Serve streamable HTTP there, instead of standard input."
         ),
     ] = None,
+    token_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--token-file", metavar="PATH", help="With --http: the token that every request has to bring."
+        ),
+    ] = None,
+    origin: Annotated[
+        list[str] | None,
+        typer.Option("--origin", metavar="URL", help="With --http: pages that may connect. Repeatable."),
+    ] = None,
+    certificate: CertificateOption = None,
+    key: KeyOption = None,
 ) -> None:
     """Serve agents: check, simulate, draft; with --connect also status, hold, abort and requests for runs."""
     described = load_machine(machine)
     host, port = _address(http) if http else ("", 0)
+    if not http and (token_file or origin or certificate or key):
+        raise UsageFault(
+            "MC017", "standard input needs no token, origin or TLS", "leave them out, or give --http"
+        )
     try:
+        from mcserver.language.agents.http import HttpAddress, read_token, serve
         from mcserver.language.agents.server import AgentTools, build_server
     except ImportError as error:
         raise UsageFault(
@@ -48,9 +65,13 @@ def mcp(
             f"the agents' server needs {error.name}",
             "install the extra: pip install 'mcserver[mcp]'",
         ) from error
+    token = read_token(token_file) if token_file is not None else None
+    address = HttpAddress(host, port, token, tuple(origin or ()), certificate, key)
+    if http:
+        address.require_protection()
     server = build_server(AgentTools(described, machine, connect=connect, zenoh=zenoh, recordings=recordings))
     if http:
-        server.run("streamable-http", host=host, port=port)
+        serve(server, address)
     else:
         server.run("stdio")
 
@@ -59,4 +80,4 @@ def _address(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise UsageFault("MC017", f"{text!r} is no address", "such as 127.0.0.1:8808")
-    return host, int(port)
+    return host.removeprefix("[").removesuffix("]"), int(port)
