@@ -82,3 +82,10 @@ def program_excerpt(lines: Sequence[str], now: int, faulty: dict[int, str]) -> s
         if number in faulty:
             rows.append(f'<span class="mark">        {html.escape(faulty[number])}</span>')
     return f'<pre class="mc-program" tabindex="0" aria-label="Program text">{"".join(rows)}</pre>'
+
+
+def channel_text(kind: str, value: float, unit: str) -> str:
+    """An input's or output's value: on, off, or a number with its unit."""
+    if kind == "digital":
+        return "on" if value else "off"
+    return f"{value:g} {unit}".rstrip()

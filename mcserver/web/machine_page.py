@@ -8,6 +8,7 @@ from nicegui import events, ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import banner
 from mcserver.web.link import MachineLink
+from mcserver.web.panels.channels import ChannelsPanel
 from mcserver.web.panels.jog import JogPanel
 from mcserver.web.panels.mdi import MdiPanel
 from mcserver.web.panels.messages import EventPanel, FaultPanel
@@ -42,6 +43,7 @@ class MachinePage:
                     self._positions = PositionsPanel()
                     self._jog = JogPanel(actions)
                     self._mdi = MdiPanel(actions)
+                    self._channels = ChannelsPanel(actions)
                 with ui.column().classes("w-full gap-3"):
                     self._trail = TrailPanel(link)
                     self._chart = ChartPanel(link)
@@ -122,6 +124,7 @@ class MachinePage:
         self._late.set_text(f"{status.late_cycles} late cycles")
         self._positions.update(status, machine.info)
         self._jog.update(machine.info)
+        self._channels.update(status, machine.info)
         self._faults.update(status)
         self._override_label.set_text(f"Override {status.override:.0f} %")
         if self._turn % SLOW_EVERY == 0:

@@ -6,7 +6,14 @@ import pytest
 from mcclient import MachineStatus, ProgramStatus
 from mcclient.types import AxesStatus
 
-from mcserver.web.formatting import banner, clock_text, current_program, position_text, program_excerpt
+from mcserver.web.formatting import (
+    banner,
+    channel_text,
+    clock_text,
+    current_program,
+    position_text,
+    program_excerpt,
+)
 
 
 def status(state: str = "ready", *programs: ProgramStatus) -> MachineStatus:
@@ -22,6 +29,19 @@ def program(name: str, state: str, opened_at: float = 0.0) -> ProgramStatus:
 )
 def test_times_read_as_clocks(seconds: float | None, text: str) -> None:
     assert clock_text(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "unit", "text"),
+    [
+        ("digital", 1.0, "", "on"),
+        ("digital", 0.0, "", "off"),
+        ("analog", 2.5, "bar", "2.5 bar"),
+        ("analog", 2.5, "", "2.5"),
+    ],
+)
+def test_a_channel_is_on_or_off_or_a_number(kind: str, value: float, unit: str, text: str) -> None:
+    assert channel_text(kind, value, unit) == text
 
 
 def test_a_position_has_no_negative_zero() -> None:
