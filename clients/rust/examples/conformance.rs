@@ -1,0 +1,98 @@
+//! The conformance program: ENDPOINT TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop; JSON
+//! on standard output, one object a line. Zenoh has no token: it is taken and not used.
+
+use std::time::Duration;
+
+use mcclient::{ConnectOptions, EmergencyStop, Error, Machine, OnDisconnect, ProgramOptions, Result};
+use serde_json::{Value, json};
+
+const CONFIRMED_WITHIN: Duration = Duration::from_secs(5);
+
+#[tokio::main]
+async fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [endpoint, _token, task, rest @ ..] = arguments.as_slice() else {
+        eprintln!(
+            "usage: conformance ENDPOINT TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop"
+        );
+        std::process::exit(2);
+    };
+    let options = ConnectOptions::new().endpoint(endpoint);
+    if let Err(error) = run(options, task, rest).await {
+        say(&complaint(&error));
+        std::process::exit(1);
+    }
+}
+
+fn say(value: &Value) {
+    println!("{value}");
+}
+
+fn complaint(error: &Error) -> Value {
+    let about = error.program();
+    let detail = |name: &str| error.problem().details.get(name).cloned().unwrap_or_default();
+    json!({"code": error.code(), "message": error.message(), "hint": error.hint(), "diagnostics": error.diagnostics(),
+        "accepted": about.map_or_else(|| detail("accepted"), |about| json!(about.accepted)),
+        "done": about.map_or_else(|| detail("done"), |about| json!(about.done))})
+}
+
+async fn run(options: ConnectOptions, task: &str, rest: &[String]) -> Result<()> {
+    if task == "estop" {
+        let button = EmergencyStop::connect(&options).await?;
+        button.press("conformance", CONFIRMED_WITHIN).await?;
+        button.close().await;
+    }
+    let machine = options.connect().await?;
+    match (task, rest) {
+        ("stream", [file]) => stream(&machine, file, None).await?,
+        ("stream", [file, program, line]) => stream(&machine, file, Some((program, number(line)))).await?,
+        ("watch", [rows]) => watch(&machine, number(rows)).await?,
+        ("jog", [axis, velocity, milliseconds]) => {
+            let velocity: f64 = velocity.parse().expect("a velocity");
+            let jog = machine.jog_held(number(axis), velocity, None).await?;
+            tokio::time::sleep(Duration::from_millis(number(milliseconds))).await;
+            jog.stop().await?;
+            say(&json!({"ok": true}));
+        }
+        ("estop", []) => say(&json!({"state": machine.status().await?.state})),
+        _ => {
+            eprintln!("no such task: {task} {rest:?}");
+            std::process::exit(2);
+        }
+    }
+    machine.close().await;
+    Ok(())
+}
+
+fn number(text: &str) -> u64 {
+    text.parse().expect("a number")
+}
+
+async fn stream(machine: &Machine, file: &str, resume: Option<(&str, u64)>) -> Result<()> {
+    let text = std::fs::read_to_string(file).expect("a file that can be read");
+    let options = ProgramOptions::new().name(file).on_disconnect(OnDisconnect::Finish);
+    let (program, first) = match resume {
+        Some((former, line)) => (machine.resume_program(former, line, options).await?, line),
+        None => (machine.program(options).await?, 1),
+    };
+    say(&json!({"program": program.id()}));
+    let known = usize::try_from(first - 1).expect("a line of the file");
+    program.send_lines(text.lines().filter(|line| !line.is_empty()).skip(known)).await?;
+    let result = program.finish().await?;
+    say(&json!({"state": program.state(), "accepted": result.accepted, "done": result.done}));
+    Ok(())
+}
+
+async fn watch(machine: &Machine, rows: u64) -> Result<()> {
+    let mut feed = machine.samples().await?;
+    let (mut seen, mut gaps, mut axes, mut next) = (0, 0, 0, None);
+    while seen < rows {
+        let Some(samples) = feed.next().await else { break };
+        gaps += u64::from(next.is_some_and(|next| next != samples.seq));
+        next = Some(samples.seq + samples.rows as u64);
+        seen += samples.rows as u64;
+        axes = samples.axes.len();
+    }
+    say(&json!({"rows": seen, "gaps": gaps, "axes": axes}));
+    Ok(())
+}

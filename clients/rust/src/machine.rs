@@ -1,0 +1,490 @@
+//! A machine: the client's entrance.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::time::Duration;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use tokio::sync::OnceCell;
+use tokio::task::JoinHandle;
+use zenoh::liveliness::LivelinessToken;
+
+use crate::calls::{Caller, Nothing, Trying};
+use crate::discovery::{ConnectOptions, find_machine};
+use crate::error::{Error, Problem, Result};
+use crate::estop::{EmergencyStop, send_until_confirmed};
+use crate::events::{EVENTS_LIMIT, EventOrder, NEWEST, fetch, read_events};
+use crate::feed::{Feed, Queue};
+use crate::jog::{HeldJog, jog_by, jog_held};
+use crate::keys::{Keys, PROTOCOL_VERSION};
+use crate::link::{Link, Subscription};
+use crate::messages::{
+    CheckResult, Done, DriveInfo, DrivesReply, Event, Info, MachineStatus, OpenReply, OverrideReply,
+    ProgramStatus, ProgramsReply,
+};
+use crate::presence::{Presence, lock};
+use crate::program::{Program, ProgramOptions, ProgramRequest};
+use crate::stream::{LineStream, ProgramsRequest};
+use crate::telemetry::{Samples, decode_samples};
+use crate::wire::decode;
+
+const STATES_LIMIT: usize = 32;
+const SAMPLES_LIMIT: usize = 4096;
+const PROGRAMS_LIMIT: u32 = 1000;
+
+#[derive(Serialize)]
+struct OverrideRequest<'a> {
+    percent: f64,
+    program: Option<&'a str>,
+}
+
+#[derive(Serialize)]
+struct ResetRequest<'a> {
+    axes: Option<&'a [u64]>,
+}
+
+#[derive(Serialize)]
+struct CheckRequest<'a> {
+    text: &'a str,
+    positions: Option<BTreeMap<String, f64>>,
+}
+
+#[derive(Serialize)]
+struct SimulateRequest<'a> {
+    text: &'a str,
+}
+
+/// Ends a task when it is dropped.
+struct Running(JoinHandle<()>);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
+}
+
+/// What a machine's handles and programs share.
+pub(crate) struct Inner {
+    pub link: Link,
+    pub keys: Arc<Keys>,
+    pub caller: Caller,
+    pub patience: Duration,
+    presence: Arc<Presence>,
+    options: ConnectOptions,
+    info: Arc<RwLock<Arc<Info>>>,
+    token: OnceCell<LivelinessToken>,
+    watch: Mutex<Option<Subscription>>,
+}
+
+/// A connected machine; clones are handles of the same connection.
+#[derive(Clone)]
+pub struct Machine {
+    inner: Arc<Inner>,
+}
+
+impl Machine {
+    /// Connects to the machine that the environment names (`MC_MACHINE`, `MC_CONNECT`), else to this computer's only
+    /// one. [`ConnectOptions`] has the rest.
+    ///
+    /// # Errors
+    /// As [`ConnectOptions::connect`].
+    pub async fn connect() -> Result<Self> {
+        ConnectOptions::new().connect().await
+    }
+
+    pub(crate) async fn open(options: ConnectOptions) -> Result<Self> {
+        let client = options.client_id()?;
+        let link = options.link().await?;
+        match Self::on(link.clone(), options, client).await {
+            Ok(machine) => Ok(machine),
+            Err(error) => {
+                link.close().await;
+                Err(error)
+            }
+        }
+    }
+
+    async fn on(link: Link, options: ConnectOptions, client: String) -> Result<Self> {
+        let machine = find_machine(&link, options.machine.as_deref(), options.timeout).await?;
+        let presence = Arc::new(Presence::new(&machine));
+        let keys = Arc::new(Keys { machine, client });
+        let link = link.believing(&presence);
+        let watching = Arc::clone(&presence);
+        let watch = link.watch_tokens(&keys.live(), move |key, gone| watching.on_token(key, gone)).await?;
+        presence.wait_online(options.timeout).await;
+        let caller = Caller::new(link.clone(), Arc::clone(&keys), Arc::clone(&presence));
+        let trying = Trying::within(options.timeout.max(crate::calls::DEADLINE));
+        let info: Info = decode(&caller.call("info", &Nothing {}, trying).await?)?;
+        if !info.protocol.is_empty() && !info.protocol.contains(&PROTOCOL_VERSION) {
+            return Err(Error::Protocol(Box::new(Problem::new(
+                "MC533",
+                format!(
+                    "{} speaks protocol {:?}, this client {PROTOCOL_VERSION}",
+                    keys.machine, info.protocol
+                ),
+                "use the version of this crate that belongs to the server",
+            ))));
+        }
+        let patience = options.patience;
+        Ok(Self {
+            inner: Arc::new(Inner {
+                link,
+                keys,
+                caller,
+                patience,
+                presence,
+                options,
+                info: Arc::new(RwLock::new(Arc::new(info))),
+                token: OnceCell::new(),
+                watch: Mutex::new(Some(watch)),
+            }),
+        })
+    }
+
+    /// Ends the link; programs still open end as their `on_disconnect` says.
+    pub async fn close(&self) {
+        lock(&self.inner.watch).take();
+        self.inner.link.close().await;
+    }
+
+    // ------------------------------------------------------------ what it is and does
+
+    /// The machine's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.inner.keys.machine
+    }
+
+    /// This client's id.
+    #[must_use]
+    pub fn client(&self) -> &str {
+        &self.inner.keys.client
+    }
+
+    /// Axes, limits, tools, units; as of the connection or the last [`Machine::refresh_info`].
+    #[must_use]
+    pub fn info(&self) -> Arc<Info> {
+        self.inner.info()
+    }
+
+    /// Whether the server is there now.
+    #[must_use]
+    pub fn online(&self) -> bool {
+        self.inner.presence.online()
+    }
+
+    /// Asks again, such as after the server was started anew.
+    ///
+    /// # Errors
+    /// [`Error::NobodyAnswers`], [`Error::NoAnswerInTime`], [`Error::RequestRefused`]; so all calls below.
+    pub async fn refresh_info(&self) -> Result<Arc<Info>> {
+        let info: Arc<Info> = Arc::new(self.inner.ask("info", &Nothing {}).await?);
+        *self.inner.info.write().unwrap_or_else(PoisonError::into_inner) = Arc::clone(&info);
+        Ok(info)
+    }
+
+    /// Asks for the whole machine's state now.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn status(&self) -> Result<MachineStatus> {
+        self.inner.ask("status", &Nothing {}).await
+    }
+
+    /// Lists the programs that the server knows, the newest first: running, queued, ended and interrupted.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn programs(&self) -> Result<Vec<ProgramStatus>> {
+        let request = ProgramsRequest {
+            program: None,
+            ended: true,
+            limit: PROGRAMS_LIMIT,
+        };
+        let reply: ProgramsReply = self.inner.ask("programs", &request).await?;
+        Ok(reply.programs)
+    }
+
+    /// Lists the drives on CAN buses.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn drives(&self) -> Result<Vec<DriveInfo>> {
+        let reply: DrivesReply = self.inner.ask("drives", &Nothing {}).await?;
+        Ok(reply.drives)
+    }
+
+    /// Calls any remote method by its name (docs/wire/calls.md); the request is numbered and repeated until it is
+    /// answered.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn call<T: DeserializeOwned>(&self, method: &str, fields: &impl Serialize) -> Result<T> {
+        self.inner.ask(method, fields).await
+    }
+
+    // ------------------------------------------------------------ programs
+
+    /// Opens a program.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn program(&self, options: ProgramOptions) -> Result<Program> {
+        let inner = &self.inner;
+        // before the first program: the server ends programs whose token has gone
+        inner.declare_token().await?;
+        let opened: OpenReply = inner.ask("open", &options).await?;
+        let stream = LineStream::open(
+            &opened,
+            inner.link.clone(),
+            Arc::clone(&inner.keys),
+            inner.caller.clone(),
+            &inner.presence,
+            inner.patience,
+        )
+        .await?;
+        Ok(Program::new(stream, Arc::clone(inner), opened))
+    }
+
+    /// Goes on with an interrupted program from `start_line`, its modal state rebuilt by the server.
+    ///
+    /// The lines from `start_line` on have to be sent; the first one has that number.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`]; MC514 the journal no longer holds the lines.
+    pub async fn resume_program(
+        &self,
+        program: &str,
+        start_line: u64,
+        options: ProgramOptions,
+    ) -> Result<Program> {
+        self.program(options.resume_of(program, start_line)).await
+    }
+
+    // ------------------------------------------------------------ the operator's part
+
+    /// Feed hold along the path, of one program or all; returns those concerned.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn hold(&self, program: Option<&str>) -> Result<Vec<String>> {
+        self.inner.order("hold", program).await
+    }
+
+    /// Ends a hold, M00 or M01.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn resume(&self, program: Option<&str>) -> Result<Vec<String>> {
+        self.inner.order("resume", program).await
+    }
+
+    /// Stops along the path, then drops the rest.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn abort(&self, program: Option<&str>) -> Result<Vec<String>> {
+        self.inner.order("abort", program).await
+    }
+
+    /// Sets the feed override of one program, or of all and those to come [%]; returns the one now in force.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn set_override(&self, percent: f64, program: Option<&str>) -> Result<f64> {
+        self.inner.set_override(percent, program).await
+    }
+
+    /// Moves one axis by a distance [mm, deg] from where it is; returns the jog's program id.
+    ///
+    /// `velocity` [mm/s, deg/s]; none: a tenth of the axis's limit.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`]; MC512 the axis is leased.
+    pub async fn jog(&self, axis: u64, distance: f64, velocity: Option<f64>) -> Result<String> {
+        self.inner.declare_token().await?;
+        jog_by(&self.inner.caller, axis, distance, velocity).await
+    }
+
+    /// Moves one axis on until the result is stopped or dropped; `velocity` is signed [mm/s, deg/s].
+    ///
+    /// `hold` is the dead man's time (0.5 s where none is given): when this program or its link dies, the axis stops
+    /// after it.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`]; MC512 the axis is leased.
+    pub async fn jog_held(&self, axis: u64, velocity: f64, hold: Option<Duration>) -> Result<HeldJog> {
+        self.inner.declare_token().await?;
+        jog_held(&self.inner.caller, axis, velocity, hold).await
+    }
+
+    /// Clears a latched fault or emergency stop, of these axes or all; energy comes back with G1010 only.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`]; MC509 motion is still coming to rest.
+    pub async fn reset(&self, axes: Option<&[u64]>) -> Result<()> {
+        self.inner.ask::<Done>("reset", &ResetRequest { axes }).await.map(|_| ())
+    }
+
+    /// Emergency stop: at once on this machine's link, and on a session of its own as soon as that is open; returns
+    /// once the server has confirmed. No safety function: see [`EmergencyStop`].
+    ///
+    /// # Errors
+    /// MC532 no confirmation within the time: use the machine's own circuit.
+    pub async fn estop(&self, reason: &str, limit: Duration) -> Result<()> {
+        let here = send_until_confirmed(&self.inner.link, &self.inner.keys, reason, limit);
+        let options = self.inner.options.clone().machine(self.name());
+        let beside = async {
+            let button = EmergencyStop::connect(&options).await?;
+            let stopped = button.press(reason, limit).await;
+            button.close().await;
+            stopped
+        };
+        tokio::pin!(here, beside);
+        tokio::select! {
+            stopped = &mut here => match stopped {
+                Ok(()) => Ok(()),
+                Err(_) => beside.await,
+            },
+            stopped = &mut beside => match stopped {
+                Ok(()) => Ok(()),
+                Err(_) => here.await,
+            },
+        }
+    }
+
+    // ------------------------------------------------------------ without motion
+
+    /// Finds every fault of a program's text; `positions` start the axes there [mm, deg].
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn check(&self, text: &str, positions: Option<&BTreeMap<u64, f64>>) -> Result<CheckResult> {
+        let positions = positions.map(|all| all.iter().map(|(axis, &at)| (axis.to_string(), at)).collect());
+        let request = CheckRequest { text, positions };
+        decode(&self.inner.caller.call("check", &request, Trying::long_job()).await?)
+    }
+
+    /// Runs a text on a virtual clock; the object of `mcserver simulate --json`.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn simulate(&self, text: &str) -> Result<Value> {
+        let request = SimulateRequest { text };
+        decode(&self.inner.caller.call("simulate", &request, Trying::long_job()).await?)
+    }
+
+    // ------------------------------------------------------------ what it says
+
+    /// Listens to the whole machine's state, some 20 times a second; a slow reader gets the newest ones.
+    ///
+    /// # Errors
+    /// MC539 the client is closed.
+    pub async fn telemetry(&self) -> Result<Feed<MachineStatus>> {
+        self.inner.feed(&self.inner.keys.state(), STATES_LIMIT, decode).await
+    }
+
+    /// Listens to every cycle of every axis, some cycles at a time.
+    ///
+    /// # Errors
+    /// MC539 the client is closed.
+    pub async fn samples(&self) -> Result<Feed<Samples>> {
+        let info = Arc::clone(&self.inner.info);
+        let read = move |payload: &[u8]| {
+            let now = Arc::clone(&info.read().unwrap_or_else(PoisonError::into_inner));
+            decode_samples(payload, &now)
+        };
+        self.inner.feed(&self.inner.keys.samples(), SAMPLES_LIMIT, read).await
+    }
+
+    /// Listens to events in order and without gap from now on; with `history` those that the server still has come
+    /// first.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn events(&self, history: bool) -> Result<Feed<Event>> {
+        self.inner.open_events(history, None).await
+    }
+}
+
+impl Inner {
+    pub fn info(&self) -> Arc<Info> {
+        Arc::clone(&self.info.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// This client's token: without it the server does not notice that the client has gone.
+    async fn declare_token(&self) -> Result<()> {
+        let key = self.keys.token();
+        self.token.get_or_try_init(|| self.link.declare_token(&key)).await.map(|_| ())
+    }
+
+    async fn ask<T: DeserializeOwned>(&self, method: &str, fields: &impl Serialize) -> Result<T> {
+        decode(&self.caller.call(method, fields, Trying::default()).await?)
+    }
+
+    pub async fn order(&self, method: &str, program: Option<&str>) -> Result<Vec<String>> {
+        let done: Done = self.ask(method, &ProgramRequest { program }).await?;
+        Ok(done.programs)
+    }
+
+    pub async fn set_override(&self, percent: f64, program: Option<&str>) -> Result<f64> {
+        let reply: OverrideReply = self.ask("override", &OverrideRequest { percent, program }).await?;
+        Ok(reply.percent)
+    }
+
+    async fn feed<T: Send + 'static>(
+        &self,
+        key: &str,
+        limit: usize,
+        read: impl Fn(&[u8]) -> Result<T> + Send + Sync + 'static,
+    ) -> Result<Feed<T>> {
+        let queue = Queue::new(limit);
+        let arrived = queue.clone();
+        let hear = move |payload: &[u8]| match read(payload) {
+            Ok(item) => arrived.push(item),
+            Err(error) => tracing::warn!("a message was not understood: {error}"),
+        };
+        let subscription = self.link.subscribe(key, hear).await?;
+        Ok(Feed::new(queue, subscription))
+    }
+
+    pub async fn open_events(&self, history: bool, program: Option<String>) -> Result<Feed<Event>> {
+        let returns = self.presence.returns();
+        let arrived = Queue::new(EVENTS_LIMIT);
+        let hearing = arrived.clone();
+        let hear = move |payload: &[u8]| match decode::<Event>(payload) {
+            Ok(event) => hearing.push(event),
+            Err(error) => tracing::warn!("an event was not understood: {error}"),
+        };
+        let subscription = self.link.subscribe(&self.keys.event(), hear).await?;
+        let order = if history {
+            EventOrder::default()
+        } else {
+            EventOrder::behind(&fetch(&self.caller, NEWEST).await?)
+        };
+        let queue = Queue::new(EVENTS_LIMIT);
+        let (passing, missing) = (queue.clone(), queue.clone());
+        let pass_on = move |event: Event| {
+            if program.is_some() && event.program != program {
+                return;
+            }
+            let last = program.is_some() && event.kind == "program.ended";
+            passing.push(event);
+            if last {
+                passing.end();
+            }
+        };
+        let reading = tokio::spawn(read_events(
+            arrived,
+            order,
+            self.caller.clone(),
+            returns,
+            pass_on,
+            move |count| missing.miss(count),
+            history,
+        ));
+        Ok(Feed::new(queue, (subscription, Running(reading))))
+    }
+}
