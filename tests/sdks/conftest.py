@@ -19,6 +19,8 @@ from mcclient import sync
 
 from tests.e2e.servers import ROOT, ServerProcess
 from tests.gateway.conftest import GatewayProcess, tokens
+from tests.sdks import maven
+from tests.sdks.cargo import cargo
 
 __all__ = ["tokens"]
 
@@ -68,7 +70,20 @@ def go() -> Sdk:
     return Sdk((str(made),), "gateway")
 
 
-SDKS = {each.__name__: each for each in (python, typescript, go)}
+def rust() -> Sdk:
+    needed("cargo")
+    cargo("build", "--locked", "--example", "conformance")
+    return Sdk((str(ROOT / "clients" / "rust" / "target" / "debug" / "examples" / "conformance"),), "zenoh")
+
+
+def java() -> Sdk:
+    needed("java")
+    needed("mvn")
+    maven.maven("-DskipTests", "test")
+    return Sdk((*maven.java(), "org.mcserver.client.Conformance"), "gateway")
+
+
+SDKS = {each.__name__: each for each in (python, typescript, go, rust, java)}
 
 
 def needed(tool: str) -> str:

@@ -3,36 +3,17 @@
 from __future__ import annotations
 
 import os
-import shutil
-import subprocess
 
 import pytest
 
 from tests.e2e.servers import ROOT, ServerProcess
-from tests.sdks.conftest import environment
-
-FOLDER = ROOT / "clients" / "rust"
-BUILD_LIMIT_S = 280.0
+from tests.sdks.cargo import cargo
+from tests.sdks.conftest import environment, needed
 
 
-def cargo(*arguments: str, **variables: str) -> str:
-    """What a command of cargo prints; clippy, where it is installed, takes the compiler's place."""
-    if shutil.which("cargo") is None:
-        pytest.skip("cargo is not installed")
-    settings = {"CARGO_INCREMENTAL": "0", "CARGO_TERM_COLOR": "never", **variables}
-    if shutil.which("clippy-driver"):
-        settings |= {"RUSTC_WORKSPACE_WRAPPER": "clippy-driver", "CLIPPY_ARGS": "-Dwarnings"}
-    done = subprocess.run(
-        ["cargo", *arguments],
-        cwd=FOLDER,
-        env={**os.environ, **settings},
-        capture_output=True,
-        text=True,
-        timeout=BUILD_LIMIT_S,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+@pytest.fixture(autouse=True)
+def installed() -> None:
+    needed("cargo")
 
 
 def test_it_is_in_the_one_format() -> None:

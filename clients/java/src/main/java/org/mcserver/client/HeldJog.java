@@ -1,0 +1,88 @@
+package org.mcserver.client;
+
+import java.util.LinkedHashMap;
+import java.util.Map;
+import java.util.concurrent.CompletableFuture;
+import java.util.concurrent.ScheduledFuture;
+import java.util.concurrent.TimeUnit;
+import java.time.Duration;
+
+/**
+ * A jog that goes on until it is stopped or closed: calls keep it alive; when they stop coming, the server stops the axis after the dead
+ * man's time.
+ */
+public final class HeldJog implements AutoCloseable {
+    static final double HOLD_S = 0.5;
+    private static final long KEEP_MS = 150;
+    private static final Duration KEEP_DEADLINE = Duration.ofMillis((long) (HOLD_S * 1000));
+
+    private final Machine machine;
+    private final String program;
+    private final CompletableFuture<Void> ended = new CompletableFuture<>();
+    private ScheduledFuture<?> keeping;
+    private boolean keepUnderWay;
+
+    private HeldJog(Machine machine, String program) {
+        this.machine = machine;
+        this.program = program;
+    }
+
+    static CompletableFuture<HeldJog> start(Gateway gateway, Machine machine, int axis, double velocity) {
+        Map<String, Object> request = new LinkedHashMap<>();
+        request.put("axis", axis);
+        request.put("velocity", velocity);
+        request.put("hold_s", HOLD_S);
+        return machine.ask("jog", request, Messages.JogReply.class).thenApplyAsync(reply -> {
+            HeldJog jog = new HeldJog(machine, reply.program());
+            Map<String, Object> keep = new LinkedHashMap<>(request);
+            keep.put("program", reply.program());
+            jog.keeping = gateway.loop().scheduleWithFixedDelay(() -> jog.keep(gateway, keep), KEEP_MS, KEEP_MS, TimeUnit.MILLISECONDS);
+            return jog;
+        }, gateway.loop());
+    }
+
+    /** The jog's program id. */
+    public String program() {
+        return program;
+    }
+
+    /** Completes once the jog has ended; with an error where it ended by itself: at a limit, by an abort, with the link. */
+    public CompletableFuture<Void> ended() {
+        return ended.copy();
+    }
+
+    /** Stops the axis within its limits; completes once the stop is ordered. */
+    public CompletableFuture<Void> stop() {
+        keeping.cancel(false);
+        return machine.abort(program).handle((done, error) -> {
+            if (error == null) {
+                ended.complete(null);
+            } else {
+                ended.completeExceptionally(error);
+            }
+            return ended;
+        }).thenCompose(result -> result);
+    }
+
+    /** As {@link #stop}, without waiting. */
+    @Override
+    public void close() {
+        stop();
+    }
+
+    private void keep(Gateway gateway, Map<String, Object> request) {
+        if (keepUnderWay || ended.isDone()) {
+            return;
+        }
+        keepUnderWay = true;
+        gateway.call(machine.name(), "jog", request, KEEP_DEADLINE).whenCompleteAsync((reply, error) -> {
+            keepUnderWay = false;
+            if (error != null && !keeping.isCancelled()) {
+                keeping.cancel(false);
+                // it is not known whether the axis still moves
+                machine.abort(program);
+                ended.completeExceptionally(error);
+            }
+        }, gateway.loop());
+    }
+}

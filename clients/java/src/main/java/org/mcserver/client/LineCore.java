@@ -1,0 +1,328 @@
+package org.mcserver.client;
+
+import java.util.ArrayDeque;
+import java.util.ArrayList;
+import java.util.Deque;
+import java.util.Iterator;
+import java.util.List;
+import java.util.Set;
+
+/**
+ * Numbering, credit and repetition of one program's lines: a state machine without I/O and without a clock.
+ *
+ * <p>The server takes line n only if it is the next one; a repeat is acknowledged and never executed again, a gap is refused. So whatever
+ * is not known to be accepted may be sent again at any time, and must be until it is (docs/wire/lines.md). Through the gateway lines go by
+ * {@code submit}, one message under way at a time. Whoever calls it holds its lock.
+ */
+final class LineCore {
+    /** What waits for its acknowledgement at most. */
+    static final int BUFFER_LINES = 16_384;
+
+    static final int BUFFER_CHARACTERS = 512 * 1024;
+    static final int CHUNK_LINES = 1000;
+    static final int CHUNK_CHARACTERS = 64 * 1024;
+    private static final Set<String> ENDED = Set.of("finished", "aborted", "rejected", "faulted", "interrupted");
+
+    /** How far a program came. */
+    record Extent(String program, long accepted, long done) {}
+
+    /** Lines {@code first}, {@code first + 1}, … to be sent. */
+    record Chunk(long first, List<String> lines) {}
+
+    private final String program;
+    private final int chunkLines;
+    private final Deque<String> lines = new ArrayDeque<>();
+    private long characters;
+    private long accepted;
+    private long credit;
+    private long done;
+    private String state;
+    private boolean closed;
+    private boolean underWay;
+    private boolean judging;
+    /** A message got no answer: the server is asked before anything more is sent. */
+    private boolean lost;
+    private MotionException failure;
+    private boolean reported;
+
+    LineCore(Messages.OpenReply opened, int chunkLines) {
+        program = opened.program();
+        accepted = opened.expected() - 1;
+        done = accepted;
+        credit = opened.credit();
+        state = opened.state();
+        this.chunkLines = chunkLines;
+    }
+
+    // ---------------------------------------------------------------- what is known
+
+    long accepted() {
+        return accepted;
+    }
+
+    long done() {
+        return done;
+    }
+
+    long given() {
+        return accepted + lines.size();
+    }
+
+    long credit() {
+        return credit;
+    }
+
+    String state() {
+        return state;
+    }
+
+    boolean pending() {
+        return !lines.isEmpty();
+    }
+
+    boolean ended() {
+        return ENDED.contains(state);
+    }
+
+    boolean isClosed() {
+        return closed;
+    }
+
+    Extent extent() {
+        return new Extent(program, accepted, done);
+    }
+
+    MotionException failure() {
+        return failure;
+    }
+
+    /** Another line may be given: always where none waits, so that a long line cannot stick. */
+    boolean hasRoom() {
+        return lines.isEmpty() || (lines.size() < BUFFER_LINES && characters < BUFFER_CHARACTERS);
+    }
+
+    /** Throws the failure; a rejection that was reported does not keep its line from being sent anew. */
+    void check() {
+        if (failure == null || (reported && failure instanceof MotionException.ProgramRejected && !state.equals("rejected"))) {
+            return;
+        }
+        reported = true;
+        throw failure;
+    }
+
+    /** Throws why a wait cannot end any more; {@code pastRejection}: what is before a rejected line is waited for all the same. */
+    void checkWait(boolean pastRejection) {
+        if (!(pastRejection && failure instanceof MotionException.ProgramRejected)) {
+            check();
+        }
+        if (ended() && pending()) {
+            throw new MotionException.ProgramClosed(state, extent());
+        }
+    }
+
+    /** Throws where the program takes no more lines. */
+    void checkOpen() {
+        check();
+        if (closed || ended()) {
+            throw new MotionException.ProgramClosed(ended() ? state : "closed", extent());
+        }
+    }
+
+    // ---------------------------------------------------------------- what the application does
+
+    /** Appends a line and returns its number. */
+    long give(String line) {
+        if (reported) {
+            // its rejection is known to the application, which goes on
+            failure = null;
+            reported = false;
+        }
+        lines.addLast(line);
+        characters += line.length();
+        return given();
+    }
+
+    /** A line under judgement: its reply says whether it is faulty, not the acknowledgements. */
+    void judge(boolean judging) {
+        this.judging = judging;
+    }
+
+    void setClosed() {
+        closed = true;
+    }
+
+    // ---------------------------------------------------------------- what goes out
+
+    /** What to send now, within the credit; null: nothing. It counts as under way until its answer or {@link #onLost}. */
+    Chunk next() {
+        long count = Math.min(Math.min(lines.size(), credit), chunkLines);
+        if (underWay || lost || judging || failure != null || closed || ended() || count < 1) {
+            return null;
+        }
+        List<String> chunk = new ArrayList<>((int) count);
+        long size = 0;
+        for (Iterator<String> each = lines.iterator(); chunk.size() < count; ) {
+            String line = each.next();
+            size += line.length();
+            if (size > CHUNK_CHARACTERS && !chunk.isEmpty()) {
+                break;
+            }
+            chunk.add(line);
+        }
+        underWay = true;
+        return new Chunk(accepted + 1, chunk);
+    }
+
+    /** Something is awaited that a lost acknowledgement could have said. */
+    boolean inDoubt() {
+        boolean hopeless = failure != null && !(failure instanceof MotionException.ProgramRejected);
+        return !ended() && !judging && !underWay && !hopeless && (lost || pending() || closed || done < accepted);
+    }
+
+    // ---------------------------------------------------------------- what the server says
+
+    void onReply(Messages.SubmitReply reply) {
+        underWay = false;
+        take(reply.accepted(), reply.credit());
+        done = Math.max(done, reply.done());
+    }
+
+    /** The message or its answer is lost: once the server has been asked, what is not accepted will be sent again. */
+    void onLost() {
+        underWay = false;
+        lost = true;
+    }
+
+    /**
+     * Takes the refusal of a message: a gap is closed by sending from where the server is, a faulty line is given up with what follows.
+     * Returns the error for the application; null: none.
+     */
+    MotionException onRefusal(MotionException.RequestRefused refusal, long number) {
+        underWay = false;
+        done = Math.max(done, refusal.number("done", 0));
+        if (!refusal.diagnostics().isEmpty()) {
+            long line = refusal.number("expected", refusal.line() > 0 ? refusal.line() : number);
+            reject(Math.min(line, number));
+            take(refusal.number("accepted", accepted), refusal.number("credit", credit));
+            MotionException rejection = new MotionException.ProgramRejected(line, extent(), refusal.diagnostics());
+            if (!judging) {
+                fail(rejection);
+            }
+            return rejection;
+        }
+        if (refusal.code().equals("MC505")) {
+            take(refusal.number("accepted", accepted), refusal.number("credit", credit));
+            return null;
+        }
+        if (refusal.code().equals("MC510")) {
+            take(refusal.number("accepted", accepted), 0);
+            String now = String.valueOf(refusal.details().getOrDefault("state", "closed"));
+            if (ENDED.contains(now)) {
+                progress(now, done, null, List.of());
+            }
+            if (failure == null && !now.equals("ending")) {
+                fail(new MotionException.ProgramClosed(now, extent()));
+            }
+            // why it ends is said once it stands still
+            lost = failure == null;
+            return failure;
+        }
+        if (refusal.code().equals("MC503") || refusal.code().equals("MC504")) {
+            lost = true;
+        } else if (!judging) {
+            fail(refusal);
+        }
+        return refusal;
+    }
+
+    void onAck(Messages.Ack ack) {
+        take(ack.accepted(), ack.credit());
+        hearRejection(ack.state(), ack.rejected(), ack.accepted(), ack.diagnostics());
+        progress(ack.state(), ack.done(), ack.fault(), ack.diagnostics());
+    }
+
+    /** Takes the program as the server knows it; null: it knows no such program. */
+    void onStatus(Messages.ProgramStatus status) {
+        lost = false;
+        if (status == null) {
+            underWay = false;
+            progress("interrupted", 0, null, List.of());
+            return;
+        }
+        underWay = underWay && judging;
+        take(status.accepted(), status.credit());
+        hearRejection(status.state(), status.rejected(), status.accepted(), status.diagnostics());
+        progress(status.state(), status.done(), status.fault(), status.diagnostics());
+    }
+
+    void onClosed(Messages.CloseReply reply) {
+        closed = true;
+        if (!ENDED.contains(reply.state())) {
+            progress(reply.state(), reply.done(), null, List.of());
+        }
+    }
+
+    /** Why it does not go on. */
+    void fail(MotionException error) {
+        failure = error;
+        reported = false;
+    }
+
+    private void hearRejection(String now, long line, long before, List<Messages.Diagnostic> diagnostics) {
+        if (line == 0 || before != line - 1 || line > given()) {
+            return;
+        }
+        if (now.equals("rejected")) {
+            // the program ends there; why is said with its state
+            reject(line);
+        } else if (!ENDED.contains(now) && !judging && !(failure instanceof MotionException.ProgramRejected)) {
+            reject(line);
+            fail(new MotionException.ProgramRejected(line, extent(), diagnostics));
+        }
+    }
+
+    /** Takes cumulative numbers; those that are older than what is known change nothing. */
+    private void take(long accepted, long credit) {
+        if (accepted < this.accepted || accepted > given()) {
+            return;
+        }
+        for (long taken = this.accepted; taken < accepted; taken++) {
+            characters -= lines.removeFirst().length();
+        }
+        this.accepted = accepted;
+        this.credit = credit;
+    }
+
+    /** Line {@code line} is faulty: it and what follows is given up; acceptance may step back. */
+    private void reject(long line) {
+        while (given() >= line && !lines.isEmpty()) {
+            characters -= lines.removeLast().length();
+        }
+        accepted = Math.min(accepted, line - 1);
+    }
+
+    /** Takes the program's state; the first one that is an end stays. */
+    private void progress(String now, long done, Messages.Fault fault, List<Messages.Diagnostic> diagnostics) {
+        this.done = Math.max(this.done, done);
+        if (ended()) {
+            return;
+        }
+        state = now;
+        if (ended() && (failure == null || !now.equals("finished"))) {
+            fail(ending(fault, diagnostics));
+        }
+    }
+
+    private MotionException ending(Messages.Fault fault, List<Messages.Diagnostic> diagnostics) {
+        return switch (state) {
+            case "finished" -> null;
+            case "faulted" -> new MotionException.ProgramFaulted(
+                    fault != null ? fault : new Messages.Fault("MC400", "a fault of the machine ended the program", "", null, 0, null, 0.0),
+                    extent());
+            case "rejected" -> new MotionException.ProgramRejected(
+                    diagnostics.isEmpty() ? accepted + 1 : diagnostics.get(0).line(), extent(), diagnostics);
+            case "interrupted" -> new MotionException.ProgramInterrupted(extent());
+            default -> new MotionException.ProgramAborted(extent());
+        };
+    }
+}

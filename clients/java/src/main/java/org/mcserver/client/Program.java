@@ -1,0 +1,579 @@
+package org.mcserver.client;
+
+import java.time.Duration;
+import java.util.ArrayList;
+import java.util.Iterator;
+import java.util.List;
+import java.util.Map;
+import java.util.concurrent.CompletableFuture;
+import java.util.concurrent.CompletionException;
+import java.util.concurrent.Flow;
+import java.util.concurrent.RejectedExecutionException;
+import java.util.concurrent.ScheduledFuture;
+import java.util.concurrent.TimeUnit;
+import java.util.function.BooleanSupplier;
+
+/**
+ * One client's stream of lines, with modal state and axes of its own.
+ *
+ * <p>It is ended by {@link #finish}. Closed before it has ended, such as by a try block that is left by an exception, it is aborted.
+ */
+public final class Program implements AutoCloseable {
+    private static final long FIRST_DOUBT_MS = 250;
+    private static final long LONGEST_DOUBT_MS = 2000;
+    /** How long the server may be away. */
+    private static final Duration PATIENCE = Duration.ofSeconds(15);
+
+    private static final int FLOW_REQUEST = 256;
+
+    /** What is waited for: a condition on the core, checked at each change. */
+    private record Waiter(BooleanSupplier condition, boolean pastRejection, CompletableFuture<Void> reached) {}
+
+    private final Gateway gateway;
+    private final Machine machine;
+    private final String id;
+    private final List<Long> axes;
+    private final int longestLine;
+    /** Guards the core and the waiters. */
+    private final Object lock = new Object();
+    private final LineCore core;
+    private final List<Waiter> waiters = new ArrayList<>();
+    /** Whoever gives lines has his turn behind those before him. */
+    private CompletableFuture<?> turn = CompletableFuture.completedFuture(null);
+    private Runnable unsubscribe = () -> {};
+    private ScheduledFuture<?> doubting;
+    private long doubtMs = FIRST_DOUBT_MS;
+    private boolean left;
+    private long heardAt = System.nanoTime();
+
+    private Program(Gateway gateway, Machine machine, Messages.OpenReply opened) {
+        this.gateway = gateway;
+        this.machine = machine;
+        id = opened.program();
+        axes = opened.axes();
+        longestLine = (int) Math.min(Integer.MAX_VALUE, machine.info().limits().maxLineLength());
+        core = new LineCore(opened, LineCore.CHUNK_LINES);
+    }
+
+    static CompletableFuture<Program> follow(Gateway gateway, Machine machine, Messages.OpenReply opened) {
+        Program program = new Program(gateway, machine, opened);
+        return gateway.listen(machine.name(), "ack/" + program.id,
+                (message, missed) -> program.hear(Wire.read(Messages.Ack.class, message)), program::ask).thenApply(stop -> {
+                    program.unsubscribe = stop;
+                    program.act();
+                    return program;
+                });
+    }
+
+    /** Its id. */
+    public String id() {
+        return id;
+    }
+
+    /** The axes that it leases. */
+    public List<Long> axes() {
+        return axes;
+    }
+
+    /** As last reported: queued, running, held, paused, ending, or how it ended. */
+    public String state() {
+        synchronized (lock) {
+            return core.state();
+        }
+    }
+
+    /** Number of the last line given. */
+    public long givenThrough() {
+        synchronized (lock) {
+            return core.given();
+        }
+    }
+
+    /** Lines through this number are taken and journaled by the server. */
+    public long acceptedThrough() {
+        synchronized (lock) {
+            return core.accepted();
+        }
+    }
+
+    /** Lines through this number have ended. */
+    public long doneThrough() {
+        synchronized (lock) {
+            return core.done();
+        }
+    }
+
+    /** Lines given that have not ended yet: how far this client is ahead of the motion. */
+    public long linesAhead() {
+        synchronized (lock) {
+            return Math.max(0, core.given() - core.done());
+        }
+    }
+
+    /** How many lines beyond those accepted the server takes now. */
+    public long credit() {
+        synchronized (lock) {
+            return core.credit();
+        }
+    }
+
+    // ---------------------------------------------------------------- lines
+
+    /**
+     * Sends one line and waits for the verdict on it; it may still be waiting to move. Its number; fails with
+     * {@link MotionException.ProgramRejected} where it has faults: nothing of it moves, and the program goes on living.
+     */
+    public CompletableFuture<Long> send(String line) {
+        return inTurn(() -> {
+            String text = checked(line);
+            check(core::check);
+            return until(() -> !core.pending(), false).thenCompose(accepted -> {
+                long number;
+                synchronized (lock) {
+                    core.checkOpen();
+                    number = core.give(text);
+                    core.judge(true);
+                }
+                return judge(number, text).whenComplete((verdict, error) -> {
+                    synchronized (lock) {
+                        core.judge(false);
+                    }
+                    act();
+                });
+            });
+        });
+    }
+
+    private CompletableFuture<Long> judge(long number, String text) {
+        Map<String, Object> request = Map.of("program", id, "first", number, "lines", List.of(text), "judge", true);
+        return machine.ask("submit", request, Messages.SubmitReply.class).handle((reply, error) -> {
+            synchronized (lock) {
+                if (error == null) {
+                    core.onReply(reply);
+                } else if (cause(error) instanceof MotionException.RequestRefused refusal) {
+                    MotionException meaning = core.onRefusal(refusal, number);
+                    throw meaning != null ? meaning : refusal;
+                } else {
+                    throw new CompletionException(cause(error));
+                }
+                return core.accepted() >= number;
+            }
+        }).thenCompose(taken -> {
+            if (taken) {
+                return CompletableFuture.completedFuture(number);
+            }
+            // no credit: what is before has to be consumed first
+            long before = acceptedThrough();
+            return until(() -> core.credit() > 0 || core.accepted() > before, false).thenCompose(room -> judge(number, text));
+        });
+    }
+
+    /** As {@link #sendLines(Iterator)}. */
+    public CompletableFuture<Long> sendLines(Iterable<String> lines) {
+        return sendLines(lines.iterator());
+    }
+
+    /**
+     * Streams lines as fast as the server takes them, with bounded memory, read in a thread of its own; the last one's number, once all
+     * are accepted. A fault of a line that is judged later comes from {@link #done} and {@link #finish}.
+     */
+    public CompletableFuture<Long> sendLines(Iterator<String> lines) {
+        return inTurn(() -> {
+            check(core::checkOpen);
+            CompletableFuture<Long> sent = new CompletableFuture<>();
+            Thread reader = new Thread(() -> {
+                try {
+                    while (lines.hasNext()) {
+                        give(lines.next()).join();
+                    }
+                    acceptedAll().whenComplete((last, error) -> settle(sent, last, error));
+                } catch (RuntimeException error) {
+                    sent.completeExceptionally(cause(error));
+                }
+            }, "mcclient-lines");
+            reader.setDaemon(true);
+            reader.start();
+            return sent;
+        });
+    }
+
+    /** As {@link #sendLines(Iterator)}, of lines that are published. */
+    public CompletableFuture<Long> sendLines(Flow.Publisher<String> lines) {
+        return inTurn(() -> {
+            check(core::checkOpen);
+            CompletableFuture<Long> sent = new CompletableFuture<>();
+            lines.subscribe(new Lines(sent));
+            return sent;
+        });
+    }
+
+    /** Gives each line on once there is room, and asks for more then. */
+    private final class Lines implements Flow.Subscriber<String> {
+        private final CompletableFuture<Long> sent;
+        private CompletableFuture<?> given = CompletableFuture.completedFuture(null);
+        private Flow.Subscription subscription;
+
+        Lines(CompletableFuture<Long> sent) {
+            this.sent = sent;
+        }
+
+        @Override
+        public void onSubscribe(Flow.Subscription subscription) {
+            this.subscription = subscription;
+            subscription.request(FLOW_REQUEST);
+        }
+
+        @Override
+        public void onNext(String line) {
+            given = given.thenCompose(before -> give(line)).whenComplete((number, error) -> {
+                if (error == null) {
+                    subscription.request(1);
+                } else {
+                    subscription.cancel();
+                    sent.completeExceptionally(cause(error));
+                }
+            });
+        }
+
+        @Override
+        public void onError(Throwable error) {
+            sent.completeExceptionally(error);
+        }
+
+        @Override
+        public void onComplete() {
+            given.thenCompose(all -> acceptedAll()).whenComplete((last, error) -> settle(sent, last, error));
+        }
+    }
+
+    private CompletableFuture<Void> give(String line) {
+        String text = checked(line);
+        CompletableFuture<Void> room = until(core::hasRoom, false);
+        return room.thenAccept(ready -> {
+            boolean sendNow;
+            synchronized (lock) {
+                core.check();
+                core.give(text);
+                sendNow = core.given() - core.accepted() == 1 || core.given() % 100 == 0;
+            }
+            if (sendNow) {
+                act();
+            }
+        });
+    }
+
+    private CompletableFuture<Long> acceptedAll() {
+        act();
+        return until(() -> !core.pending(), false).thenApply(all -> {
+            synchronized (lock) {
+                core.check();
+                return core.given();
+            }
+        });
+    }
+
+    // ---------------------------------------------------------------- the end
+
+    /** Completes once the line with this number has ended; fails as {@link #done}. */
+    public CompletableFuture<Void> waitDone(long number) {
+        // lines after M02 or M30 are accepted and never run
+        return until(() -> core.done() >= number || core.state().equals("finished"), false);
+    }
+
+    /** Completes once every line given so far has ended; fails with how the program ended instead. */
+    public CompletableFuture<Void> done() {
+        return waitDone(givenThrough()).thenRun(() -> check(core::check));
+    }
+
+    /** Says that no more lines will come; what is accepted runs to its end. Again is no error. */
+    public CompletableFuture<Void> closeLines() {
+        return inTurn(() -> {
+            synchronized (lock) {
+                if (core.isClosed() || core.ended()) {
+                    return CompletableFuture.<Void>completedFuture(null);
+                }
+            }
+            return until(() -> !core.pending(), false).thenCompose(all -> {
+                Map<String, Object> request = Map.of("program", id, "last", acceptedThrough());
+                return machine.ask("close", request, Messages.CloseReply.class).handle((reply, error) -> {
+                    if (error != null) {
+                        return translated(cause(error));
+                    }
+                    synchronized (lock) {
+                        core.onClosed(reply);
+                    }
+                    // where it has ended the reply does not say why
+                    return core.ended() ? CompletableFuture.<Void>completedFuture(null) : query();
+                }).thenCompose(result -> result).whenComplete((result, error) -> act());
+            });
+        });
+    }
+
+    /** Closes the program and waits until it has ended; the number of its last line. Fails as {@link #done}, once it has ended. */
+    public CompletableFuture<Long> finish() {
+        return closeLines().handle((closed, error) -> {
+            if (error == null) {
+                return CompletableFuture.<MotionException>completedFuture(null);
+            }
+            if (cause(error) instanceof MotionException.ProgramRejected rejection) {
+                // it fails once what is before the rejected line has run
+                return closeLines().thenApply(again -> (MotionException) rejection);
+            }
+            return CompletableFuture.<MotionException>failedFuture(cause(error));
+        }).thenCompose(result -> result).thenCompose(rejection -> until(core::ended, true).thenApply(end -> {
+            unsubscribe.run();
+            synchronized (lock) {
+                core.check();
+                if (rejection != null) {
+                    throw rejection;
+                }
+                return core.accepted();
+            }
+        }));
+    }
+
+    /** Stops following the program without ending it; {@code on_disconnect} decides once this client is gone. */
+    public void leave() {
+        synchronized (lock) {
+            left = true;
+        }
+        unsubscribe.run();
+    }
+
+    /** Aborts the program, unless it has ended or was left. */
+    @Override
+    public void close() {
+        boolean over;
+        synchronized (lock) {
+            over = left || core.ended();
+            left = true;
+        }
+        unsubscribe.run();
+        if (!over) {
+            machine.abort(id);
+        }
+    }
+
+    // ---------------------------------------------------------------- the operator's part
+
+    /** Feed hold along the path. */
+    public CompletableFuture<Void> hold() {
+        return machine.order("hold", id).thenApply(done -> null);
+    }
+
+    /** Ends a hold, M00 or M01. */
+    public CompletableFuture<Void> resume() {
+        return machine.order("resume", id).thenApply(done -> null);
+    }
+
+    /** Starts the next line of a program that was opened with {@code step}. */
+    public CompletableFuture<Void> step() {
+        return machine.order("step", id).thenApply(done -> null);
+    }
+
+    /** Stops along the path and drops the rest; the program ends as aborted. */
+    public CompletableFuture<Void> abort() {
+        return machine.order("abort", id).thenApply(done -> null);
+    }
+
+    /** Sets the feed override of this program [%]; the one now in force. */
+    public CompletableFuture<Double> override(double percent) {
+        return machine.override(percent, id);
+    }
+
+    /** This program's events from now on; the feed ends behind {@code program.ended}. */
+    public CompletableFuture<Feed<Messages.Event>> events() {
+        return machine.events(false, event -> id.equals(event.program()), event -> event.kind().equals("program.ended"));
+    }
+
+    // ---------------------------------------------------------------- sending and hearing
+
+    private void hear(Messages.Ack ack) {
+        synchronized (lock) {
+            core.onAck(ack);
+            heardAt = System.nanoTime();
+            doubtMs = FIRST_DOUBT_MS;
+        }
+        act();
+    }
+
+    /** Sends what may be sent, completes what was waited for, and watches for a silence where something is awaited. */
+    private void act() {
+        LineCore.Chunk chunk;
+        List<Runnable> reached = new ArrayList<>();
+        synchronized (lock) {
+            chunk = core.next();
+            for (Iterator<Waiter> each = waiters.iterator(); each.hasNext(); ) {
+                Waiter waiter = each.next();
+                MotionException error = null;
+                boolean over = waiter.condition().getAsBoolean();
+                if (!over) {
+                    try {
+                        core.checkWait(waiter.pastRejection());
+                    } catch (MotionException failure) {
+                        error = failure;
+                    }
+                }
+                if (over || error != null) {
+                    each.remove();
+                    MotionException why = error;
+                    reached.add(() -> settle(waiter.reached(), null, why));
+                }
+            }
+            if (doubting != null) {
+                doubting.cancel(false);
+                doubting = null;
+            }
+            if (!left && core.inDoubt()) {
+                doubting = later(this::ask, doubtMs);
+                doubtMs = Math.min(2 * doubtMs, LONGEST_DOUBT_MS);
+            }
+        }
+        if (chunk != null) {
+            submit(chunk);
+        }
+        reached.forEach(Runnable::run);
+    }
+
+    private ScheduledFuture<?> later(Runnable task, long milliseconds) {
+        try {
+            return gateway.loop().schedule(task, milliseconds, TimeUnit.MILLISECONDS);
+        } catch (RejectedExecutionException closed) {
+            core.fail(Gateway.closedClient());
+            return null;
+        }
+    }
+
+    private void submit(LineCore.Chunk chunk) {
+        Map<String, Object> request = Map.of("program", id, "first", chunk.first(), "lines", chunk.lines(), "judge", false);
+        machine.ask("submit", request, Messages.SubmitReply.class).whenComplete((reply, error) -> {
+            boolean ended = false;
+            synchronized (lock) {
+                if (error == null) {
+                    core.onReply(reply);
+                } else if (cause(error) instanceof MotionException.RequestRefused refusal) {
+                    core.onRefusal(refusal, chunk.first());
+                    ended = List.of("MC503", "MC504", "MC510").contains(refusal.code());
+                } else {
+                    core.onLost();
+                    onSilence(cause(error));
+                }
+            }
+            if (ended) {
+                ask();
+            } else {
+                act();
+            }
+        });
+    }
+
+    /** Asks the server how far the program is; what it lacks will be sent again. */
+    private void ask() {
+        query();
+    }
+
+    private CompletableFuture<Void> query() {
+        return machine.ask("programs", Map.of("program", id), Messages.ProgramsReply.class).handle((reply, error) -> {
+            synchronized (lock) {
+                if (error == null) {
+                    heardAt = System.nanoTime();
+                    core.onStatus(reply.programs().stream().filter(each -> each.program().equals(id)).findFirst().orElse(null));
+                } else if (cause(error) instanceof MotionException.RequestRefused refusal && refusal.code().equals("MC503")) {
+                    core.onStatus(null);
+                } else {
+                    onSilence(cause(error));
+                }
+            }
+            act();
+            return null;
+        });
+    }
+
+    /** Nobody answers: that is waited out for a while, anything else is the end of it. */
+    private void onSilence(Throwable error) {
+        MotionException why = asMotion(error);
+        boolean away = why instanceof MotionException.NobodyAnswers && !why.code().equals("MC539");
+        if (!away || System.nanoTime() - heardAt > PATIENCE.toNanos()) {
+            core.fail(why);
+        }
+    }
+
+    /** A refusal as what it means for the program: ended, interrupted, or itself. */
+    private CompletableFuture<Void> translated(Throwable error) {
+        if (!(error instanceof MotionException.RequestRefused refusal) || !List.of("MC503", "MC504", "MC510").contains(refusal.code())) {
+            return CompletableFuture.failedFuture(error);
+        }
+        return query().thenCompose(known -> {
+            synchronized (lock) {
+                return CompletableFuture.failedFuture(core.failure() != null ? core.failure() : refusal);
+            }
+        });
+    }
+
+    // ---------------------------------------------------------------- waiting
+
+    private CompletableFuture<Void> until(BooleanSupplier condition, boolean pastRejection) {
+        Waiter waiter = new Waiter(condition, pastRejection, new CompletableFuture<>());
+        synchronized (lock) {
+            if (condition.getAsBoolean()) {
+                return CompletableFuture.completedFuture(null);
+            }
+            waiters.add(waiter);
+        }
+        act();
+        return waiter.reached();
+    }
+
+    private void check(Runnable checks) {
+        synchronized (lock) {
+            checks.run();
+        }
+    }
+
+    /** Begins once those who gave lines before are through. */
+    private <T> CompletableFuture<T> inTurn(java.util.function.Supplier<CompletableFuture<T>> begin) {
+        CompletableFuture<T> result;
+        synchronized (lock) {
+            result = turn.handle((before, error) -> null).thenCompose(before -> begin.get());
+            turn = result;
+        }
+        return result.handle((value, error) -> error == null
+                ? CompletableFuture.completedFuture(value)
+                : CompletableFuture.<T>failedFuture(cause(error))).thenCompose(each -> each);
+    }
+
+    private String checked(String line) {
+        String text = line.replaceAll("[\\r\\n]+$", "");
+        if (text.indexOf('\n') >= 0 || text.indexOf('\r') >= 0) {
+            throw new MotionException.RequestRefused(
+                    "MC538", "a line must not hold a line end", "give each line by itself", Map.of(), List.of());
+        }
+        int length = text.codePointCount(0, text.length());
+        if (length > longestLine) {
+            throw new MotionException.RequestRefused("MC538",
+                    "the line has " + length + " characters, the server takes " + longestLine, "break it at a command", Map.of(), List.of());
+        }
+        return text;
+    }
+
+    private static <T> void settle(CompletableFuture<T> future, T value, Throwable error) {
+        if (error == null) {
+            future.complete(value);
+        } else {
+            future.completeExceptionally(cause(error));
+        }
+    }
+
+    private static MotionException asMotion(Throwable error) {
+        return error instanceof MotionException motion ? motion : new MotionException.Protocol(String.valueOf(error));
+    }
+
+    /** What a future failed with, out of its wrappings. */
+    static Throwable cause(Throwable error) {
+        Throwable inner = error;
+        while (inner instanceof CompletionException && inner.getCause() != null) {
+            inner = inner.getCause();
+        }
+        return inner;
+    }
+}

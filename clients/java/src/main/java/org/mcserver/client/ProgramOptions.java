@@ -1,0 +1,51 @@
+package org.mcserver.client;
+
+import java.util.LinkedHashMap;
+import java.util.List;
+import java.util.Map;
+
+/**
+ * How a program is opened.
+ *
+ * @param name for people: a file's name
+ * @param axes the axes to lease; null: all of the machine
+ * @param finishOnDisconnect what was accepted runs on when this client is gone for longer than the gateway's grace; else it is stopped
+ * @param startLine the first line that runs
+ * @param before the lines before it, read for their modal state only
+ * @param hold begins held
+ * @param step a line starts only when {@link Program#step} asks for it
+ */
+public record ProgramOptions(
+        String name, List<Integer> axes, boolean finishOnDisconnect, long startLine, List<String> before, boolean hold, boolean step) {
+    /** All axes, from line 1, stopped when this client goes. */
+    public static ProgramOptions named(String name) {
+        return new ProgramOptions(name, null, false, 1, List.of(), false, false);
+    }
+
+    /** Leases these axes only; it waits in order for axes that other programs have. */
+    public ProgramOptions withAxes(Integer... axes) {
+        return new ProgramOptions(name, List.of(axes), finishOnDisconnect, startLine, before, hold, step);
+    }
+
+    /** Runs what was accepted to its end when this client goes. */
+    public ProgramOptions finishingOnDisconnect() {
+        return new ProgramOptions(name, axes, true, startLine, before, hold, step);
+    }
+
+    /** Begins at this line; those before it are read for their modal state only. */
+    public ProgramOptions startingAt(long line, List<String> before) {
+        return new ProgramOptions(name, axes, finishOnDisconnect, line, List.copyOf(before), hold, step);
+    }
+
+    Map<String, Object> request() {
+        Map<String, Object> request = new LinkedHashMap<>();
+        request.put("name", name.substring(0, name.offsetByCodePoints(0, Math.min(200, name.codePointCount(0, name.length())))));
+        request.put("axes", axes);
+        request.put("on_disconnect", finishOnDisconnect ? "finish" : "stop");
+        request.put("start_line", startLine);
+        request.put("before", before);
+        request.put("hold", hold);
+        request.put("step", step);
+        return request;
+    }
+}

@@ -1,0 +1,105 @@
+package org.mcserver.client;
+
+import com.google.gson.GsonBuilder;
+import com.google.gson.FieldNamingPolicy;
+import com.google.gson.Gson;
+import java.io.IOException;
+import java.nio.file.Files;
+import java.nio.file.Path;
+import java.time.Duration;
+import java.util.LinkedHashMap;
+import java.util.List;
+import java.util.Map;
+import java.util.Optional;
+import java.util.concurrent.CompletionException;
+
+/**
+ * The conformance program: URL TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop; JSON on standard output, one
+ * object a line.
+ */
+public final class Conformance {
+    private static final Gson JSON = new GsonBuilder().setFieldNamingPolicy(FieldNamingPolicy.LOWER_CASE_WITH_UNDERSCORES).create();
+
+    private Conformance() {}
+
+    public static void main(String[] arguments) throws Exception {
+        int code = 0;
+        try (Gateway gateway = Gateway.connect(arguments[0], arguments[1]).join()) {
+            Machine machine = gateway.machine().join();
+            switch (arguments[2]) {
+                case "stream" -> stream(machine, arguments);
+                case "watch" -> watch(machine, Long.parseLong(arguments[3]));
+                case "jog" -> {
+                    HeldJog jog = machine.jogHeld(Integer.parseInt(arguments[3]), Double.parseDouble(arguments[4])).join();
+                    Thread.sleep(Long.parseLong(arguments[5]));
+                    jog.stop().join();
+                    say(Map.of("ok", true));
+                }
+                case "estop" -> {
+                    machine.estop("conformance").join();
+                    say(Map.of("state", machine.status().join().state()));
+                }
+                default -> throw new IllegalArgumentException("no such task: " + arguments[2]);
+            }
+        } catch (CompletionException wrapped) {
+            if (!(Program.cause(wrapped) instanceof MotionException error)) {
+                throw wrapped;
+            }
+            complain(error);
+            code = 1;
+        }
+        System.exit(code);
+    }
+
+    private static void say(Map<String, ?> said) {
+        System.out.println(JSON.toJson(said));
+    }
+
+    private static void complain(MotionException error) {
+        Map<String, Object> said = new LinkedHashMap<>();
+        said.put("code", error.code());
+        said.put("message", error.getMessage());
+        said.put("hint", error.hint());
+        said.put("diagnostics", error.diagnostics());
+        if (error instanceof MotionException.OfProgram about) {
+            said.put("accepted", about.accepted());
+            said.put("done", about.done());
+        }
+        say(said);
+    }
+
+    private static void stream(Machine machine, String[] arguments) throws IOException {
+        ProgramOptions options = ProgramOptions.named(arguments[3]).finishingOnDisconnect();
+        long first = arguments.length > 5 ? Long.parseLong(arguments[5]) : 1;
+        try (Program program = arguments.length > 5
+                        ? machine.resumeProgram(arguments[4], first, options).join()
+                        : machine.program(options).join()) {
+            say(Map.of("program", program.id()));
+            List<String> lines = Files.readAllLines(Path.of(arguments[3])).stream().filter(line -> !line.isEmpty()).skip(first - 1).toList();
+            program.sendLines(lines).join();
+            long last = program.finish().join();
+            say(Map.of("state", program.state(), "accepted", last, "done", program.doneThrough()));
+        }
+    }
+
+    private static void watch(Machine machine, long rows) throws InterruptedException {
+        long seen = 0;
+        long gaps = 0;
+        long next = -1;
+        int axes = 0;
+        try (Feed<Samples> feed = machine.samples().join()) {
+            while (seen < rows) {
+                Optional<Samples> taken = feed.take(Duration.ofSeconds(10));
+                if (taken.isEmpty()) {
+                    break;
+                }
+                Samples samples = taken.get();
+                gaps += next >= 0 && next != samples.seq() ? 1 : 0;
+                next = samples.seq() + samples.rows();
+                seen += samples.rows();
+                axes = samples.axes().size();
+            }
+        }
+        say(Map.of("rows", seen, "gaps", gaps, "axes", axes));
+    }
+}

@@ -1,0 +1,35 @@
+"""Runs Maven for the Java SDK, and programs on what it has built."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+
+from tests.e2e.servers import ROOT
+
+FOLDER = ROOT / "clients" / "java"
+BUILD_LIMIT_S = 280.0
+
+
+def maven(*arguments: str) -> None:
+    """Run goals; what the compiler warns of is an error."""
+    done = subprocess.run(
+        ["mvn", "-q", "-B", *arguments],
+        cwd=FOLDER,
+        env={**os.environ, "LC_ALL": "C.UTF-8"},
+        capture_output=True,
+        text=True,
+        timeout=BUILD_LIMIT_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def java() -> tuple[str, ...]:
+    """The command that runs a class or a source file on the SDK, once it is built."""
+    libraries = (FOLDER / "target" / "classpath").read_text("utf-8").strip()
+    path = os.pathsep.join(
+        [str(FOLDER / "target" / "classes"), str(FOLDER / "target" / "test-classes"), libraries]
+    )
+    # a small program: the first compiler alone starts it sooner
+    return ("java", "-XX:TieredStopAtLevel=1", "-cp", path)
