@@ -26,6 +26,7 @@ from mcserver.cli import (
     fleet_sim,
     gateway,
     grammar,
+    history,
     lsp,
     machine,
     mcp,
@@ -88,6 +89,7 @@ def build_app() -> typer.Typer:
     app.command("view")(view.view)
     app.command("web")(web.web)
     app.command("webhooks")(webhooks.webhooks)
+    app.command("history")(history.history)
     app.command("scan")(scan.scan)
     app.command("gateway")(gateway.gateway)
     app.command("examples")(examples.examples)

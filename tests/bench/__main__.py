@@ -36,6 +36,7 @@ SECTIONS = {
     "crowd": "status beside 50 subscribers and 10 streams",
     "fleet": "fleets of light machines behind routers",
     "telemetry": "telemetry of 64 axes at 1 kHz",
+    "recorder": "the recorder with 64 axes at 1 kHz",
 }
 
 

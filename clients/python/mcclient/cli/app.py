@@ -12,7 +12,22 @@ from typing import Annotated
 
 import typer
 
-from mcclient.cli import arm, console, drives, fleet, home, io, look, operate, record, run, send, watch, zero
+from mcclient.cli import (
+    arm,
+    console,
+    drives,
+    fleet,
+    history,
+    home,
+    io,
+    look,
+    operate,
+    record,
+    run,
+    send,
+    watch,
+    zero,
+)
 from mcclient.cli.output import exit_code_of, say, show_error
 from mcclient.errors import MotionError
 
@@ -70,6 +85,7 @@ def build_app() -> typer.Typer:
     app.command("reset")(operate.reset)
     app.command("estop")(operate.estop)
     app.command("arm")(arm.arm)
+    app.command("history")(history.history)
     app.add_typer(record.build_app(), name="record")
     app.add_typer(io.build_app(), name="io")
     app.add_typer(drives.build_drives_app(), name="drives")

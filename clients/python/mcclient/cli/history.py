@@ -1,0 +1,129 @@
+"""``mcctl history``: questions to the Parquet files of ``mcserver history``, as SQL or ready ones."""
+
+from __future__ import annotations
+
+import importlib.util
+import json as json_text
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from mcclient.cli.options import JsonOption
+from mcclient.cli.output import carry_out, results, say, write_json
+from mcclient.errors import RequestRefused
+
+TABLES = ("events", "lines", "states")
+MOST_ROWS = 1000
+SPANS = {
+    "today": "time >= date_trunc('day', now()::TIMESTAMP)",
+    "last week": "time >= now()::TIMESTAMP - INTERVAL 7 DAY",
+    "last month": "time >= now()::TIMESTAMP - INTERVAL 30 DAY",
+    "": "true",
+}
+QUESTIONS = {
+    "faults": "SELECT time, machine, code, axis, line, program, message FROM events"
+    " WHERE kind IN ('fault', 'estop') AND {span} ORDER BY time DESC",
+    "fault counts": "SELECT machine, coalesce(code, kind) AS code, count(*) AS times, max(time) AS latest"
+    " FROM events WHERE kind IN ('fault', 'estop') AND {span} GROUP BY ALL ORDER BY times DESC",
+    "programs": "SELECT time, machine, program, state, client, reason FROM events"
+    " WHERE kind = 'program.ended' AND {span} ORDER BY time DESC",
+    "slow lines": "SELECT machine, program, line, end_s - start_s AS taken_s, requested_s, stretched_by,"
+    " bound_by FROM lines WHERE stretched_by > 1.05 AND {span} ORDER BY taken_s - requested_s DESC",
+    "running time": "SELECT machine, CAST(time AS DATE) AS day,"
+    " round(100.0 * avg(CASE WHEN program_state = 'running' THEN 1 ELSE 0 END), 1) AS running_percent,"
+    " count(*) AS states FROM states WHERE {span} GROUP BY ALL ORDER BY machine, day",
+    "who": "SELECT time, machine, client, reason AS did, program, message FROM events"
+    " WHERE kind = 'command' AND {span} ORDER BY time DESC",
+}
+
+
+def history(
+    question: Annotated[
+        str,
+        typer.Argument(
+            metavar="QUESTION",
+            help='SQL over the tables events, lines and states, or such as "faults last week": '
+            + ", ".join(QUESTIONS)
+            + "; with today, last week, last month.",
+        ),
+    ],
+    folder: Annotated[
+        Path,
+        typer.Option("--folder", "-f", metavar="DIR", envvar="MC_HISTORY", help="Of mcserver history."),
+    ] = Path("history"),
+    json: JsonOption = False,
+) -> None:
+    """Ask the history of a fleet that mcserver history has written."""
+
+    async def work() -> tuple[list[str], list[tuple[Any, ...]]]:
+        return ask(question, folder)
+
+    names, rows = carry_out(work, json)
+    if json:
+        shown = [dict(zip(names, row, strict=True)) for row in rows]
+        write_json({"ok": True, "rows": json_text.loads(json_text.dumps(shown, default=str))})
+        return
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in names:
+        table.add_column(name, overflow="fold")
+    for row in rows:
+        table.add_row(*(Text("" if value is None else _plain(value)) for value in row))
+    results().print(table)
+    say(f"{len(rows)} rows" + (f", the first {MOST_ROWS}" if len(rows) == MOST_ROWS else ""))
+
+
+def _plain(value: object) -> str:
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in text)
+
+
+def sql_of(question: str) -> str:
+    """The SQL of a ready question, or the question itself, which is SQL then."""
+    words = " ".join(question.lower().split())
+    for span, condition in SPANS.items():
+        name = words.removesuffix(span).strip() if span else words
+        if name in QUESTIONS and (not span or words.endswith(span)):
+            return QUESTIONS[name].format(span=condition)
+    return question
+
+
+def ask(question: str, folder: Path) -> tuple[list[str], list[tuple[Any, ...]]]:
+    """Names of the columns, and the first rows of the answer.
+
+    Raises:
+        RequestRefused: MC511 there is no history, DuckDB is missing, or the question cannot be understood.
+    """
+    if importlib.util.find_spec("duckdb") is None:
+        raise RequestRefused("MC511", "mcctl history needs duckdb", "pip install 'mcclient[record]'")
+    import duckdb
+
+    with duckdb.connect() as connection:
+        # times are UTC
+        connection.execute("SET TimeZone = 'UTC'")
+        there = [table for table in TABLES if any((folder / table).glob("machine=*/day=*/*.parquet"))]
+        if not there:
+            raise RequestRefused(
+                "MC511", f"{folder} has no history", f"mcserver history {folder} writes it; --folder names it"
+            )
+        for table in there:
+            files = str(folder / table / "*" / "*" / "*.parquet").replace("'", "''")
+            rows = f"SELECT * FROM read_parquet('{files}', hive_partitioning = true, union_by_name = true)"
+            if table == "events":
+                # a collector that starts anew reads again what a server still has
+                rows = f"SELECT DISTINCT ON (machine, instance, seq) * FROM ({rows})"
+            elif table == "lines":
+                rows = f"SELECT DISTINCT ON (machine, program, line, start_s) * FROM ({rows})"
+            connection.execute(f"CREATE VIEW {table} AS {rows}")
+        try:
+            cursor = connection.execute(sql_of(question))
+            names = [column[0] for column in cursor.description or []]
+            return names, cursor.fetchmany(MOST_ROWS)
+        except duckdb.Error as error:
+            raise RequestRefused(
+                "MC511",
+                str(error).strip().splitlines()[0],
+                "SQL over " + ", ".join(there) + "; or one of: " + ", ".join(QUESTIONS),
+            ) from error

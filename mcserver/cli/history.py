@@ -1,0 +1,106 @@
+"""``mcserver history``: the events, lines and states of a fleet as Parquet files."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib.util
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mcserver.cli.console import narration
+from mcserver.cli.options import ConnectOption, ZenohConfigOption
+from mcserver.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from mcclient.fleet import FleetLink
+
+    from mcserver.web.history import HistoryFolder
+
+EVENTS_PERIOD_S = 1.0
+RETRY_S = 2.0
+
+
+def history(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the files go.")],
+    connect: ConnectOption = None,
+    zenoh: ZenohConfigOption = None,
+    states: Annotated[
+        float, typer.Option("--states", min=0.0, max=20.0, help="States a second of each machine; 0: none.")
+    ] = 10.0,
+    period: Annotated[
+        float, typer.Option("--period", min=1.0, max=3600.0, help="Seconds between two writings of Parquet.")
+    ] = 300.0,
+) -> None:
+    """Write events, line reports and states of all machines into Parquet files, until Ctrl-C."""
+    missing = [name for name in ("duckdb", "mcclient") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise ConfigurationError(
+            "MC016", f"mcserver history needs {', '.join(missing)}", "pip install 'mcserver[history]'"
+        )
+    from mcserver.web.history import HistoryFolder
+
+    kept = HistoryFolder(folder, time.time, period)
+    narration().print(f"history: {folder} (Ctrl-C ends)", markup=False)
+    try:
+        asyncio.run(_run(kept, tuple(connect or ()), zenoh, states))
+    except (KeyboardInterrupt, asyncio.CancelledError):
+        return
+    finally:
+        kept.close()
+
+
+async def _run(kept: HistoryFolder, connect: tuple[str, ...], zenoh: Path | None, states_hz: float) -> None:
+    from mcclient import MotionError
+    from mcclient.fleet import FleetLink
+
+    stop_on_terminate()
+    while True:
+        try:
+            link = await FleetLink.open(connect or None, config_file=zenoh)
+        except MotionError as error:
+            narration().print(f"{error.message}; trying again", markup=False)
+            await asyncio.sleep(RETRY_S)
+            continue
+        try:
+            await _collect(kept, link, states_hz)
+        except MotionError as error:
+            narration().print(f"{error.message}; connecting again", markup=False)
+        finally:
+            await link.close()
+        await asyncio.sleep(RETRY_S)
+
+
+async def _collect(kept: HistoryFolder, link: FleetLink, states_hz: float) -> None:
+    """Ask all machines again and again; with one query for the states of all."""
+    from mcserver.web.fleet_events import FleetEvents
+    from mcserver.web.history import event_rows, state_row
+
+    events = FleetEvents(link, history=True)
+    epochs: dict[tuple[str, str], float] = {}
+    period_s = 1.0 / states_hz if states_hz else EVENTS_PERIOD_S
+    asked_at = float("-inf")
+    while True:
+        begun = time.monotonic()
+        found = await link.states(timeout_s=EVENTS_PERIOD_S)
+        for name, status in found.items():
+            epochs[name, status.instance] = status.wall - status.t
+        if states_hz:
+            kept.append(state_row(name, status) for name, status in found.items())
+        if begun - asked_at >= EVENTS_PERIOD_S:
+            asked_at = begun
+            for name, event in await events.poll(EVENTS_PERIOD_S):
+                epoch = epochs.get((name, event.instance), time.time() - event.t)
+                kept.append(event_rows(name, event, epoch))
+        await asyncio.sleep(max(0.0, period_s - (time.monotonic() - begun)))
+
+
+def stop_on_terminate() -> None:
+    """SIGTERM ends as Ctrl-C does: what has gathered is written."""
+    import signal
+
+    task = asyncio.current_task()
+    assert task is not None
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)

@@ -1,0 +1,156 @@
+"""The history of a fleet as Parquet, and questions to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import duckdb
+import pytest
+from mcclient import Event
+from mcclient.cli.history import QUESTIONS, SPANS, ask, sql_of
+from mcclient.errors import RequestRefused
+from mcclient.types import AxesStatus, Fault, LineReport, MachineStatus
+
+from mcserver.errors import ServiceError
+from mcserver.web.history import SPOOL, HistoryFolder, event_rows, state_row
+
+DAY_S = 86_400.0
+NOON = 1_773_489_600.0  # 2026-03-14 12:00 UTC
+FAULT = Event(
+    seq=4, t=2.5, instance="i", kind="fault", fault=Fault(code="MC407", message="err", axis=2, line=9)
+)
+ENDED = Event(seq=5, t=3.0, instance="i", kind="program.ended", program="p", state="faulted")
+LINES = Event(
+    seq=6,
+    t=3.5,
+    instance="i",
+    kind="lines.ended",
+    program="p",
+    lines=[LineReport(1, 1.0, 2.0, 0.5, 2.0, "axis 0 jerk"), LineReport(2, 2.0, 2.1)],
+)
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = NOON
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def status(t: float) -> MachineStatus:
+    axes = AxesStatus([0, 3], [t, 2.0], [t, 2.0], [0.0, 0.0], [0.1, 0.2], ["moving", "off"])
+    return MachineStatus(t, NOON + t, "i", "ready", axes, [], [])
+
+
+def folder_of(path: Path, clock: Callable[[], float] | None = None) -> HistoryFolder:
+    return HistoryFolder(path, clock or Clock(), 300.0)
+
+
+def filled(path: Path) -> None:
+    kept = folder_of(path)
+    for event in (FAULT, ENDED, LINES):
+        kept.append(event_rows("cell-1", event, NOON))
+    kept.append([state_row("cell-1", status(0.1 * number)) for number in range(20)])
+    kept.close()
+
+
+def test_files_lie_by_machine_and_day_and_any_engine_reads_them(tmp_path: Path) -> None:
+    filled(tmp_path)
+    files = {str(path.relative_to(tmp_path).parent) for path in tmp_path.rglob("*.parquet")}
+    assert files == {f"{table}/machine=cell-1/day=2026-03-14" for table in ("events", "lines", "states")}
+    (row,) = duckdb.sql(
+        f"SELECT count(*), max(position[1]), any_value(axes) FROM '{tmp_path}/states/*/*/*.parquet'"
+    ).fetchall()
+    assert row == (20, pytest.approx(1.9), [0, 3])
+
+
+def test_a_day_s_end_begins_another_folder(tmp_path: Path) -> None:
+    kept = folder_of(tmp_path)
+    for day in (0.0, DAY_S):
+        kept.append(event_rows("m", FAULT, NOON + day))
+    kept.close()
+    assert len(list(tmp_path.glob("events/machine=m/day=*"))) == 2
+
+
+def test_faults_are_found_with_code_axis_and_line(tmp_path: Path) -> None:
+    filled(tmp_path)
+    names, rows = ask("faults", tmp_path)
+    (row,) = [dict(zip(names, row, strict=True)) for row in rows]
+    assert (row["machine"], row["code"], row["axis"], row["line"]) == ("cell-1", "MC407", 2, 9)
+    assert str(row["time"]).startswith("2026-03-14 12:00:02.5")
+
+
+@pytest.mark.parametrize("question", sorted(QUESTIONS))
+@pytest.mark.parametrize("span", sorted(SPANS))
+def test_every_ready_question_is_sound(tmp_path: Path, question: str, span: str) -> None:
+    filled(tmp_path)
+    names, _ = ask(f"{question} {span}".strip(), tmp_path)
+    assert names
+
+
+def test_slow_lines_are_those_that_took_longer_than_asked(tmp_path: Path) -> None:
+    filled(tmp_path)
+    names, rows = ask("Slow  Lines", tmp_path)
+    assert [row[names.index("line")] for row in rows] == [1]
+
+
+def test_what_is_read_twice_counts_once(tmp_path: Path) -> None:
+    filled(tmp_path)
+    filled(tmp_path)
+    assert ask("SELECT count(*) FROM events", tmp_path)[1] == [(2,)]
+    assert ask("SELECT count(*) FROM lines", tmp_path)[1] == [(2,)]
+
+
+def test_what_a_kill_left_behind_is_written_at_the_next_start(tmp_path: Path) -> None:
+    kept = folder_of(tmp_path)
+    kept.append(event_rows("m", FAULT, NOON))
+    (spool,) = (tmp_path / SPOOL).glob("*.ndjson")
+    # a kill takes the lock and the open files with it
+    kept._spools["events"].close()
+    kept._lock.close()
+    with spool.open("ab") as stream:
+        stream.write(b'{"time": "2026-03-14 12:00:03", "machine": "m", "ki')
+    folder_of(tmp_path).close()
+    assert ask("SELECT count(*) FROM events", tmp_path)[1] == [(1,)]
+    assert list((tmp_path / SPOOL).glob("*.ndjson")) == []
+
+
+def test_two_cannot_write_into_one_folder(tmp_path: Path) -> None:
+    kept = folder_of(tmp_path)
+    with pytest.raises(ServiceError, match="another mcserver history"):
+        folder_of(tmp_path)
+    kept.close()
+
+
+def test_rows_become_parquet_after_a_while_by_themselves(tmp_path: Path) -> None:
+    clock = Clock()
+    kept = folder_of(tmp_path, clock)
+    kept.append(event_rows("m", FAULT, NOON))
+    assert list(tmp_path.rglob("*.parquet")) == []
+    clock.now += 301.0
+    kept.append(event_rows("m", ENDED, NOON))
+    assert len(list(tmp_path.rglob("*.parquet"))) == 1
+    kept.close()
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ServiceError, match="MC069"):
+        folder_of(tmp_path / "file" / "x")
+
+
+def test_a_question_that_is_neither_is_refused_with_those_that_there_are(tmp_path: Path) -> None:
+    filled(tmp_path)
+    with pytest.raises(RequestRefused, match="faults"):
+        ask("what broke", tmp_path)
+
+
+def test_a_folder_without_a_history_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RequestRefused, match="no history"):
+        ask("faults", tmp_path)
+
+
+def test_sql_stays_as_it_is() -> None:
+    assert sql_of("SELECT 1") == "SELECT 1"
