@@ -1,0 +1,172 @@
+"""A service with the real planner and the real executor on a virtual clock, all in this process."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from mcserver.errors import ServiceError
+from mcserver.executor.entries import ExecutorEvent, MotionSink
+from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
+from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.executor.view import ExecutorView
+from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.machine.machine_file import Machine
+from mcserver.planning.planner import Planner
+from mcserver.planning.planner_messages import OnPlannerEvents
+from mcserver.planning.process import PipelineFactory
+from mcserver.service.executor_port import ExecutorPort
+from mcserver.service.homing import HomingService
+from mcserver.service.jog import Jogging
+from mcserver.service.program import Program
+from mcserver.service.program_table import ServiceOptions
+from mcserver.service.references import References, references_file
+from mcserver.service.reports import Event
+from mcserver.service.service import MachineService
+from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.service.fakes import LoopPlanner
+
+CYCLES_A_TURN = 50
+TURNS = 8000
+
+
+class _Faces:
+    """A virtual executor as a server's process sees one."""
+
+    def __init__(self, executor: VirtualExecutor) -> None:
+        self._executor = executor
+        self.epoch = time.time()
+        self.alive = True
+        self.ending = ""
+
+    @property
+    def mailbox(self) -> CommandMailbox:
+        return self._executor.mailbox
+
+    @property
+    def feedback(self) -> FeedbackState:
+        return self._executor.feedback
+
+    @property
+    def history(self) -> FeedbackRing:
+        return self._executor.history
+
+    def open_slot(
+        self,
+        slot: int,
+        axes_mask: int | None = None,
+        *,
+        override: float = 1.0,
+        hold: bool = False,
+        unhomed: bool = False,
+    ) -> MotionSink:
+        return self._executor.open_slot(slot, axes_mask, override=override, hold=hold, unhomed=unhomed)
+
+    def beat(self) -> None:
+        """Nobody listens."""
+
+    def stop(self) -> None:
+        self.alive = False
+
+
+class _Planning:
+    """Plans in this loop."""
+
+    def __init__(self, machine: Machine, executor: VirtualExecutor) -> None:
+        self._executor = executor
+        self.view = ExecutorView(machine, lambda: executor.feedback)
+        self._pipelines = PipelineFactory(machine, self.view)
+
+    def planner(self, on_events: OnPlannerEvents) -> LoopPlanner:
+        return LoopPlanner(Planner(self, self._pipelines, time.monotonic), on_events)
+
+    def modal_before(self, lines: object, frame: Frame | None = None) -> ModalState:
+        raise AssertionError((lines, frame))
+
+    def poll_events(self) -> list[ExecutorEvent]:
+        return self._executor.events()
+
+    def slots(self) -> object:
+        return self.view.slots()
+
+    def sink(self, slot: int) -> MotionSink:
+        ring = self._executor.sink(slot)
+        ring.restart()
+        return ring
+
+
+class VirtualCell:
+    """One start of a server; a second one on the same folder is a restart.
+
+    Attributes:
+        events: as published.
+    """
+
+    def __init__(self, machine: Machine, folder: Path) -> None:
+        journal = folder / "journal.db"
+        references = References(references_file(journal), machine).holding
+        self.executor = VirtualExecutor(machine, homed=False, references=references)
+        self.executor.step()
+        self.events: list[Event] = []
+        self._faces = _Faces(self.executor)
+        self.service = MachineService(
+            machine,
+            ExecutorPort(machine, self._faces),
+            _Planning(machine, self.executor),  # type: ignore[arg-type]
+            ServiceOptions(journal=journal, instance="cell"),
+            on_ack=lambda _ack: None,
+            on_event=self.events.append,
+        )
+        self.homing = HomingService(self.service)
+        self.jogging = Jogging(self.service)
+        self.service.start()
+        self._clock = asyncio.ensure_future(self._run())
+
+    async def _run(self) -> None:
+        while True:
+            self.executor.step(CYCLES_A_TURN)
+            await asyncio.sleep(0)
+
+    async def until(self, done: Callable[[], bool]) -> None:
+        for _ in range(TURNS):
+            if done():
+                return
+            await asyncio.sleep(0.001)
+        raise AssertionError([(event.kind, event.message) for event in self.events])
+
+    async def ended(self, program: Program) -> Program:
+        await self.until(lambda: program.ended)
+        return program
+
+    async def run(self, *lines: str, axes: list[int] | None = None) -> Program:
+        program = await self.service.open("test", axes=axes)
+        self.service.submit("test", program.program, 1, list(lines))
+        self.service.close("test", program.program)
+        return await self.ended(program)
+
+    def homed(self) -> list[bool]:
+        return list(self.service.port.snapshot().homed)
+
+    def position(self, axis: int) -> float:
+        return float(self.service.port.snapshot().position[axis])
+
+    async def stop(self) -> None:
+        await self.service.stop()
+        self._clock.cancel()
+
+    def kill(self) -> None:
+        """End without a word; the journal's lock goes with the process."""
+        self._clock.cancel()
+        self.service._table.close_journal()
+
+
+async def refused(cell: VirtualCell, call: Callable[[VirtualCell], object]) -> str:
+    """The code with which a call is refused."""
+    try:
+        await call(cell)  # type: ignore[misc]
+    except ServiceError as error:
+        return error.code
+    raise AssertionError("it was not refused")
