@@ -28,8 +28,11 @@ class PositionsPanel:
         axes = status.axes
         rows = []
         columns = zip(axes.index, axes.position, axes.setpoint, axes.velocity, axes.state, strict=True)
+        homed = dict(zip(axes.index, axes.homed, strict=False))
         for index, position, setpoint, velocity, state in columns:
             unit = units.get(index, "")
+            if not homed.get(index, True):
+                state = f"{state}, not homed"
             rows.append(
                 f"<tr><td>{axis_name(index)}</td><td class=n>{position_text(position)} {unit}</td>"
                 f"<td class=n>{position_text(setpoint)}</td><td class=n>{velocity:.1f} {unit}/s</td>"
