@@ -19,6 +19,7 @@ from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import MachineOption
 from mcserver.errors import ConfigurationError, RuntimeFault, UsageFault
 from mcserver.machine.drive_section import CAN_KINDS
+from mcserver.machine.io_process_data import nodes_on
 from mcserver.machine.machine_file import Machine, load_machine
 
 if TYPE_CHECKING:
@@ -134,11 +135,12 @@ def _say(line: str) -> None:
 
 
 def _check_choice(machine: Machine, buses: Sequence[str], nodes: Sequence[int]) -> None:
-    drives = [axis.drive for axis in machine.axes if axis.drive.kind in CAN_KINDS]
-    if not drives:
+    there_are = [axis.drive.node for axis in machine.axes if axis.drive.kind in CAN_KINDS]
+    there_are += [node for bus in machine.buses for node in nodes_on(machine, bus.name)]
+    if not there_are:
         raise ConfigurationError(
             "MC540",
-            f"machine {machine.name} has no drive on a CAN bus",
+            f"machine {machine.name} has no drive and no I/O node on a CAN bus",
             'give axes a [axis.drive] with kind = "cia402" or "servosila"',
         )
     for name in buses:
@@ -146,8 +148,8 @@ def _check_choice(machine: Machine, buses: Sequence[str], nodes: Sequence[int]) 
             there = ", ".join(bus.name for bus in machine.buses)
             raise UsageFault("MC541", f"--bus {name}: the machine has no such bus", f"there are {there}")
     for number in nodes:
-        if all(drive.node != number for drive in drives):
-            there = ", ".join(str(drive.node) for drive in drives)
+        if number not in there_are:
+            there = ", ".join(str(each) for each in there_are)
             raise UsageFault("MC541", f"--node {number}: the machine has no such node", f"there are {there}")
 
 

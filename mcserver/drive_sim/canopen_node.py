@@ -36,13 +36,13 @@ class CanopenNode:
         wrong: what it does wrong, on demand.
     """
 
-    def __init__(self, node: int, transmit: Transmit) -> None:
+    def __init__(self, node: int, transmit: Transmit, store: ObjectStore | None = None) -> None:
         self.node = node
         self.wake = 0.0
         self.routes = 0
         self.wrong = Misbehaviour()
         self._transmit_frame = transmit
-        self.store = store = ObjectStore(node)
+        self.store = store = ObjectStore(node) if store is None else store
         self.emergencies = Emergencies(store, self._transmit_emergency)
         self.sdo = SdoServer(store, self._answer)
         self.consumer = HeartbeatConsumer(store, self._reroute)

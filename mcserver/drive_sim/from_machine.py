@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
+from mcserver.drive_sim.cia401_node import Cia401Node
 from mcserver.drive_sim.cia402_node import Cia402Node, Identity
 from mcserver.drive_sim.motor import Hardware
 from mcserver.drive_sim.servosila_node import ServosilaNode
@@ -16,6 +17,7 @@ from mcserver.drive_sim.simulation import Node, SimulatedBusSegment
 from mcserver.drives.servo_model import DEFAULT_FRICTION, OVERSPEED
 from mcserver.errors import RuntimeFault
 from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig
+from mcserver.machine.io_process_data import nodes_on, objects_of
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.units import TURN
 
@@ -55,6 +57,13 @@ def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[CanBusConfig,
     return found
 
 
+def simulated_io(machine: Machine, bus: CanBusConfig, choice: Choice) -> list[int]:
+    """The nodes with inputs and outputs on a bus that are to be simulated."""
+    if choice.buses and bus.name not in choice.buses and bus.address not in choice.buses:
+        return []
+    return [node for node in nodes_on(machine, bus.name) if not choice.nodes or node in choice.nodes]
+
+
 def build_buses(
     machine: Machine,
     choice: Choice,
@@ -80,6 +89,14 @@ def build_buses(
                 segment = segments[bus.name] = SimulatedBusSegment(bus.name, port)
             position = start_turns(axis, None if choice.seed is None else chance)
             segment.nodes.append(build_node(machine, axis, segment.transmit, position, choice.energize_s))
+        for bus in machine.buses:
+            for number in simulated_io(machine, bus, choice):
+                segment = segments.get(bus.name)
+                if segment is None:
+                    port = _open(bus.address, deadline, opener)
+                    segment = segments[bus.name] = SimulatedBusSegment(bus.name, port)
+                inputs, outputs = objects_of(machine, bus.name, number)
+                segment.nodes.append(Cia401Node(number, segment.transmit, inputs, outputs))
     except RuntimeFault:
         for segment in segments.values():
             segment.port.close()

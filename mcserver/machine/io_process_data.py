@@ -53,6 +53,13 @@ def _objects(machine: Machine) -> list[IoObject]:
     return [each for each in every if each is not None]
 
 
+def objects_of(machine: Machine, bus: str, node: int) -> tuple[dict[Key, str], dict[Key, str]]:
+    """Return the types of a node's input and output objects."""
+    inputs = [each.source for each in machine.inputs]
+    outputs = [each.target for each in machine.outputs]
+    return own_objects(inputs, bus, node), own_objects(outputs, bus, node)
+
+
 def own_objects(objects: Iterable[IoObject | None], bus: str, node: int) -> dict[Key, str]:
     """The objects of a node and their types, each once."""
     return {

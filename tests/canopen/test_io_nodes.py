@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import select
+import socket
 import struct
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from mcserver.canopen.canopen_errors import DriveError
+from mcserver.drive_sim.cia401_node import Cia401Node
+from mcserver.drive_sim.fault_injection import BadRequest
+from mcserver.drive_sim.from_machine import Choice, build_buses
+from mcserver.drive_sim.simulation import DriveSimulation
 from mcserver.drives.can_bus import CanBus
 from mcserver.drives.registry import create_buses
 from mcserver.errors import ConfigurationError, RuntimeFault
 from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.machine.bus_load import bus_loads
+from mcserver.machine.io_process_data import objects_of
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.virtual_executor import VirtualExecutor
@@ -286,3 +294,95 @@ def test_a_drives_node_has_no_inputs_of_the_machine() -> None:
     )
     with pytest.raises(ConfigurationError, match="the drive of axis 0"):
         parse_machine(text + CHANNELS)
+
+
+# ---------------------------------------------------------------- the simulated node
+
+
+@contextlib.contextmanager
+def simulated(described: Machine) -> Iterator[DriveSimulation]:
+    """The simulated nodes of a machine, in a thread."""
+    simulation = DriveSimulation(build_buses(described, Choice()))
+    booted = threading.Event()
+    waking, bell = socket.socketpair()
+
+    def serve() -> None:
+        simulation.switch_on()
+        simulation.run(None, booted.set, waking.fileno())
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        assert booted.wait(20.0)
+        yield simulation
+    finally:
+        simulation.stop()
+        bell.send(b".")
+        thread.join(20.0)
+        for bus in simulation.buses:
+            bus.port.close()
+        waking.close()
+        bell.close()
+
+
+def shown(simulation: DriveSimulation) -> dict[str, dict[str, int]]:
+    nodes = simulation.answer({"state": True})["nodes"]
+    return nodes[0]  # type: ignore[index,no-any-return]
+
+
+def test_a_simulated_node_is_set_on_demand_and_is_safe_without_its_master(
+    hub: RunningHub, watched: Watched
+) -> None:
+    described = machine(hub.address())
+    with simulated(described) as simulation:
+        service = watched.start(described)
+        buses = create_buses(described)
+        executor = VirtualExecutor(described, buses=buses)
+        (bus,) = (each for each in buses if isinstance(each, CanBus))
+
+        def reach(holds: Callable[[], bool], what: str) -> None:
+            def stepped() -> bool:
+                executor.step()
+                if bus.port is not None:
+                    select.select([bus.port.fileno()], [], [], 1.0)
+                return holds()
+
+            until(stepped, what)
+
+        simulation.answer({"node": NODE, "fault": "set", "index": 0x6000, "subindex": 1, "value": 8})
+        simulation.answer({"node": NODE, "fault": "set", "index": 0x6401, "subindex": 1, "value": -500})
+        reach(lambda: executor.feedback.inputs.tolist() == [1.0, 1.0, -1.5], "the inputs")
+        for column in (0, 1):
+            executor.mailbox.set_output(column, 1.0)
+        executor.mailbox.set_output(3, 2.0)
+        reach(lambda: shown(simulation)["outputs"] == {"6200h:01": 0b1000_0010, "6411h:01": 2000}, "outputs")
+        executor.mailbox.set_output(2, 0.0)
+        reach(lambda: shown(simulation)["outputs"]["6200h:01"] == 0b1000_0011, "the brake, open")
+        # the server is gone: no RPDO tells the node to be safe
+        assert bus.port is not None
+        bus.port.close()
+        service.close()
+        until(
+            lambda: shown(simulation)["outputs"]["6200h:01"] == 0b1000_0000,
+            "the node's own safe values, with the vacuum kept",
+        )
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        {"index": 0x6000, "subindex": 9, "value": 1},
+        {"index": 0x6200, "subindex": 1, "value": 1},
+        {"index": 0x6000, "subindex": 1, "value": 256},
+        {"index": 0x6000, "subindex": 1, "value": "on"},
+        {"index": 0x6000, "subindex": 1, "value": 0.5},
+        {},
+    ],
+)
+def test_what_no_input_of_a_simulated_node_can_be_is_refused(request_: dict[str, object]) -> None:
+    inputs, outputs = objects_of(machine("can0"), "left", NODE)
+    node = Cia401Node(NODE, lambda _identifier, _payload: None, inputs, outputs)
+    with pytest.raises(BadRequest):
+        node.request("set", request_, 0.0)
+    with pytest.raises(BadRequest):
+        node.request("following_error", {}, 0.0)
