@@ -11,7 +11,7 @@ import pytest
 
 from tests.e2e.servers import ROOT
 from tests.gateway.conftest import GatewayProcess
-from tests.sdks.conftest import build, environment, needed
+from tests.sdks.conftest import build, environment, go_tool
 
 GO = re.findall(r"```go\n(package main\n.*?)```", (ROOT / "docs" / "go.md").read_text("utf-8"), re.DOTALL)
 
@@ -19,7 +19,7 @@ GO = re.findall(r"```go\n(package main\n.*?)```", (ROOT / "docs" / "go.md").read
 @pytest.fixture(scope="session")
 def go_examples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A module with each example as a command of its own, built."""
-    go, folder, sdk = needed("go"), tmp_path_factory.mktemp("go"), ROOT / "clients" / "go"
+    go, folder, sdk = go_tool(), tmp_path_factory.mktemp("go"), ROOT / "clients" / "go"
     module = (sdk / "go.mod").read_text("utf-8").replace("module mcserver.example/mcclient", "module guide")
     module += f"\nrequire mcserver.example/mcclient v0.0.0\nreplace mcserver.example/mcclient => {sdk}\n"
     (folder / "go.mod").write_text(module, "utf-8")

@@ -5,18 +5,18 @@ from __future__ import annotations
 import shutil
 
 from tests.e2e.servers import ROOT
-from tests.sdks.conftest import build, needed, typescript
+from tests.sdks.conftest import build, go_tool, needed, typescript
 
 
 def test_the_go_sdk_passes_its_tests_under_the_race_detector() -> None:
-    go, folder = needed("go"), ROOT / "clients" / "go"
+    go, folder = go_tool(), ROOT / "clients" / "go"
     build([go, "vet", "./..."], folder)
     # the race detector needs a C compiler
     build([go, "test", *(["-race"] if shutil.which("gcc") else []), "-timeout", "100s", "./..."], folder)
 
 
 def test_the_go_sdk_is_formatted() -> None:
-    needed("go")
+    go_tool()
     assert not build([needed("gofmt"), "-l", "."], ROOT / "clients" / "go")
 
 

@@ -94,6 +94,13 @@ export class Gateway {
     this.#pending.clear();
   }
 
+  /** Emergency stop, on a connection of its own beside the one that is there; resolves once the server has confirmed one of them. */
+  async estop(machine: string, reason = ""): Promise<void> {
+    const stop = (gateway: Gateway): Promise<unknown> => gateway.request({ op: "estop", machine, reason });
+    const apart = Gateway.connect(this.url, this.options).then((own) => stop(own).finally(() => own.close()));
+    try { await Promise.any([stop(this), apart]); } catch (error) { throw error instanceof AggregateError ? error.errors[0] : error; }
+  }
+
   /** A frame with an answer; sent again after a lost connection. */
   request<T>(frame: Record<string, unknown>): Promise<T> {
     if (this.#closed) return Promise.reject(new NobodyAnswers("MC539", "the client is closed"));

@@ -37,8 +37,8 @@ export class Machine {
   reference(positions: Record<string, number>): Promise<unknown> { return this.call("reference", { positions }); }
   reset(): Promise<unknown> { return this.call("reset"); }
 
-  /** Emergency stop; resolves once the server has confirmed it. No safety function: machines need a circuit of their own. */
-  async estop(reason = ""): Promise<void> { await this.gateway.request({ op: "estop", machine: this.name, reason }); }
+  /** Emergency stop, on a connection of its own too; resolves once the server has confirmed it. No safety function: machines need a circuit of their own. */
+  estop(reason = ""): Promise<void> { return this.gateway.estop(this.name, reason); }
 
   /** A new program; lines are streamed to it, each exactly once. */
   program(options: OpenOptions = {}): Promise<Program> { return Program.open(this.gateway, this, options); }

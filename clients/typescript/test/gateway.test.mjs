@@ -1,0 +1,55 @@
+// What a client does when its connection breaks, against a gateway that speaks frames and nothing else.
+import assert from "node:assert/strict";
+import { once } from "node:events";
+import { test } from "node:test";
+import { decode, encode } from "@msgpack/msgpack";
+import WebSocket, { WebSocketServer } from "ws";
+import { Gateway } from "../dist/index.js";
+
+/** Answers `info`; every other frame is given to `answer`, whose undefined is no answer. */
+async function fakeGateway(t, answer) {
+  const server = new WebSocketServer({ port: 0, host: "127.0.0.1", handleProtocols: () => "mc.v1" });
+  await once(server, "listening");
+  const fake = { frames: [], connections: 0, resumed: true, cut: () => { for (const each of server.clients) each.terminate(); } };
+  server.on("connection", (socket, request) => {
+    fake.connections += 1;
+    const resumed = fake.resumed && request.url.includes("session=");
+    socket.send(encode({ op: "hello", client: "c", session: "s", role: "operator", resumed, grace_s: 10, protocol: 1 }));
+    socket.on("message", (bytes) => {
+      const frame = decode(bytes);
+      const info = { machine: "cell", instance: "i", cycle_s: 0.001, telemetry: { axes: [0], fields: ["setpoint"] } };
+      const value = frame.method === "info" ? info : (fake.frames.push(frame), answer(frame, fake));
+      if (value !== undefined) socket.send(encode({ op: "reply", id: frame.id, ok: !value?.code, value, error: value }));
+    });
+  });
+  const gateway = await Gateway.connect(`ws://127.0.0.1:${server.address().port}/`, { WebSocket, deadlineMs: 10_000 });
+  t.after(() => { gateway.close(); fake.cut(); server.close(); });
+  return [await gateway.machine("cell"), fake];
+}
+
+test("a call without an answer is sent again under its number", async (t) => {
+  const [machine, fake] = await fakeGateway(t, (frame, made) => {
+    if (made.frames.length > 1) return { program: "j-1" };
+    setImmediate(made.cut);
+    return undefined;
+  });
+  assert.deepEqual(await machine.jog(0, 5), { program: "j-1" });
+  assert.equal(fake.frames[0].request, fake.frames[1].request);
+});
+
+test("a motion is not asked for twice of a gateway that has forgotten the client", async (t) => {
+  const [machine, fake] = await fakeGateway(t, (frame, made) => { made.resumed = false; setImmediate(made.cut); return undefined; });
+  await assert.rejects(machine.jog(0, 5), { code: "MC532" });
+  assert.equal(fake.frames.length, 1);
+});
+
+test("too many calls at once wait", async (t) => {
+  const [machine] = await fakeGateway(t, (frame, made) => (made.frames.length > 2 ? { program: "j-1" } : { code: "MC071", message: "too many calls" }));
+  assert.deepEqual(await machine.jog(0, 5), { program: "j-1" });
+});
+
+test("an emergency stop goes over a connection of its own where the first one says nothing", async (t) => {
+  const [machine, fake] = await fakeGateway(t, (frame, made) => (made.frames.length > 1 ? null : undefined));
+  await machine.estop("test");
+  assert.equal(fake.connections, 2);
+});
