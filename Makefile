@@ -16,7 +16,7 @@ PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 
 export PIP_NO_INPUT := 1
 
-.PHONY: sdks help demo dog test test-computing test-realtime socketcan socketcan-long faults soak fuzz schedules lint format bench pictures clean
+.PHONY: sdks help demo dog test test-computing test-realtime socketcan socketcan-long faults soak fire fuzz schedules lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -74,6 +74,9 @@ bench: $(VENV)/.for-development  ## every figure beside a floor measured in the 
 
 soak: $(VENV)/.for-development  ## programs under random faults; make soak ARGS="--minutes 10 --seed 2" (default: 120 minutes)
 	@$(BIN)/python -m tests.bench.soak_faults $(ARGS)
+
+fire: $(VENV)/.for-development  ## programs over a bad link with stopped and killed processes; make fire ARGS="--minutes 60" (default: 10; root)
+	@$(BIN)/python -m tests.fire $(ARGS)
 
 fuzz: $(VENV)/.for-development  ## random inputs for all that takes bytes; make fuzz ARGS="--seconds 3600 --seed 2" (default: a minute)
 	@$(BIN)/python -m tests.fuzz $(ARGS)

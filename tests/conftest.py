@@ -27,6 +27,7 @@ REALTIME = (
     "e2e",
     "e2e_can",
     "executor/test_process.py",
+    "fire",
     "gateway",
     "net",
     "packaging",

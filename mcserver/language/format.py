@@ -16,7 +16,8 @@ _LEAST_GAP = 2  # blanks before a comment that ends a line
 
 def format_program(text: str) -> str:
     """Format every line that has no fault of text or grammar; the last line gets an end."""
-    lines = [(format_line(line), end) for line, end in lines_with_ends(text)]
+    # a text that was cut between the two characters of its last end of line
+    lines = [(format_line(line), end) for line, end in lines_with_ends(text + "\n" * text.endswith("\r"))]
     if lines and not lines[-1][1]:
         lines[-1] = (lines[-1][0], "\n")
     return "".join(line + end for line, end in lines)

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,19 +38,30 @@ class ServerProcess:
         machine: built-in name or machine file.
         name: in the key space.
         recorder: whether it has one; most tests look at other things, and save its start.
+        inside: what its command is prefixed with, to run in a network namespace. listen: its first endpoint.
 
     Attributes:
         endpoint: of the first start; the system chose its port.
         said: lines of standard error of the present start.
     """
 
-    def __init__(self, folder: Path, machine: str, name: str, *, recorder: bool = False) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        machine: str,
+        name: str,
+        *,
+        recorder: bool = False,
+        inside: Sequence[str] = (),
+        listen: str = "tcp/127.0.0.1:0",
+    ) -> None:
         self.machine = machine
         self.name = name
-        self.endpoint = "tcp/127.0.0.1:0"
+        self.endpoint = listen
+        self._inside = inside
         self.said: list[str] = []
         self._recorder = "--recorder" if recorder else "--no-recorder"
-        self._journal = folder / "journal.db"
+        self.journal = folder / "journal.db"
         self._process: subprocess.Popen[str] | None = None
         self._reader: threading.Thread | None = None
         self._executors: set[int] = set()
@@ -59,7 +71,16 @@ class ServerProcess:
         options = ["--machine", self.machine, "--name", self.name, "--listen", self.endpoint, self._recorder]
         self.said = []
         process = subprocess.Popen(
-            [sys.executable, "-m", "mcserver", "run", *options, "--journal", str(self._journal)],
+            [
+                *self._inside,
+                sys.executable,
+                "-m",
+                "mcserver",
+                "run",
+                *options,
+                "--journal",
+                str(self.journal),
+            ],
             stderr=subprocess.PIPE,
             text=True,
             env=environment(),
