@@ -9,15 +9,12 @@ arc, is left to ``mcserver check``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from types import MappingProxyType
 
-import msgspec
-
 from mcserver.gcode.text.command_table import COMMANDS, CommandSpec, Kind
-from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS, MAX_AXIS
+from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
 from mcserver.language.grammar.expressions import (
-    Chars,
     Expression,
     Grammar,
     Ref,
@@ -30,65 +27,20 @@ from mcserver.language.grammar.expressions import (
     seq,
     text,
 )
+from mcserver.language.grammar.profiles import build_profile_grammar
+from mcserver.language.grammar.words import Vocabulary, common_words, vocabulary, whole
 from mcserver.machine.machine_file import Machine
-from mcserver.units import AxisType
-
-MAX_TOOL = 99  # tools of the grammar that is for any machine
-DIGIT = Chars((("0", "9"),))
-
-
-class Vocabulary(msgspec.Struct, frozen=True):
-    """Axes and tools that programs may name.
-
-    Attributes:
-        axes: by number. letters: axis letters without U V W, which follow X Y Z.
-        linear: axes that an arc may move, and letters, likewise.
-        tools: numbers.
-    """
-
-    title: str
-    axes: tuple[int, ...]
-    letters: frozenset[str]
-    linear: tuple[int, ...]
-    linear_letters: frozenset[str]
-    tools: tuple[int, ...]
-
-
-def vocabulary(machine: Machine | None) -> Vocabulary:
-    """Return what a machine's programs may name; without a machine, everything that the dialect can name."""
-    letters = {letter: axis for letter, axis in AXIS_LETTERS.items() if letter not in INCREMENTAL_LETTERS}
-    if machine is None:
-        every = tuple(range(MAX_AXIS + 1))
-        return Vocabulary(
-            "G-code of mcserver, any machine",
-            every,
-            frozenset(letters),
-            every,
-            frozenset(letters),
-            tuple(range(MAX_TOOL + 1)),
-        )
-    axes = tuple(sorted(axis.index for axis in machine.axes))
-    linear = tuple(axis.index for axis in machine.axes if axis.type is AxisType.LINEAR)
-    pose = set("XYZ") if machine.tools else set()
-    if any(tool.orientation for tool in machine.tools):
-        pose |= set("ABC")
-    return Vocabulary(
-        f"G-code of mcserver, machine {machine.name}",
-        axes,
-        frozenset(letter for letter, axis in letters.items() if axis in axes or letter in pose),
-        tuple(sorted(linear)),
-        frozenset(letter for letter, axis in letters.items() if axis in linear or letter in pose),
-        tuple(sorted(tool.number for tool in machine.tools)),
-    )
 
 
 def build_grammar(machine: Machine | None = None, commands: Sequence[CommandSpec] = COMMANDS) -> Grammar:
     """Build the grammar of whole programs.
 
     Args:
-        machine: its axes and tools are the only ones; None: all that the dialect can name.
+        machine: its axes and tools are the only ones, in its profile; None: all that the dialect can name.
         commands: the codes.
     """
+    if machine is not None and not machine.dialect.reference:
+        return build_profile_grammar(machine)
     known = vocabulary(machine)
     structure = _structure(commands, known)
     tokens = {**_codes(commands), **_words(known)}
@@ -99,63 +51,14 @@ def build_grammar(machine: Machine | None = None, commands: Sequence[CommandSpec
 
 
 def _words(known: Vocabulary) -> dict[str, Expression]:
-    rules: dict[str, Expression] = {}
+    rules = common_words(known)
     for axis in sorted({*known.axes, *(AXIS_LETTERS[letter] for letter in known.letters)}):
         rules[f"axis-{axis}"] = _axis_word(axis, known.letters, known.axes, incremental=True)
     for axis in known.axes:
         rules[f"direct-{axis}"] = _axis_word(axis, known.letters, known.axes, incremental=False)
     for axis in sorted({*known.linear, *(AXIS_LETTERS[letter] for letter in known.linear_letters)}):
         rules[f"arc-axis-{axis}"] = _axis_word(axis, known.linear_letters, known.linear, incremental=True)
-    for letter in "IJK":
-        rules[f"offset-{letter.lower()}"] = _word(letter, Ref("number"))
-    rules["radius"] = _word("R", Ref("number"))
-    rules["turns"] = _word("P", Ref("count"))
-    rules["seconds"] = _word("P", Ref("unsigned"))
-    rules["tolerance"] = _word("P", Ref("unsigned"))
-    rules["axis-number"] = _word("P", _whole(known.axes))
-    if known.tools:
-        rules["tool"] = _word("T", _whole(known.tools))
-    rules["feed"] = _word("F", Ref("positive"))
-    rules["line-number"] = _word("N", Repeat(DIGIT, 1, 9))
-    rules["comma"] = seq(char(","), Ref("space"))
-    unsigned = choice(seq(Repeat(DIGIT, 1, 9), opt(char("."), many(DIGIT))), seq(char("."), Repeat(DIGIT, 1)))
-    nonzero = Chars((("1", "9"),))
-    zeros = many(char("0"))
-    rules["number"] = seq(opt(Chars((("+", "+"), ("-", "-")))), Ref("unsigned"))
-    rules["unsigned"] = unsigned
-    rules["positive"] = choice(
-        seq(zeros, nonzero, Repeat(DIGIT, 0, 8), opt(char("."), many(DIGIT))),
-        seq(zeros, char("."), Repeat(char("0"), 0, 5), nonzero, many(DIGIT)),
-    )
-    rules["count"] = seq(zeros, nonzero, Repeat(DIGIT, 0, 2))
-    rules["space"] = many(choice(Ref("blank"), Ref("comment")))
-    rules["gap"] = many(Ref("blank"))
-    rules["blank"] = Chars(((" ", " "), ("\t", "\t")))
-    rules["comment"] = seq(char("("), many(_all_but("()\r\n")), char(")"))
-    rules["remark"] = seq(char(";"), many(_all_but("\r\n")))
-    rules["title"] = seq(char("%"), Ref("gap"), opt(_all_but("GMgm();\r\n \t"), many(_all_but("();\r\n"))))
-    rules["line-end"] = seq(Repeat(Chars((("\r", "\r"),)), 0, 1), Chars((("\n", "\n"),)))
     return rules
-
-
-def _all_but(characters: str) -> Chars:
-    return Chars(tuple((each, each) for each in characters), negated=True)
-
-
-def _word(letter: str, number: Expression) -> Expression:
-    return seq(char(letter), Ref("gap"), number, Ref("space"))
-
-
-def _whole(numbers: Iterable[int]) -> Expression:
-    """Build a choice of whole numbers, with at most two leading zeros."""
-    return seq(Repeat(char("0"), 0, 2), _one_of(numbers))
-
-
-def _one_of(numbers: Iterable[int]) -> Expression:
-    """Build a choice of numbers, longer ones first: some readers take the first alternative that fits."""
-    return choice(
-        *(text(digits) for digits in sorted(map(str, numbers), key=lambda each: (-len(each), each)))
-    )
 
 
 def _axis_word(axis: int, letters: frozenset[str], axes: tuple[int, ...], *, incremental: bool) -> Expression:
@@ -201,7 +104,7 @@ def _by_letter(specs: Sequence[CommandSpec]) -> list[Expression]:
         seq(
             char(letter),
             Ref("gap"),
-            _whole(spec.number for spec in specs if spec.letter == letter),
+            whole(spec.number for spec in specs if spec.letter == letter),
             Ref("space"),
         )
         for letter in letters

@@ -1,0 +1,293 @@
+"""Build the grammar of a profile's programs: blocks of RS-274 as posts and slicers write them (D-60, D-61).
+
+Stricter than the reader: words stand in the usual orders, comments nest once, and of the reference's own
+codes there are only those that capture and release axes. What is derived has no fault of text, code or axis
+under the profile; modal state, geometry and the machine's tables are left to ``mcserver check``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from types import MappingProxyType
+
+from mcserver.gcode.profiles.codes import ACTING, IGNORED, SETTINGS, SILENT, SYSTEM_NUMBERS
+from mcserver.gcode.text.words import AXIS_LETTERS
+from mcserver.language.grammar.expressions import (
+    Chars,
+    Choice,
+    Expression,
+    Grammar,
+    Ref,
+    Repeat,
+    Seq,
+    SomeOf,
+    char,
+    choice,
+    many,
+    opt,
+    seq,
+    text,
+)
+from mcserver.language.grammar.words import DIGIT, all_but, common_words, one_of, vocabulary, whole, word
+from mcserver.machine.machine_file import Machine
+from mcserver.units import AxisType
+
+# the beginnings of printers' macros that go without effect
+_MACRO_FAMILIES = (
+    *("EXCLUDE_OBJECT", "SET_PRESSURE_ADVANCE", "SET_VELOCITY_LIMIT", "SET_PRINT_STATS"),
+    *("TIMELAPSE", "BED_MESH", "RESPOND", "SET_FAN"),
+)
+_CODE = re.compile(r"([GM])([0-9]+)(?:\.([0-9]+))?\Z")
+_MACRO = re.compile(r"[A-Z_]{3,}[A-Z0-9_]*\Z")
+_CAPTURING = (1000, 1001, 1002, 1010, 1011)
+# acting codes without words of their own
+_WORDLESS = frozenset({"G49", "G92.1", "G92.2", "G92.3", "M82", "M83", "M600", *SYSTEM_NUMBERS})
+_NAMED_ELSEWHERE = frozenset("FGIJKMNPRST")
+
+
+def build_profile_grammar(machine: Machine) -> Grammar:
+    """Build the grammar of whole programs for a machine whose profile is not the reference's."""
+    structure = _structure(machine)
+    tokens = _tokens(machine)
+    used = _reachable({**structure, **tokens})
+    known = {name: rule for name, rule in tokens.items() if name in used}
+    title = f"G-code of the profile {machine.dialect.profile}, machine {machine.name}"
+    return Grammar(title, MappingProxyType({**structure, **known}), frozenset(known))
+
+
+def _structure(machine: Machine) -> dict[str, Expression]:
+    """Build lines and blocks; every token brings the space behind it."""
+    acting, profile = ACTING[machine.dialect.profile], machine.dialect.profile
+    linear = sorted(axis.index for axis in machine.axes if axis.type is AxisType.LINEAR)
+    spindle = [opt(Ref("speed"))] if "M3" in acting else []
+    centre = [opt(choice(Ref("radius"), Ref("offsets")))] if linear else []
+    blocks = [
+        seq(Ref("before"), opt(Ref("feed"), many(Ref("setting"))), opt(Ref("program-code"))),
+        seq(Ref("before"), Ref("straight-code"), many(Ref("setting")), opt(Ref("straight-words"))),
+        seq(Ref("before"), Ref("axes"), *centre, opt(Ref("feed")), *spindle),
+        seq(Ref("dwell-code"), Ref("seconds")),
+    ]
+    rules: dict[str, Expression] = {
+        "before": many(Ref("setting")),
+        "straight-words": choice(
+            seq(Ref("feed"), opt(Ref("axes"))), seq(Ref("axes"), opt(Ref("feed")), *spindle)
+        ),
+        "axes": _axes(machine),
+    }
+    if profile == "robot" and machine.tools:
+        rules["before"] = seq(many(Ref("setting")), opt(Ref("tool"), many(Ref("setting"))))
+    if linear:
+        blocks.append(seq(Ref("before"), Ref("arc-code"), Ref("arc-words")))
+        rules |= _arcs(linear, [axis for axis in _lettered(machine) if axis in linear])
+    blocks += _special_blocks(machine)
+    lines = [seq(Ref("space"), opt(Ref("line-number")), choice(*blocks), opt(Ref("remark")))]
+    lines.append(seq(Ref("gap"), Ref("capturing"), opt(Ref("remark"))))
+    lines += [seq(Ref("gap"), other) for other in _idle_lines(machine)]
+    return {
+        "program": seq(Ref("line"), many(Ref("line-end"), Ref("line"))),
+        "line": choice(*lines),
+        **rules,
+    }
+
+
+def _axes(machine: Machine) -> Expression:
+    """Build axis words in the order of their numbers; slicers write E before the others too."""
+    numbers = sorted(axis.index for axis in machine.axes)
+    lettered = _lettered(machine)
+    others = [number for number in numbers if number not in lettered]
+    ascending = SomeOf(tuple(Ref(f"axis-{number}") for number in numbers))
+    if not lettered or not others:
+        return ascending
+    first, last = (SomeOf(tuple(Ref(f"axis-{each}") for each in group)) for group in (lettered, others))
+    return choice(ascending, seq(first, last))
+
+
+def _arcs(linear: list[int], lettered: list[int]) -> dict[str, Expression]:
+    """Build arcs; an axis with a letter of the machine's own, such as E, may stand behind the offsets."""
+    plain = [axis for axis in linear if axis not in lettered] or linear
+    behind = [opt(SomeOf(tuple(Ref(f"axis-{axis}") for axis in lettered)))] if plain != linear else []
+    return {
+        "arc-words": choice(
+            seq(Ref("arc-axes"), choice(Ref("radius"), Ref("offsets")), *behind, opt(Ref("feed"))),
+            seq(Ref("offsets"), *behind, opt(Ref("feed"))),
+        ),
+        "arc-axes": SomeOf(tuple(Ref(f"axis-{axis}") for axis in plain)),
+        "offsets": choice(
+            seq(Ref("offset-i"), opt(choice(Ref("offset-j"), Ref("offset-k")))),
+            seq(Ref("offset-j"), opt(Ref("offset-k"))),
+            Ref("offset-k"),
+        ),
+    }
+
+
+def _special_blocks(machine: Machine) -> list[Expression]:
+    """Build the blocks of codes that act with words of their own."""
+    acting = ACTING[machine.dialect.profile]
+    blocks: list[Expression] = []
+    if "G53" in acting:
+        blocks.append(seq(Ref("machine-frame"), Ref("straight-code"), Ref("axes"), opt(Ref("feed"))))
+    if "G92" in acting:
+        blocks.append(seq(Ref("offset-code"), Ref("axes")))
+    if "G28" in acting:
+        blocks.append(seq(Ref("home-code"), opt(Ref("axes"))))
+    if "M3" in acting:
+        blocks.append(seq(Ref("spindle-code"), opt(Ref("speed")), many(Ref("setting"))))
+        blocks.append(seq(Ref("speed"), opt(Ref("spindle-code"))))
+    if "M6" in acting:
+        blocks.append(seq(Ref("pocket"), opt(Ref("change"))))
+        blocks.append(seq(Ref("change"), opt(Ref("pocket"))))
+    if "G43" in acting:
+        blocks.append(
+            seq(opt(Ref("straight-code")), Ref("length-code"), opt(Ref("axes")), Ref("length-number"))
+        )
+    if machine.dialect.profile == "printer":
+        blocks.append(Ref("dwell-code"))
+        blocks.append(seq(Ref("home-code"), Ref("home-option")))
+    return blocks
+
+
+def _idle_lines(machine: Machine) -> list[Expression]:
+    """Build lines that go without effect whatever stands in them."""
+    lines: list[Expression] = [Ref("title")]
+    if machine.dialect.profile == "printer":
+        lines.append(seq(Ref("idle"), opt(Ref("remark"))))
+    if _macros(machine):
+        lines.append(seq(Ref("macro"), opt(Ref("remark"))))
+    return lines
+
+
+def _tokens(machine: Machine) -> dict[str, Expression]:
+    dialect = machine.dialect
+    ignored = IGNORED[dialect.profile] | {name for name in dialect.ignore if _CODE.match(name)}
+    acting = ACTING[dialect.profile]
+    printer = dialect.profile == "printer"
+    # printers' codes without effect take a line of their own, with whatever stands behind them
+    settings = SETTINGS | (_WORDLESS & acting) | (frozenset() if printer else ignored | SILENT)
+    rest = opt(Ref("blank"), many(all_but("();\r\n")))
+    outer, inner = all_but("()\r\n"), seq(char("("), many(all_but("();\r\n")), char(")"))
+    numbers = sorted(axis.index for axis in machine.axes)
+    words: dict[str, Expression] = {
+        **common_words(vocabulary(machine)),
+        "comment": choice(
+            seq(char("("), many(outer), char(")")),
+            seq(char("("), many(choice(all_but("();\r\n"), inner)), char(")")),
+        ),
+        # the longer one first: some readers take the first alternative that fits
+        "setting": choice(
+            seq(_codes({"G64"}), opt(Ref("tolerance"))),
+            _codes((settings - acting | (_WORDLESS & acting)) - {"G64"}),
+        ),
+        "straight-code": _codes({"G0", "G1"}),
+        "arc-code": _codes({"G2", "G3"}),
+        "program-code": _codes({"M0", "M1", "M2", "M30", "M60"}),
+        "dwell-code": _codes({"G4"}),
+        "machine-frame": _codes({"G53"}),
+        "offset-code": _codes({"G92"}),
+        "home-code": _codes({"G28", "G30"} & acting or {"G28"}),
+        "home-option": seq(char("W"), Ref("space")),
+        "spindle-code": _codes({"M3", "M4", "M5"}),
+        "speed": word("S", Ref("unsigned")),
+        "pocket": word("T", Repeat(DIGIT, 1, 2)),
+        "change": _codes({"M6"}),
+        "length-code": _codes({"G43"}),
+        "length-number": word("H", Repeat(DIGIT, 1, 2)),
+        # lines as the reference has them: no nested comments, and a blank behind the code
+        "capturing": seq(
+            char("G"),
+            one_of(_CAPTURING),
+            opt(Ref("blank"), Ref("gap"), opt(char("P"), Ref("gap"), whole(numbers), Ref("gap"))),
+        ),
+    }
+    for axis in machine.axes:
+        words[f"axis-{axis.index}"] = _axis(axis.index, machine)
+    if printer:
+        names = [name for name in ignored - acting if name[0] == "G" or "." not in name]
+        words["idle"] = seq(
+            choice(
+                seq(_bare_codes(name for name in names if name[0] == "G")),
+                seq(
+                    _bare_codes(name for name in names if name[0] == "M"), opt(char("."), Repeat(DIGIT, 1, 2))
+                ),
+                seq(char("T"), Repeat(DIGIT, 1, 2)),
+            ),
+            rest,
+        )
+    if _macros(machine):
+        words["macro"] = seq(choice(*_macros(machine)), rest)
+    return words
+
+
+def _macros(machine: Machine) -> list[Expression]:
+    """Build the names of macros that go without effect, longer ones first."""
+    own = sorted((name for name in machine.dialect.ignore if _MACRO.match(name)), key=len, reverse=True)
+    names: list[Expression] = [text(name) for name in own]
+    if machine.dialect.profile == "printer":
+        tail = many(Chars((("A", "Z"), ("a", "z"), ("_", "_"))))
+        names += [seq(text(family), tail) for family in _MACRO_FAMILIES]
+    return names
+
+
+def _lettered(machine: Machine) -> list[int]:
+    """Return the axes that have a letter of the machine's own."""
+    return sorted(set(machine.dialect.letters.values()))
+
+
+def _axis(axis: int, machine: Machine) -> Expression:
+    letters = {**AXIS_LETTERS, **machine.dialect.letters}
+    names: list[Expression] = [
+        char(letter)
+        for letter, number in letters.items()
+        if number == axis and letter not in _NAMED_ELSEWHERE
+    ]
+    digits = seq(Repeat(char("0"), 0, 1), text(str(axis))) if axis < 10 else text(str(axis))
+    names.append(seq(char("["), Ref("gap"), digits, Ref("gap"), char("]")))
+    return seq(choice(*names), Ref("gap"), Ref("number"), Ref("space"))
+
+
+def _codes(names: Iterable[str]) -> Expression:
+    """Build a choice of codes, each with at most two leading zeros and the space behind it."""
+    return seq(_bare_codes(names), Ref("space"))
+
+
+def _bare_codes(names: Iterable[str]) -> Expression:
+    """Build a choice of codes; longer ones first: some readers take the first alternative that fits."""
+    families: dict[str, list[tuple[str, str]]] = {}
+    for name in names:
+        match = _CODE.match(name)
+        if match is not None:
+            families.setdefault(match[1], []).append((str(int(match[2])), match[3] or ""))
+    zeros = Repeat(char("0"), 0, 2)
+    return choice(
+        *(
+            seq(char(letter), Ref("gap"), zeros, choice(*map(_numbered, _longest_first(numbers))))
+            for letter, numbers in sorted(families.items())
+        )
+    )
+
+
+def _longest_first(numbers: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    return sorted(set(numbers), key=lambda each: (-len(each[0]) - len(each[1]), each))
+
+
+def _numbered(number: tuple[str, str]) -> Expression:
+    whole, fraction = number
+    return text(f"{whole}.{fraction}" if fraction else whole)
+
+
+def _reachable(rules: dict[str, Expression]) -> set[str]:
+    """Return the names of the rules that the start rule needs."""
+    found = {next(iter(rules))}
+    waiting: list[Expression] = [rules[next(iter(rules))]]
+    while waiting:
+        match waiting.pop():
+            case Ref(name) if name not in found:
+                found.add(name)
+                waiting.append(rules[name])
+            case Seq(parts) | Choice(parts):
+                waiting.extend(parts)
+            case SomeOf(refs):
+                waiting.extend(refs)
+            case Repeat(part, _, _):
+                waiting.append(part)
+    return found
