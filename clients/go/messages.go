@@ -104,6 +104,7 @@ type AxesStatus struct {
 	Velocity []float64 `msgpack:"velocity" mc:"required"`
 	Torque   []float64 `msgpack:"torque" mc:"required"`
 	State    []string  `msgpack:"state" mc:"required"`
+	Homed    []bool    `msgpack:"homed"`
 }
 
 // ToolPose is where a tool's frame is: x, y, z in mm, a, b, c in deg.
@@ -111,6 +112,31 @@ type ToolPose struct {
 	Number      int64     `msgpack:"number" mc:"required"`
 	Position    []float64 `msgpack:"position" mc:"required"`
 	Orientation []float64 `msgpack:"orientation" mc:"required"`
+}
+
+// InputStatus is an input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now.
+type InputStatus struct {
+	Name  string  `msgpack:"name" mc:"required"`
+	Value float64 `msgpack:"value" mc:"required"`
+	Holds bool    `msgpack:"holds"`
+	Stops bool    `msgpack:"stops"`
+}
+
+// OutputStatus is an output: its value, and who has set it last: a program's id, operator, or nobody (empty).
+type OutputStatus struct {
+	Name  string  `msgpack:"name" mc:"required"`
+	Value float64 `msgpack:"value" mc:"required"`
+	SetBy string  `msgpack:"set_by"`
+}
+
+// ProbeStatus is the last probing move that has ended: whether the probe changed, and where the axes were then, else
+// where the move ended, by number [mm, deg].
+type ProbeStatus struct {
+	Program   string             `msgpack:"program" mc:"required"`
+	Line      int64              `msgpack:"line" mc:"required"`
+	Tripped   bool               `msgpack:"tripped" mc:"required"`
+	Positions map[string]float64 `msgpack:"positions" mc:"required"`
+	T         float64            `msgpack:"t" mc:"required"`
 }
 
 // MachineStatus is the whole machine; State is ready, fault or estop, the latter two latched until reset.
@@ -125,6 +151,9 @@ type MachineStatus struct {
 	Override   float64         `msgpack:"override" mc:"default=100"`
 	LateCycles int64           `msgpack:"late_cycles"`
 	Tools      []ToolPose      `msgpack:"tools"`
+	Inputs     []InputStatus   `msgpack:"inputs"`
+	Outputs    []OutputStatus  `msgpack:"outputs"`
+	Probe      *ProbeStatus    `msgpack:"probe"`
 }
 
 // LineReport is the time of one line that has ended; StretchedBy is actual/requested, BoundBy the limit that bound it.
@@ -154,6 +183,7 @@ type Event struct {
 	Message     string       `msgpack:"message"`
 	Percent     *float64     `msgpack:"percent"`
 	Axis        *int64       `msgpack:"axis"`
+	Probe       *ProbeStatus `msgpack:"probe"`
 }
 
 // EventsReply is a page of events; Oldest is the first number that the server still has.
@@ -176,6 +206,31 @@ type AxisInfo struct {
 	MinPosition     *float64 `msgpack:"min_position"`
 	MaxPosition     *float64 `msgpack:"max_position"`
 	InPosition      float64  `msgpack:"in_position"`
+	Homing          *string  `msgpack:"homing"`
+}
+
+// InputInfo is one input: its number of its kind (digital, analog), where a real one comes from (empty: simulated),
+// and what it can do.
+type InputInfo struct {
+	Name   string `msgpack:"name" mc:"required"`
+	Number int64  `msgpack:"number" mc:"required"`
+	Kind   string `msgpack:"kind" mc:"required"`
+	Unit   string `msgpack:"unit"`
+	Source string `msgpack:"source"`
+	Hold   bool   `msgpack:"hold"`
+	Stop   bool   `msgpack:"stop"`
+}
+
+// OutputInfo is one output; Safe is its value once what has set it is lost, nil: it stays.
+type OutputInfo struct {
+	Name   string   `msgpack:"name" mc:"required"`
+	Number int64    `msgpack:"number" mc:"required"`
+	Kind   string   `msgpack:"kind" mc:"required"`
+	Unit   string   `msgpack:"unit"`
+	Target string   `msgpack:"target"`
+	Min    float64  `msgpack:"min"`
+	Max    float64  `msgpack:"max" mc:"default=1"`
+	Safe   *float64 `msgpack:"safe"`
 }
 
 // ToolInfo is one tool of G01 … Tn.
@@ -219,6 +274,8 @@ type Info struct {
 	Telemetry TelemetryInfo `msgpack:"telemetry" mc:"required"`
 	Limits    LimitsInfo    `msgpack:"limits" mc:"required"`
 	Methods   []string      `msgpack:"methods" mc:"required"`
+	Inputs    []InputInfo   `msgpack:"inputs"`
+	Outputs   []OutputInfo  `msgpack:"outputs"`
 }
 
 // CheckReply has every fault of a text; OK: there is no error among them.
