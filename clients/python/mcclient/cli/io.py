@@ -121,7 +121,11 @@ def _inputs_table(info: Info, status: MachineStatus) -> Table:
         elif each.holds:
             state = Text("holds the programs", style="yellow")
         table.add_row(
-            known.name, _number(known), _value(known, each.value), state, known.source or "simulated"
+            Text(known.name),
+            _number(known),
+            _value(known, each.value),
+            state,
+            Text(known.source or "simulated"),
         )
     return table
 
@@ -130,11 +134,11 @@ def _outputs_table(info: Info, status: MachineStatus) -> Table:
     table = _table("output", "set by")
     for known, each in zip(info.outputs, status.outputs, strict=False):
         table.add_row(
-            known.name,
+            Text(known.name),
             _number(known),
             _value(known, each.value),
             Text(each.set_by or "–", style="" if each.set_by else "dim"),
-            known.target or "simulated",
+            Text(known.target or "simulated"),
         )
     return table
 
