@@ -1,0 +1,88 @@
+"""The service answers the contract's messages as the contract says: the script keeps no books of its own."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mcserver.errors import Refused
+from mcserver.service.program_table import ServiceOptions
+from mcserver.service.reports import Ack
+from mcserver.service.service import MachineService
+from tests.contract.vectors import read
+from tests.service.fakes import FakePipelines, FakePort, three_axes
+
+CLIENT = "contract-1"
+# what needs neither a planner's verdict nor less credit than the service gives
+PLAIN = ["numbering", "chunks", "message-lost", "lost-in-part", "gap", "start-line", "old-acknowledgement"]
+
+
+class Exchange:
+    """A service with its acknowledgements."""
+
+    def __init__(self, service: MachineService, acks: list[Ack], pipelines: FakePipelines) -> None:
+        self.service = service
+        self.acks = acks
+        self.pipelines = pipelines
+
+
+@pytest.fixture
+async def exchange(tmp_path: Path) -> AsyncIterator[Exchange]:
+    acks: list[Ack] = []
+    port = FakePort(three_axes())
+    pipelines = FakePipelines(port)
+    options = ServiceOptions(tmp_path / "journal.db", "b4c1")
+    service = MachineService(
+        port.machine, port, pipelines, options, on_ack=acks.append, on_event=lambda _: None
+    )
+    service.start()
+    yield Exchange(service, acks, pipelines)
+    await service.stop()
+
+
+async def submit(exchange: Exchange, program: str, message: dict[str, Any]) -> dict[str, Any]:
+    """The numbers of the reply, or the code and the numbers of the refusal."""
+    answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+    try:
+        taken = exchange.service.submit(CLIENT, program, message["first"], message["lines"], judge=False)
+    except Refused as refused:
+        return {
+            "code": refused.code,
+            "accepted": refused.details["accepted"],
+            "expected": refused.details["expected"],
+        }
+    taken.then(lambda known: {"accepted": known.journaled}).listen(
+        lambda value, error: answer.set_exception(error) if error else answer.set_result(value or {})
+    )
+    async with asyncio.timeout(10.0):
+        return await answer
+
+
+@pytest.mark.parametrize("name", PLAIN)
+async def test_the_service_answers_as_the_sequence_says(exchange: Exchange, name: str) -> None:
+    steps = read(f"sequences/{name}.json")["steps"]
+    start = steps[0]["open"]["value"]["expected"]
+    program = await exchange.service.open(
+        CLIENT, start_line=start, before=["G90"] * (start - 1) if start > 1 else ()
+    )
+    assert program.queue.expected == start
+    under_way: list[dict[str, Any]] = []
+    for step in steps:
+        ((what, value),) = step.items()
+        if what == "sends":
+            under_way.append(value)
+        elif what == "lost":
+            under_way.pop()
+        elif what == "answer":
+            answer = await submit(exchange, program.program, under_way.pop(0))
+            if "refused" in value:
+                wanted = value["refused"]["value"]
+                numbers = {key: wanted["details"][key] for key in ("accepted", "expected")}
+                assert answer == {"code": wanted["code"], **numbers}
+            else:
+                assert answer == {"accepted": value["reply"]["value"]["accepted"]}
+    assert program.journaled == next(s["knows"] for s in reversed(steps) if "knows" in s)["accepted"]
