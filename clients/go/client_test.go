@@ -290,3 +290,74 @@ func TestAFeedDropsTheOldestAndCountsThem(t *testing.T) {
 		t.Errorf("%d, %v", second, err)
 	}
 }
+
+func TestAProgramThatIsOpenedForACallerWhoHasGoneIsAborted(t *testing.T) {
+	asked, release, aborted := make(chan struct{}), make(chan struct{}), make(chan any, 1)
+	gateway := newFakeGateway(t, func(method string, params map[string]any) (any, *ErrorReply, bool) {
+		if method == "open" {
+			close(asked)
+			<-release
+			return openReply, nil, true
+		}
+		aborted <- params["program"]
+		return map[string]any{"ok": true}, nil, true
+	})
+	machine := gateway.machine()
+	ctx, cancel := context.WithCancel(context.Background())
+	done := make(chan error, 1)
+	go func() {
+		_, err := machine.Program(ctx, nil)
+		done <- err
+	}()
+	<-asked
+	cancel()
+	if err := <-done; !errors.Is(err, context.Canceled) {
+		t.Fatal(err)
+	}
+	close(release)
+	if program := <-aborted; program != "p-1" {
+		t.Errorf("%v is aborted", program)
+	}
+}
+
+func TestACallThatIsCancelledWhileLinesAreUnderWayLeavesTheNumbersRight(t *testing.T) {
+	var mu sync.Mutex
+	asked, release := make(chan struct{}), make(chan struct{})
+	var firsts []any
+	gateway := newFakeGateway(t, func(method string, params map[string]any) (any, *ErrorReply, bool) {
+		if method == "open" {
+			return openReply, nil, true
+		}
+		mu.Lock()
+		firsts = append(firsts, params["first"])
+		count := len(firsts)
+		mu.Unlock()
+		if count == 1 {
+			close(asked)
+			<-release
+			return map[string]any{"program": "p-1", "accepted": 2, "done": 0, "credit": 8}, nil, true
+		}
+		return map[string]any{"program": "p-1", "accepted": 3, "done": 0, "credit": 7}, nil, true
+	})
+	program, err := gateway.machine().Program(context.Background(), nil)
+	if err != nil {
+		t.Fatal(err)
+	}
+	ctx, cancel := context.WithCancel(context.Background())
+	done := make(chan error, 1)
+	go func() { done <- program.SendLines(ctx, slices.Values([]string{"first", "second"})) }()
+	<-asked
+	cancel()
+	if err := <-done; !errors.Is(err, context.Canceled) {
+		t.Fatal(err)
+	}
+	close(release)
+	if err := program.SendLines(context.Background(), slices.Values([]string{"third"})); err != nil {
+		t.Fatal(err)
+	}
+	mu.Lock()
+	defer mu.Unlock()
+	if len(firsts) != 2 || whole(firsts[1], 0) != 3 || program.Accepted() != 3 {
+		t.Errorf("the messages begin with %v, accepted %d", firsts, program.Accepted())
+	}
+}

@@ -58,7 +58,7 @@ func (m *Machine) Program(ctx context.Context, options *OpenOptions) (*Program, 
 	if options == nil {
 		options = &OpenOptions{}
 	}
-	opened, err := callFor[OpenReply](ctx, m, "open", options.params())
+	opened, err := m.open(ctx, options)
 	if err != nil {
 		return nil, err
 	}
@@ -87,13 +87,42 @@ func (m *Machine) Program(ctx context.Context, options *OpenOptions) (*Program, 
 		},
 	})
 	if err != nil {
-		ending, cancel := context.WithTimeout(context.WithoutCancel(ctx), stopLimit)
-		defer cancel()
-		_ = program.Abort(ending)
+		m.drop(ctx, program.ID)
 		return nil, err
 	}
 	program.change(func(*stream) { program.stop = stop })
 	return program, nil
+}
+
+// open asks for a program. One that is opened for a caller who has gone is aborted: nobody else would give its axes back.
+func (m *Machine) open(ctx context.Context, options *OpenOptions) (*OpenReply, error) {
+	type outcome struct {
+		opened *OpenReply
+		err    error
+	}
+	outcomes := make(chan outcome, 1)
+	go func() {
+		opened, err := callFor[OpenReply](context.WithoutCancel(ctx), m, "open", options.params())
+		outcomes <- outcome{opened, err}
+	}()
+	select {
+	case made := <-outcomes:
+		return made.opened, made.err
+	case <-ctx.Done():
+		go func() {
+			if made := <-outcomes; made.err == nil {
+				m.drop(ctx, made.opened.Program)
+			}
+		}()
+		return nil, ctx.Err()
+	}
+}
+
+// drop aborts a program whose caller has gone.
+func (m *Machine) drop(ctx context.Context, program string) {
+	ending, cancel := context.WithTimeout(context.WithoutCancel(ctx), stopLimit)
+	defer cancel()
+	_ = m.Call(ending, "abort", map[string]any{"program": program}, nil)
 }
 
 func (o *OpenOptions) params() map[string]any {
