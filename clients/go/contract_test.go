@@ -63,8 +63,7 @@ var readers = map[string]func([]byte) (any, error){
 	"OutputStatus": reader[OutputStatus], "LimitsInfo": reader[LimitsInfo], "LineReport": reader[LineReport], "MachineStatus": reader[MachineStatus],
 	"OpenReply": reader[OpenReply], "ProbeStatus": reader[ProbeStatus], "ProgramStatus": reader[ProgramStatus], "ProgramsReply": reader[ProgramsReply],
 	"SubmitReply": reader[SubmitReply], "TelemetryInfo": reader[TelemetryInfo], "ToolInfo": reader[ToolInfo],
-	"InputInfo": reader[InputInfo], "InputStatus": reader[InputStatus], "OutputInfo": reader[OutputInfo], "OutputStatus": reader[OutputStatus],
-	"ProbeStatus": reader[ProbeStatus], "ToolPose": reader[ToolPose], "WireDiagnostic": reader[Diagnostic],
+	"ToolPose": reader[ToolPose], "WireDiagnostic": reader[Diagnostic],
 }
 
 func asJSON(value reflect.Value) any {
