@@ -38,6 +38,11 @@ class BlackBox:
         return list(self._chunks)
 
     @property
+    def start_ns(self) -> int:
+        """Time of the first message that is held [ns]; 0 where nothing is."""
+        return self._chunks[0].start_ns if self._chunks else 0
+
+    @property
     def span_s(self) -> float:
         """Time from the first to the last message that is held [s]."""
         if not self._chunks:

@@ -89,7 +89,8 @@ class CycleEncoder:
         }
         # a drive may report nonsense: more than a float holds becomes infinite, and is recorded as that
         with np.errstate(over="ignore", invalid="ignore"):
-            yield CYCLES, times, self._cycles.encode(times, self._encoded, values)
+            records_of_cycles = self._cycles.encode(times, self._encoded, values)
+        yield CYCLES, times, records_of_cycles
         first = -self._encoded % self._pose_step
         self._encoded += len(rows)
         chosen = slice(first, None, self._pose_step)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import select
 import signal
@@ -40,6 +41,8 @@ NICENESS = 10
 KILLED_FIRST = b"500"
 # For the last files, when the server ends [s].
 CLOSE_LIMIT_S = 20.0
+# For the server's own end, after SIGTERM [s].
+TERMINATE_LIMIT_S = 15.0
 # For the seconds behind a lost server's last cycle [s].
 LOST_LIMIT_S = 20.0
 
@@ -61,7 +64,8 @@ def main() -> int:
     writer = FileWriter(
         folder,
         lambda stream, metadata: McapFile(stream, schemas, topics, metadata),
-        max_waiting=settings.max_mb << 20,
+        # a whole box, and recordings beside it
+        max_waiting=2 * settings.max_mb << 20,
         min_free=settings.min_free_mb << 20,
     )
     poses = ToolPoses(start.machine, build_kinematics(start.machine))
@@ -70,9 +74,13 @@ def main() -> int:
     for problem in repair_unfinished(folder):
         link.send([Trouble("MC582", problem)])
     quitting = False
-    while not (quitting or terminated or link.lost):
+    # asked to end together with the server, it ends when that does
+    deadline = math.inf
+    while not (quitting or link.lost or time.monotonic() > deadline):
         quitting = link.serve(recorder, TURN_MS)
         link.send(recorder.turn())
+        if terminated:
+            deadline = min(deadline, time.monotonic() + TERMINATE_LIMIT_S)
     if link.lost:
         recorder.server_lost()
         deadline = time.monotonic() + LOST_LIMIT_S

@@ -32,6 +32,8 @@ CHUNK_BYTES = 4 << 20
 ROWS_AT_ONCE, GOES = 512, 8
 # Between two black boxes that faults write [s]: a fault that comes again and again fills no disk.
 LEAST_PAUSE_S = 30.0
+# What is kept before a fault in any case [s].
+BEFORE_S = 5.0
 # Without new cycles for so long the executor is gone, and nothing is waited for [s of the clock].
 SILENCE_S = 3.0
 RECORDINGS_AT_ONCE = 4
@@ -84,7 +86,9 @@ class Recorder:
         self._time = 0.0
         self._rows_at = clock()
         self._trigger: Trigger | None = None
-        self._saved_at = -LEAST_PAUSE_S
+        # a short box would have lost the fault by the end of a long pause
+        self._pause_s = min(LEAST_PAUSE_S, 30.0 * settings.minutes)
+        self._saved_at = -self._pause_s
         self._missed = 0
         self._recordings: dict[str, Recording] = {}
         self._tickets: dict[str, int] = {}
@@ -185,14 +189,17 @@ class Recorder:
             self._trigger.add(reason)
             return
         self._trigger = Trigger(t, reason, self._settings.after_s)
-        self._trigger.due_s = max(self._trigger.due_s, self._saved_at + LEAST_PAUSE_S)
+        self._trigger.due_s = max(self._trigger.due_s, self._saved_at + self._pause_s)
 
     def _check_trigger(self) -> None:
         trigger = self._trigger
         if trigger is None:
             return
         silent = self._clock() - self._rows_at > SILENCE_S
-        if silent or self._time >= trigger.due_s:
+        # where memory is short the box may be about to let go of what was before the fault
+        going = self._box.start_ns > self._ns(trigger.t - BEFORE_S)
+        over = self._time >= trigger.t + self._settings.after_s
+        if silent or self._time >= trigger.due_s or (going and over):
             self._save_triggered(trigger)
 
     def _note(self, kind: str, *, count: int = 0, t: float | None = None, text: str = "") -> None:

@@ -93,6 +93,31 @@ def test_a_fault_soon_after_another_is_written_later(tmp_path: Path) -> None:
     assert len(boxes(rig)) == 2
 
 
+def test_a_short_box_does_not_lose_the_second_fault_to_the_pause(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, minutes=0.1, after_s=0.1)  # 6 s
+    rig.cycles(1000)
+    for _ in range(2):
+        rig.condition(1, AxisCondition.FAULT)
+        rig.cycles(300)
+        rig.condition(1, AxisCondition.OFF)
+        rig.cycles(300)
+    second = 1600
+    rig.cycles(8000)
+    found = boxes(rig)
+    assert len(found) == 2
+    faulty = [message.cycle for _, _, message in decoded(found[1], "/cycles") if message.condition[1] == 8]
+    assert second in faulty
+
+
+def test_values_that_no_float_holds_are_recorded_as_infinite(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    rig.row.torque[3] = 1e300
+    rig.cycles(100)
+    rig.give(SaveBlackBox(1))
+    (path,) = boxes(rig)
+    assert decoded(path, "/cycles")[-1][2].torque[3] == float("inf")
+
+
 def test_the_box_is_bounded_in_time(tmp_path: Path) -> None:
     rig = Rig(tmp_path, minutes=0.05, after_s=0.1)  # 3 s
     rig.cycles(9000)
