@@ -17,8 +17,8 @@ use crate::messages::{
     Ack, AxesStatus, AxisInfo, CheckResult, CloseReply, Diagnostic, Done, DriveInfo, DrivesReply, Edit,
     ErrorReply, Event, EventPage, Extent, Fault, Info, InputInfo, InputStatus, JogReply, LimitsInfo,
     LineReport, MachineStatus, MonitoredValue, OpenReply, OutputInfo, OutputStatus, OverrideReply,
-    ProgramStatus, ProgramsReply, RunArmedReply, RunRequestReply, RunRequestStatus, RunRequestsReply,
-    SdoReply, SubmitReply, TelemetryBlock, TelemetryInfo, ToolInfo, ToolPose,
+    ProbeStatus, ProgramStatus, ProgramsReply, RunArmedReply, RunRequestReply, RunRequestStatus,
+    RunRequestsReply, SdoReply, SubmitReply, TelemetryBlock, TelemetryInfo, ToolInfo, ToolPose,
 };
 use crate::telemetry::decode_samples;
 use crate::window::Bounds;
@@ -34,7 +34,6 @@ const DECISIVE: [&str; 6] = [
     "ErrorReply",
     "TelemetryBlock",
 ];
-const WHOLE: [&str; 5] = ["WireDiagnostic", "Fault", "Event", "LineReport", "ProgramStatus"];
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../contract")
@@ -131,6 +130,7 @@ fn reader_of(message: &str) -> Option<Read> {
         "MonitoredValue" => reader::<MonitoredValue>,
         "OpenReply" => reader::<OpenReply>,
         "OverrideReply" => reader::<OverrideReply>,
+        "ProbeStatus" => reader::<ProbeStatus>,
         "ProgramStatus" => reader::<ProgramStatus>,
         "ProgramsReply" => reader::<ProgramsReply>,
         "RunArmedReply" => reader::<RunArmedReply>,
@@ -153,7 +153,7 @@ fn every_message_of_the_server_is_read_as_it_is_meant() {
     for file in files("messages").iter().filter(|file| text(file, "sent_by") == "server") {
         let name = text(file, "name");
         let Some(read) = reader_of(name) else { continue };
-        let whole = WHOLE.contains(&name) || DECISIVE.contains(&name);
+        let whole = DECISIVE.contains(&name);
         for vector in list(file, "vectors").iter().chain(list(file, "later_words")) {
             let where_ = format!("{}, {}", text(file, "name"), text(vector, "name"));
             let value = read(&bytes(vector)).unwrap_or_else(|error| panic!("{where_}: {error}"));

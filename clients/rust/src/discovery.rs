@@ -122,6 +122,13 @@ impl ConnectOptions {
             // a name that cannot be one is refused before anything is waited for
             live_key(name)?;
         }
+        if self.config_file.is_some() && !self.endpoints.is_empty() {
+            return Err(Error::Configuration(Box::new(Problem::new(
+                "MC537",
+                "an endpoint and a configuration file are given",
+                "the file names its endpoints: leave endpoint() out",
+            ))));
+        }
         Link::open(&self.endpoints, self.timeout, self.config_file.as_deref()).await
     }
 
@@ -259,6 +266,12 @@ mod tests {
             new_client_id("hmi", None).unwrap()
         );
         assert_eq!(new_client_id("a/b", None).unwrap_err().code(), "MC537");
+    }
+
+    #[tokio::test]
+    async fn an_endpoint_beside_a_configuration_file_is_refused() {
+        let options = ConnectOptions::new().config_file("alice.json5").endpoint("tcp/127.0.0.1:7447");
+        assert_eq!(options.link().await.err().unwrap().code(), "MC537");
     }
 
     #[test]

@@ -158,3 +158,16 @@ async fn keep(
     let stopped = caller.call("abort", &stop, Trying::default()).await;
     kept.and_then(|()| decode::<Done>(&stopped?).map(|_| ()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_finite_number_never_reaches_a_machine() {
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(finite(Some(value), "velocity").unwrap_err().code(), "MC511");
+        }
+        assert!(finite(Some(-5.0), "velocity").is_ok() && finite(None, "velocity").is_ok());
+    }
+}

@@ -1,5 +1,7 @@
 //! The machine: what it is, its state, its events.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::channels::{InputInfo, InputStatus, OutputInfo, OutputStatus};
@@ -78,6 +80,9 @@ pub struct MachineStatus {
     /// Outputs, in the order of [`Info`].
     #[serde(default)]
     pub outputs: Vec<OutputStatus>,
+    /// The last probing move that has ended.
+    #[serde(default)]
+    pub probe: Option<ProbeStatus>,
 }
 
 /// Time of one line that has ended.
@@ -98,6 +103,21 @@ pub struct LineReport {
     /// The limit that slowed it down.
     #[serde(default)]
     pub bound_by: Option<String>,
+}
+
+/// The last probing move that has ended (G38.2 to G38.5).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProbeStatus {
+    /// The program's id.
+    pub program: String,
+    /// The line.
+    pub line: u64,
+    /// The probe changed.
+    pub tripped: bool,
+    /// Where the axes were then, else where the move ended, by number [mm, deg].
+    pub positions: BTreeMap<String, f64>,
+    /// Executor time [s].
+    pub t: f64,
 }
 
 /// One event; `kind` says which fields are set (docs/wire/events.md).
@@ -144,6 +164,9 @@ pub struct Event {
     /// Of drives.
     #[serde(default)]
     pub axis: Option<u64>,
+    /// Of a probing move that has ended.
+    #[serde(default)]
+    pub probe: Option<ProbeStatus>,
 }
 
 /// One axis; limits in mm or deg and seconds, none where not limited.

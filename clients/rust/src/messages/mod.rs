@@ -17,7 +17,7 @@ pub use channels::{InputInfo, InputStatus, OutputInfo, OutputStatus};
 pub use drives::{DriveInfo, DrivesReply, MonitoredValue, SdoReply, SdoValue};
 pub use machine::{
     AxesStatus, AxisInfo, CheckResult, Event, EventPage, Info, LimitsInfo, LineReport, MachineStatus,
-    TelemetryInfo, ToolInfo, ToolPose,
+    ProbeStatus, TelemetryInfo, ToolInfo, ToolPose,
 };
 pub use program::{
     Ack, CloseReply, Diagnostic, Done, Edit, ErrorReply, Fault, JogReply, OnDisconnect, OpenReply,

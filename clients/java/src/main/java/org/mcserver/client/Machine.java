@@ -1,12 +1,10 @@
 package org.mcserver.client;
 
-import java.time.Duration;
 import java.util.LinkedHashMap;
 import java.util.List;
 import java.util.Map;
 import java.util.concurrent.CompletableFuture;
 import java.util.concurrent.ForkJoinPool;
-import java.util.concurrent.TimeUnit;
 import java.util.function.Predicate;
 
 /** A machine behind a gateway. */
@@ -119,6 +117,9 @@ public final class Machine {
 
     /** Moves one axis by a distance [mm, deg]; {@code velocity} [mm/s, deg/s], null: a tenth of its limit. The jog's program id. */
     public CompletableFuture<String> jog(int axis, double distance, Double velocity) {
+        if (!Double.isFinite(distance) || (velocity != null && !Double.isFinite(velocity))) {
+            return notFinite();
+        }
         Map<String, Object> request = new LinkedHashMap<>();
         request.put("axis", axis);
         request.put("distance", distance);
@@ -131,7 +132,13 @@ public final class Machine {
      * dies, the server stops the axis after the dead man's time.
      */
     public CompletableFuture<HeldJog> jogHeld(int axis, double velocity) {
-        return HeldJog.start(gateway, this, axis, velocity);
+        return !Double.isFinite(velocity) ? notFinite() : HeldJog.start(gateway, this, axis, velocity);
+    }
+
+    /** What is no number must not reach a machine. */
+    private static <T> CompletableFuture<T> notFinite() {
+        return CompletableFuture.failedFuture(new MotionException.RequestRefused(
+                "MC511", "a distance or velocity is no finite number", "give a number of mm or deg", Map.of(), List.of()));
     }
 
     /** Clears a latched fault or emergency stop, of these axes or (null) all; energy comes back with G1010 only. */

@@ -60,7 +60,7 @@ public final class Messages {
             double t, double wall, String instance, String state, AxesStatus axes, @Sparse List<ProgramStatus> programs,
             @Sparse List<Fault> faults,
             @Sparse("100") double override, @Sparse long lateCycles, @Sparse List<ToolPose> tools, @Sparse List<InputStatus> inputs,
-            @Sparse List<OutputStatus> outputs) {}
+            @Sparse List<OutputStatus> outputs, @Sparse ProbeStatus probe) {}
 
     /** An input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now. */
     public record InputStatus(String name, double value, @Sparse boolean holds, @Sparse boolean stops) {}
@@ -77,7 +77,10 @@ public final class Messages {
             long seq, double t, String instance, String kind, @Sparse("null") String program, @Sparse("null") String client,
             @Sparse("null") String state,
             @Sparse long line, @Sparse List<LineReport> lines, @Sparse Fault fault, @Sparse List<Diagnostic> diagnostics,
-            @Sparse String reason, @Sparse String message, @Sparse Double percent, @Sparse Long axis) {}
+            @Sparse String reason, @Sparse String message, @Sparse Double percent, @Sparse Long axis, @Sparse ProbeStatus probe) {}
+
+    /** The last probing move that has ended (G38.2 to G38.5): where the axes were when the probe changed, else at the end, by number. */
+    public record ProbeStatus(String program, long line, boolean tripped, Map<String, Double> positions, double t) {}
 
     /** One axis; limits in mm or deg and seconds, null where not limited. */
     public record AxisInfo(

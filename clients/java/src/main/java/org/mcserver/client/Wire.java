@@ -213,7 +213,10 @@ final class Wire {
                 return Collections.unmodifiableList(converted);
             }
             if (generic.getRawType() == Map.class && value instanceof Map<?, ?> map) {
-                return map;
+                Map<Object, Object> converted = new LinkedHashMap<>();
+                map.forEach((name, each) ->
+                        converted.put(name, convert(kind, key, generic.getActualTypeArguments()[1], each, false)));
+                return Collections.unmodifiableMap(converted);
             }
         } else if (type == Object.class) {
             return value;
