@@ -164,7 +164,8 @@ class SimulatedBus:
         self._feedback.fault[reset] = 0
         off = ((mode == DriveMode.OFF) & healthy) | reset
         state[off] = DriveState.OFF
-        stop = (mode == DriveMode.STOP) & ((state == DriveState.ENERGIZED) | (state == DriveState.STARTING))
+        holding = (state == DriveState.ENERGIZED) | (state == DriveState.STARTING)
+        stop = (mode == DriveMode.STOP) & (holding | (state >= DriveState.HOMING))
         state[stop] = DriveState.STOPPING
         standing = self._loop[1] == 0.0
         state[(state == DriveState.STOPPING) & standing & (mode == DriveMode.STOP)] = DriveState.OFF

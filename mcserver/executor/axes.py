@@ -113,7 +113,7 @@ class AxisBank:
         self.exact = 0
         self.energized = self.starting = self.positioned = self.speed = self.torque_mode = 0
         self.fault = self.released = self.stopping = self.resetting = self.homing = 0
-        self.failed = self.dropped = 0
+        self.failed = self.dropped = self._after_homing = 0
         self._condition_key: tuple[int, ...] = ()
         self._free = self.masks.bools(self.all)
         self._any_free = True
@@ -232,7 +232,14 @@ class AxisBank:
 
     def _lead_starting(self) -> None:
         """A drive that closes its loop in this exchange finds the setpoint where a coasting axis will be."""
-        row, where = self.row, self.masks.bools(self.starting & self.positioned)
+        row = self.row
+        # a drive that has homed itself stands, though its reading has jumped to its home
+        after_homing = self.starting & self._after_homing
+        if after_homing:
+            standing = self.masks.bools(after_homing)
+            np.copyto(row.velocity, 0.0, where=standing)
+            np.copyto(row.setpoint, row.actual, where=standing)
+        where = self.masks.bools(self.starting & self.positioned & ~after_homing)
         coasting = where & (np.abs(row.actual_velocity) > self.standing_speed)
         np.copyto(row.velocity, np.where(coasting, row.actual_velocity, 0.0), where=where)
         np.copyto(row.setpoint, row.actual + row.velocity * self._cycle, where=where)
@@ -305,7 +312,9 @@ class AxisBank:
     def power(self, mask: int, mode: DriveMode) -> None:
         """Energizes axes in a mode, or changes the mode of energized ones; ideal drives are there at once."""
         # a drive takes a moment to leave its own homing
-        self.energized &= ~(mask & self.homing & ~self.exact)
+        leaving = mask & self.homing & ~self.exact
+        self.energized &= ~leaving
+        self._after_homing = (self._after_homing & ~mask) | leaving
         new = mask & ~self.energized
         self.released &= ~mask
         self.stopping &= ~mask

@@ -24,6 +24,8 @@ from mcserver.machine.homing_section import Homing
 BLOCKED_SHARE = 0.5
 # … and its torque is above the threshold for so many cycles.
 BLOCKED_CYCLES = 3
+# A drive that has homed itself is taken back once it has stood for so many cycles.
+STANDING_CYCLES = 10
 # Turns of the motor within which an index has to come.
 INDEX_TURNS = 1.5
 
@@ -65,7 +67,7 @@ class AxisHoming:
         self._input = self._input_column()
         self._active = self._switch()
         self._indices = int(cycle.bank.indices[column])
-        self._pushed = 0
+        self._cycles = 0
         self._stops = homing.method == "hard-stop"
         self._contact = 0.0
         self._waited = 0.0
@@ -125,8 +127,8 @@ class AxisHoming:
         speed = float(row.velocity[column])
         pushes = float(row.torque[column]) * self._homing.direction >= self._homing.torque
         slow = abs(float(row.actual_velocity[column])) < BLOCKED_SHARE * abs(speed)
-        self._pushed = self._pushed + 1 if pushes and slow and speed != 0.0 else 0
-        return self._pushed >= BLOCKED_CYCLES
+        self._cycles = self._cycles + 1 if pushes and slow and speed != 0.0 else 0
+        return self._cycles >= BLOCKED_CYCLES
 
     def _touches(self) -> bool:
         """Return True in the cycle in which contact is made; `_contact` is where."""
@@ -190,7 +192,7 @@ class AxisHoming:
         for lost in cycle.bank.masks.columns(cycle.homed.lose(self._bit, absolute_too=True)):
             cycle.emit(EventKind.UNHOMED, self._slot, 0, axis=cycle.machine.axes[lost].index)
         self._indices = int(cycle.bank.indices[self._column])
-        self._pushed = 0
+        self._cycles = 0
         if homing.method == "drive":
             cycle.homed.forget_offset(self._column)
             cycle.bank.power(self._bit, DriveMode.HOMING)
@@ -233,7 +235,7 @@ class AxisHoming:
             return None
         if self._active:
             raise self._fault(FaultCode.SWITCH_STUCK, homing.back_off)
-        self._pushed = 0
+        self._cycles = 0
         self._go(2.0 * homing.back_off, homing.latch_velocity)
         return HomingPhase.LATCH
 
@@ -282,8 +284,13 @@ class AxisHoming:
 
     def _drive(self) -> HomingPhase | None:
         """A drive that fails reports a fault of its own; its section bounds the time."""
-        bank = self._cycle.bank
+        bank, row = self._cycle.bank, self._cycle.row
         if bank.states[self._column] != DriveState.HOMED or not bank.fresh[self._column]:
+            return None
+        # its reading may jump to its home a moment before or behind that
+        still = abs(float(row.actual_velocity[self._column])) <= bank.standing_speed[self._column]
+        self._cycles = self._cycles + 1 if still else 0
+        if self._cycles < STANDING_CYCLES:
             return None
         bank.power(self._bit, DriveMode.POSITION)
         return HomingPhase.HOLD

@@ -48,6 +48,8 @@ class CanRig(Rig):
     positions: Sequence[int] = ()
     ports: dict[str, FakeBus] = field(default_factory=dict)
     drives: list[FakeDrive] = field(default_factory=list)
+    make: type[FakeDrive] = FakeDrive
+    homed: bool = True
 
     def __post_init__(self) -> None:
         described = self.machine
@@ -56,7 +58,7 @@ class CanRig(Rig):
             port = self.ports.setdefault(axis.drive.bus, FakeBus())
             by_bus.setdefault(axis.drive.bus, []).append(column)
             position = self.positions[column] if self.positions else 0
-            self.drives.append(FakeDrive(port, axis.drive.node, position, described.cycle_s))
+            self.drives.append(self.make(port, axis.drive.node, position, described.cycle_s))
         buses = [
             CanBus(
                 described,
@@ -67,7 +69,7 @@ class CanRig(Rig):
             )
             for columns in by_bus.values()
         ]
-        self.executor = VirtualExecutor(described, buses=buses, recorder=self._record)
+        self.executor = VirtualExecutor(described, buses=buses, recorder=self._record, homed=self.homed)
         self.program = self.open(0)
 
     @property

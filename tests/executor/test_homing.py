@@ -231,6 +231,18 @@ def test_the_drive_homes_itself_and_its_reading_counts() -> None:
     assert cell.executor.feedback.condition[0] == AxisCondition.HOLDING
 
 
+def test_a_drive_that_homes_itself_is_stopped_by_an_abort() -> None:
+    cell = Cell(machine(("initial_position = 12.0", 'method = "drive"')))
+    cell.home(0)
+    cell.run_to_phase(HomingPhase.DRIVE)
+    cell.step(3)
+    cell.executor.mailbox.abort(0)
+    cell.run(200)
+    cell.step(50)
+    assert cell.executor.feedback.condition[0] == AxisCondition.OFF
+    assert not cell.homed & 1
+
+
 def test_axes_home_together() -> None:
     cell = Cell(
         machine(
