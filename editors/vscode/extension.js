@@ -20,7 +20,18 @@ async function start() {
   await client.start();
 }
 
+// the language server draws the program and opens its page in the browser
+async function draw() {
+  const document = vscode.window.activeTextEditor?.document;
+  if (document?.languageId !== "gcode" || client === undefined) return;
+  await client.sendRequest("workspace/executeCommand", {
+    command: "mcserver.draw",
+    arguments: [client.code2ProtocolConverter.asUri(document.uri)],
+  });
+}
+
 async function activate(context) {
+  context.subscriptions.push(vscode.commands.registerCommand("mcserver.drawProgram", draw));
   // a workspace that is not trusted could name any program
   if (!vscode.workspace.isTrusted) {
     context.subscriptions.push(vscode.workspace.onDidGrantWorkspaceTrust(start));

@@ -18,4 +18,4 @@ def lsp(machine: MachineOption = DEFAULT_MACHINE) -> None:
             f"the language server needs {error.name}",
             "install the extra: pip install 'mcserver[lsp]'",
         ) from error
-    build_server(described).start_io()
+    build_server(described, machine).start_io()

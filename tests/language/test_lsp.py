@@ -62,6 +62,32 @@ def here(line: int, character: int) -> lsp.Position:
     return lsp.Position(line, character)
 
 
+async def drawn(editor: Editor) -> str | None:
+    page = await editor.workspace_execute_command_async(lsp.ExecuteCommandParams("mcserver.draw", [URI]))
+    assert page is None or isinstance(page, str)
+    return page
+
+
+@pytest.mark.timeout(300)
+async def test_the_lens_draws_the_text_of_the_editor_and_says_why_it_cannot(editor: Editor) -> None:
+    said: asyncio.Queue[str] = asyncio.Queue()
+    editor.feature(lsp.WINDOW_SHOW_MESSAGE)(lambda params: said.put_nowait(params.message))
+    editor.open("G1010\nG94 F6000\nG01 X12.5\n")
+    lenses = await editor.text_document_code_lens_async(lsp.CodeLensParams(lsp.TextDocumentIdentifier(URI)))
+    assert lenses is not None
+    assert lenses[0].command is not None
+    assert lenses[0].command.command == "mcserver.draw"
+    assert list(lenses[0].command.arguments or ()) == [URI]
+    page = await drawn(editor)
+    assert page is not None
+    assert (await said.get()).startswith("drawn: file:///")
+    assert "G01 X12.5" in Path(page.removeprefix("file://")).read_text("utf-8")
+    editor.change("GO1 X1\n", 2)
+    assert await drawn(editor) is None
+    assert "MC101" in await said.get()
+    assert not Path(page.removeprefix("file://")).exists()
+
+
 async def test_faults_come_with_columns_and_remedies_and_go_when_the_text_is_right(editor: Editor) -> None:
     editor.open(PROGRAM)
     (fault,) = await editor.diagnostics()

@@ -15,6 +15,7 @@ from mcserver.gcode.line_faults import TITLES
 from mcserver.gcode.text.source import split_lines
 from mcserver.language.fix import select_edits
 from mcserver.language.format import format_program
+from mcserver.language.lsp.drawing import COMMAND, Drawings, NotDrawn
 from mcserver.language.lsp.knowledge import complete, hover
 from mcserver.language.lsp.outline import folding_ranges
 from mcserver.machine.machine_file import Machine
@@ -25,15 +26,21 @@ MAX_KEPT_TIMES = 8  # programs whose times are kept
 _SEVERITY = {"error": lsp.DiagnosticSeverity.Error, "warning": lsp.DiagnosticSeverity.Warning}
 
 
-def build_server(machine: Machine) -> LanguageServer:
-    """Build the server for programs of one machine; `LanguageServer.start_io` serves an editor."""
+def build_server(machine: Machine, source: str) -> LanguageServer:
+    """Build the server for programs of one machine; `LanguageServer.start_io` serves an editor.
+
+    Args:
+        source: the name or path that the machine was loaded from, for drawings.
+    """
     try:
         release = version("mcserver")
     except PackageNotFoundError:
         release = "0"
     server = LanguageServer("mcserver", release, text_document_sync_kind=lsp.TextDocumentSyncKind.Full)
     documents = _Documents(server, machine)
-    _register(server, documents)
+    drawings = Drawings(source)
+    _register(server, documents, drawings)
+    _register_drawing(server, documents, drawings)
     return server
 
 
@@ -137,7 +144,7 @@ class _Documents:
                 return {"ok": False, "lines": []}
 
 
-def _register(server: LanguageServer, documents: _Documents) -> None:
+def _register(server: LanguageServer, documents: _Documents, drawings: Drawings) -> None:
     @server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
     async def opened(params: lsp.DidOpenTextDocumentParams) -> None:
         documents.refresh(params.text_document.uri)
@@ -153,9 +160,33 @@ def _register(server: LanguageServer, documents: _Documents) -> None:
     @server.feature(lsp.SHUTDOWN)
     async def shut_down(_params: None) -> None:
         documents.checker.close()
+        drawings.close()
 
     _register_questions(server, documents)
     _register_changes(server, documents)
+
+
+def _register_drawing(server: LanguageServer, documents: _Documents, drawings: Drawings) -> None:
+    @server.feature(lsp.TEXT_DOCUMENT_CODE_LENS)
+    async def code_lens(params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
+        start = lsp.Position(0, 0)
+        draw = lsp.Command("Draw the path", COMMAND, arguments=[params.text_document.uri])
+        return [lsp.CodeLens(lsp.Range(start, start), draw)]
+
+    @server.command(COMMAND)
+    async def draw(uri: str) -> str | None:
+        """Draw a program and show its page where the editor can; return the page's URI."""
+        try:
+            page = (await drawings.draw(uri, documents.text(uri))).as_uri()
+        except (NotDrawn, OSError) as error:
+            server.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, f"no drawing: {error}"))
+            return None
+        window = server.client_capabilities.window
+        if window is not None and window.show_document is not None and window.show_document.support:
+            server.window_show_document(lsp.ShowDocumentParams(page, external=True))
+        else:
+            server.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Info, f"drawn: {page}"))
+        return page
 
 
 def _register_questions(server: LanguageServer, documents: _Documents) -> None:
