@@ -96,7 +96,6 @@ class Probes:
         self._targets = {column: control.values[column] for column in cycle.bank.masks.columns(control.axes)}
         self._lead = -1
         self._found: Array | None = None
-        self._told = False
 
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
         return None
@@ -140,7 +139,7 @@ class Probes:
         if found is None and self._contact.at_end and self._kind.towards:
             found = self._cycle.row.actual
         place = self._cycle.row.actual if found is None else found
-        told = self._cycle.emit(
+        reported = self._cycle.emit(
             EventKind.PROBED,
             self._slot,
             self._control.line,
@@ -150,4 +149,4 @@ class Probes:
         if found is None and self._kind.needs:
             raise BarrierFault(FaultCode.NO_CONTACT, -1)
         # what the program goes on with must not get lost: it is reported again as soon as there is room
-        return told
+        return reported

@@ -49,7 +49,7 @@ def probed_line(axes: list[str], system: int, probe: ProbeStatus | None) -> str:
     if probe is None or not probe.tripped:
         raise RequestRefused("MC511", "the probe has met nothing", "probe first, such as: G38.2 Z-10 F100")
     words = []
-    for word in zero_line(axes, system).split()[4:]:
+    for word in zero_line(axes, system).split()[5:]:
         found = _AXIS.fullmatch(word)
         assert found is not None
         axis = found["axis"]
