@@ -47,11 +47,11 @@ class RecorderChild:
         ours, theirs = socket.socketpair()
         self.pipe = MessagePipe(ours)
         with theirs:
-            told = msgspec.structs.replace(
+            complete = msgspec.structs.replace(
                 start, machine=machine, memory=executor.memory, pipe=theirs.fileno()
             )
             self.process: subprocess.Popen[bytes] = start_child(
-                "mcserver.recorder.process", told, [executor.memory, theirs.fileno()]
+                "mcserver.recorder.process", complete, [executor.memory, theirs.fileno()]
             )
 
     def end(self) -> None:

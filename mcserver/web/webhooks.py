@@ -113,7 +113,7 @@ def _hook(section: HookSection, path: Path) -> Hook:
 
 
 def event_name(event: Event) -> EventName | None:
-    """What an event is called for receivers; None: they are not told."""
+    """What an event is called for receivers; None: it is of no interest to them."""
     if event.kind == "fault":
         return "fault"
     if event.kind == "estop":

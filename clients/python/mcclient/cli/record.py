@@ -142,7 +142,7 @@ def start(
     json: JsonOption = False,
 ) -> None:
     """Record every cycle into a file on the server from now on."""
-    _told("recording", json, Target(machine, connect, zenoh), lambda one: one.start_recording(name, seconds))
+    _order("recording", json, Target(machine, connect, zenoh), lambda one: one.start_recording(name, seconds))
 
 
 def stop(
@@ -153,7 +153,7 @@ def stop(
     json: JsonOption = False,
 ) -> None:
     """End a recording on the server; without a name the only one."""
-    _told("written", json, Target(machine, connect, zenoh), lambda one: one.stop_recording(name))
+    _order("written", json, Target(machine, connect, zenoh), lambda one: one.stop_recording(name))
 
 
 def save(
@@ -164,10 +164,10 @@ def save(
     json: JsonOption = False,
 ) -> None:
     """Write out the black box, the last minutes, on the server."""
-    _told("written", json, Target(machine, connect, zenoh), lambda one: one.save_black_box(reason))
+    _order("written", json, Target(machine, connect, zenoh), lambda one: one.save_black_box(reason))
 
 
-def _told(word: str, json: bool, target: Target, order: Any) -> None:
+def _order(word: str, json: bool, target: Target, order: Any) -> None:
     async def work() -> tuple[str, str]:
         async with target.open() as one:
             return one.name, await order(one)
