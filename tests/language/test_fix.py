@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from mcserver.cli.app import run_command_line
 from mcserver.errors import Diagnostic, Edit
+from mcserver.gcode.line_faults import TITLES
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.text.parser import scan_line
 from mcserver.language.fix import fix_program, select_edits
@@ -51,6 +52,21 @@ def test_a_certain_remedy_makes_the_line_right(line: str, fixed: str) -> None:
     assert done.text == f"F600\n{fixed}"
     assert done.remaining == ()
     assert done.applied
+
+
+def test_the_page_says_of_every_code_of_a_line_whether_a_remedy_is_certain() -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "language.md").read_text("utf-8")
+    table = page.partition("| code | certain where |")[2].partition("\n\n")[0]
+    rows = [[cell.strip() for cell in row.split("|")[1:3]] for row in table.splitlines()[2:]]
+    said: set[str] = set()
+    for codes, _ in rows:
+        for part in codes.split(", "):
+            first, _, last = part.partition(" … ")
+            said |= {f"MC{number}" for number in range(int(first[2:]), int((last or first)[2:]) + 1)}
+    assert {code for code in TITLES if code.startswith("MC1")} <= said
+    lines = ["GO1", "X−5", "(a (b) c)", "X1,", "X1 X1"]
+    found = {each.code for line in lines for each in check(f"F600\nG01 {line}") if each.edit is not None}
+    assert found == {codes for codes, certain in rows if certain}
 
 
 @pytest.mark.parametrize(
