@@ -122,7 +122,8 @@ class PlannerProcess:
         on_events: takes what happened, in order.
 
     Attributes:
-        last_seen: when it was last heard of [s of `time.monotonic`].
+        last_seen: when it was last heard of [s of `time.monotonic`]; now, while one that ended is replaced:
+            its programs have been stopped, and a start takes longer than any silence that is allowed.
     """
 
     def __init__(
@@ -142,10 +143,19 @@ class PlannerProcess:
         self._replacing: asyncio.Task[None] | None = None
         self._stopping = False
         self._ended = asyncio.Event()
-        self.last_seen = time.monotonic()
+        self._heard_at = time.monotonic()
+        # until then a process that was started again may be silent
+        self._silent_until = 0.0
+
+    @property
+    def last_seen(self) -> float:
+        now = time.monotonic()
+        if self._phase is ConnectionPhase.REPLACING or now < self._silent_until:
+            return now
+        return self._heard_at
 
     def start(self) -> None:
-        self.last_seen = time.monotonic()
+        self._heard_at = time.monotonic()
         self._connect(self._child)
 
     def send(self, command: PlannerCommand) -> None:
@@ -212,7 +222,8 @@ class PlannerProcess:
             if not self._stopping:
                 self._replacing = self._loop.create_task(self._replace(self._child))
             return
-        self.last_seen = time.monotonic()
+        self._heard_at = time.monotonic()
+        self._silent_until = 0.0
         for message in messages:
             events = self._decode(message)
             if events:
@@ -239,6 +250,7 @@ class PlannerProcess:
             self._phase = ConnectionPhase.ENDED
             return
         if not self._stopping:
+            self._silent_until = time.monotonic() + START_TIMEOUT_S
             self._connect(self._child)
 
 

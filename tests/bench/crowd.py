@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import queue
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tests.bench.figures import Figure, percentile
+import msgspec
+import zenoh
+
+from tests.bench.figures import Figure, NotAvailable, percentile
 from tests.bench.round_trip import RAW_KEY, latencies, raw_session
 from tests.bench.server import Server, server
 
 SUBSCRIBERS, STREAMS = 50, 10
 CALLS = 1000
+STOPS = 60
 
 
 def measure() -> list[Figure]:
@@ -29,11 +36,57 @@ def measure() -> list[Figure]:
             for _ in range(5):
                 status += latencies(reached.session, key, [b""] * (CALLS // 5))
                 floor += latencies(raw, RAW_KEY, [b""] * (CALLS // 5))
+            # the first ends the streams' programs; their clients stay
+            stops = stop_latencies(reached)
     what = f"status beside {SUBSCRIBERS} subscribers and {STREAMS} streams"
     return [
         Figure(f"{what} {name}", percentile(status, share), "µs", percentile(floor, share), "a raw get", goal)
         for name, share, goal in (("p50", 0.5, ""), ("p99", 0.99, "≤ 20 000 µs"))
-    ] + [Figure("status alone p50", percentile(alone, 0.5), "µs")]
+    ] + [
+        Figure("emergency stop, put → event there p50", percentile(stops, 0.5), "µs"),
+        Figure("emergency stop, put → event there, worst", max(stops), "µs", None, "", "p99 ≤ 5000 µs"),
+        Figure("status alone p50", percentile(alone, 0.5), "µs"),
+    ]
+
+
+def stop_latencies(reached: Server) -> list[float]:
+    """From putting an emergency stop to its event, one after another with a reset between [µs]."""
+    events: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def on_event(sample: zenoh.Sample) -> None:
+        events.put(msgspec.msgpack.decode(sample.payload.to_bytes())["kind"])
+
+    root = f"mc/@v1/{reached.machine}"
+    subscriber = reached.session.declare_subscriber(
+        f"{root}/event", zenoh.handlers.Callback(on_event, indirect=False)
+    )
+    reached.ask("@rpc/bench/status")
+    taken = []
+    for number in range(STOPS):
+        start = time.perf_counter()
+        reached.session.put(
+            f"{root}/estop",
+            b"",
+            priority=zenoh.Priority.REAL_TIME,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            express=True,
+        )
+        while events.get(timeout=10.0) != "estop":
+            pass
+        taken.append(1e6 * (time.perf_counter() - start))
+        until = time.monotonic() + 10.0
+        while reached.ask("@rpc/bench/status")["state"] != "ready" and time.monotonic() < until:
+            with contextlib.suppress(NotAvailable):
+                # refused as long as something still comes to rest
+                reached.ask(
+                    "@rpc/bench/reset", request=1_000_000 + 1000 * number + int(time.monotonic() * 10) % 1000
+                )
+        # the event that repeats it, and what else has come
+        time.sleep(0.15)
+        while not events.empty():
+            events.get()
+    subscriber.undeclare()  # type: ignore[no-untyped-call]
+    return taken
 
 
 @contextmanager

@@ -60,6 +60,9 @@ def main() -> int:
                     rest = f"at rest after {worst.get(fault, 0.0):5.1f} s at most"
                     print(f"{counts[fault]:6} programs, {rest}: {fault.value}")
                 print(f"{number:6} in all, {link.lost} of {link.carried + link.lost} packets lost; all agree")
+            except BaseException:
+                sys.stderr.write("".join(server.said))
+                raise
             finally:
                 server.close()
     except MissingMeans as missing:

@@ -1,0 +1,85 @@
+"""A planner that is being started again is expected: the machine's heartbeat does not stop for it."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+
+import msgspec
+import pytest
+
+from mcserver.planning import client
+from mcserver.planning.client import START_TIMEOUT_S, PlannerProcess
+from mcserver.planning.message_pipe import MessagePipe
+from mcserver.planning.planner_messages import PlannerEvent, PlannerFailed
+
+LIMIT_S = 5.0
+
+
+class FakeChild:
+    """A planner's process of which only the pipe is there; ``theirs`` is its end."""
+
+    def __init__(self) -> None:
+        ours, theirs = socket.socketpair()
+        self.pipe = MessagePipe(ours)
+        self.theirs = MessagePipe(theirs)
+
+    def ending(self) -> str:
+        return "was ended by signal 9"
+
+    def stop(self) -> None:
+        self.pipe.close()
+
+
+async def until(holds: Callable[[], bool]) -> None:
+    async with asyncio.timeout(LIMIT_S):
+        while not holds():
+            await asyncio.sleep(0)
+
+
+async def test_a_planner_that_is_started_again_may_be_silent_until_it_is_ready(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = SimpleNamespace(now=1000.0)
+    monkeypatch.setattr(client, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    children = [FakeChild(), FakeChild()]
+    first, second = children
+    events: list[PlannerEvent] = []
+
+    def on_events(more: Sequence[PlannerEvent]) -> None:
+        events.extend(more)
+
+    planner = PlannerProcess(first, lambda: second, on_events)  # type: ignore[arg-type, return-value]
+    planner.start()
+    clock.now += 10.0
+    assert planner.last_seen == 1000.0, "one that runs has to be heard of"
+    first.theirs.close()
+    await until(lambda: planner._child is second and bool(events))
+    assert isinstance(events[0], PlannerFailed)
+    clock.now += 100.0
+    assert planner.last_seen == clock.now, "its start is longer than any silence that is allowed"
+    second.theirs.send(msgspec.msgpack.encode([]))
+    await until(lambda: planner._heard_at == clock.now)
+    heard = clock.now
+    clock.now += 10.0
+    assert planner.last_seen == heard, "from its first word on it has to be heard of"
+    second.theirs.close()
+    await planner.stop()
+
+
+async def test_a_planner_that_never_gets_ready_is_not_waited_for_without_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = SimpleNamespace(now=1000.0)
+    monkeypatch.setattr(client, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    first, second = FakeChild(), FakeChild()
+    planner = PlannerProcess(first, lambda: second, lambda _: None)  # type: ignore[arg-type, return-value]
+    planner.start()
+    first.theirs.close()
+    await until(lambda: planner._child is second)
+    clock.now += START_TIMEOUT_S + 1.0
+    assert planner.last_seen == 1000.0
+    second.theirs.close()
+    await planner.stop()
