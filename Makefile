@@ -90,7 +90,7 @@ pictures: $(VENV)/.for-development  ## draw the pictures of the documentation an
 	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --no-limits --output docs/images/dog.png
 	$(BIN)/python -m tests.view.picture examples/robot-dog.gcode robot-dog 2.45 docs/images/view.png
 	$(BIN)/python -m tests.browser.picture docs/images
-	$(BIN)/python -m tests.motion.picture docs/images/chords.png
+	$(BIN)/python -m tests.motion.picture docs/images/chords.png docs/images/stretches.png
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) .qemu out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -26,6 +26,7 @@ from mcserver.motion.lookahead.parallel_groups import sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
+from mcserver.motion.profile.velocity_profile import Phases
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
 from mcserver.units import AxisType
 
@@ -427,7 +428,10 @@ class MotionPlanner:
         )
         while index < len(phases.start):
             constant = abs(phases.acceleration[index]) <= trace and phases.jerk[index] == 0.0
-            if constant and not plan.timed[index] and phases.velocity[index] > 0.0:
+            free = not plan.timed[index] and not phases.sealed[index]
+            if free and constant and phases.velocity[index] > 0.0:
+                break
+            if free and moment == phases.start[index] and _is_knot(phases, index):
                 break
             index += 1
             if index < len(phases.start):
@@ -452,7 +456,7 @@ class MotionPlanner:
         trace = 1e-6 * float(np.abs(phases.acceleration).max())
         while index > 0:
             a, j = phases.acceleration[index - 1], phases.jerk[index - 1]
-            if not (a < -trace or (abs(a) <= trace and j < 0.0)):
+            if phases.sealed[index - 1] or not (a < -trace or (abs(a) <= trace and j < 0.0)):
                 break
             index -= 1
         if index == 0 or index == len(phases.start):
@@ -504,11 +508,20 @@ class MotionPlanner:
         return sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle), runs, end
 
 
+def _is_knot(phases: Phases, index: int) -> bool:
+    """Return whether a phase begins at an end of a stretch that is not to be cut, with speed and no
+    acceleration.
+    """
+    sealed = phases.sealed
+    return bool((index > 0 and sealed[index - 1]) or (index + 1 < len(sealed) and sealed[index + 1]))
+
+
 def _last_steady(plan: PlannedRun, until: float) -> float:
     """The last moment without acceleration that is not later than ``until`` [s]; 0 without one."""
     phases = plan.phases
     trace = 1e-6 * float(np.abs(phases.acceleration).max())
     steady = (np.abs(phases.acceleration) <= trace) & ~plan.timed & (phases.velocity > 0.0)
+    steady &= ~phases.sealed
     steady &= phases.start <= until
     if not steady.any():
         return 0.0

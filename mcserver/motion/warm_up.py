@@ -31,7 +31,9 @@ from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, a
 from mcserver.motion.kernels.cache_folder import cache_folder, remove_unused
 from mcserver.motion.kernels.corner_trajectory import path_deviation_of
 from mcserver.motion.kernels.min_time_trajectories import PHASES, min_time_trajectories
+from mcserver.motion.kernels.path_speed import quicker_phases
 from mcserver.motion.kernels.rate_search import warm_up_playback
+from mcserver.motion.kernels.sample_limits import run_of
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.path_limits import AccelerationLimit
 from mcserver.motion.profile.setpoint_sampling import sample
@@ -187,6 +189,16 @@ def _smooth_chords(limits: AxisLimits) -> None:
     window = Lookahead(limits)
     window.append_parts(curve.parts, curve.samples, joined=False)
     sample(window.plan(), 0.0, 1, 10, limits.cycle)
+    _drive_quicker(limits)
+
+
+def _drive_quicker(limits: AxisLimits) -> None:
+    """A stretch with acceleration at its knots."""
+    rows = np.ones((2, 5 * len(limits.velocity) + 2))
+    offset, edges = np.array([0, 2]), np.array([0.0, 0.01])
+    run = run_of(rows, offset, np.ones(1), limits.rows, limits.cycle)
+    nodes, speeds = np.linspace(0.0, 0.01, 9), np.full(9, 0.1)
+    quicker_phases(run, edges, np.ones(1, np.bool_), np.ones(1), 0, 1, nodes, speeds)
 
 
 def main(part: str | None = None) -> None:

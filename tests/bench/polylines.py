@@ -1,9 +1,15 @@
-"""Polylines that stand for an arc, exact and with a path tolerance, beside the arc's own time."""
+"""Polylines that stand for an arc, exact and with a path tolerance, beside the arc's own time; and those of
+changing curvature, beside the least time for the curve itself.
+"""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.bench.analytic import least_time
 from tests.bench.figures import Figure
 from tests.bench.machines import ideal
 
@@ -32,7 +38,63 @@ def measure() -> list[Figure]:
                         "≤ 1.10 ×" if tolerance else "",
                     )
                 )
+    return figures + changing()
+
+
+def changing() -> list[Figure]:
+    """Curves of changing curvature in chords, with tolerance and jerk limit [mm]."""
+    from mcserver.simulation.simulation import simulate
+
+    figures = []
+    for name, curve, speed, chord, tolerance, jerk in (
+        ("Lissajous 1:2, 0.5 mm", lissajous(1, 2, 0.7), 200.0, 0.5, 0.02, 50_000.0),
+        ("Lissajous 3:2, 0.2 mm", lissajous(3, 2, math.pi / 4.0), 100.0, 0.2, 0.02, 50_000.0),
+        ("Lissajous 3:2, 0.5 mm", lissajous(3, 2, math.pi / 4.0), 200.0, 0.5, 0.05, 100_000.0),
+        ("clothoid to R6, 0.5 mm", clothoid(200.0, 6.0), 200.0, 0.5, 0.02, 50_000.0),
+        ("sphere contour, 1 mm", sphere(), 150.0, 1.0, 0.05, 30_000.0),
+    ):
+        width = curve.shape[1]
+        machine = ideal(axes=width, velocity=500.0, jerk=jerk, tolerance_mm=tolerance)
+        took = simulate(lines_along(curve, chord, speed), machine).report["duration_s"]
+        floor = least_time(curve, speed, ACCELERATION, jerk)
+        what = f"{name}, {speed:g} mm/s, {jerk:g} mm/s³, tolerance {tolerance:g} mm"
+        figures.append(Figure(what, float(took), "s", floor, "the curve, by linear programs", "≤ 1.10 ×"))
     return figures
+
+
+def lissajous(first: float, second: float, phase: float) -> NDArray[np.float64]:
+    t = np.linspace(0.0, 2.0 * math.pi, 20_001)
+    curve = 20.0 * np.stack([np.sin(first * t), np.sin(second * t + phase)], axis=1)
+    return curve - curve[0]
+
+
+def clothoid(length: float, sharpest: float) -> NDArray[np.float64]:
+    """Curvature from -1/sharpest to 1/sharpest, which changes evenly along it."""
+    s = np.linspace(-0.5 * length, 0.5 * length, 20_001)
+    heading = s**2 / (length * sharpest)
+    step = np.stack([np.cos(heading), np.sin(heading)], axis=1) * (s[1] - s[0])
+    return np.concatenate((np.zeros((1, 2)), np.cumsum(step, axis=0)))
+
+
+def sphere() -> NDArray[np.float64]:
+    """A line round a sphere of R25 that climbs."""
+    t = np.linspace(0.0, 1.0, 20_001)
+    angle, height = 6.0 * math.pi * t, 0.2 + 1.1 * t
+    across = 25.0 * np.cos(height)
+    curve = np.stack([across * np.cos(angle), across * np.sin(angle), 25.0 * np.sin(height)], axis=1)
+    return curve - curve[0]
+
+
+def lines_along(curve: NDArray[np.float64], chord: float, speed: float) -> str:
+    """A program of chords along a dense curve from the origin [mm]."""
+    along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
+    at = np.linspace(0.0, along[-1], round(along[-1] / chord) + 1)[1:]
+    points = np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
+    lines = [
+        "G01 " + " ".join(f"{axis}{value:.4f}" for axis, value in zip("XYZ", point, strict=False))
+        for point in points.tolist()
+    ]
+    return "\n".join(["G1010", "G64", f"G94 F{60.0 * speed:g}", *lines]) + "\n"
 
 
 def program(chord: float) -> str:

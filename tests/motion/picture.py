@@ -1,10 +1,14 @@
-"""The documentation's picture of chords as one curve: python -m tests.motion.picture OUT."""
+"""The documentation's pictures of chords: python -m tests.motion.picture CHORDS STRETCHES.
+
+The same chords without and with a tolerance, and others with speed by knots alone and solved as a whole.
+"""
 
 from __future__ import annotations
 
 import math
 import sys
 from pathlib import Path
+from unittest import mock
 
 import matplotlib
 
@@ -13,6 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from tests.motion.support import Motion, Move, alike, plan, polyline
+from tests.motion.test_faster_stretches import chords_of, lissajous, only_knots
 
 SPEED, ACCELERATION, JERK, TOLERANCE, CHORD = 0.1, 2000.0, 50_000.0, 2e-5, 5e-4
 MM = 1e3
@@ -50,6 +55,27 @@ def draw(output: Path) -> None:
     figure.savefig(output, dpi=90)
 
 
+def draw_stretches(output: Path) -> None:
+    """Draw the same of chords of a Lissajous figure, with speed by knots alone and solved as a whole."""
+    machine = alike(2, velocity=500.0, acceleration=ACCELERATION, jerk=JERK)
+    points = chords_of(lissajous(1.0, 2.0, 0.7), CHORD)
+    moves = [Move(group, tolerance=TOLERANCE) for group in polyline(machine, points.tolist(), 2.0 * SPEED)]
+    figure, axes = plt.subplots(3, 2, figsize=(11, 7), sharex=True, sharey="row", layout="constrained")
+    with mock.patch("mcserver.motion.lookahead.lookahead.quicker_stretches", only_knots):
+        before = plan(machine, moves, start=points[0])
+    for column, (name, motion) in enumerate(
+        (("by knots alone", before), ("as a whole", plan(machine, moves, start=points[0])))
+    ):
+        axes[0, column].set_title(f"{name}: {motion.duration:.3f} s")
+        _draw_one(motion, [row[column] for row in axes])
+    axes[0, 0].set_ylabel("speed [mm/s]")
+    axes[1, 0].set_ylabel("acceleration [mm/s²]")
+    axes[2, 0].set_ylabel("jerk [mm/s³]")
+    for axis in axes[2]:
+        axis.set_xlabel("time [s]")
+    figure.savefig(output, dpi=90)
+
+
 def _draw_one(motion: Motion, axes: list[plt.Axes]) -> None:
     rows, cycle = motion.rested * MM, motion.cycle
     speed = np.linalg.norm(np.diff(rows, axis=0), axis=1) / cycle
@@ -65,3 +91,4 @@ def _draw_one(motion: Motion, axes: list[plt.Axes]) -> None:
 
 if __name__ == "__main__":
     draw(Path(sys.argv[1]))
+    draw_stretches(Path(sys.argv[2]))

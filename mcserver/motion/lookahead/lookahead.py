@@ -27,6 +27,7 @@ from mcserver.motion.kernels.spline_samples import PartSamples, scale_samples
 from mcserver.motion.lookahead.path_limits import RunLimits, junction, samples_of
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.segment_table import SegmentTable, empty_columns
+from mcserver.motion.profile.faster_stretches import quicker_stretches
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from mcserver.motion.profile.velocity_profile import Phases, ProfileSolver, join_phases
 
@@ -248,13 +249,21 @@ class Lookahead:
             solution = attempt(junction_vmax)
         if solution.late:
             solution = self._with_stops(solution, junction_vmax, attempt)
-        phases = join_phases(solution.phases, float(groups.edges[-1]))
+        knots, first = solution.knots, solution.first
+        rows, sealed = solution.phases, None
+        if not self.table.timed.any():
+            feeds = segments.columns.feed
+            quicker = quicker_stretches(
+                solver.run.run, groups, feeds, self._limits, rows, knots, first, segments.passed > 0.0
+            )
+            rows, sealed, knots, first = quicker.phases, quicker.sealed, quicker.knots, quicker.first
+        phases = join_phases(rows, float(groups.edges[-1]), sealed)
         times = phases.time_at(groups.bounds)
         # at knots the velocity profile's own times are exact; where the motion rests, positions tell time
         # poorly
-        at_knots = np.append(phases.start, phases.duration)[solution.first]
-        at_starts = np.append(groups.bits, START)[solution.knots] == START
-        starts = np.append(groups.starts, len(self.table))[solution.knots]
+        at_knots = np.append(phases.start, phases.duration)[first]
+        at_starts = np.append(groups.bits, START)[knots] == START
+        starts = np.append(groups.starts, len(self.table))[knots]
         times[starts[at_starts]] = at_knots[at_starts]
         return _Law(groups, solution, phases, times)
 

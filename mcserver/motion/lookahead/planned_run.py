@@ -80,6 +80,11 @@ class PlannedRun:
             bound_by=self.bound_by[index:],
         )
 
+    def _sealed(self, low: float, high: float) -> NDArray[np.bool_]:
+        """Return which phases between two times [s] are not to be cut."""
+        first, last = self.phases.span(low, high)
+        return self.phases.sealed[first:last]
+
     def with_corners(self, stops: list[int], corners: list[TimeDomainBlend]) -> PlannedRun:
         """Return the run with blends in place of stops.
 
@@ -105,18 +110,21 @@ class PlannedRun:
         segments: list[Segment] = []
         bound_by: list[Bound | None] = []
         parts: list[Array] = []
+        sealed: list[NDArray[np.bool_]] = []
         low, since = 0, 0.0
         for stop, corner in zip(stops, corners, strict=True):
             segments += [*self.segments[low:stop], *corner.parts]
             bound_by += [*self.bound_by[low:stop], None, None]
             parts += [self.phases.between(since, corner.leave), corner.phase]
+            sealed += [self._sealed(since, corner.leave), np.zeros(len(corner.phase), np.bool_)]
             low, since = stop, corner.join
         segments += self.segments[low:]
         for stop, corner in zip((at + 2 * np.arange(len(at))).tolist(), corners, strict=True):
             segments[stop - 1] = dataclasses.replace(segments[stop - 1], finish=corner.leave_s, closes=False)
             segments[stop + 2] = dataclasses.replace(segments[stop + 2], begin=corner.join_s, opens=False)
         parts.append(self.phases.between(since, self.phases.duration))
-        phases = join_phases(np.concatenate(parts), self.phases.end)
+        sealed.append(self._sealed(since, self.phases.duration))
+        phases = join_phases(np.concatenate(parts), self.phases.end, np.concatenate(sealed))
         timed = np.concatenate([np.full(len(part), bool(i % 2)) for i, part in enumerate(parts)])
         # the same sums as in the velocity profile: a cut at the end of a corner is at the start of what
         # follows

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 import ruckig
+from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.phases import PHASE, times_at_positions
@@ -33,6 +34,7 @@ class Phases:
         duration: total duration [s].
         position, velocity, acceleration, jerk: at the beginning of each phase, shape (n,).
         end: position at the end of the last phase; beyond it the coordinate stays there.
+        sealed: phases at whose start, and inside of which, the profile is not cut, shape (n,).
     """
 
     start: Array
@@ -42,6 +44,7 @@ class Phases:
     acceleration: Array
     jerk: Array
     end: float
+    sealed: NDArray[np.bool_]
 
     @cached_property
     def rows(self) -> Array:
@@ -49,10 +52,14 @@ class Phases:
         lasts = np.diff(self.start, append=self.duration)
         return np.column_stack((lasts, self.position, self.velocity, self.acceleration, self.jerk))
 
+    def span(self, low: float, high: float) -> tuple[int, int]:
+        """Return the first phase under way between two times [s], and the one after the last."""
+        first = int(np.clip(np.searchsorted(self.start, low, side="right") - 1, 0, len(self.start) - 1))
+        return first, max(int(np.searchsorted(self.start, high, side="left")), first + 1)
+
     def between(self, low: float, high: float) -> Array:
         """Return the part between two times [s] as rows of `mcserver.motion.kernels.phases`."""
-        first = int(np.clip(np.searchsorted(self.start, low, side="right") - 1, 0, len(self.start) - 1))
-        last = max(int(np.searchsorted(self.start, high, side="left")), first + 1)
+        first, last = self.span(low, high)
         rows = self.rows[first:last].copy()
         rows[0, 1:4] = self._inside(first, low)
         rows[0, 0] -= low - float(self.start[first])
@@ -88,6 +95,7 @@ class Phases:
             acceleration=acceleration,
             jerk=self.jerk[index:],
             end=self.end - here,
+            sealed=self.sealed[index:],
         )
 
     def at(self, time: Array) -> tuple[Array, Array]:
@@ -264,9 +272,9 @@ def rows_of(profiles: list[Profile], origin: float = 0.0) -> Array:
     return np.array(rows).reshape(-1, PHASE)
 
 
-def join_phases(rows: Array, end: float) -> Phases:
+def join_phases(rows: Array, end: float, sealed: NDArray[np.bool_] | None = None) -> Phases:
     """Return the velocity profile of consecutive phases, shape (n, `PHASE`), that ends at the coordinate
-    ``end``.
+    ``end``; ``sealed`` as of `Phases`, by default none.
     """
     until = np.cumsum(rows[:, 0])
     return Phases(
@@ -277,6 +285,7 @@ def join_phases(rows: Array, end: float) -> Phases:
         acceleration=rows[:, 3].copy(),
         jerk=rows[:, 4].copy(),
         end=end,
+        sealed=np.zeros(len(rows), np.bool_) if sealed is None else sealed,
     )
 
 

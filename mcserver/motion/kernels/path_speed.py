@@ -1,0 +1,510 @@
+"""The fastest speed along a path of changing curvature, with acceleration wherever the limits leave it.
+
+With b = v² as a function of the path coordinate σ, v̇ = b'/2 and v̈ = √b·b''/2, and an axis asks for
+|q''|·b + |q'|·|b'|/2 of its acceleration and √b·(|q'''|·b + 3/2·|q''|·|b'| + |q'|·|b''|/2) of its jerk. b is
+found at nodes by an interior-point method: Newton's on ∫ dσ/√b with a logarithmic barrier for each limit,
+which is banded, as a node's limits touch its neighbours alone. Both ends are given, and have no acceleration.
+What comes out is checked on its own, as phases of constant jerk in time, before anybody drives it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.kernels.compiled import compiled
+from mcserver.motion.kernels.phases import PHASE
+from mcserver.motion.kernels.sample_limits import TINY, Run
+
+# Nodes stand this share of the shortest rise of acceleration apart, in these bounds [s]: fewer follow the
+# optimum less closely, and each takes some 10 µs.
+NODE_SHARE, NODES_APART = 0.2, (1e-3, 8e-3)
+# Shares of speed, acceleration and jerk that nodes may take, tried one after the other: between nodes it is
+# more.
+NODE_LIMITS = ((0.9985, 1.0, 1.0), (0.996, 0.99, 1.0), (0.99, 0.97, 0.95))
+# Nodes from an end, which may be at its greatest speed, to where all of that margin is kept.
+MARGIN_NODES = 10.0
+# What phases may take in the end, of F and of the axes' limits; and of the greatest speeds by bends, which
+# leave something for acceleration.
+PHASE_LIMITS, PHASE_SPEED = (1.0009, 1.003, 1.035), 1.01
+# The barrier's weight, as a share of the time by the number of limits: at first, its fall with each round,
+# and where it ends, which is what is left to the optimum.
+FIRST_WEIGHT, WEIGHT_FALL, LAST_WEIGHT = 4.0, 0.2, 0.004
+# Newton's steps of a round, halvings of one, and steps in all.
+STEPS, HALVINGS, MOST_STEPS = 3, 30, 60
+# Limits are eased at first so that the start lies within them, by this much more than it takes, until all is
+# below this share of the true ones, for so many steps at the most.
+EASE, WITHIN, MOST_EASED = 1.05, 0.9999, 20
+# A step that changes no speed by more than this share is the last one of its round.
+SETTLED = 1e-4
+# Newton's steps for the time from node to node; corrections of the speed at the end, and the share of it that
+# may be lacking.
+NEWTON, SPREADS, SAME_SPEED = 4, 12, 1e-12
+# Groups with so many samples may be arcs of more than a turn, whose samples stand on one turn only.
+WHOLE_TURNS = 129
+# A path is not solved again where its time is within this of that at its greatest speeds.
+WORTH = 1.005
+
+# Columns of a node's demand for each axis: |q'|, |q''|, |q'''| and steps of q''.
+_SLOPE, _BEND, _TWIST, _STEP = range(4)
+
+
+@compiled
+def _gather(
+    run: Run,
+    edges: Array,
+    single: NDArray[np.bool_],
+    feed: Array,
+    left: int,
+    right: int,
+    nodes: Array,
+    demand: Array,
+    cap: Array,
+    fed: Array,
+) -> bool:
+    """Write what each node's surroundings, up to the nodes beside it, ask for at the worst.
+
+    Args:
+        single: groups that are one whole segment, on which samples stand evenly, shape (n,). feed: the
+            groups' speeds by F, shape (n,).
+        nodes: along σ, shape (m,), from the edge ``left`` to the edge ``right``.
+        demand: written, shape (m, 4, K), |q'|, |q''|, |q'''| and steps of q''. cap: written, the greatest
+            b, shape (m,). fed: written, the speed by F, shape (m,).
+
+    Returns:
+        False where there is a vertex, which is nothing for this.
+    """
+    width = run.limits.shape[1]
+    demand[:] = 0.0
+    cap[:] = math.inf
+    fed[:] = math.inf
+    node = 0
+    for group in range(left, right):
+        low, high = edges[group], edges[group + 1]
+        # the nodes whose surroundings touch the group
+        while node > 0 and nodes[node] >= low:
+            node -= 1
+        first = node
+        while node < len(nodes) - 1 and nodes[node] <= high:
+            node += 1
+        for at in range(first, node + 1):
+            fed[at] = min(fed[at], feed[group])
+        count = run.offset[group + 1] - run.offset[group]
+        spread = single[group] and 1 < count < WHOLE_TURNS
+        for i in range(count):
+            row = run.rows[run.offset[group] + i]
+            begin, end = first, node
+            if spread:
+                # a sample counts for the nodes about it and about the samples beside it
+                before = low + (high - low) * max(i - 1, 0) / (count - 1)
+                behind = low + (high - low) * min(i + 1, count - 1) / (count - 1)
+                while begin < node and nodes[begin + 1] < before:
+                    begin += 1
+                while end > begin and nodes[end - 1] > behind:
+                    end -= 1
+            top = min(run.sample_vmax[run.offset[group] + i], run.segment_vmax[group]) ** 2
+            for at in range(begin, end + 1):
+                cap[at] = min(cap[at], top)
+                for k in range(width):
+                    if row[3 * width + k] > 0.0:
+                        return False
+                    demand[at, 0, k] = max(demand[at, 0, k], row[k])
+                    demand[at, 1, k] = max(demand[at, 1, k], row[width + k])
+                    demand[at, 2, k] = max(demand[at, 2, k], row[2 * width + k])
+                    demand[at, 3, k] = max(demand[at, 3, k], row[4 * width + k])
+    return True
+
+
+@compiled
+def _stencils(nodes: Array, first: Array, second: Array) -> None:
+    """Write the weights of b at the nodes before, at and after each one in b' and b'', shape (m, 3).
+
+    At the ends b' is 0, as if the path were mirrored there.
+    """
+    last = len(nodes) - 1
+    for i in range(1, last):
+        before, after = nodes[i] - nodes[i - 1], nodes[i + 1] - nodes[i]
+        both = before + after
+        first[i, 0], first[i, 2] = -after / (before * both), before / (after * both)
+        first[i, 1] = -first[i, 0] - first[i, 2]
+        second[i, 0], second[i, 2] = 2.0 / (before * both), 2.0 / (after * both)
+        second[i, 1] = -second[i, 0] - second[i, 2]
+    first[0], first[last], second[0], second[last] = 0.0, 0.0, 0.0, 0.0
+    second[0, 2] = 2.0 / (nodes[1] - nodes[0]) ** 2
+    second[0, 1] = -second[0, 2]
+    second[last, 0] = 2.0 / (nodes[last] - nodes[last - 1]) ** 2
+    second[last, 1] = -second[last, 0]
+
+
+@compiled
+def _derivative(weights: Array, b: Array, i: int) -> float:
+    """Return b' or b'' at a node."""
+    low, high = b[max(i - 1, 0)], b[min(i + 1, len(b) - 1)]
+    return float(weights[i, 0] * low + weights[i, 1] * b[i] + weights[i, 2] * high)
+
+
+@compiled
+def _merit(
+    b: Array,
+    nodes: Array,
+    demand: Array,
+    cap: Array,
+    limits: Array,
+    step_jerk: float,
+    first: Array,
+    second: Array,
+    ease: float,
+    weight: float,
+) -> tuple[float, float]:
+    """Return the time with its barrier, infinite beyond a limit, and the greatest share of a limit."""
+    total, worst = 0.0, 0.0
+    last = len(b) - 1
+    width = limits.shape[1]
+    for i in range(last + 1):
+        if not b[i] > 0.0:
+            return math.inf, math.inf
+        root = math.sqrt(b[i])
+        if i > 0:
+            total += 2.0 * (nodes[i] - nodes[i - 1]) / (root + math.sqrt(b[i - 1]))
+        slope, bend = abs(_derivative(first, b, i)), abs(_derivative(second, b, i))
+        product = 1.0
+        if 0 < i < last:
+            share = b[i] / cap[i]
+            worst = max(worst, share)
+            if share >= ease:
+                return math.inf, math.inf
+            product *= ease - share
+        for k in range(width):
+            d1, d2 = demand[i, _SLOPE, k], demand[i, _BEND, k]
+            if d1 == 0.0 and d2 == 0.0:
+                continue
+            taken, change = d2 * b[i] / limits[1, k], 0.5 * d1 * slope / limits[1, k]
+            worst = max(worst, taken + change)
+            if taken + change >= ease:
+                return math.inf, math.inf
+            product *= (ease - taken - change) * (ease - taken + change)
+            unit = root / limits[2, k]
+            own = unit * b[i] * (demand[i, _TWIST, k] + demand[i, _STEP, k] * step_jerk / root)
+            turn, push = 1.5 * unit * d2 * slope, 0.5 * unit * d1 * bend
+            worst = max(worst, own + turn + push)
+            if own + turn + push >= ease:
+                return math.inf, math.inf
+            product *= (ease - own - turn - push) * (ease - own - turn + push)
+            product *= (ease - own + turn - push) * (ease - own + turn + push)
+            if weight > 0.0:
+                total -= weight * math.log(product)
+            product = 1.0
+        if weight > 0.0:
+            total -= weight * math.log(product)
+    return total, worst
+
+
+@compiled
+def _add_barrier(
+    i: int, slack: float, weight: float, by0: float, by1: float, by2: float, gradient: Array, band: Array
+) -> None:
+    """Add -w·log(slack), whose slack falls with b at the nodes about i by these, to the model at i."""
+    pull = weight / slack
+    curve = pull / slack
+    last = len(gradient) - 1
+    gradient[i] += pull * by1
+    band[i, 0] += curve * by1 * by1
+    if i > 0:
+        gradient[i - 1] += pull * by0
+        band[i - 1, 0] += curve * by0 * by0
+        band[i - 1, 1] += curve * by0 * by1
+    if i < last:
+        gradient[i + 1] += pull * by2
+        band[i + 1, 0] += curve * by2 * by2
+        band[i, 1] += curve * by1 * by2
+    if 0 < i < last:
+        band[i - 1, 2] += curve * by0 * by2
+
+
+@compiled
+def _model(
+    b: Array,
+    nodes: Array,
+    demand: Array,
+    cap: Array,
+    limits: Array,
+    step_jerk: float,
+    first: Array,
+    second: Array,
+    ease: float,
+    weight: float,
+    gradient: Array,
+    band: Array,
+) -> None:
+    """Write gradient (m,) and curvature (m, 3), three diagonals of it, of what `_merit` returns."""
+    gradient[:] = 0.0
+    band[:] = 0.0
+    last = len(b) - 1
+    width = limits.shape[1]
+    for i in range(last + 1):
+        root = math.sqrt(b[i])
+        if 0 < i < last:
+            # the time about a node, to the first order dσ/√b
+            apart = 0.5 * (nodes[i + 1] - nodes[i - 1])
+            gradient[i] -= 0.5 * apart / (b[i] * root)
+            band[i, 0] += 0.75 * apart / (b[i] * b[i] * root)
+            _add_barrier(i, ease - b[i] / cap[i], weight, 0.0, 1.0 / cap[i], 0.0, gradient, band)
+        slope, bend = _derivative(first, b, i), _derivative(second, b, i)
+        for k in range(width):
+            d1, d2 = demand[i, _SLOPE, k], demand[i, _BEND, k]
+            if d1 == 0.0 and d2 == 0.0:
+                continue
+            for sign in (1.0, -1.0):
+                part = sign * 0.5 * d1 / limits[1, k]
+                slack = ease - d2 * b[i] / limits[1, k] - part * slope
+                _add_barrier(
+                    i,
+                    slack,
+                    weight,
+                    part * first[i, 0],
+                    d2 / limits[1, k] + part * first[i, 1],
+                    part * first[i, 2],
+                    gradient,
+                    band,
+                )
+            unit = root / limits[2, k]
+            own = unit * b[i] * (demand[i, _TWIST, k] + demand[i, _STEP, k] * step_jerk / root)
+            rise = unit * (1.5 * demand[i, _TWIST, k] + demand[i, _STEP, k] * step_jerk / root)
+            for sign in (1.0, -1.0):
+                for other in (1.0, -1.0):
+                    turn, push = sign * 1.5 * unit * d2, other * 0.5 * unit * d1
+                    change = turn * slope + push * bend
+                    _add_barrier(
+                        i,
+                        ease - own - change,
+                        weight,
+                        turn * first[i, 0] + push * second[i, 0],
+                        rise + 0.5 * change / b[i] + turn * first[i, 1] + push * second[i, 1],
+                        turn * first[i, 2] + push * second[i, 2],
+                        gradient,
+                        band,
+                    )
+
+
+@compiled
+def _solve_band(band: Array, right: Array) -> bool:
+    """Solve with a symmetric matrix of five diagonals in place, its two ends left out; False: not positive.
+
+    Args:
+        band: the diagonal and the two beside it, shape (m, 3); overwritten. right: shape (m,); overwritten.
+    """
+    last = len(right) - 2
+    # L·D·Lᵀ, rows from 1 to last
+    for i in range(1, last + 1):
+        if i >= 2:
+            band[i, 0] -= band[i - 1, 1] ** 2 * band[i - 1, 0]
+            if i < last:
+                band[i, 1] -= band[i - 1, 1] * band[i - 1, 0] * band[i - 1, 2]
+            right[i] -= band[i - 1, 1] * right[i - 1]
+        if i >= 3:
+            band[i, 0] -= band[i - 2, 2] ** 2 * band[i - 2, 0]
+            right[i] -= band[i - 2, 2] * right[i - 2]
+        if not band[i, 0] > 0.0:
+            return False
+        band[i, 1] = band[i, 1] / band[i, 0] if i < last else 0.0
+        band[i, 2] = band[i, 2] / band[i, 0] if i < last - 1 else 0.0
+    for i in range(last, 0, -1):
+        right[i] /= band[i, 0]
+        if i < last:
+            right[i] -= band[i, 1] * right[i + 1]
+        if i < last - 1:
+            right[i] -= band[i, 2] * right[i + 2]
+    return True
+
+
+@compiled
+def _minimize(
+    b: Array,
+    nodes: Array,
+    demand: Array,
+    cap: Array,
+    limits: Array,
+    step_jerk: float,
+    first: Array,
+    second: Array,
+) -> bool:
+    """Change b to the quickest within the limits; return False where none was found."""
+    count, width = len(b), limits.shape[1]
+    gradient, band = np.empty(count), np.empty((count, 3))
+    trial = b.copy()
+    huge = 1e30
+    merit, worst = _merit(b, nodes, demand, cap, limits, step_jerk, first, second, huge, 0.0)
+    share = merit / (count * (6 * width + 1))
+    ease = max(1.0, EASE * worst)
+    weight = FIRST_WEIGHT
+    for step in range(MOST_STEPS):
+        merit, _ = _merit(b, nodes, demand, cap, limits, step_jerk, first, second, ease, weight * share)
+        _model(b, nodes, demand, cap, limits, step_jerk, first, second, ease, weight * share, gradient, band)
+        if not _solve_band(band, gradient):
+            return False
+        length, moved = 1.0, 0.0
+        for _ in range(HALVINGS):
+            moved = 0.0
+            for i in range(1, count - 1):
+                trial[i] = b[i] - length * gradient[i]
+                moved = max(moved, abs(trial[i] - b[i]) / b[i])
+            now, most = _merit(
+                trial, nodes, demand, cap, limits, step_jerk, first, second, ease, weight * share
+            )
+            if now < merit:
+                b[:] = trial
+                worst = most
+                break
+            length *= 0.5
+        if ease > 1.0:
+            # pushed away from the limits by the barrier until it lies within the true ones
+            if worst < WITHIN:
+                ease = 1.0
+            elif step > MOST_EASED:
+                return False
+            continue
+        if moved < SETTLED or length < 0.5**HALVINGS * 1.5 or step % STEPS == STEPS - 1:
+            if weight <= LAST_WEIGHT:
+                return bool(worst <= 1.0)
+            weight = max(weight * WEIGHT_FALL, LAST_WEIGHT)
+    return False
+
+
+@compiled
+def _drive(nodes: Array, acceleration: Array, speed: float, phases: Array) -> float:
+    """Write phases from node to node by accelerations there, linear in time; return the speed at the end."""
+    for i in range(len(nodes) - 1):
+        far, a0, a1 = nodes[i + 1] - nodes[i], acceleration[i], acceleration[i + 1]
+        t = far / max(speed, TINY)
+        for _ in range(NEWTON):
+            short = t * (speed + t * (2.0 * a0 + a1) / 6.0) - far
+            t -= short / max(speed + t * (2.0 * a0 + a1) / 3.0, TINY)
+        phases[i, 0], phases[i, 1], phases[i, 2] = t, nodes[i], speed
+        phases[i, 3], phases[i, 4] = a0, (a1 - a0) / t
+        speed += 0.5 * t * (a0 + a1)
+    return speed
+
+
+@compiled
+def _to_phases(nodes: Array, b: Array, phases: Array) -> bool:
+    """Write phases of constant jerk from node to node, whose accelerations are those of b at the nodes.
+
+    What is lacking of the speed at the end, a small part of it, is spread over all.
+
+    Returns:
+        False where that does not succeed.
+    """
+    count = len(b)
+    last = count - 1
+    acceleration, spread = np.zeros(count), np.zeros(count)
+    for i in range(1, last):
+        # weighed so that the sum over intervals keeps what b gains over them
+        acceleration[i] = 0.5 * (b[i + 1] - b[i - 1]) / (nodes[i + 1] - nodes[i - 1])
+        share = i / last
+        spread[i] = share * share * (1.0 - share) * (1.0 - share)
+    start, end = math.sqrt(b[0]), math.sqrt(b[last])
+    lacks = end - _drive(nodes, acceleration, start, phases)
+    part = lacks / (spread.sum() * phases[:, 0].mean())
+    for _ in range(SPREADS):
+        for i in range(1, last):
+            acceleration[i] += part * spread[i]
+        before, lacks = lacks, end - _drive(nodes, acceleration, start, phases)
+        if abs(lacks) <= SAME_SPEED * end:
+            return True
+        if before == lacks:
+            return False
+        part *= lacks / (before - lacks)
+    return False
+
+
+@compiled
+def _keeps_limits(
+    phases: Array, demand: Array, cap: Array, fed: Array, limits: Array, step_jerk: float
+) -> bool:
+    """Return whether phases keep all limits, at both ends and in the middle of each."""
+    for i in range(len(phases)):
+        duration, jerk = phases[i, 0], abs(phases[i, 4])
+        # both nodes know all between them, and more
+        top = min(PHASE_SPEED * math.sqrt(max(cap[i], cap[i + 1])), PHASE_LIMITS[0] * max(fed[i], fed[i + 1]))
+        for place in (0.0, 0.5, 1.0):
+            x = place * duration
+            v = phases[i, 2] + x * (phases[i, 3] + 0.5 * x * phases[i, 4])
+            a = abs(phases[i, 3] + x * phases[i, 4])
+            if not v > 0.0 or v > top:
+                return False
+            for k in range(limits.shape[1]):
+                d1 = min(demand[i, _SLOPE, k], demand[i + 1, _SLOPE, k])
+                d2 = min(demand[i, _BEND, k], demand[i + 1, _BEND, k])
+                d3 = min(demand[i, _TWIST, k], demand[i + 1, _TWIST, k])
+                step = min(demand[i, _STEP, k], demand[i + 1, _STEP, k])
+                if d1 * v > PHASE_LIMITS[0] * limits[0, k]:
+                    return False
+                if d1 * a + d2 * v * v > PHASE_LIMITS[1] * limits[1, k]:
+                    return False
+                asked = d1 * jerk + 3.0 * d2 * v * a + d3 * v * v * v + step * step_jerk * v * v
+                if asked > PHASE_LIMITS[2] * limits[2, k]:
+                    return False
+    return True
+
+
+@compiled
+def quicker_phases(
+    run: Run,
+    edges: Array,
+    single: NDArray[np.bool_],
+    feed: Array,
+    left: int,
+    right: int,
+    nodes: Array,
+    speeds: Array,
+) -> tuple[Array, bool]:
+    """Return phases from the edge ``left`` to the edge ``right`` that take less time than those given.
+
+    Args:
+        single, feed: see `_gather`. nodes, speeds: places along σ from edge to edge and the speeds there,
+            shape (m,), m ≥ 5; positive, without acceleration at both ends.
+
+    Returns:
+        Rows of `mcserver.motion.kernels.phases`; none where nothing better that keeps all limits was found.
+        And whether it was looked for: there may be a vertex, or next to nothing to gain.
+    """
+    count, width = len(nodes), run.limits.shape[1]
+    demand, cap, fed = np.empty((count, 4, width)), np.empty(count), np.empty(count)
+    nothing = np.empty((0, PHASE))
+    if not _gather(run, edges, single, feed, left, right, nodes, demand, cap, fed):
+        return nothing, False
+    time = least = 0.0
+    for i in range(count - 1):
+        apart = nodes[i + 1] - nodes[i]
+        time += 2.0 * apart / (speeds[i] + speeds[i + 1])
+        least += apart / math.sqrt(min(cap[i], cap[i + 1]))
+    if not time > least * WORTH:
+        return nothing, False
+    first, second = np.empty((count, 3)), np.empty((count, 3))
+    _stencils(nodes, first, second)
+    # a step of acceleration within a cycle looks like this jerk at the cycle rate, see `free_at`
+    step_jerk = 0.75 / run.cycle
+    phases, lower = np.empty((count - 1, PHASE)), np.empty(count)
+    for speed, acceleration, jerk in NODE_LIMITS:
+        b = speeds * speeds
+        limits = run.limits.copy()
+        limits[1] *= acceleration
+        limits[2] *= jerk
+        for i in range(count):
+            # an end may be at its greatest speed: what is kept off it begins little by little
+            part = min(1.0, (min(i, count - 1 - i) / MARGIN_NODES) ** 2)
+            lower[i] = cap[i] * (1.0 - (1.0 - speed * speed) * part)
+        found = _minimize(b, nodes, demand, lower, limits, step_jerk, first, second)
+        if not found:
+            continue
+        joined = _to_phases(nodes, b, phases)
+        if (
+            joined
+            and phases[:, 0].sum() < time
+            and _keeps_limits(phases, demand, cap, fed, run.limits, step_jerk)
+        ):
+            return phases, True
+    return nothing, True

@@ -1,0 +1,156 @@
+"""Curves of changing curvature: acceleration at the knots too, every limit kept, never slower than before."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.kernels.path_speed import quicker_phases
+from mcserver.motion.kernels.sample_limits import run_of
+from mcserver.motion.profile.faster_stretches import Stretches
+from mcserver.motion.profile.velocity_profile import join_phases
+from tests.motion.measure import (
+    ACCELERATION_SLACK,
+    JERK_SLACK,
+    VELOCITY_SLACK,
+    acceleration_ratio,
+    jerk_ratio,
+)
+from tests.motion.support import Commit, Motion, Move, alike, plan, polyline
+
+JERK, TOLERANCE = 50_000.0, 2e-5
+
+
+def chords_of(curve: Array, chord: float) -> Array:
+    """Points a chord apart along a dense curve, from the origin, rounded as a program writes them [m]."""
+    along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
+    at = np.linspace(0.0, along[-1], round(along[-1] / chord) + 1)
+    points = np.stack([np.interp(at, along, column) for column in (curve - curve[0]).T], axis=1)
+    rounded = np.round(points, 7)
+    # where the curve turns back on itself two points may be one
+    distinct: Array = rounded[np.append(True, (np.diff(rounded, axis=0) != 0.0).any(axis=1))]
+    return distinct
+
+
+def lissajous(first: float, second: float, phase: float, size: float = 0.02) -> Array:
+    t = np.linspace(0.0, 2.0 * math.pi, 20_001)
+    return size * np.stack([np.sin(first * t), np.sin(second * t + phase)], axis=1)
+
+
+def clothoid(length: float, sharpest: float) -> Array:
+    """Curvature from -1/sharpest to 1/sharpest, which changes evenly along it."""
+    s = np.linspace(-0.5 * length, 0.5 * length, 20_001)
+    heading = s**2 / (length * sharpest)
+    step = np.stack([np.cos(heading), np.sin(heading)], axis=1) * (s[1] - s[0])
+    return np.cumsum(step, axis=0)
+
+
+def driven(points: Array, speed: float, commits: list[Commit] | None = None, jerk: float = JERK) -> Motion:
+    machine = alike(points.shape[1], velocity=500.0, jerk=jerk)
+    moves = [Move(group, tolerance=TOLERANCE) for group in polyline(machine, points.tolist(), speed)]
+    return plan(machine, moves, start=points[0], commits=commits or [])
+
+
+def assert_kept(motion: Motion, speed: float) -> None:
+    along = np.linalg.norm(np.diff(motion.rested, axis=0), axis=1)
+    assert along.max() / motion.cycle <= VELOCITY_SLACK * speed
+    assert acceleration_ratio(motion) <= ACCELERATION_SLACK
+    assert jerk_ratio(motion) <= JERK_SLACK
+
+
+def only_knots(*arguments: object) -> Stretches:
+    phases, knots, first = arguments[4:7]
+    sealed = np.zeros(len(phases), np.bool_)  # type: ignore[arg-type]
+    return Stretches(phases, sealed, knots, first)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("curve", "speed", "share"),
+    [
+        (lissajous(1.0, 2.0, 0.7), 0.2, 0.8),
+        (lissajous(3.0, 2.0, math.pi / 4.0), 0.2, 0.8),
+        (clothoid(0.2, 0.006), 0.2, 0.9),
+    ],
+)
+def test_changing_curvature_is_driven_quicker_than_by_knots_within_every_limit(
+    curve: Array, speed: float, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = chords_of(curve, 5e-4)
+    quick = driven(points, speed)
+    assert_kept(quick, speed)
+    monkeypatch.setattr("mcserver.motion.lookahead.lookahead.quicker_stretches", only_knots)
+    assert quick.duration <= share * driven(points, speed).duration
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    first=st.sampled_from([1.0, 2.0, 3.0]),
+    second=st.sampled_from([1.0, 2.0, 5.0]),
+    phase=st.floats(0.0, 3.0),
+    speed=st.sampled_from([0.05, 0.1, 0.3]),
+    chord=st.sampled_from([3e-4, 1e-3]),
+    jerk=st.sampled_from([30_000.0, 100_000.0]),
+    every=st.sampled_from([0, 40, 150]),
+)
+def test_any_lissajous_figure_keeps_every_limit_whole_or_piece_by_piece(
+    first: float, second: float, phase: float, speed: float, chord: float, jerk: float, every: int
+) -> None:
+    points = chords_of(lissajous(first, second, phase, size=0.01), chord)
+    commits = [Commit(each, 0.1) for each in range(every, len(points) - 1, every)] if every else []
+    assert_kept(driven(points, speed, commits, jerk), speed)
+
+
+def bend(count: int = 30) -> tuple[Array, Array]:
+    """Samples of a path whose curvature rises and falls, in groups of one millimetre, and their edges."""
+    at = np.linspace(0.0, 1.0, count)
+    rows = np.zeros((count, 12))
+    rows[:, 0] = rows[:, 1] = 1.0
+    rows[:, 2] = rows[:, 3] = 20.0 + 80.0 * np.sin(math.pi * at) ** 2
+    rows[:, 10:] = math.inf
+    return rows, np.linspace(0.0, 1e-3 * count, count + 1)
+
+
+LIMITS = np.array([[0.5, 0.5], [1.0, 1.0], [50.0, 50.0]])
+
+
+def test_a_stretch_keeps_the_speeds_and_the_length_that_it_is_given() -> None:
+    rows, edges = bend()
+    count = len(rows)
+    run = run_of(rows, np.arange(count + 1), np.full(count, 0.2), LIMITS, 1e-3)
+    nodes, speeds = np.linspace(0.0, edges[-1], 90), np.full(90, 0.05)
+    phases, _ = quicker_phases(
+        run, edges, np.zeros(count, np.bool_), np.full(count, 0.2), 0, count, nodes, speeds
+    )
+    profile = join_phases(phases, float(edges[-1]))
+    assert profile.duration < 0.95 * edges[-1] / 0.05
+    assert phases[0, 1:4].tolist() == [0.0, 0.05, 0.0]
+    last = phases[-1]
+    assert last[2] + last[0] * (last[3] + last[0] * last[4] / 2.0) == pytest.approx(0.05, abs=1e-12)
+    assert last[3] + last[0] * last[4] == pytest.approx(0.0, abs=1e-12)
+    place = last[1] + last[0] * (last[2] + last[0] * (last[3] / 2.0 + last[0] * last[4] / 6.0))
+    assert place == pytest.approx(edges[-1], abs=1e-12)
+    assert np.abs(phases[:, 4]).max() <= 50.0 * 1.035
+
+
+@pytest.mark.parametrize("spoilt", ["vertex", "nothing to gain", "too fast"])
+def test_what_has_no_better_profile_is_left_as_it_was(spoilt: str) -> None:
+    rows, edges = bend()
+    count = len(rows)
+    speeds = np.full(90, 0.05)
+    if spoilt == "vertex":
+        rows[10, 6] = 1e-3
+    run = run_of(rows, np.arange(count + 1), np.full(count, 0.2), LIMITS, 1e-3)
+    if spoilt == "nothing to gain":
+        run.sample_vmax[:] = 0.05
+    if spoilt == "too fast":
+        speeds[:] = 0.3
+    nodes = np.linspace(0.0, edges[-1], 90)
+    single, feed = np.zeros(count, np.bool_), np.full(count, 0.2)
+    phases, looked = quicker_phases(run, edges, single, feed, 0, count, nodes, speeds)
+    assert len(phases) == 0
+    assert not looked
