@@ -108,6 +108,27 @@ def test_an_output_stands_before_the_motion_of_its_line() -> None:
     assert isinstance(values[1], MotionLine)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "G01 X10 G01 Y20 F600",
+        "G01 X10, G01 Y20 F600",
+        "G01 X10 G91 Y5 F600",
+        "G02 X10 Y0 R5 G01 Z3 F600",
+        "G1020 X5",
+        "M30",
+        "GO1 X5",
+        "G01 X5 X6 F600",
+        "G99",
+    ],
+)
+def test_outputs_change_nothing_of_how_the_reference_s_lines_are_read(text: str) -> None:
+    with_outputs, without = machine(), machine(channels="")
+    assert check_program(text, with_outputs) == check_program(text, without)
+    if not check_program(text, without):
+        assert interpret(with_outputs, text) == interpret(without, text)
+
+
 def test_p_of_m62_is_no_turn_of_an_arc() -> None:
     values = interpret(machine("cnc"), "G2 X10 Y0 I5 J0 F600 M62 P5")
     arc = values[1]

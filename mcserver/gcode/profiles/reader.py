@@ -71,6 +71,8 @@ class ProfileReader:
         """Parse a line; faults are kept in `ParsedLine.faults`."""
         if number == 1:
             text = text.removeprefix(BOM)
+        if self._dialect.reference:
+            return self._read_reference(text, number)
         if not _FOREIGN.search(text):
             # most lines of most programs are simple blocks of the reference
             parsed = scan_line(text, number)
@@ -80,6 +82,19 @@ class ProfileReader:
         if not code.strip():
             return _line(number, text, code, [], FaultList(number), ProfileWords())
         return self._read(text, code, number) or scan_line(text, number)
+
+    def _read_reference(self, text: str, number: int) -> ParsedLine:
+        """Parse a line of the reference's own dialect: only what it cannot read is a profile's."""
+        parsed = scan_line(text, number)
+        if not parsed.faults:
+            return parsed
+        code = _blank(text).upper()
+        widened = self._read(text, code, number) if code.strip() else None
+        if widened is None or widened.profile is None:
+            return parsed
+        words = widened.profile
+        widens = words.actions or words.ignored or any(each.code == "MC153" for each in widened.faults)
+        return widened if widens or (self._dialect.letters and not widened.faults) else parsed
 
     def _read(self, text: str, code: str, number: int) -> ParsedLine | None:
         """Parse a line with code; None for what only the reference has: comma groups and axis commands."""

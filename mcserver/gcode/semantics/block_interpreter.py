@@ -52,6 +52,7 @@ class BlockInterpreter:
         else:
             self._read_groups()
         if self.ended:
+            self.after += act_at_end(self.block)
             self.block.modal = initial_modal(self.block.setup.machine)
 
     def _read_profile(self, profile: ProfileWords) -> None:
@@ -69,8 +70,6 @@ class BlockInterpreter:
             block.change(shift=frame[0], incremental=frame[1])
         act_after(block, profile.actions, effects)
         self.after += effects.after
-        if self.ended:
-            self.after += act_at_end(block)
 
     def _read_groups(self) -> None:
         for group in self.block.parsed.groups:
