@@ -18,7 +18,7 @@ from tests.sdks.conftest import MACHINE, SDKS, Sdk, environment, program_file
 LINES = 20_000
 LIMIT_S = 120.0
 # those whose conformance program has the task `bench`
-MEASURED = ("python", "typescript", "go")
+MEASURED = ("python", "typescript", "go", "rust", "java")
 UNITS = {
     "lines_per_s": ("lines streamed", "1/s"),
     "status_p50_ms": ("status, median", "ms"),

@@ -1,12 +1,16 @@
-//! The conformance program: ENDPOINT TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop; JSON
-//! on standard output, one object a line. Zenoh has no token: it is taken and not used.
+//! The conformance program: ENDPOINT TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop |
+//! bench FILE; JSON on standard output, one object a line. Zenoh has no token: it is taken and not used.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use mcclient::{ConnectOptions, EmergencyStop, Error, Machine, OnDisconnect, ProgramOptions, Result};
 use serde_json::{Value, json};
 
 const CONFIRMED_WITHIN: Duration = Duration::from_secs(5);
+/// A server that is killed needs so long at most to be there again.
+const PATIENCE: Duration = Duration::from_secs(120);
+const STATUS_CALLS: usize = 300;
+const BENCH: Duration = Duration::from_secs(3);
 
 #[tokio::main]
 async fn main() {
@@ -17,7 +21,7 @@ async fn main() {
         );
         std::process::exit(2);
     };
-    let options = ConnectOptions::new().endpoint(endpoint);
+    let options = ConnectOptions::new().endpoint(endpoint).patience(PATIENCE);
     if let Err(error) = run(options, task, rest).await {
         say(&complaint(&error));
         std::process::exit(1);
@@ -46,6 +50,7 @@ async fn run(options: ConnectOptions, task: &str, rest: &[String]) -> Result<()>
     match (task, rest) {
         ("stream", [file]) => stream(&machine, file, None).await?,
         ("stream", [file, program, line]) => stream(&machine, file, Some((program, number(line)))).await?,
+        ("bench", [file]) => bench(&machine, file).await?,
         ("watch", [rows]) => watch(&machine, number(rows)).await?,
         ("jog", [axis, velocity, milliseconds]) => {
             let velocity: f64 = velocity.parse().expect("a velocity");
@@ -94,5 +99,36 @@ async fn watch(machine: &Machine, rows: u64) -> Result<()> {
         axes = samples.axes.len();
     }
     say(&json!({"rows": seen, "gaps": gaps, "axes": axes}));
+    Ok(())
+}
+
+#[allow(clippy::cast_precision_loss, reason = "figures for people")]
+async fn bench(machine: &Machine, file: &str) -> Result<()> {
+    let text = std::fs::read_to_string(file).expect("a file that can be read");
+    let program = machine.program(ProgramOptions::new()).await?;
+    let begun = Instant::now();
+    let count = program.send_lines(text.lines()).await?;
+    let streamed = begun.elapsed().as_secs_f64();
+    program.finish().await?;
+    let mut latencies = Vec::with_capacity(STATUS_CALLS);
+    for _ in 0..STATUS_CALLS {
+        let begun = Instant::now();
+        machine.status().await?;
+        latencies.push(begun.elapsed().as_secs_f64());
+    }
+    latencies.sort_by(f64::total_cmp);
+    let (mut frames, mut rows) = (0_u32, 0);
+    let begun = Instant::now();
+    let mut feed = machine.samples().await?;
+    while begun.elapsed() < BENCH {
+        let Some(samples) = feed.next().await else { break };
+        frames += 1;
+        rows += samples.rows;
+    }
+    let took = begun.elapsed().as_secs_f64();
+    say(
+        &json!({"lines_per_s": count as f64 / streamed, "status_p50_ms": 1e3 * latencies[STATUS_CALLS / 2],
+        "frames_per_s": f64::from(frames) / took, "rows_per_s": rows as f64 / took}),
+    );
     Ok(())
 }

@@ -32,6 +32,7 @@ import java.util.function.BiConsumer;
 public final class Gateway implements AutoCloseable {
     static final Duration DEADLINE = Duration.ofSeconds(15);
     static final Duration LONG_JOB = Duration.ofSeconds(120);
+    private static final Duration PATIENCE = Duration.ofSeconds(15);
     private static final Duration CONNECT = Duration.ofSeconds(10);
     /** How often a silent connection is asked for a sign of life, and after how long a silence it is given up. */
     private static final long WATCH_MS = 2000;
@@ -71,9 +72,12 @@ public final class Gateway implements AutoCloseable {
     private volatile String client = "";
     private volatile String role = "";
 
-    private Gateway(URI uri, String token) {
+    private final Duration patience;
+
+    private Gateway(URI uri, String token, Duration patience) {
         this.uri = uri;
         this.token = token;
+        this.patience = patience;
         loop = Executors.newSingleThreadScheduledExecutor(task -> {
             Thread thread = new Thread(task, "mcclient");
             thread.setDaemon(true);
@@ -88,6 +92,11 @@ public final class Gateway implements AutoCloseable {
      * @param token the secret token; null or empty: none, on the gateway's own computer
      */
     public static CompletableFuture<Gateway> connect(String url, String token) {
+        return connect(url, token, PATIENCE);
+    }
+
+    /** As {@link #connect(String, String)}; {@code patience}: how long a program waits for a server that has gone away. */
+    public static CompletableFuture<Gateway> connect(String url, String token, Duration patience) {
         URI uri;
         try {
             uri = URI.create(url);
@@ -102,7 +111,7 @@ public final class Gateway implements AutoCloseable {
             return CompletableFuture.failedFuture(
                     new MotionException.Configuration("the token has characters that no token has", "copy it as the gateway printed it"));
         }
-        Gateway gateway = new Gateway(uri, token == null ? "" : token);
+        Gateway gateway = new Gateway(uri, token == null ? "" : token, patience);
         gateway.loop.execute(gateway::open);
         gateway.loop.scheduleWithFixedDelay(gateway::watch, WATCH_MS, WATCH_MS, TimeUnit.MILLISECONDS);
         return gateway.ready;
@@ -163,6 +172,15 @@ public final class Gateway implements AutoCloseable {
         frame.put("method", method);
         frame.put("params", params);
         return request(frame, deadline);
+    }
+
+    Duration patience() {
+        return patience;
+    }
+
+    /** A connection of its own to the same gateway. */
+    CompletableFuture<Gateway> another() {
+        return connect(uri.toString(), token, patience);
     }
 
     CompletableFuture<Object> estop(String machine, String reason) {

@@ -5,6 +5,8 @@ import java.util.List;
 import java.util.Map;
 import java.util.concurrent.CompletableFuture;
 import java.util.concurrent.ForkJoinPool;
+import java.util.concurrent.atomic.AtomicInteger;
+import java.util.function.BiConsumer;
 import java.util.function.Predicate;
 
 /** A machine behind a gateway. */
@@ -149,11 +151,22 @@ public final class Machine {
     }
 
     /**
-     * Emergency stop: the gateway puts it on the network with the highest priority; completes once the server has confirmed. No safety
-     * function: machines need a circuit of their own.
+     * Emergency stop: at once on this connection, and on one of its own as soon as that is open, so that no queue is before it; completes
+     * once the server has confirmed either. No safety function: machines need a circuit of their own.
      */
     public CompletableFuture<Void> estop(String reason) {
-        return gateway.estop(name, reason).thenApply(done -> null);
+        CompletableFuture<Void> confirmed = new CompletableFuture<>();
+        AtomicInteger left = new AtomicInteger(2);
+        BiConsumer<Object, Throwable> settle = (done, error) -> {
+            if (error == null) {
+                confirmed.complete(null);
+            } else if (left.decrementAndGet() == 0) {
+                confirmed.completeExceptionally(Program.cause(error));
+            }
+        };
+        gateway.estop(name, reason).whenComplete(settle);
+        gateway.another().thenCompose(other -> other.estop(name, reason).whenComplete((done, error) -> other.close())).whenComplete(settle);
+        return confirmed;
     }
 
     // ---------------------------------------------------------------- without motion

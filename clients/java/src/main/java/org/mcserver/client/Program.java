@@ -1,6 +1,5 @@
 package org.mcserver.client;
 
-import java.time.Duration;
 import java.util.ArrayList;
 import java.util.Iterator;
 import java.util.List;
@@ -21,9 +20,6 @@ import java.util.function.BooleanSupplier;
 public final class Program implements AutoCloseable {
     private static final long FIRST_DOUBT_MS = 250;
     private static final long LONGEST_DOUBT_MS = 2000;
-    /** How long the server may be away. */
-    private static final Duration PATIENCE = Duration.ofSeconds(15);
-
     private static final int FLOW_REQUEST = 256;
 
     /** What is waited for: a condition on the core, checked at each change. */
@@ -493,7 +489,7 @@ public final class Program implements AutoCloseable {
     private void onSilence(Throwable error) {
         MotionException why = asMotion(error);
         boolean away = why instanceof MotionException.NobodyAnswers && !why.code().equals("MC539");
-        if (!away || System.nanoTime() - heardAt > PATIENCE.toNanos()) {
+        if (!away || System.nanoTime() - heardAt > gateway.patience().toNanos()) {
             core.fail(why);
         }
     }

@@ -7,6 +7,7 @@ import java.io.IOException;
 import java.nio.file.Files;
 import java.nio.file.Path;
 import java.time.Duration;
+import java.util.Arrays;
 import java.util.LinkedHashMap;
 import java.util.List;
 import java.util.Map;
@@ -14,20 +15,27 @@ import java.util.Optional;
 import java.util.concurrent.CompletionException;
 
 /**
- * The conformance program: URL TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop; JSON on standard output, one
- * object a line.
+ * The conformance program: URL TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop | bench FILE; JSON on standard
+ * output, one object a line.
  */
 public final class Conformance {
     private static final Gson JSON = new GsonBuilder().setFieldNamingPolicy(FieldNamingPolicy.LOWER_CASE_WITH_UNDERSCORES).create();
+
+    /** A server that is killed needs so long at most to be there again. */
+    private static final Duration PATIENCE = Duration.ofMinutes(2);
+
+    private static final int STATUS_CALLS = 300;
+    private static final double BENCH_S = 3.0;
 
     private Conformance() {}
 
     public static void main(String[] arguments) throws Exception {
         int code = 0;
-        try (Gateway gateway = Gateway.connect(arguments[0], arguments[1]).join()) {
+        try (Gateway gateway = Gateway.connect(arguments[0], arguments[1], PATIENCE).join()) {
             Machine machine = gateway.machine().join();
             switch (arguments[2]) {
                 case "stream" -> stream(machine, arguments);
+                case "bench" -> bench(machine, arguments[3]);
                 case "watch" -> watch(machine, Long.parseLong(arguments[3]));
                 case "jog" -> {
                     HeldJog jog = machine.jogHeld(Integer.parseInt(arguments[3]), Double.parseDouble(arguments[4])).join();
@@ -101,5 +109,41 @@ public final class Conformance {
             }
         }
         say(Map.of("rows", seen, "gaps", gaps, "axes", axes));
+    }
+
+    private static double since(long begun) {
+        return (System.nanoTime() - begun) / 1e9;
+    }
+
+    private static void bench(Machine machine, String file) throws IOException, InterruptedException {
+        Map<String, Object> figures = new LinkedHashMap<>();
+        try (Program program = machine.program(ProgramOptions.named("bench")).join()) {
+            List<String> lines = Files.readAllLines(Path.of(file));
+            long begun = System.nanoTime();
+            long count = program.sendLines(lines).join();
+            figures.put("lines_per_s", count / since(begun));
+            program.finish().join();
+        }
+        double[] latencies = new double[STATUS_CALLS];
+        for (int call = 0; call < STATUS_CALLS; call++) {
+            long begun = System.nanoTime();
+            machine.status().join();
+            latencies[call] = since(begun);
+        }
+        Arrays.sort(latencies);
+        figures.put("status_p50_ms", 1e3 * latencies[STATUS_CALLS / 2]);
+        long frames = 0;
+        long rows = 0;
+        long begun = System.nanoTime();
+        try (Feed<Samples> feed = machine.samples().join()) {
+            while (since(begun) < BENCH_S) {
+                Optional<Samples> samples = feed.take(Duration.ofSeconds(1));
+                frames += samples.isPresent() ? 1 : 0;
+                rows += samples.map(Samples::rows).orElse(0);
+            }
+        }
+        figures.put("frames_per_s", frames / since(begun));
+        figures.put("rows_per_s", rows / since(begun));
+        say(figures);
     }
 }
