@@ -11,9 +11,10 @@ import pytest
 
 from tests.e2e.servers import ROOT
 from tests.gateway.conftest import GatewayProcess
-from tests.sdks.conftest import build, environment, go_tool
+from tests.sdks.conftest import build, environment, go_tool, typescript
 
 GO = re.findall(r"```go\n(package main\n.*?)```", (ROOT / "docs" / "go.md").read_text("utf-8"), re.DOTALL)
+TYPESCRIPT = re.findall(r"```ts\n(.*?)```", (ROOT / "docs" / "typescript.md").read_text("utf-8"), re.DOTALL)
 
 
 @pytest.fixture(scope="session")
@@ -49,5 +50,29 @@ def test_an_example_of_the_go_guide_runs(
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.usefixtures("machine")
+@pytest.mark.parametrize("example", TYPESCRIPT, ids=["first"])
+def test_an_example_of_the_typescript_guide_runs(
+    example: str, gateway: GatewayProcess, tokens: tuple[Path, dict[str, str]]
+) -> None:
+    node = typescript().command[0]
+    # within the package, which is found there by its name; Node 20 has no WebSocket of its own
+    file = ROOT / "clients" / "typescript" / "dist" / "guide.mjs"
+    head = ['import WebSocket from "ws";', "globalThis.WebSocket ??= WebSocket;"]
+    head += ["const token = process.env.MC_TOKEN;", ""]
+    text = example.replace("ws://127.0.0.1:8787/v1/ws", gateway.ws).replace("cell-1", "cell")
+    file.write_text("\n".join(head) + text + "\ngateway.close();\n", "utf-8")
+    done = subprocess.run(
+        [node, str(file)],
+        env={**environment(), "MC_TOKEN": tokens[1]["operator"]},
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 def test_a_guide_has_examples() -> None:
     assert len(GO) >= 5
+    assert len(TYPESCRIPT) == 1
