@@ -30,6 +30,8 @@ HEAD = ["G1010", "G91 G64 F6000"]
 # each line moves by this: where the axis ends says how often each one has run
 STEP_MM = 0.001
 CUT_S = 5.0
+# a language's first test builds its SDK, and what that depends on
+pytestmark = pytest.mark.timeout(300)
 
 
 class Conformance:

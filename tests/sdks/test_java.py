@@ -14,6 +14,8 @@ from tests.sdks.conftest import environment, needed
 from tests.sdks.maven import FOLDER, java, maven
 
 EXAMPLE_LIMIT_S = 60.0
+# the first one fetches Maven's plugins too
+pytestmark = pytest.mark.timeout(300)
 
 
 @pytest.fixture(scope="module", autouse=True)

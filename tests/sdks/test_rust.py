@@ -10,6 +10,9 @@ from tests.e2e.servers import ROOT, ServerProcess
 from tests.sdks.cargo import cargo
 from tests.sdks.conftest import environment, needed
 
+# the first one builds Zenoh too
+pytestmark = pytest.mark.timeout(300)
+
 
 @pytest.fixture(autouse=True)
 def installed() -> None:
