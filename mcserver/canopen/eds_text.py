@@ -99,7 +99,7 @@ def number_of(text: str, node: int) -> int:
     """A whole number as CiA 306 writes it: decimal, hexadecimal, octal, or a sum with ``$NODEID``.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not a number.
     """
     total = 0
     plain = re.sub(r"\s+", "", text).upper()

@@ -46,7 +46,7 @@ class Emergency:
 
 
 def decode_emergency(payload: bytes) -> Emergency | None:
-    """The message of a frame; None where it is none."""
+    """Return the message of a frame; None for a frame that is no emergency."""
     if len(payload) != _LAYOUT.size:
         return None
     return Emergency(*_LAYOUT.unpack(payload))

@@ -16,7 +16,7 @@ from mcserver.machine.machine_file import Machine
 
 
 def check_drives(machine: Machine) -> list[Diagnostic]:
-    """What does not fit (errors MC008, MC552) or is doubtful (warnings MC022) about CiA 402 drives."""
+    """List what does not fit CiA 402 drives (errors MC008, MC552) and what may not (warnings MC022)."""
     found: list[Diagnostic] = []
     for drive in settings_of(machine):
         if drive.kind != "cia402":

@@ -37,7 +37,7 @@ def check_machine(
     ],
     json: JsonOption = False,
 ) -> None:
-    """Read a machine file, list all that does not fit or is doubtful. Exit code 3 where it cannot be used."""
+    """Read a machine file, list its errors and warnings. Exit code 3 where it cannot be used."""
     with json_answer_on_error(json):
         machine = load_machine(file)
     findings = [*find_tool_faults(machine), *find_drive_faults(machine), *find_doubts(machine)]
@@ -55,7 +55,7 @@ def check_machine(
         )
         raise typer.Exit(int(ExitCode.CONFIGURATION))
     if findings and not json:
-        narration().print(f"{len(findings)} doubtful; the machine can be run", style="yellow")
+        narration().print(f"warnings: {len(findings)}; the machine can be run", style="yellow")
 
 
 def show_machine(

@@ -80,7 +80,7 @@ class Misbehaviour:
     late: dict[int, deque[bytes]] = field(default_factory=dict)
 
     def begin(self, fault: str, values: Mapping[str, float]) -> bool:
-        """Does a fault's wrong from now on; False: it is none that is kept here.
+        """Inject a fault from now on; False: it is not one of those kept here.
 
         Args:
             values: as `values_of` gives them.

@@ -1,4 +1,4 @@
-"""What does not fit or is doubtful in a machine file that can be read: found before the machine is run."""
+"""Errors and warnings about a machine file that can be read, found before the machine is run."""
 
 from __future__ import annotations
 

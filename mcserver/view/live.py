@@ -28,7 +28,7 @@ class LiveStates:
         clock: monotonic time [s].
 
     Raises:
-        UsageFault: MC017 the endpoint is none that Zenoh knows.
+        UsageFault: MC017 Zenoh cannot read the endpoint.
         NobodyAnswers: MC530 nothing can be reached there, or not this machine.
     """
 

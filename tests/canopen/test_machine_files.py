@@ -59,7 +59,7 @@ def test_a_cycle_that_drives_cannot_be_told_is_an_error() -> None:
     assert codes(machine) == [("MC552", "error")]
 
 
-def test_a_drive_that_watches_nobody_is_doubtful() -> None:
+def test_a_drive_that_watches_nobody_earns_a_warning() -> None:
     assert codes(machine_on(NOWHERE, [1], "heartbeat_ms = 0")) == [("MC022", "warning")]
 
 

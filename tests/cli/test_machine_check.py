@@ -27,23 +27,23 @@ def test_built_in_machines_are_beyond_doubt(name: str) -> None:
     assert find_doubts(machine) + find_tool_faults(machine) == []
 
 
-def test_a_jerk_that_is_no_limit_is_doubtful() -> None:
+def test_a_jerk_that_is_no_limit_earns_a_warning() -> None:
     assert _codes("max_jerk = 5e6") == ["MC020"]
 
 
-def test_a_tolerance_finer_than_the_encoder_is_doubtful() -> None:
+def test_a_tolerance_finer_than_the_encoder_earns_a_warning() -> None:
     assert _codes("in_position = 0.001", "encoder_resolution = 0.01") == ["MC021"]
 
 
-def test_a_tolerance_of_one_count_is_not_doubtful() -> None:
+def test_a_tolerance_of_one_count_earns_no_warning() -> None:
     assert _codes("in_position = 0.01", "encoder_resolution = 0.01") == []
 
 
-def test_a_tolerance_wider_than_the_following_error_is_doubtful() -> None:
+def test_a_tolerance_wider_than_the_following_error_earns_a_warning() -> None:
     assert _codes("in_position = 0.5\nmax_following_error = 0.1") == ["MC023"]
 
 
-def test_a_bus_drive_on_an_interface_that_is_not_here_is_doubtful() -> None:
+def test_a_bus_drive_on_an_interface_that_is_not_here_earns_a_warning() -> None:
     drive = 'kind = "cia402"\nbus = "can99"\nnode = 1\ncounts_per_motor_rev = 4096'
     assert "MC022" in _codes("units_per_motor_rev = 10.0", drive)
 

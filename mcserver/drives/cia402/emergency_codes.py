@@ -133,7 +133,7 @@ class EmergencyRule:
 
 
 def unpack_emergency(payload: bytes) -> tuple[int, int] | None:
-    """Error code and error register (1001h); None: the payload is none of an emergency message."""
+    """Error code and error register (1001h); None: the payload is not that of an emergency message."""
     return None if len(payload) < _MESSAGE.size else _MESSAGE.unpack_from(payload)
 
 

@@ -10,7 +10,7 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.straight_corner import max_distance_to_polyline
 
-# Places at which ways are looked at, evenly spaced in time, and at which their speeds are.
+# Instants at which positions of a corner are checked, evenly spaced, and at which speeds are.
 SAMPLES = 65
 SPEED_SAMPLES = 257
 # What the farthest of a line's points may miss of the greatest distance, as a share of it.
@@ -193,7 +193,7 @@ def path_deviation_of(
     evaluate_trajectories(trajectories, rows, beside)
     worst = max(_distance(beside[0, 0], vertex, weights), _distance(beside[0, 1], vertex, weights))
     path, way = programmed * weights, found[0] * weights
-    # ways leave their chords by a·dt²/8
+    # trajectories leave their chords by a·dt²/8
     between = _max_acceleration(trajectories, weights) * (duration / (SAMPLES - 1)) ** 2 / 8.0
     # each part against its own line: where lines lie close, the other one is no excuse
     for part in range(2):

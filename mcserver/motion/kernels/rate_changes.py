@@ -15,7 +15,7 @@ from mcserver.motion.kernels.compiled import compiled
 DURATION, RATE, SLOPE, CURVATURE = range(4)
 # Phases of a change, the lag before it, the steady rate and the change back.
 MOST_PHASES = 8
-# A change of rate below this is none [1].
+# A smaller change of rate counts as no change [1].
 SAME_RATE = 1e-12
 # Two values of u that are closer are the same [cycles].
 NEAR_U = 1e-7

@@ -135,7 +135,7 @@ class RunLimits:
         """Return the acceleration-limit table of a stretch."""
         table = np.empty((MAX_TABLE_ROWS, 3))
         count = make_limit_table(self.run, left, right, 0.0, table)
-        return [AccelerationLimit(*rung) for rung in table[:count].tolist()]
+        return [AccelerationLimit(*row) for row in table[:count].tolist()]
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,9 @@ def _checked_output(path: Path | None) -> Path | None:
     if path is None:
         return None
     if path.suffix != ".npz":
-        raise RequestRefused("MC511", f"--record writes NPZ files, {path} is none", "name it such as out.npz")
+        raise RequestRefused(
+            "MC511", f"--record writes NPZ files, {path} is not one", "name it such as out.npz"
+        )
     if not path.parent.is_dir():
         raise ConfigurationError("MC537", f"there is no folder {path.parent}", f"mkdir -p {path.parent}")
     return path
