@@ -219,8 +219,13 @@ def _check_method(section: HomingSection, axis: AxisLimits, bad: Callable[..., N
         )
     if section.index and method != "switch":
         bad("index", f'does not belong to method = "{method}"', 'it belongs to method = "switch"')
-    if method == "switch" and section.input is None and axis.drive == "servosila":
-        bad("input", "a Servosila drive reports no home switch", "give the number of an [[input]]", "MC033")
+    if method == "switch" and section.input is None and not simulated:
+        bad(
+            "input",
+            f"the home switch of a drive of kind {axis.drive!r} is not read",
+            'give the number of an [[input]], or let the drive find it: method = "drive"',
+            "MC033",
+        )
     if method != "switch" and section.input is not None:
         bad("input", f'does not belong to method = "{method}"', 'it belongs to method = "switch"')
     if method == "drive" and not axis.drive_homes and not simulated:
