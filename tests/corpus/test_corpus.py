@@ -168,3 +168,8 @@ def test_a_move_that_nothing_energizes_is_warned_of_by_check() -> None:
     assert check_program("G1010\nG01 X10 F100", machine, at_rest=True) == []
     assert check_program("G00 X1\nG01 X10 F100", machine, at_rest=True) == []
     assert check_program("G01 X10 F100", machine_of("cnc"), at_rest=True) == []
+
+
+@pytest.mark.parametrize("code", ["G1010", "G1010P0", "G01010 P0", "g1010p0", "G 1010 P0"])
+def test_the_reference_s_own_codes_are_read_with_any_spacing(code: str) -> None:
+    assert errors(f"{code}\nG0 X1\n", "cnc") == []
