@@ -57,6 +57,18 @@ def test_links_to_rules_lead_to_their_anchors() -> None:
 
 
 @cache
+def spoken_names() -> set[str]:
+    """Dotted names that the code itself has as text: schemas of recordings, commands of editors."""
+    return {
+        node.value
+        for path in (ROOT / "mcserver").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and re.fullmatch(r"mcserver\.\w+", node.value)
+    }
+
+
 def names_of(module: Path) -> dict[str, ast.ClassDef | str | None]:
     """What a module defines at its top: classes with their bodies, imported names with their source."""
     names: dict[str, ast.ClassDef | str | None] = {}
@@ -129,7 +141,8 @@ def test_every_dotted_reference_leads_to_a_module_or_a_name_in_one() -> None:
         for name in REFERENCE.findall(path.read_text("utf-8"))
     ]
     assert len(found) > 50
-    missing = [each for each in found if not resolves(each[1])]
+    spoken = spoken_names()
+    missing = [each for each in found if each[1] not in spoken and not resolves(each[1])]
     assert missing == []
 
 

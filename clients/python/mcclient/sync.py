@@ -333,11 +333,11 @@ class Machine:
         self._loop.run(self._machine.estop(reason, timeout_s=timeout_s))
 
     def set_output(self, name: str, value: bool | float) -> float:
-        """As `mcclient.Machine.set_output`."""
+        """As `mcclient.channels.ChannelCalls.set_output`."""
         return self._loop.run(self._machine.set_output(name, value))
 
     def set_simulated_input(self, name: str, value: bool | float) -> float:
-        """As `mcclient.Machine.set_simulated_input`."""
+        """As `mcclient.channels.ChannelCalls.set_simulated_input`."""
         return self._loop.run(self._machine.set_simulated_input(name, value))
 
     def drives(self) -> list[DriveInfo]:
