@@ -30,6 +30,12 @@ def test_it_builds_without_a_warning_and_plays_the_contract() -> None:
 
 def test_every_example_of_its_page_runs(server: ServerProcess) -> None:
     local = {name: "" for name in os.environ if name not in environment()}
-    said = cargo("test", "--locked", "--doc", MC_CONNECT=server.endpoint, RUSTDOCFLAGS="--cfg guide", **local)
+    # one after the other: each wants the machine's axes
+    said = cargo(
+        *("test", "--locked", "--doc", "--", "--test-threads=1"),
+        MC_CONNECT=server.endpoint,
+        RUSTDOCFLAGS="--cfg guide",
+        **local,
+    )
     page = (ROOT / "docs" / "rust.md").read_text("utf-8")
     assert said.count(" - guide (line") == page.count("```rust\n")
