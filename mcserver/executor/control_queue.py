@@ -73,11 +73,17 @@ class ControlQueue:
             _leave(self._stops, control.u + NEAR_U)
 
     def decode(self, u: float) -> None:
-        """Takes new entries out of the ring and notes where motion has to be able to end."""
-        ring = self._ring
-        written = ring.controls_written
+        """Take new entries out of the ring and note where motion has to be able to end.
+
+        An entry whose rows have not come is none yet: without them u would run on past a motion that begins.
+        """
+        ring, playback = self._ring, self._playback
+        playback.look()
+        written, rows = ring.controls_written, playback.written
         number, limit = self._decoded, self._decoded + DECODED_A_CYCLE
         while number < written and (number < limit or self.last_u <= u + DECODED_AHEAD):
+            if ring.rows_with(number) > rows:
+                break
             control = ring.control(number)
             number += 1
             self._waiting.append(control)

@@ -102,8 +102,13 @@ class MotionSink(Protocol):
             line: shape (n,), the line that each row belongs to.
         """
 
-    def put_control(self, control: Control) -> None:
-        """One entry; its u is not below that of the entry before."""
+    def put_control(self, control: Control, rows: int = 0) -> None:
+        """Put an entry; its u is not below that of the entry before.
+
+        Args:
+            rows: how many rows are put right after it and belong to it: before they have come it is no entry,
+                so that u does not run on past a motion that begins.
+        """
 
 
 class EventKind(enum.IntEnum):

@@ -43,19 +43,22 @@ class Output:
         self._rows.clear()
 
     def flush(self) -> bool:
-        """Hands over what fits; True if anything moved."""
+        """Hand over what fits; True if anything moved."""
         moved = False
         while self._rows:
             rows = self._rows[0]
             count = min(self._sink.row_room(), len(rows.line))
             if count < 1:
                 break
-            moved |= self._put_controls(rows.first + count)
-            if self._controls:
-                # no room for the next entry: the rows that come before it may go
-                count = min(count, math.floor(self._controls[0].u + CYCLE_ROUNDING) - rows.first + 1)
-                if count < 1:
-                    return moved
+            entries, room = self._entries_before(rows.first + count), self._sink.control_room()
+            if entries > room:
+                # no room for an entry: the rows that come before it may go
+                entries = room
+                until = math.floor(self._controls[room].u + CYCLE_ROUNDING) + 1
+                count = max(0, min(count, until - rows.first))
+            moved |= self._put_controls(entries, count)
+            if count < 1:
+                return moved
             part = _head(rows, count)
             self._sink.put_rows(part.first, part.position, part.velocity, part.axes, part.line)
             self.last_u = max(self.last_u, part.first + count - 1)
@@ -65,22 +68,26 @@ class Output:
                 return moved
             self._rows.popleft()
         if not self._rows:
-            moved |= self._put_controls(math.inf)
+            moved |= self._put_controls(min(len(self._controls), self._sink.control_room()), 0)
         return moved
 
-    def _put_controls(self, before: float) -> bool:
-        """Hands over entries with u < ``before`` as far as they fit; True if there was one."""
-        controls, sink = self._controls, self._sink
-        room = sink.control_room()
-        moved = False
-        while controls and room > 0 and controls[0].u < before:
-            control = controls.popleft()
-            sink.put_control(control)
+    def _entries_before(self, u: float) -> int:
+        """Return how many entries come before u."""
+        count = 0
+        for control in self._controls:
+            if control.u >= u:
+                break
+            count += 1
+        return count
+
+    def _put_controls(self, count: int, rows: int) -> bool:
+        """Hand over the next entries, with which ``rows`` rows come; True if there was one."""
+        for _ in range(count):
+            control = self._controls.popleft()
+            self._sink.put_control(control, rows)
             if not self._rows:
                 self.last_u = max(self.last_u, control.u)
-            room -= 1
-            moved = True
-        return moved
+        return count > 0
 
 
 def _head(rows: Rows, count: int) -> Rows:

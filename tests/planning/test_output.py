@@ -33,7 +33,7 @@ class NarrowSink:
         self.rows_free -= count
         self.taken += [("row", float(first_u + index)) for index in range(count)]
 
-    def put_control(self, control: Control) -> None:
+    def put_control(self, control: Control, rows: int = 0) -> None:  # noqa: ARG002
         assert self.controls_free > 0
         self.controls_free -= 1
         self.taken.append(("control", control.u))

@@ -181,7 +181,7 @@ class FakeSink:
     def put_rows(self, *_rows: object) -> None:
         """Rows go nowhere."""
 
-    def put_control(self, _control: object) -> None:
+    def put_control(self, _control: object, _rows: int = 0) -> None:
         """Entries go nowhere."""
 
 

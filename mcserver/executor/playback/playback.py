@@ -55,7 +55,8 @@ class Playback:
 
     Attributes:
         active: mask of the columns between BEGIN and END. driven: the same, shape (K,).
-        first: number of the program's first row. following: number of the row after u.
+        first: number of the program's first row. following: number of the row after u. written: number of the
+            row after the last one that counts in this cycle.
         line: line of the row played last. most: accelerations that interpolation may not pass, shape (K,)
             [m/s² or rad/s²].
     """
@@ -87,6 +88,7 @@ class Playback:
         """Begin with row number ``base``."""
         self.first = base
         self.following = base
+        self.written = base
         self.active = 0
         self._fresh = 0
         self._unchecked = 0
@@ -101,6 +103,10 @@ class Playback:
 
     # ------------------------------------------------------------------ rows
 
+    def look(self) -> None:
+        """Let all rows that have come count; before control entries are taken, which come before their rows."""
+        self.written = self._ring.rows_written
+
     @property
     def driven(self) -> NDArray[np.bool_]:
         return self._masks.bools(self.active)
@@ -108,12 +114,12 @@ class Playback:
     @property
     def empty(self) -> bool:
         """Whether no row of this program has come yet."""
-        return self._ring.rows_written == self.first
+        return self.written == self.first
 
     @property
     def last_u(self) -> float:
         """u of the last row there is; below 0 where there is none."""
-        written = self._ring.rows_written
+        written = self.written
         if written == self.first:
             return -1.0
         return float(self._u_cells[(written - 1) % self._ring.rows])
@@ -121,7 +127,7 @@ class Playback:
     def seek(self, u: float) -> None:
         """Let the row at or before u be the current one, and free those before it."""
         ring, cells = self._ring, self._u_cells
-        number, written, rows = self.following, ring.rows_written, ring.rows
+        number, written, rows = self.following, self.written, ring.rows
         bound = u + NEAR_U
         while number < written and cells[number % rows] <= bound:
             number += 1
@@ -131,7 +137,8 @@ class Playback:
 
     def drop(self) -> None:
         """Free all rows: nothing more of this program is played."""
-        self.first = self.following = self._ring.rows_written
+        self.look()
+        self.first = self.following = self.written
         self._ring.free_rows(self.following)
         self.active = self._fresh = 0
 
@@ -160,7 +167,7 @@ class Playback:
             self._interpolate(u, 0.0)
             current = number - 1
             exact = current >= self.first and self._u_cells[current % ring.rows] > u - NEAR_U
-            if not exact and number < ring.rows_written and self._u_cells[number % ring.rows] < u + 1.0:
+            if not exact and number < self.written and self._u_cells[number % ring.rows] < u + 1.0:
                 # the row after a fractional end holds the target where it stands still
                 at = number % ring.rows
                 resting = bools & self._masks.bools(self._mask_cells[at]) & (ring.velocity[at] == 0.0)
@@ -187,7 +194,7 @@ class Playback:
         number = self.following
         if number - 1 >= self.first and self._u_cells[(number - 1) % ring.rows] >= self._latest_start():
             number -= 1
-        if number >= ring.rows_written:
+        if number >= self.written:
             return None
         at = number % ring.rows
         mask = self._unchecked & self._mask_cells[at]
@@ -217,7 +224,7 @@ class Playback:
     def rests_at_end(self) -> bool:
         """Whether the last row there is has no velocity."""
         ring = self._ring
-        return not ring.velocity[(ring.rows_written - 1) % ring.rows].any()
+        return not ring.velocity[(self.written - 1) % ring.rows].any()
 
     def _latest_start(self) -> float:
         columns = list(self._masks.columns(self._unchecked))
@@ -241,7 +248,7 @@ class Playback:
             return nothing
         if self._u_cells[(number - 1) % ring.rows] != u:
             return nothing
-        rows = np.arange(number, min(ring.rows_written, number + limit)) % ring.rows
+        rows = np.arange(number, min(self.written, number + limit)) % ring.rows
         active = np.uint64(self.active)
         fits = (ring.row_u[rows] == int(u) + 1 + np.arange(len(rows))) & (ring.row_line[rows] != 0)
         fits &= (ring.row_mask[rows] & active) == active
@@ -282,7 +289,7 @@ class Playback:
         """Return the rows about u and up to ``ahead`` rows after it; None where there are none yet."""
         ring = self._ring
         self.seek(u)
-        written = ring.rows_written
+        written = self.written
         first = max(self.first, self.following - KEPT_ROWS + 1)
         behind = min(self.following + ahead, written)
         if first >= behind or self.following >= written:
@@ -318,7 +325,7 @@ class Playback:
             at = before % ring.rows
             reached = self._fresh & self._mask_cells[at] & self._started_by(self._u_cells[at])
             self._fresh &= ~reached
-        if after >= ring.rows_written:
+        if after >= self.written:
             if before >= self.first:
                 self._play_row(before % ring.rows, 0.0)
             return

@@ -171,7 +171,7 @@ class RateControl:
         """Return the greatest rate that the next rows allow by themselves."""
         ring, playback = self._ring, self._playback
         first = max(playback.following - 1, playback.first)
-        count = min(rows_ahead + 1, ring.rows_written - first)
+        count = min(rows_ahead + 1, playback.written - first)
         return headroom_ahead(ring.headroom, first, count) if count > 0 else 1.0
 
     # ------------------------------------------------------------------ what

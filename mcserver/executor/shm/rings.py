@@ -23,8 +23,9 @@ CONTROLS = 4096
 
 _HEADER_WORDS = 8
 _ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ = range(4)
-# kind, u, line, axes, seconds, operation, token, channel, value, whether values follow
-_CONTROL = struct.Struct("<qdqQdqqqdq")
+# number of the row after those that come with it; kind, u, line, axes, seconds, operation, token, channel, value,
+# whether values follow
+_CONTROL = struct.Struct("<qqdqQdqqqdq")
 
 Buffer = bytearray | memoryview
 _Scalar = TypeVar("_Scalar", bound=np.generic)
@@ -83,6 +84,7 @@ class ProgramRing:
         self.headroom: Array = self._words(np.float64, rows)
         self._values: Array = self._words(np.float64, controls * axes).reshape(controls, axes)
         self._controls_at = self._offset
+        self._control_words = self._buffer[self._offset : self._offset + controls * _CONTROL.size].cast("q")
         self._weigh = None if limits is None else HeadroomWriter(limits)
         self._last_u = -1
         self._last_control_u = 0.0
@@ -152,8 +154,8 @@ class ProgramRing:
         self._last_u = first_u + count - 1
         self._counters[_ROWS_WRITTEN] = written + count
 
-    def put_control(self, control: Control) -> None:
-        """One entry (see `MotionSink`); it has to be put before the rows that lie past it.
+    def put_control(self, control: Control, rows: int = 0) -> None:
+        """Put an entry (see `MotionSink`) before the rows that lie past it, of which ``rows`` come with it.
 
         Raises:
             OverflowError: no `control_room`.
@@ -171,6 +173,7 @@ class ProgramRing:
         _CONTROL.pack_into(
             self._buffer,
             self._controls_at + at * _CONTROL.size,
+            self._counters[_ROWS_WRITTEN] + rows,
             control.kind,
             control.u,
             control.line,
@@ -204,10 +207,14 @@ class ProgramRing:
         """Control entries with numbers below ``before`` are read."""
         self._counters[_CONTROLS_READ] = before
 
+    def rows_with(self, number: int) -> int:
+        """Number of the row after those that come with a control entry, which must be written and not freed."""
+        return self._control_words[number % self.controls * (_CONTROL.size // 8)]
+
     def control(self, number: int) -> Control:
         """The control entry of that number, which must be written and not freed."""
         at = number % self.controls
-        kind, u, line, axes, seconds, operation, token, channel, value, has_values = _CONTROL.unpack_from(
+        _, kind, u, line, axes, seconds, operation, token, channel, value, has_values = _CONTROL.unpack_from(
             self._buffer, self._controls_at + at * _CONTROL.size
         )
         values = tuple(self._values[at].tolist()) if has_values else None
