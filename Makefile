@@ -16,7 +16,7 @@ PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 
 export PIP_NO_INPUT := 1
 
-.PHONY: sdks help demo dog test test-computing test-realtime socketcan socketcan-long faults soak fire fuzz schedules lint format bench pictures clean
+.PHONY: sdks build-sdks help demo dog test test-computing test-realtime socketcan socketcan-long faults soak fire fuzz schedules lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -41,7 +41,7 @@ endif
 test-computing: $(VENV)/.for-development  ## the tests that only compute, on all cores
 	$(BIN)/python -m pytest -m 'not realtime' --numprocesses auto --dist worksteal $(ARGS)
 
-test-realtime: $(VENV)/.for-development  ## the tests with servers and buses, three at a time
+test-realtime: $(VENV)/.for-development build-sdks  ## the tests with servers and buses, three at a time
 	$(BIN)/python -m pytest -m realtime --numprocesses 3 --dist worksteal $(ARGS)
 
 # QEMU, busybox and (once) Debian's kernel: deploy/qemu/README.md
@@ -52,7 +52,11 @@ socketcan: $(VENV)/.for-development  ## the tests that need CAN interfaces, on v
 socketcan-long: $(VENV)/.for-development  ## the gait and the arcs on four buses there: a quarter of an hour
 	@$(BIN)/python -m deploy.qemu -- $(BIN)/python -m pytest -p no:cacheprovider -p no:xdist -m long tests/socketcan
 
-sdks: $(VENV)/.for-development  ## build the SDKs of other languages and drive them against a real server
+# before the tests: several that build at once wait for each other
+build-sdks: $(VENV)/.for-development
+	@$(BIN)/python -m tests.sdks.build
+
+sdks: $(VENV)/.for-development build-sdks  ## build the SDKs of other languages and drive them against a real server
 	$(BIN)/python -m pytest tests/sdks $(ARGS)
 
 faults: $(VENV)/.for-development  ## each fault of a CAN drive in a moving group: what happened, in cycles

@@ -8,6 +8,7 @@ import (
 	"slices"
 	"strings"
 	"sync"
+	"sync/atomic"
 	"testing"
 	"time"
 
@@ -199,12 +200,12 @@ func TestAServerThatStaysAwayEndsThePatience(t *testing.T) {
 
 func TestACallWithoutAnAnswerIsSentAgainUnderItsNumber(t *testing.T) {
 	calls := make(chan struct{}, 8)
-	lost := false
+	var lost atomic.Bool
 	gateway := newFakeGateway(t, nil)
 	gateway.answer = func(method string, _ map[string]any) (any, *ErrorReply, bool) {
+		// set before the call is known of: the link is broken right behind it
+		first := !lost.Swap(true)
 		calls <- struct{}{}
-		first := !lost
-		lost = true
 		return map[string]any{"program": "j-1"}, nil, !first
 	}
 	machine := gateway.machine()

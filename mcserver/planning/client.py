@@ -150,7 +150,8 @@ class PlannerProcess:
     @property
     def last_seen(self) -> float:
         now = time.monotonic()
-        if self._phase is ConnectionPhase.REPLACING or now < self._silent_until:
+        starting = self._phase is ConnectionPhase.CONNECTED and now < self._silent_until
+        if self._phase is ConnectionPhase.REPLACING or starting:
             return now
         return self._heard_at
 

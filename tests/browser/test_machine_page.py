@@ -68,7 +68,7 @@ def test_a_file_is_uploaded_run_held_overridden_and_finished(
     held = wait_for(machine, page, stands)
     assert held.programs[0].state == "held"
     page.get_by_role("button", name="200 %").click()
-    expect(page.get_by_text("Override 200 %")).to_be_visible()
+    expect(page.get_by_text("Override 200 %", exact=True)).to_be_visible()
     page.get_by_role("button", name="Resume").click()
     expect(page.get_by_text("three.gcode · finished").first).to_be_visible(timeout=LIMIT_MS)
     assert machine.status().axes.position[0] == pytest.approx(2000.0, abs=0.1)

@@ -1,4 +1,4 @@
-"""A planner that is kept waiting in the midst of handing over a motion: u does not run on without its rows."""
+"""A planner that is kept waiting while it hands a motion over: u does not run on without its rows."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import socket
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
@@ -82,4 +83,21 @@ async def test_a_planner_that_never_gets_ready_is_not_waited_for_without_end(
     clock.now += START_TIMEOUT_S + 1.0
     assert planner.last_seen == 1000.0
     second.theirs.close()
+    await planner.stop()
+
+
+async def test_a_planner_that_is_given_up_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimpleNamespace(now=1000.0)
+    monkeypatch.setattr(client, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    children = [FakeChild() for _ in range(client.MOST_STARTS + 1)]
+    left = iter(children[1:])
+    planner = PlannerProcess(children[0], lambda: next(left), lambda _: None)  # type: ignore[arg-type, return-value]
+    planner.start()
+    for ended, following in itertools.pairwise(children):
+        ended.theirs.close()
+        await until(lambda following=following: planner._child is following)  # type: ignore[misc]
+    children[-1].theirs.close()
+    await until(lambda: planner._phase is client.ConnectionPhase.ENDED)
+    clock.now += 10.0
+    assert planner.last_seen < clock.now, "the server's heartbeat has to stop"
     await planner.stop()

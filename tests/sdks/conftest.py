@@ -40,7 +40,7 @@ drive = {{ kind = "ideal" }}
 """
     for index in range(AXES)
 )
-BUILD_LIMIT_S = 280.0
+BUILD_LIMIT_S = 900.0
 
 
 @dataclass(frozen=True)

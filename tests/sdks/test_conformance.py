@@ -31,7 +31,7 @@ HEAD = ["G1010", "G91 G64 F6000"]
 STEP_MM = 0.001
 CUT_S = 5.0
 # a language's first test builds its SDK, and what that depends on
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(1000)
 
 
 class Conformance:

@@ -15,7 +15,7 @@ from tests.sdks.maven import FOLDER, java, maven
 
 EXAMPLE_LIMIT_S = 60.0
 # the first one fetches Maven's plugins too
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(1000)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -11,7 +11,7 @@ from tests.sdks.cargo import cargo
 from tests.sdks.conftest import environment, needed
 
 # the first one builds Zenoh too
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(1000)
 
 
 @pytest.fixture(autouse=True)

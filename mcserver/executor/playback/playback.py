@@ -104,7 +104,7 @@ class Playback:
     # ------------------------------------------------------------------ rows
 
     def look(self) -> None:
-        """Let all rows that have come count; before control entries are taken, which come before their rows."""
+        """Let all rows that have come count; before control entries are taken, which come first."""
         self.written = self._ring.rows_written
 
     @property

@@ -23,8 +23,8 @@ CONTROLS = 4096
 
 _HEADER_WORDS = 8
 _ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ = range(4)
-# number of the row after those that come with it; kind, u, line, axes, seconds, operation, token, channel, value,
-# whether values follow
+# number of the row after those that come with it; kind, u, line, axes, seconds, operation, token, channel,
+# value, whether values follow
 _CONTROL = struct.Struct("<qqdqQdqqqdq")
 
 Buffer = bytearray | memoryview
@@ -208,7 +208,7 @@ class ProgramRing:
         self._counters[_CONTROLS_READ] = before
 
     def rows_with(self, number: int) -> int:
-        """Number of the row after those that come with a control entry, which must be written and not freed."""
+        """Number of the row after those that come with a control entry, which must be there."""
         return self._control_words[number % self.controls * (_CONTROL.size // 8)]
 
     def control(self, number: int) -> Control:
