@@ -19,6 +19,8 @@ LEAST_BARS = 8
 # Share of a limit from which on it is drawn without being asked for.
 NEAR_LIMIT = 0.6
 MOST_ERRORS = 3
+# Longest name of an axis in their legend.
+LONGEST_NAME = 6
 SHADES = ("#4477aa", "#ee6677", "#228833")
 QUANTITIES = ("velocity", "acceleration", "jerk")
 
@@ -82,7 +84,9 @@ def draw_following_errors(axes: Any, scene: Scene) -> None:
         key=lambda each: -each[0],
     )[:MOST_ERRORS]
     for (peak, trace), shade in zip(errors, SHADES, strict=False):
-        label = f"{trace.name}, peak {peak:.3g} {trace.unit}"
+        # names of joints are too long for three beside each other
+        name = trace.name if len(trace.name) <= LONGEST_NAME else f"axis {trace.index}"
+        label = f"{name}: ±{peak:.3g}"
         axes.plot(scene.time, trace.following_error, color=shade, linewidth=1.0, label=label)
     if errors:
         # above the panel, where it hides nothing
@@ -92,6 +96,8 @@ def draw_following_errors(axes: Any, scene: Scene) -> None:
             borderaxespad=0.1,
             fontsize=7.5,
             ncols=3,
+            handlelength=1.2,
+            columnspacing=1.2,
             frameon=False,
         )
     units = " or ".join(sorted({trace.unit for _, trace in errors}))
