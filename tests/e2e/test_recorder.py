@@ -98,6 +98,9 @@ async def test_a_fault_a_killed_recorder_and_a_killed_server(
 
         # a recorder that is killed costs the recording, and is replaced
         await machine.start_recording("cut")
+        async with asyncio.timeout(20.0):
+            while "cut" not in {each["name"] for each in (await machine.recordings())["recordings"]}:
+                await asyncio.sleep(0.05)
         (pid,) = recorders(boxed)
         os.kill(pid, signal.SIGKILL)
         assert (await until(events, "warning", "MC580")).message.startswith(
