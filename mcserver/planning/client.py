@@ -28,7 +28,7 @@ from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.compiling import PATIENCE_S
-from mcserver.planning.message_pipe import MessagePipe
+from mcserver.planning.message_pipe import MessagePipe, WatchedPipe
 from mcserver.planning.planner_messages import (
     OnPlannerEvents,
     PlannerCommand,
@@ -138,7 +138,7 @@ class PlannerProcess:
         self._phase = ConnectionPhase.REPLACING
         # while there is no process to send to
         self._unsent: list[PlannerCommand] = []
-        self._writing = False
+        self._watched: WatchedPipe | None = None
         self._starts: deque[float] = deque(maxlen=MOST_STARTS)
         self._replacing: asyncio.Task[None] | None = None
         self._stopping = False
@@ -181,38 +181,21 @@ class PlannerProcess:
     def _connect(self, child: PlannerChild) -> None:
         self._child = child
         self._phase = ConnectionPhase.CONNECTED
-        self._loop.add_reader(child.pipe.fileno(), self._receive)
+        self._watched = WatchedPipe(self._loop, child.pipe, self._receive)
         unsent, self._unsent = self._unsent, []
         for command in unsent:
             self.send(command)
 
     def _disconnect(self, phase: ConnectionPhase) -> None:
-        if self._phase is ConnectionPhase.CONNECTED:
-            self._loop.remove_reader(self._child.pipe.fileno())
-            self._loop.remove_writer(self._child.pipe.fileno())
-            self._writing = False
+        if self._watched is not None:
+            self._watched.release()
+            self._watched = None
         self._phase = phase
 
     def _send(self, message: bytes) -> None:
-        # a command to one that has ended is lost with its programs; its end is noticed by reading
-        with contextlib.suppress(OSError):
-            self._child.pipe.send(message)
-        self._watch_writing()
-
-    def _flush(self) -> None:
-        with contextlib.suppress(OSError):
-            self._child.pipe.flush()
-        self._watch_writing()
-
-    def _watch_writing(self) -> None:
-        pipe = self._child.pipe
-        if pipe.blocked == self._writing:
-            return
-        self._writing = pipe.blocked
-        if self._writing:
-            self._loop.add_writer(pipe.fileno(), self._flush)
-        else:
-            self._loop.remove_writer(pipe.fileno())
+        # a command to one that has ended is lost with its programs
+        if self._watched is not None:
+            self._watched.send(message)
 
     def _receive(self) -> None:
         try:

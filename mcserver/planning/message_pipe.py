@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import socket
 import struct
+from collections.abc import Callable
 
 # Bytes taken from the socket in one go; what remains is taken in the next.
 READ_BYTES = 1 << 18
@@ -86,3 +89,46 @@ class MessagePipe:
     def close(self) -> None:
         """Close this end; the other one reads to the end of what was sent."""
         self._socket.close()
+
+
+class WatchedPipe:
+    """A pipe that an event loop reads, and writes to as far as the other end takes it.
+
+    Args:
+        pipe: this end; who made it closes it, after `release`.
+        on_readable: called in the loop while something can be received.
+    """
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, pipe: MessagePipe, on_readable: Callable[[], None]
+    ) -> None:
+        self._loop = loop
+        self._pipe = pipe
+        self._writing = False
+        loop.add_reader(pipe.fileno(), on_readable)
+
+    def send(self, payload: bytes) -> None:
+        """Send a message behind those before it; to an end that is gone nothing goes, which is read."""
+        with contextlib.suppress(OSError):
+            self._pipe.send(payload)
+        self._watch_writing()
+
+    def release(self) -> None:
+        """Read and write no more."""
+        self._loop.remove_reader(self._pipe.fileno())
+        self._loop.remove_writer(self._pipe.fileno())
+
+    def _flush(self) -> None:
+        with contextlib.suppress(OSError):
+            self._pipe.flush()
+        self._watch_writing()
+
+    def _watch_writing(self) -> None:
+        pipe = self._pipe
+        if pipe.blocked == self._writing:
+            return
+        self._writing = pipe.blocked
+        if self._writing:
+            self._loop.add_writer(pipe.fileno(), self._flush)
+        else:
+            self._loop.remove_writer(pipe.fileno())

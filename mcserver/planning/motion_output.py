@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import islice, takewhile
 
 from mcserver.executor.entries import Control, MotionSink
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
@@ -50,7 +51,8 @@ class Output:
             count = min(self._sink.row_room(), len(rows.line))
             if count < 1:
                 break
-            entries, room = self._entries_before(rows.first + count), self._sink.control_room()
+            room = self._sink.control_room()
+            entries = self._entries_before(rows.first + count, room + 1)
             if entries > room:
                 # no room for an entry: the rows that come before it may go
                 entries = room
@@ -71,14 +73,9 @@ class Output:
             moved |= self._put_controls(min(len(self._controls), self._sink.control_room()), 0)
         return moved
 
-    def _entries_before(self, u: float) -> int:
-        """Return how many entries come before u."""
-        count = 0
-        for control in self._controls:
-            if control.u >= u:
-                break
-            count += 1
-        return count
+    def _entries_before(self, u: float, most: int) -> int:
+        """Return how many entries come before u, up to ``most``."""
+        return sum(1 for _ in takewhile(lambda each: each.u < u, islice(self._controls, most)))
 
     def _put_controls(self, count: int, rows: int) -> bool:
         """Hand over the next entries, with which ``rows`` rows come; True if there was one."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import itertools
 import logging
 import socket
@@ -18,7 +17,7 @@ import msgspec
 from mcserver.errors import ServiceError
 from mcserver.executor.client import ExecutorProcess
 from mcserver.machine.machine_file import Machine
-from mcserver.planning.message_pipe import MessagePipe
+from mcserver.planning.message_pipe import MessagePipe, WatchedPipe
 from mcserver.processes import start_child
 from mcserver.recorder import messages as wire
 from mcserver.recorder.folder import RecordingFolder
@@ -81,7 +80,7 @@ class RecorderClient:
         self._encode = msgspec.msgpack.Encoder().encode
         self._decode: Callable[[bytes], wire.Report] = msgspec.msgpack.Decoder(wire.Report).decode
         self._child: RecorderChild | None = None
-        self._writing = False
+        self._watched: WatchedPipe | None = None
         self._pending: list[Event] = []
         self._lost = 0
         self._flushing: asyncio.TimerHandle | None = None
@@ -99,7 +98,7 @@ class RecorderClient:
             self._warn("MC580", f"the recorder cannot be started: {error}; there is no black box")
             return
         self._child = child
-        self._loop.add_reader(child.pipe.fileno(), self._receive)
+        self._watched = WatchedPipe(self._loop, child.pipe, self._receive)
 
     @property
     def running(self) -> bool:
@@ -192,29 +191,8 @@ class RecorderClient:
         self._send(self._encode(wire.Happened(events, lost)))
 
     def _send(self, payload: bytes) -> None:
-        if self._child is None:
-            return
-        # to one that has ended: its end is noticed by reading
-        with contextlib.suppress(OSError):
-            self._child.pipe.send(payload)
-        self._watch_writing()
-
-    def _flush(self) -> None:
-        if self._child is not None:
-            with contextlib.suppress(OSError):
-                self._child.pipe.flush()
-            self._watch_writing()
-
-    def _watch_writing(self) -> None:
-        assert self._child is not None
-        pipe = self._child.pipe
-        if pipe.blocked == self._writing:
-            return
-        self._writing = pipe.blocked
-        if self._writing:
-            self._loop.add_writer(pipe.fileno(), self._flush)
-        else:
-            self._loop.remove_writer(pipe.fileno())
+        if self._watched is not None:
+            self._watched.send(payload)
 
     def _receive(self) -> None:
         child = self._child
@@ -245,10 +223,9 @@ class RecorderClient:
         child, self._child = self._child, None
         if child is None:
             return
-        self._loop.remove_reader(child.pipe.fileno())
-        if self._writing:
-            self._loop.remove_writer(child.pipe.fileno())
-            self._writing = False
+        if self._watched is not None:
+            self._watched.release()
+            self._watched = None
         for waiter in self._answers.values():
             if not waiter.done():
                 waiter.set_exception(ServiceError("MC580", message, "ask again"))

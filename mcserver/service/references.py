@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import msgspec
 
 from mcserver.executor.homed import StoredReference
 from mcserver.machine.machine_file import Axis, Machine
+from mcserver.service.kept_file import replace_file
 
 log = logging.getLogger(__name__)
 
@@ -98,13 +98,8 @@ class References:
         return homing is not None and homing.absolute
 
     def _write(self) -> None:
-        aside = self._path.with_name(f"{self._path.name}.new")
         try:
-            with aside.open("wb") as file:
-                file.write(msgspec.json.encode(self._stored))
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(aside, self._path)
+            replace_file(self._path, msgspec.json.encode(self._stored))
             self.failure = ""
         except OSError as error:
             self.failure = f"the references could not be kept in {self._path}: {error}"

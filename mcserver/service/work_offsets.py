@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-import os
 from pathlib import Path
 
 import msgspec
 
 from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.frame import Frame, Offsets
+from mcserver.service.kept_file import replace_file
 
 log = logging.getLogger(__name__)
 
@@ -53,13 +53,8 @@ class WorkOffsets:
         if frame.systems == self.systems:
             return
         self.systems = dict(frame.systems)
-        aside = self._path.with_name(f"{self._path.name}.new")
         try:
-            with aside.open("wb") as file:
-                file.write(msgspec.json.encode(self.systems))
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(aside, self._path)
+            replace_file(self._path, msgspec.json.encode(self.systems))
             self.failure = ""
         except OSError as error:
             self.failure = f"the work offsets could not be kept in {self._path}: {error}"

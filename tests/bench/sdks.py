@@ -12,8 +12,8 @@ import pytest
 
 from tests.bench.figures import Figure, NotAvailable
 from tests.e2e.servers import ServerProcess
-from tests.gateway.conftest import GatewayProcess
-from tests.sdks.conftest import MACHINE, SDKS, Sdk, environment, program_file
+from tests.gateway.conftest import GatewayProcess, cell
+from tests.sdks.conftest import AXES, SDKS, Sdk, environment, program_file
 
 LINES = 20_000
 LIMIT_S = 120.0
@@ -34,7 +34,7 @@ def measure() -> list[Figure]:
     if "python" not in built:
         raise NotAvailable("the Python SDK is what the others are held against")
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "cell.toml").write_text(MACHINE, "utf-8")
+        (Path(folder) / "cell.toml").write_text(cell(AXES), "utf-8")
         file = program_file(Path(folder), ["G1010", "G91 G64 F6000"] + ["G01 X0.001"] * (LINES - 2))
         server = ServerProcess(Path(folder), str(Path(folder) / "cell.toml"), "cell")
         server.start()

@@ -37,11 +37,10 @@ class GatewayProcess:
         self.process.stdout.close()
 
 
-MACHINE = """
-[machine]
-name = "cell"
-""" + "".join(
-    f"""
+def cell(axes: int) -> str:
+    """The machine file of a cell with ideal drives."""
+    return '[machine]\nname = "cell"\n' + "".join(
+        f"""
 [[axis]]
 index = {index}
 type = "linear"
@@ -49,14 +48,14 @@ max_velocity = 500.0
 max_acceleration = 5000.0
 drive = {{ kind = "ideal" }}
 """
-    for index in range(3)
-)
+        for index in range(axes)
+    )
 
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     folder = tmp_path_factory.mktemp("server")
-    (folder / "cell.toml").write_text(MACHINE, "utf-8")
+    (folder / "cell.toml").write_text(cell(3), "utf-8")
     made = ServerProcess(folder, str(folder / "cell.toml"), "cell")
     made.start()
     yield made

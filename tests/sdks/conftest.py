@@ -19,27 +19,13 @@ import pytest
 from mcclient import sync
 
 from tests.e2e.servers import ROOT, ServerProcess
-from tests.gateway.conftest import GatewayProcess, tokens
+from tests.gateway.conftest import GatewayProcess, cell, tokens
 from tests.sdks import maven
 from tests.sdks.cargo import cargo
 
 __all__ = ["tokens"]
 
 AXES = 64
-MACHINE = """
-[machine]
-name = "cell"
-""" + "".join(
-    f"""
-[[axis]]
-index = {index}
-type = "linear"
-max_velocity = 500.0
-max_acceleration = 5000.0
-drive = {{ kind = "ideal" }}
-"""
-    for index in range(AXES)
-)
 BUILD_LIMIT_S = 900.0
 
 
@@ -123,7 +109,7 @@ def sdk(request: pytest.FixtureRequest) -> Sdk:
 @pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     folder = tmp_path_factory.mktemp("server")
-    (folder / "cell.toml").write_text(MACHINE, "utf-8")
+    (folder / "cell.toml").write_text(cell(AXES), "utf-8")
     made = ServerProcess(folder, str(folder / "cell.toml"), "cell")
     made.start()
     yield made
