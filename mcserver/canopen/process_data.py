@@ -40,6 +40,7 @@ TARGET_POSITION = MappedObject(0x607A, 0, 32)
 INTERPOLATED = MappedObject(0x60C1, 1, 32)
 TARGET_VELOCITY = MappedObject(0x60FF, 0, 32)
 TARGET_TORQUE = MappedObject(0x6071, 0, 16)
+TORQUE_OFFSET = MappedObject(0x60B2, 0, 16)
 STATUSWORD = MappedObject(0x6041, 0, 16)
 MODE_DISPLAY = MappedObject(0x6061, 0, 8)
 POSITION = MappedObject(0x6064, 0, 32)
@@ -127,7 +128,8 @@ class _Plan:
     # ------------------------------------------------------------ what is wanted
 
     def required_rpdo_objects(self) -> tuple[MappedObject, ...]:
-        return self._of_axis(CONTROLWORD), self._of_axis(self._target())
+        required = [CONTROLWORD, self._target(), *([TORQUE_OFFSET] if self._drive.torque_offset else ())]
+        return tuple(self._of_axis(mapped) for mapped in required)
 
     def required_tpdo_objects(self) -> tuple[MappedObject, ...]:
         return self._of_axis(STATUSWORD), self._of_axis(POSITION)
@@ -136,12 +138,25 @@ class _Plan:
         target = self._target()
         mode = [MODE] if self._can_map(MODE) else []
         wanted = [_Wanted((CONTROLWORD, *mode, target), 1)]
+        if self._drive.torque_offset:
+            self._check_torque_offset()
+            wanted.append(_Wanted((TORQUE_OFFSET,), 1))
         others = [TARGET_VELOCITY] if target is not TARGET_VELOCITY and self._can_map(TARGET_VELOCITY) else []
         if self._drive.torque and self._can_map(TARGET_TORQUE):
             others.append(TARGET_TORQUE)
         if others and mode:
             wanted.append(_Wanted((CONTROLWORD, *others), 1, spare=True))
         return wanted
+
+    def _check_torque_offset(self) -> None:
+        if not self._can_map(TORQUE_OFFSET):
+            place = self._of_axis(TORQUE_OFFSET)
+            raise self._dictionary.no_place(
+                place.index,
+                place.subindex,
+                "torque_feed_forward: the drive has no torque offset in its process data",
+                "set torque_feed_forward = false",
+            )
 
     def wanted_tpdos(self) -> list[_Wanted]:
         mode = [MODE_DISPLAY] if self._can_map(MODE_DISPLAY) else []
@@ -269,7 +284,8 @@ class _Plan:
             )
         if direction is _RPDO and self._dictionary.writable(record, 5):
             # only the first RPDO is watched: the second stays out in position mode
-            timeout = 0 if spare else self._drive.command_timeout_ms
+            watched = not spare and self._of_axis(TORQUE_OFFSET) not in pdo.objects[:1]
+            timeout = self._drive.command_timeout_ms if watched else 0
             payload = struct.pack("<H", timeout)
             yield SdoWrite(record, 5, payload, f"{name} time-out [ms]", optional=True, spare_pdo=spare)
 

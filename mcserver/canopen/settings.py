@@ -52,7 +52,8 @@ class DriveSettings:
         heartbeat_ms: what the drive sends, 0: none. command_timeout_ms: silence of the master that stops it.
         sdo_writes: (index, subindex, value) or (index, subindex, value, length in bytes), written last.
         node_axis: which axis of its node. pdo_node: whose COB-IDs its PDOs have, 0: the node's own.
-        fixed_pdos: the drive's mapping is taken as it is. torque: whether torques are used.
+        fixed_pdos: the drive's mapping is taken as it is. torque: whether torques are used,
+            torque_offset: as feed-forward too (60B2h).
         monitor: (index, subindex, name) of what telemetry shows. sdo: its times.
         listen_s: for another master on its bus. lss: identity of a node that gets its number from here.
         homing: (index, subindex, value) for the drive's own homing.
@@ -75,6 +76,7 @@ class DriveSettings:
     pdo_node: int = 0
     fixed_pdos: bool = False
     torque: bool = False
+    torque_offset: bool = False
     monitor: tuple[tuple[int, int, str], ...] = ()
     sdo: SdoTimes = SdoTimes()
     listen_s: float = 0.25
@@ -146,6 +148,7 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
         pdo_node=drive.pdo_node,
         fixed_pdos=drive.pdo == "fixed",
         torque=drive.rated_torque > 0.0,
+        torque_offset=drive.torque_feed_forward,
         monitor=tuple(_monitored(text) for text in drive.monitor),
         sdo=SdoTimes(
             response_s=drive.sdo_timeout_ms / 1e3,

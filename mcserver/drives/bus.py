@@ -107,7 +107,8 @@ class Setpoints:
     Attributes:
         mode: values of `DriveMode`.
         position, velocity: [m, rad; per second].
-        torque: [N·m].
+        torque: [N·m]; in torque mode the command, in position mode what the motion needs by the model of the
+            machine (feed-forward), 0 where nobody knows that.
     """
 
     mode: NDArray[np.int8]

@@ -68,7 +68,9 @@ class AxisBank:
     """All axes and their buses.
 
     Attributes:
-        row: setpoints and feedback of this cycle. torque: shape (K,), torque setpoints [N·m].
+        row: setpoints and feedback of this cycle.
+        torque: shape (K,), at the motor's shaft [N·m]: setpoints in torque mode; feed-forward in position
+            mode, where it is 0 unless whoever moves the axis sets it anew in each cycle.
         all: mask of all columns. exact: columns whose drives follow exactly.
         energized: the drive holds in the mode that it was told. starting: told to, not yet there.
         positioned: energized, or about to be, in position mode. speed, torque_mode: in these modes.

@@ -165,6 +165,7 @@ def load_of(
             Share("SYNC", 1.0, frame_bits(0)),
             Share("RPDO2", count, frame_bits(_bytes(RPDO2))),
             Share("RPDO1 besides", count / SLOW_SYNCS, frame_bits(_bytes(RPDO1))),
+            *_feed_forward(servo),
             Share("TPDO1", count, frame_bits(_bytes(TPDO1))),
             Share("TPDO2", count / SLOW_SYNCS, frame_bits(_bytes(TPDO2))),
         ]
@@ -195,6 +196,12 @@ def load_of(
             )
         )
     return BusLoad(bus.name, cycle_hz, bus.bitrate, len(axes), tuple(shares))
+
+
+def _feed_forward(axes: Sequence[Axis]) -> list[Share]:
+    """60B2h has no room beside mode and position: it goes in an RPDO of its own."""
+    count = sum(axis.drive.torque_feed_forward for axis in axes)
+    return [Share("torque offset", float(count), frame_bits(2))] if count else []
 
 
 def refuse_overload(machine: Machine, source: str) -> None:

@@ -75,6 +75,7 @@ class Drive(msgspec.Struct, frozen=True):
         sdo_writes: [index, subindex, value] or [index, subindex, value, bytes], at boot-up.
         codes: of commands (servosila). pole_pairs: of the motor. telemetry_hz: 0: at every cycle.
         integral_time_s: of the same loop, 0: none. velocity_feed_forward: share of the setpoint's velocity.
+        torque_feed_forward: the torque that the motion needs goes to the drive (60B2h).
         zero_offset: position where the encoder's count is 0 [mm, deg].
         pdo: "fixed" takes the drive's own mapping as it is. monitor: objects shown in telemetry.
         node_axis: which axis of its node, each 800h further. pdo_node: whose COB-IDs its PDOs have, 0: the
@@ -118,6 +119,7 @@ class Drive(msgspec.Struct, frozen=True):
     telemetry_hz: float = 0.0
     integral_time_s: float = 0.0
     velocity_feed_forward: float = 1.0
+    torque_feed_forward: bool = False
     zero_offset: float = 0.0
     pdo: Literal["auto", "fixed"] = "auto"
     monitor: list[str] = []
@@ -256,6 +258,12 @@ def complete_drive(
             "mode",
             f'mode = "{drive.mode}" cannot follow a path',
             'use "csp" (or "csv"): G1030 and G1040 change to velocity and torque mode by themselves',
+        )
+    if drive.torque_feed_forward and drive.rated_torque <= 0.0:
+        bad(
+            "torque_feed_forward",
+            "60B2h counts thousandths of the rated torque, which is not there",
+            "give rated_torque = the motor's rated torque in N·m (6076h)",
         )
     if drive.node_axis and not drive.pdo_node:
         bad(

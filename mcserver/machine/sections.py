@@ -122,6 +122,7 @@ class Cia402DriveSection(CanDriveSection, frozen=True, tag="cia402"):
     position_gain: NotNegative = 0.0
     integral_time_s: NotNegative = 0.0
     velocity_feed_forward: Annotated[float, Meta(ge=0.0, le=1.0, description="1 is usual")] = 1.0
+    torque_feed_forward: bool = False
     zero_offset: float = 0.0
     pdo: Literal["auto", "fixed"] = "auto"
     monitor: Annotated[list[MonitoredObject], Meta(max_length=8, description="8 objects at most")] = []

@@ -1,8 +1,8 @@
 """All CiA 402 axes of one bus, a cycle at a time: TPDOs in, states, RPDOs out.
 
-Payloads lie in two arenas, 7 bytes an axis for RPDO1 and TPDO1 and 8 for RPDO2, which NumPy reads and writes
-as columns; what is per frame is one copy. States are gone through only where a statusword, a mode or a
-command has changed.
+Payloads lie in arenas, 7 bytes an axis for RPDO1 and TPDO1, 8 for RPDO2 and 2 for torque offsets, which
+NumPy reads and writes as columns; what is per frame is one copy. States are gone through only where a
+statusword, a mode or a command has changed.
 """
 
 from __future__ import annotations
@@ -47,6 +47,9 @@ _TPDO1 = np.dtype([("state", "<u2"), ("mode", "i1"), ("position", "<i4")])
 _RPDO1 = np.dtype([("controlword", "<u2"), ("mode", "i1"), ("position", "<i4")])
 _RPDO2 = np.dtype([("controlword", "<u2"), ("velocity", "<i4"), ("torque", "<i2")])
 
+# 60B2h, which is not among the usual objects
+_OFFSET_BYTES = 2
+
 # pieces of the arenas with their places in the buffer, and the prepared buffer
 _Send = tuple[tuple[tuple[memoryview, slice], ...], bytearray]
 # bit 4 of the controlword: interpolation on (mode 7), homing starts (mode 6)
@@ -87,6 +90,8 @@ class Cia402Axes:
         ]
         self._loops = np.array([axis.drive.mode == "csv" for axis in axes])
         self._any_loop = bool(self._loops.any())
+        self._fed_forward = np.array([axis.drive.torque_feed_forward for axis in axes])
+        self._any_fed_forward = bool(self._fed_forward.any())
         self._gain: Array = np.array([axis.drive.position_gain for axis in axes])
         times = [axis.drive.integral_time_s for axis in axes]
         self._integral_gain: Array = np.array([cycle_s / time if time > 0.0 else 0.0 for time in times])
@@ -114,6 +119,7 @@ class Cia402Axes:
         self._in = bytearray(TPDO1.packing.size * count)
         self._out1 = bytearray(RPDO1.packing.size * count)
         self._out2 = bytearray(RPDO2.packing.size * count)
+        self._out3 = bytearray(_OFFSET_BYTES * count)
         incoming: Any = np.frombuffer(self._in, _TPDO1)
         self._status, self._shown, self._position = (
             incoming["state"],
@@ -132,6 +138,7 @@ class Cia402Axes:
             second["velocity"],
             second["torque"],
         )
+        self._torque_offset: NDArray[np.int16] = np.frombuffer(self._out3, "<i2")
         self._tracker = PositionTracker(count)
         self._restart = [_NOW] * count
         self._any_restart = True
@@ -173,8 +180,12 @@ class Cia402Axes:
         }
 
     def _pieces(self, index: int, pdo: OutgoingPdo, offset: int) -> tuple[tuple[memoryview, slice], ...]:
-        arenas = {1: memoryview(self._out1), 2: memoryview(self._out2)}
-        starts = {1: index * RPDO1.packing.size, 2: index * RPDO2.packing.size}
+        arenas = {1: memoryview(self._out1), 2: memoryview(self._out2), 3: memoryview(self._out3)}
+        starts = {
+            1: index * RPDO1.packing.size,
+            2: index * RPDO2.packing.size,
+            3: index * _OFFSET_BYTES,
+        }
         return tuple(
             (
                 arenas[piece.arena][starts[piece.arena] + piece.first :][: piece.length],
@@ -320,8 +331,16 @@ class Cia402Axes:
         if self._needs_speed:
             self._nm[:] = setpoints.torque[local]
             self._fill_speeds()
+        if self._any_fed_forward:
+            self._fill_offsets(setpoints.torque[local])
         if self._any_loop:
             self._earlier[self._number % (DELAY_CYCLES + 1)] = wanted
+
+    def _fill_offsets(self, torque: Array) -> None:
+        """60B2h: the torque that the motion needs, while the axis follows positions; [N·m], shape (n,)."""
+        follows = self._fed_forward & (self._told == DriveMode.POSITION) & ~self._capturing
+        known = np.where(follows & np.isfinite(torque), torque, 0.0)
+        self._torque_offset[:] = np.clip(np.rint(known * self._torques), -TORQUE_LIMIT, TORQUE_LIMIT)
 
     def _capture(self, feedback: Feedback) -> None:
         """A target is where the axis is until its loop is closed: the count itself, not a converted one.

@@ -1,8 +1,8 @@
 """Where the process data of one axis stand in the arenas of its bus, whatever PDOs they come and go in.
 
 An arena holds what the cycle exchanges in one form: RPDO1 and TPDO1 of 7 bytes, RPDO2 of 8 (see
-`mcserver.can.pdo_layout`). A PDO of another mapping is put together from pieces of an arena, and taken apart
-into pieces.
+`mcserver.can.pdo_layout`), and a third one of 2 bytes for torque offsets. A PDO of another mapping is put
+together from pieces of an arena, and taken apart into pieces.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mcserver.machine.machine_file import Axis
 
 AXIS_OFFSET = 0x800
 CONTROLWORD, MODE, TARGET_POSITION, INTERPOLATED = 0x6040, 0x6060, 0x607A, 0x60C1
-TARGET_VELOCITY, TARGET_TORQUE = 0x60FF, 0x6071
+TARGET_VELOCITY, TARGET_TORQUE, TORQUE_OFFSET = 0x60FF, 0x6071, 0x60B2
 STATUSWORD, MODE_DISPLAY, POSITION, TORQUE = 0x6041, 0x6061, 0x6064, 0x6077
 
 # object → (which outgoing arena, first byte, bytes)
@@ -27,6 +27,7 @@ _OUT = {
     INTERPOLATED: (1, 3, 4),
     TARGET_VELOCITY: (2, 2, 4),
     TARGET_TORQUE: (2, 6, 2),
+    TORQUE_OFFSET: (3, 0, 2),
 }
 # object → (first byte, bytes) of the incoming arena
 _IN = {STATUSWORD: (0, 2), MODE_DISPLAY: (2, 1), POSITION: (3, 4)}
@@ -85,9 +86,10 @@ class AxisFrames:
 def frames_of(axis: Axis) -> AxisFrames:
     """The PDOs of an axis, as agreed with its drive, or the usual ones."""
     drive = axis.drive
-    data = drive.process_data or usual_process_data(drive.node)
+    data = drive.process_data or usual_process_data(drive.node, torque_offset=drive.torque_feed_forward)
     offset = AXIS_OFFSET * drive.node_axis
-    rpdos = tuple(_outgoing(pdo, offset) for pdo in data.rpdos)
+    always = frozenset({TORQUE_OFFSET} if drive.torque_feed_forward else ())
+    rpdos = tuple(_outgoing(pdo, offset, always) for pdo in data.rpdos)
     tpdos = tuple(_incoming(pdo, offset) for pdo in data.tpdos)
     first = tpdos[0]
     usual = first.length == TPDO1.packing.size and [(each.first, each.at) for each in first.pieces] == [
@@ -99,10 +101,12 @@ def frames_of(axis: Axis) -> AxisFrames:
     return AxisFrames(rpdos, tpdos, usual, MODE_DISPLAY in coming, MODE in going)
 
 
-def usual_process_data(node: int) -> ProcessData:
+def usual_process_data(node: int, *, torque_offset: bool = False) -> ProcessData:
     """The mapping of `mcserver.can.pdo_layout`, of a node's first axis."""
+    third = MappedPdo(3, Function.RPDO3 + node, (MappedObject(TORQUE_OFFSET, 0, 16),), 1)
+    rpdos = _mapped(RPDO1, Function.RPDO1 + node), _mapped(RPDO2, Function.RPDO2 + node)
     return ProcessData(
-        (_mapped(RPDO1, Function.RPDO1 + node), _mapped(RPDO2, Function.RPDO2 + node)),
+        (*rpdos, third) if torque_offset else rpdos,
         (_mapped(TPDO1, Function.TPDO1 + node), _mapped(TPDO2, Function.TPDO2 + node)),
     )
 
@@ -117,7 +121,8 @@ def _plain(mapped: MappedObject, offset: int) -> int:
     return mapped.index - offset if mapped.index >= 0x6000 else mapped.index
 
 
-def _outgoing(pdo: MappedPdo, offset: int) -> OutgoingPdo:
+def _outgoing(pdo: MappedPdo, offset: int, always: frozenset[int]) -> OutgoingPdo:
+    """``always``: objects that have to go out in every mode."""
     pieces: list[Piece] = []
     indices = {_plain(mapped, offset) for mapped in pdo.objects}
     at = 0
@@ -127,8 +132,9 @@ def _outgoing(pdo: MappedPdo, offset: int) -> OutgoingPdo:
         if place is not None:
             pieces.append(Piece(place[0], place[1], length, at))
         at += length
-    by_position = bool(indices & _BY_POSITION) or not indices & _BY_SPEED
-    return OutgoingPdo(pdo.cob_id, at, _joined(pieces), by_position, bool(indices & _BY_SPEED))
+    by_position = bool(indices & (_BY_POSITION | always)) or not indices & _BY_SPEED
+    by_speed = bool(indices & (_BY_SPEED | always))
+    return OutgoingPdo(pdo.cob_id, at, _joined(pieces), by_position, by_speed)
 
 
 def _incoming(pdo: MappedPdo, offset: int) -> IncomingPdo:
