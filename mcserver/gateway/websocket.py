@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -19,6 +20,8 @@ log = logging.getLogger(__name__)
 MAX_SESSIONS = 64
 # close codes (RFC 6455, 7.4): 4000-4999 are an application's own
 BAD_FRAME, FORBIDDEN, TOO_MANY, TAKEN_OVER, NO_SERVER, SLOW = 4000, 4003, 4008, 4009, 4010, 4011
+# how long the other end may take to hear why its connection is closed
+CLOSE_S = 2.0
 
 
 class Sessions:
@@ -62,24 +65,25 @@ class Sessions:
         offered = [each.strip() for each in socket.headers.get("sec-websocket-protocol", "").split(",")]
         origin = socket.headers.get("origin")
         if frames.SUBPROTOCOL not in offered or (origin is not None and origin not in self._origins):
-            await socket.close(FORBIDDEN, "subprotocol mc.v1 is needed, and an origin that is allowed")
+            await _close(socket, FORBIDDEN, "subprotocol mc.v1 is needed, and an origin that is allowed")
             return
         principal = self.principal(_token(socket, offered))
         if principal is None:
-            await socket.close(FORBIDDEN, "a token is needed")
+            await _close(socket, FORBIDDEN, "a token is needed")
             return
         await socket.accept(frames.SUBPROTOCOL)
         try:
             session, resumed = await self._session(socket.query_params.get("session", ""), principal)
         except MotionError as error:
-            await socket.close(NO_SERVER if error.code == "MC530" else TOO_MANY, error.message[:120])
+            await _close(socket, NO_SERVER if error.code == "MC530" else TOO_MANY, error.message[:120])
             return
-        session.connection = socket
+        connection = Connection(socket, session)
+        session.connection = connection
         session.outbox.put(
             frames.Hello(session.client, session.secret, principal.role.name.lower(), resumed, GRACE_S)
         )
-        await self._exchange(socket, session)
-        if session.connection is socket:
+        await connection.exchange(self._decode)
+        if session.connection is connection:
             session.connection = None
             session.end_subscriptions()
             self._ends[session.secret] = asyncio.ensure_future(self._end_after_grace(session))
@@ -87,9 +91,11 @@ class Sessions:
     async def _session(self, secret: str, principal: Principal) -> tuple[GatewaySession, bool]:
         known = self._sessions.get(secret)
         if known is not None and known.principal == principal:
-            if isinstance(known.connection, WebSocket):
-                # the old connection is dead and does not know it yet
-                await _close(known.connection, TAKEN_OVER, "taken up by another connection")
+            # the old connection is dead and does not know it yet; another one may be quicker meanwhile
+            ended: Connection | None = None
+            while isinstance(known.connection, Connection) and known.connection is not ended:
+                ended = known.connection
+                await ended.end()
             known.end_subscriptions()
             # the grace begins anew with the next loss
             ending = self._ends.pop(secret, None)
@@ -109,54 +115,77 @@ class Sessions:
             del self._ends[session.secret]
             await session.close()
 
-    async def _exchange(self, socket: WebSocket, session: GatewaySession) -> None:
-        """Frames both ways, until one of them ends."""
+
+class Connection:
+    """Frames both ways between a socket and its session, until one ends or another takes the session up."""
+
+    def __init__(self, socket: WebSocket, session: GatewaySession) -> None:
+        self._socket = socket
+        self._session = session
+        self._taken_up = asyncio.Event()
+        # set once this connection takes nothing from the session any more
+        self._idle = asyncio.Event()
+
+    async def exchange(self, decode: Callable[[bytes], frames.Request]) -> None:
+        """Carry frames until the connection ends, and say to the other end why."""
         tasks = [
-            asyncio.ensure_future(self._receive(socket, session)),
-            asyncio.ensure_future(_send(socket, session)),
+            asyncio.ensure_future(self._receive(decode)),
+            asyncio.ensure_future(self._send()),
+            asyncio.ensure_future(self._taken_up.wait()),
         ]
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in tasks:
-            task.cancel()
-        for outcome in await asyncio.gather(*tasks, return_exceptions=True):
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            outcomes = await asyncio.gather(*tasks, return_exceptions=True)
+            self._idle.set()
+        if self._taken_up.is_set():
+            await _close(self._socket, TAKEN_OVER, "taken up by another connection")
+        for outcome in outcomes:
             if isinstance(outcome, SlowReader):
-                await _close(socket, SLOW, "the replies are not read")
+                await _close(self._socket, SLOW, "the replies are not read")
             elif isinstance(outcome, _BadFrame):
-                await _close(socket, BAD_FRAME, str(outcome)[:120])
+                await _close(self._socket, BAD_FRAME, str(outcome)[:120])
             elif isinstance(outcome, Exception) and not isinstance(outcome, WebSocketDisconnect):
                 log.debug("a connection ended: %s", outcome)
 
-    async def _receive(self, socket: WebSocket, session: GatewaySession) -> None:
+    async def end(self) -> None:
+        """Leave the session to another connection; what is sent from now on is the other's."""
+        self._taken_up.set()
+        await self._idle.wait()
+
+    async def _receive(self, decode: Callable[[bytes], frames.Request]) -> None:
         while True:
-            await session.outbox.room()
-            message = await socket.receive()
+            await self._session.outbox.room()
+            message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
                 raise WebSocketDisconnect(message.get("code", 1006))
             written = message.get("bytes")
             if written is None:
                 raise _BadFrame("frames are binary: MessagePack")
             try:
-                request = self._decode(written)
+                request = decode(written)
             # invalid UTF-8 and deep nesting have errors of their own
             except Exception as error:
                 raise _BadFrame(f"not a frame: {error}") from error
-            session.handle(request)
+            self._session.handle(request)
+
+    async def _send(self) -> None:
+        while True:
+            await self._socket.send_bytes(await self._session.outbox.take())
 
 
 class _BadFrame(Exception):
     """What came is no frame; the connection ends with its reason."""
 
 
-async def _send(socket: WebSocket, session: GatewaySession) -> None:
-    while True:
-        await socket.send_bytes(await session.outbox.take())
-
-
 async def _close(socket: WebSocket, code: int, reason: str) -> None:
+    """Close a connection; one that is gone, or takes nothing, is left to its transport."""
     try:
-        await socket.close(code, reason)
-    except RuntimeError:
-        log.debug("it was closed already")
+        await asyncio.wait_for(socket.close(code, reason), CLOSE_S)
+    except (RuntimeError, WebSocketDisconnect, TimeoutError):
+        log.debug("it was closed already, or reads nothing")
 
 
 def _token(socket: WebSocket, offered: list[str]) -> str:

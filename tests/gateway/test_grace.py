@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import msgspec
 import pytest
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from mcserver.gateway import websocket
 from mcserver.gateway.session import Outbox
@@ -61,6 +61,23 @@ class FakeSocket:
         self._broken.set()
 
 
+class GoneSocket(FakeSocket):
+    """A connection whose other end is gone: closing it says so, as Starlette does."""
+
+    async def close(self, *_: object) -> None:
+        raise WebSocketDisconnect(1006)
+
+
+class StuckSocket(FakeSocket):
+    """A connection that takes nothing any more, not even its end."""
+
+    async def send_bytes(self, _: bytes) -> None:
+        await asyncio.Event().wait()
+
+    async def close(self, *_: object) -> None:
+        await asyncio.Event().wait()
+
+
 class Clock:
     """Stands for `asyncio.sleep`: who sleeps waits for the test."""
 
@@ -108,4 +125,37 @@ async def test_the_grace_begins_anew_with_each_loss(monkeypatch: pytest.MonkeyPa
     assert third.hello["resumed"] is True
     third.break_link()
     await serving
+    await sessions.close()
+
+
+@pytest.mark.parametrize("kind", [GoneSocket, StuckSocket])
+async def test_a_connection_that_cannot_be_closed_does_not_keep_the_next_one_out(
+    monkeypatch: pytest.MonkeyPatch, kind: type[FakeSocket]
+) -> None:
+    monkeypatch.setattr(websocket, "GatewaySession", FakeSession)
+    monkeypatch.setattr(websocket, "CLOSE_S", 0.0)
+    sessions = Sessions(None, (), None, frozenset())
+    old, new = kind(), FakeSocket("secret")
+    first = asyncio.ensure_future(sessions.serve(cast(WebSocket, old)))
+    await turns()
+    second = asyncio.ensure_future(sessions.serve(cast(WebSocket, new)))
+    await first
+    await turns()
+    assert new.hello["resumed"] is True
+    new.break_link()
+    await second
+    await sessions.close()
+
+
+async def test_of_two_that_take_a_session_up_at_once_one_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(websocket, "GatewaySession", FakeSession)
+    sessions = Sessions(None, (), None, frozenset())
+    old, *others = FakeSocket(), FakeSocket("secret"), FakeSocket("secret")
+    serving = [asyncio.ensure_future(sessions.serve(cast(WebSocket, old)))]
+    await turns()
+    serving += [asyncio.ensure_future(sessions.serve(cast(WebSocket, each))) for each in others]
+    await turns()
+    assert [task.done() for task in serving] == [True, True, False]
+    others[1].break_link()
+    await asyncio.gather(*serving)
     await sessions.close()
