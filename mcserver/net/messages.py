@@ -64,6 +64,7 @@ PROTOCOL_VERSION = 1
 ENCODING = "application/msgpack"
 
 MAX_LINES_A_MESSAGE = 20_000
+MAX_PATH_POINTS = 10_000
 
 ProgramId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
 RequestId = Annotated[int, Meta(ge=0, le=2**63 - 1)]
@@ -260,9 +261,16 @@ class CheckRequest(Request, frozen=True, kw_only=True):
 
 
 class SimulateRequest(Request, frozen=True, kw_only=True):
-    """Runs a program's text on a virtual clock and simulated drives."""
+    """Runs a program's text on a virtual clock and simulated drives.
+
+    Attributes:
+        positions: start the axes there [mm, deg]; None: where the machine file lets simulated drives start.
+        path_points: the reply's `path` has so many points at most; 0: there is none.
+    """
 
     text: str
+    positions: dict[str, float] | None = None
+    path_points: Annotated[int, Meta(ge=0, le=MAX_PATH_POINTS)] = 0
 
 
 class StatusRequest(Request, frozen=True, kw_only=True):

@@ -13,8 +13,10 @@ from mcserver.errors import ServiceError
 from mcserver.net import arming_messages as arming_wire
 from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
+from mcserver.net import model_messages as model_wire
 from mcserver.net import recording_messages as recording_wire
 from mcserver.net.arming_methods import ArmingMethods
+from mcserver.net.model_methods import ModelMethods
 from mcserver.net.recording_methods import RecordingMethods
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
@@ -60,6 +62,7 @@ class Methods:
         self._units = EdgeUnits(service.machine)
         self._homing = HomingService(service)
         self._arming = ArmingMethods(service, checker)
+        self._model = ModelMethods(service.machine)
         self._recordings = RecordingMethods(
             recorder or NoRecorder(),
             lambda client, method, detail: self._record(client, method, None, detail),
@@ -102,6 +105,8 @@ class Methods:
             "sdo_read": (drive_wire.SdoReadRequest, self.sdo_read),
             "recordings": (recording_wire.RecordingsRequest, self._recordings.list),
             "recording_read": (recording_wire.RecordingReadRequest, self._recordings.read),
+            "model": (model_wire.ModelRequest, self._model.model),
+            "model_mesh": (model_wire.ModelMeshRequest, self._model.mesh),
             "info": (wire.Request, self.info),
         }
         return {
@@ -238,7 +243,12 @@ class Methods:
         return wire.CheckReply(not faulty, [wire_diagnostic(diagnostic) for diagnostic in found])
 
     async def simulate(self, client: str, request: wire.SimulateRequest) -> dict[str, Any]:
-        return await self._checker.simulate(client, request.text, systems=self._service.work_systems)
+        positions = None
+        if request.positions is not None:
+            positions = self._service.positions_si(request.positions)
+        return await self._checker.simulate(
+            client, request.text, positions, self._service.work_systems, request.path_points
+        )
 
     def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
         return drive_wire.DrivesReply(self._drives.drives())

@@ -108,11 +108,15 @@ class ProgramChecker:
         text: str,
         positions: Mapping[int, float] | None = None,
         systems: Systems | None = None,
+        path_points: int = 0,
     ) -> dict[str, Any]:
-        """Make the object of ``mcserver simulate --json``; the others as in `check`. Raises as `check`."""
+        """Make the object of ``mcserver simulate --json``; the others as in `check`. Raises as `check`.
+
+        ``path_points``: with the ``path`` of the tips in so many points at most; 0: without.
+        """
         machine = self._machine if positions is None else starting_at(self._machine, positions)
         machine = in_systems(machine, systems)
-        return await self._run(client, simulate_text, text, machine)
+        return await self._run(client, simulate_text, text, machine, path_points)
 
     def close(self) -> None:
         """End the workers, whatever they are at."""
@@ -244,11 +248,13 @@ def check_text(text: str, machine: Machine, positions: Mapping[int, float] | Non
     return check_program(text, machine, build_kinematics(machine), positions=positions)
 
 
-def simulate_text(text: str, machine: Machine) -> dict[str, Any]:
+def simulate_text(text: str, machine: Machine, path_points: int = 0) -> dict[str, Any]:
     """`mcserver.simulation.simulation.simulate`, its report; runs in the worker."""
     simulation = importlib.import_module("mcserver.simulation.simulation")
     kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
-    report: dict[str, Any] = simulation.simulate(text, machine, kinematics=kinematics).report
+    report: dict[str, Any] = simulation.simulate(
+        text, machine, kinematics=kinematics, path_points=path_points
+    ).report
     return report
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
+from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.tool_poses import ToolPoses
 
 Array = NDArray[np.float64]
@@ -48,14 +49,22 @@ class Recorder:
 
     Args:
         keep: rows are wanted. channels: the executor's own inputs and outputs, which it changes in place.
+        sampler: takes the path too.
 
     Attributes:
         line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape
         (K,) [SI].
     """
 
-    def __init__(self, machine: Machine, keep: bool, channels: tuple[Array, Array] | None = None) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        keep: bool,
+        channels: tuple[Array, Array] | None = None,
+        sampler: PathSampler | None = None,
+    ) -> None:
         self._machine = machine
+        self._sampler = sampler
         self._keep = keep
         start = np.array([axis.initial_position for axis in machine.axes])
         self.low: Array = start.copy()
@@ -74,6 +83,8 @@ class Recorder:
         np.maximum(self.high, setpoint, out=self.high)
         self.last[:] = setpoint
         self.line = line
+        if self._sampler is not None:
+            self._sampler.add(np.array([line]), setpoint[None])
         if not self._keep:
             return
         if self._fill == _BLOCK:
@@ -95,6 +106,8 @@ class Recorder:
         np.maximum(self.high, setpoint.max(axis=0), out=self.high)
         self.last[:] = setpoint[-1]
         self.line = int(lines[-1])
+        if self._sampler is not None:
+            self._sampler.add(lines, setpoint)
         if not self._keep:
             return
         done = 0

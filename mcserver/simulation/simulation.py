@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mckinematics.pose import Kinematics
+from mckinematics.solver import MachineKinematics
 
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
@@ -19,7 +20,9 @@ from mcserver.gcode.text.source import split_lines
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import ReportKind
+from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.recorder import Recorded, Recorder
+from mcserver.simulation.tool_poses import ToolPoses
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from mcserver.units import MM
 
@@ -76,6 +79,7 @@ def simulate(
     kinematics: Kinematics | None = None,
     progress: Callable[[float, int], None] | None = None,
     record: bool = False,
+    path_points: int = 0,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Simulation:
     """Checks the program, then runs it.
@@ -83,6 +87,7 @@ def simulate(
     Args:
         progress: called now and then with the simulated time [s] and the line that runs.
         record: keep a row a cycle.
+        path_points: so many at most are in the report's ``path``; 0: it has none.
         clock: what ``planning_s`` is measured with [s].
 
     Returns:
@@ -91,7 +96,14 @@ def simulate(
     faults = check_program(text, machine, kinematics)
     if any(fault.severity == "error" for fault in faults):
         return Simulation(_rejected(machine, faults), 4)
-    return _Run(text, machine, kinematics, progress, record, clock).run(faults)
+    sampler = None
+    if path_points:
+        solver = kinematics if isinstance(kinematics, MachineKinematics) else None
+        sampler = PathSampler(machine, ToolPoses(machine, solver), path_points)
+    found = _Run(text, machine, kinematics, progress, record, sampler, clock).run(faults)
+    if sampler is not None:
+        found.report["path"] = sampler.path()
+    return found
 
 
 def _rejected(machine: Machine, faults: list[Diagnostic]) -> dict[str, Any]:
@@ -124,6 +136,7 @@ class _Run:
         kinematics: Kinematics | None,
         progress: Callable[[float, int], None] | None,
         record: bool,
+        sampler: PathSampler | None,
         clock: Callable[[], float],
     ) -> None:
         self._machine = machine
@@ -146,7 +159,7 @@ class _Run:
         self._finished = False
         self._faults: list[Diagnostic] = []
         row = self._executor.executor.row
-        self._recorder = Recorder(machine, record, (row.inputs, row.outputs))
+        self._recorder = Recorder(machine, record, (row.inputs, row.outputs), sampler)
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
 

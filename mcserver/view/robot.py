@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from mcserver.machine.mesh_files import find_mesh
 from mcserver.view.body import Part
 from mcserver.view.solids import Array, Colour, Solid, ball, box, capsule, cylinder
-from mcserver.view.urdf import GREY, Look, Tree, find_mesh
+from mcserver.view.urdf import GREY, Look, Tree
 
 BONE: Colour = (66, 104, 148)
 # of a bone, as a share of the robot's size

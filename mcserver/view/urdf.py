@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from mckinematics.rotation import rotation_matrices
@@ -105,26 +104,6 @@ def read_tree(text: str) -> Tree:
         ordered += ready
         placed |= {joint.child for joint in ready}
     return Tree(root, {name: link for name, link in links.items() if name in placed}, tuple(ordered))
-
-
-def find_mesh(written: str, urdf: Path, roots: Sequence[Path]) -> Path | None:
-    """The file that a URDF's ``mesh filename`` means, None where it is not found.
-
-    ``package://name/rest`` is looked for in every folder above the URDF, then in ``roots``; a folder counts
-    as the package if it has its name, or holds one that has.
-    """
-    if written.startswith("file://"):
-        written = written.removeprefix("file://")
-    if not written.startswith("package://"):
-        path = urdf.parent / written
-        return path if path.is_file() else None
-    name, _, rest = written.removeprefix("package://").partition("/")
-    for folder in (*urdf.resolve().parents, *roots):
-        packages = [folder / name] + ([folder] if folder.name == name else [])
-        for package in packages:
-            if (package / rest).is_file():
-                return package / rest
-    return None
 
 
 def _looks(link: ElementTree.Element, named: Mapping[str, Colour]) -> list[Look]:

@@ -69,6 +69,10 @@ class Fleet:
             link = self._links[name] = MachineLink(name, self._connect, self._config_file, store)
         return link
 
+    def opened(self, name: str) -> MachineLink | None:
+        """The connection to one machine, where there is one."""
+        return self._links.get(name)
+
     @property
     def links(self) -> list[MachineLink]:
         return list(self._links.values())

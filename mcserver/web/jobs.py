@@ -7,7 +7,7 @@ import enum
 import itertools
 import time
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mcclient import Diagnostic, Machine, MotionError, Program
 
@@ -20,6 +20,8 @@ MAX_WAITING = 100
 ENDED_KEPT = 20
 # Greater texts are judged line by line as they run.
 SIMULATED_BYTES = 8 * 1024 * 1024
+# Points of a program's path that a browser draws.
+PATH_POINTS = 4000
 
 
 class JobState(enum.Enum):
@@ -37,7 +39,8 @@ class Job:
     """One program to run, by whom, and how it went.
 
     Attributes:
-        duration_s: simulated; None where it is not known.
+        duration_s: simulated; None where it is not known. start: where the axes were [mm, deg], once it runs.
+        path: where it goes from there, as the call ``simulate`` gives it; None where that is not known.
         program: the server's id, once it runs.
     """
 
@@ -51,9 +54,20 @@ class Job:
         self.duration_s: float | None = None
         self.program: str | None = None
         self.started_at: float | None = None
+        self.start: dict[int, float] | None = None
+        self.path: dict[str, Any] | None = None
         self.message = ""
         self.hint = ""
         self.diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def path_from_line(path: dict[str, Any], first: int) -> dict[str, Any]:
+    """Return the part of a simulated path that belongs to the lines from ``first`` on."""
+    if first <= 1:
+        return path
+    kept = [row for row, line in enumerate(path["lines"]) if line >= first]
+    tips = [{**tip, "points": [tip["points"][row] for row in kept]} for tip in path["tips"]]
+    return {"lines": [path["lines"][row] for row in kept], "tips": tips}
 
 
 class JobQueue:
@@ -63,11 +77,13 @@ class JobQueue:
         link: the machine. store: where the programs are.
 
     Attributes:
-        running, waiting, ended: the jobs. stopped: whether a failure or an operator has stopped the queue.
+        running, waiting, ended: the jobs. latest: the one started last.
+        stopped: whether a failure or an operator has stopped the queue.
     """
 
     def __init__(self, link: MachineLink, store: ProgramStore) -> None:
         self.running: Job | None = None
+        self.latest: Job | None = None
         self.waiting: deque[Job] = deque()
         self.ended: deque[Job] = deque(maxlen=ENDED_KEPT)
         self.stopped = False
@@ -91,9 +107,7 @@ class JobQueue:
             raise MotionError("MC062", f"{name} has no line {from_line}", f"it has {len(job.lines)} lines")
         self.waiting.append(job)
         if self.running is not None:
-            # only what waits: the server has one place for checks and simulations, which the start needs
-            self._estimates.add(task := asyncio.ensure_future(self._estimate(job)))
-            task.add_done_callback(self._estimates.discard)
+            self._look_ahead(job)
         self._begin()
         return job
 
@@ -136,7 +150,7 @@ class JobQueue:
 
     async def _run(self) -> None:
         while self.waiting and not self.stopped:
-            job = self.running = self.waiting.popleft()
+            job = self.latest = self.running = self.waiting.popleft()
             job.state, job.started_at = JobState.CHECKING, time.time()
             try:
                 await self._run_one(job)
@@ -153,6 +167,9 @@ class JobQueue:
 
     async def _run_one(self, job: Job) -> None:
         machine = self._link.connected()
+        status = await machine.status()
+        job.start = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
+        self._look_ahead(job)
         if job.from_line == 1:
             await self._check(machine, job)
         program: Program = await machine.program(
@@ -162,26 +179,33 @@ class JobQueue:
         async with program:
             await program.send_lines(job.lines[job.from_line - 1 :])
 
+    def _look_ahead(self, job: Job) -> None:
+        self._estimates.add(task := asyncio.ensure_future(self._estimate(job)))
+        task.add_done_callback(self._estimates.discard)
+
     async def _estimate(self, job: Job) -> None:
-        """Simulates a job for its duration; without one where the server does not give it."""
+        """Simulates a job for its duration and its path; without them where the server does not give them."""
         text = "\n".join(job.lines)
-        if len(text) > SIMULATED_BYTES or job.from_line != 1:
+        if len(text) > SIMULATED_BYTES:
             return
+        points = 0 if job.start is None else PATH_POINTS
         try:
-            report = await self._link.connected().simulate(text)
+            report = await self._link.connected().simulate(text, job.start, path_points=points)
         except MotionError:
             return
-        if report["ok"]:
+        if not report["ok"]:
+            return
+        if job.from_line == 1:
             job.duration_s = float(report["duration_s"])
+        if "path" in report:
+            job.path = path_from_line(report["path"], job.from_line)
 
     async def _check(self, machine: Machine, job: Job) -> None:
         """Refuses a text with faults before anything of it moves."""
         text = "\n".join(job.lines)
         if len(text) > SIMULATED_BYTES:
             return
-        status = await machine.status()
-        positions = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
-        found = await machine.check(text, positions)
+        found = await machine.check(text, job.start)
         if not found.ok:
             first = next(each for each in found.diagnostics if each.severity == "error")
             raise MotionError(

@@ -17,7 +17,8 @@ log = logging.getLogger(__name__)
 EVENTS_KEPT = 400
 RETRY_S = 2.0
 # cycles kept for charts, at the rate of the state messages
-HISTORY_STATES = 20 * 120
+HISTORY_S = 120
+HISTORY_STATES = 20 * HISTORY_S
 
 
 class MachineLink:

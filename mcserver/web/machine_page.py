@@ -9,10 +9,11 @@ from mcserver.web.actions import Actions
 from mcserver.web.formatting import banner
 from mcserver.web.link import MachineLink
 from mcserver.web.panels.channels import ChannelsPanel
+from mcserver.web.panels.charts import ChartPanel
 from mcserver.web.panels.jog import JogPanel
 from mcserver.web.panels.mdi import MdiPanel
 from mcserver.web.panels.messages import EventPanel, FaultPanel
-from mcserver.web.panels.picture import ChartPanel, TrailPanel
+from mcserver.web.panels.picture import PicturePanel
 from mcserver.web.panels.positions import PositionsPanel
 from mcserver.web.panels.program import ProgramPanel
 from mcserver.web.sessions import Visitor
@@ -45,7 +46,7 @@ class MachinePage:
                     self._mdi = MdiPanel(actions)
                     self._channels = ChannelsPanel(actions)
                 with ui.column().classes("w-full gap-3"):
-                    self._trail = TrailPanel(link)
+                    self._picture = PicturePanel(link)
                     self._chart = ChartPanel(link)
                     self._events = EventPanel(link)
         ui.on("mc_key", self._on_key)
@@ -129,7 +130,7 @@ class MachinePage:
         self._override_label.set_text(f"Override {status.override:.0f} %")
         if self._turn % SLOW_EVERY == 0:
             self._program.update()
-            self._trail.update(status)
+            self._picture.update(status)
             self._chart.update(status, machine.info)
             self._events.update(status, machine.info.epoch)
         self._turn += 1

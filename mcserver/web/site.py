@@ -21,6 +21,7 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from mcserver.web.fleet import Fleet
 from mcserver.web.fleet_page import FleetPage
 from mcserver.web.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
+from mcserver.web.machine_files import add_machine_files
 from mcserver.web.machine_page import MachinePage
 from mcserver.web.metrics import metrics_text
 from mcserver.web.sessions import COOKIE, Sessions, Visitor
@@ -139,6 +140,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         MachinePage(visitor, link)
         return None
 
+    add_machine_files(site, sessions, fleet)
     nicegui_app.add_static_files("/mc-static", STATIC)
     ui.run_with(site, title="Machines", dark=None, show_welcome_message=False, reconnect_timeout=10.0)
     return site

@@ -34,6 +34,11 @@ class ProgramStore:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
+    @property
+    def folder(self) -> Path:
+        """Where the programs are; what begins with a dot there is no program."""
+        return self._folder
+
     def list(self) -> list[StoredProgram]:
         """All of them, the newest first."""
         if not self._folder.is_dir():

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from mckinematics.model import read_urdf
 
+from mcserver.machine.mesh_files import find_mesh
 from mcserver.view.robot import Robot
 from mcserver.view.solids import Solid, ball
-from mcserver.view.urdf import find_mesh, read_tree
+from mcserver.view.urdf import read_tree
 from tests.kinematics.tool_machines import built_in
 
 ELBOW = """<robot name="r">

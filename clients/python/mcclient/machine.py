@@ -18,6 +18,7 @@ from mcclient.estop import send_until_confirmed
 from mcclient.events import open_events
 from mcclient.feed import Feed, Queue
 from mcclient.keys import PROTOCOL_VERSION, Keys, live_key
+from mcclient.models import ModelCalls
 from mcclient.presence import Presence
 from mcclient.program import Program
 from mcclient.recordings import RecordingCalls
@@ -43,7 +44,7 @@ LONG_JOB_S = 120.0
 EVENTS_A_PAGE = 1000
 
 
-class Machine(ArmingCalls, ChannelCalls, DriveCalls, RecordingCalls):
+class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls):
     """A connected machine.
 
     Attributes:
@@ -364,11 +365,19 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, RecordingCalls):
         reply = await self._caller.call("check", request, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S)
         return decode(CheckResult, reply)
 
-    async def simulate(self, text: str) -> dict[str, Any]:
-        """Runs a text on a virtual clock; the object of ``mcserver simulate --json``."""
-        reply = await self._caller.call(
-            "simulate", {"text": text}, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S
-        )
+    async def simulate(
+        self, text: str, positions: dict[int, float] | None = None, *, path_points: int = 0
+    ) -> dict[str, Any]:
+        """Runs a text on a virtual clock; the object of ``mcserver simulate --json``.
+
+        Args:
+            positions: start the axes there [mm, deg]; None: where the machine file lets drives start.
+            path_points: with ``path``, where the tips go, in so many points at most; 0: without.
+        """
+        request: dict[str, Any] = {"text": text, "path_points": path_points}
+        if positions is not None:
+            request["positions"] = {str(axis): at for axis, at in positions.items()}
+        reply = await self._caller.call("simulate", request, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S)
         result: dict[str, Any] = unpack(reply)
         return result
 

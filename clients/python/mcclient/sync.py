@@ -373,8 +373,10 @@ class Machine:
     def check(self, text: str, positions: dict[int, float] | None = None) -> CheckResult:
         return self._loop.run(self._machine.check(text, positions))
 
-    def simulate(self, text: str) -> dict[str, Any]:
-        return self._loop.run(self._machine.simulate(text))
+    def simulate(
+        self, text: str, positions: dict[int, float] | None = None, *, path_points: int = 0
+    ) -> dict[str, Any]:
+        return self._loop.run(self._machine.simulate(text, positions, path_points=path_points))
 
     def telemetry(self) -> Stream[MachineStatus]:
         async def listen() -> Feed[MachineStatus]:

@@ -71,14 +71,33 @@
     else if (event.key === " " && !typing) { event.preventDefault(); emitEvent("mc_key", { key: "hold" }); }
   });
 
-  // the path travelled, kept here so that each point is sent once
-  const trails = {};
-  window.mcTrail = (id, points, restart) => {
-    const LIMIT = 4000;
-    const trail = restart ? (trails[id] = []) : (trails[id] ??= []);
-    trail.push(...points);
-    if (trail.length > LIMIT) trail.splice(0, trail.length - LIMIT);
+  // the newest samples of the signals shown, kept here so that each is sent once
+  const charts = {};
+  window.mcChart = (id, { names, units, span, rows, restart }) => {
+    const kept = restart ? (charts[id] = { rows: [] }) : (charts[id] ??= { rows: [] });
+    kept.rows.push(...rows);
+    const end = kept.rows.length ? kept.rows[kept.rows.length - 1][0] : 0;
+    const first = kept.rows.findIndex((row) => row[0] >= end - span);
+    if (first > 0) kept.rows.splice(0, first);
     const chart = getElement(id)?.chart;
-    if (chart) chart.setOption({ series: [{ id: "done", data: trail }, { id: "tip", data: trail.slice(-1) }] });
+    if (!chart) return;
+    const grids = [...new Set(units)];
+    const height = 100 / Math.max(grids.length, 1);
+    const dark = document.body.classList.contains("body--dark");
+    const text = { color: dark ? "#cbd5e1" : "#334155" };
+    chart.setOption({
+      animation: false,
+      tooltip: { trigger: "axis" },
+      axisPointer: { link: [{ xAxisIndex: "all" }] },
+      legend: { top: 0, type: "scroll", textStyle: text },
+      grid: grids.map((_, row) => ({ left: 64, right: 12, top: `${row * height + 12}%`, height: `${height - 16}%` })),
+      xAxis: grids.map((_, row) => ({ type: "value", gridIndex: row, min: -span, max: 0, axisLabel: { ...text, show: row === grids.length - 1, formatter: "{value} s" } })),
+      yAxis: grids.map((unit, row) => ({ type: "value", gridIndex: row, scale: true, name: unit, nameTextStyle: text, axisLabel: text })),
+      series: names.map((name, column) => ({
+        type: "line", name, showSymbol: false, step: units[column] === "on/off" ? "end" : false,
+        xAxisIndex: grids.indexOf(units[column]), yAxisIndex: grids.indexOf(units[column]),
+        data: kept.rows.map((row) => [row[0] - end, row[column + 1]]),
+      })),
+    }, { replaceMerge: ["series", "grid", "xAxis", "yAxis"] });
   };
 })();

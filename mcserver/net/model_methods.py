@@ -1,0 +1,95 @@
+"""The remote methods about what a machine looks like."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import os
+from pathlib import Path
+from types import MappingProxyType
+
+from mckinematics.errors import ModelError
+from mckinematics.model import read_urdf
+
+from mcserver.errors import Refused
+from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.machine.mesh_files import find_mesh, mesh_names
+from mcserver.net import model_messages as wire
+
+# What a URDF may name as a mesh: no other file of this computer leaves it this way.
+SUFFIXES = frozenset({".stl", ".obj", ".dae", ".glb", ".ply"})
+MAX_MESH_BYTES = 64 * 1024 * 1024
+# Environment variables with folders of packages, and where in each of these the packages are.
+PACKAGE_PATHS = MappingProxyType({"AMENT_PREFIX_PATH": "share", "ROS_PACKAGE_PATH": ""})
+
+
+class ModelMethods:
+    """Answers with a machine's URDF and its meshes, read when they are first asked for."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._found: tuple[wire.ModelReply, list[Path | None]] | None = None
+
+    async def model(self, _client: str, _request: wire.ModelRequest) -> wire.ModelReply:
+        return (await self._look())[0]
+
+    async def mesh(self, _client: str, request: wire.ModelMeshRequest) -> wire.ModelPart:
+        _, paths = await self._look()
+        path = paths[request.mesh] if request.mesh < len(paths) else None
+        if path is None:
+            raise Refused("MC587", f"there is no mesh {request.mesh}", "`model` lists those that are there")
+        try:
+            return await asyncio.to_thread(_part, path, request.offset, request.size)
+        except OSError as error:
+            raise Refused(
+                "MC587", f"{path.name} cannot be read: {error.strerror}", "look at the URDF's folder"
+            ) from error
+
+    async def _look(self) -> tuple[wire.ModelReply, list[Path | None]]:
+        if self._found is None:
+            self._found = await asyncio.to_thread(look, self._machine)
+        return self._found
+
+
+def look(machine: Machine) -> tuple[wire.ModelReply, list[Path | None]]:
+    """Return what a machine looks like, and the files of its meshes.
+
+    Raises:
+        Refused: MC587 its URDF cannot be read.
+    """
+    kinematics = build_kinematics(machine)
+    if machine.urdf is None or kinematics is None:
+        return wire.ModelReply("", "", {}, []), []
+    try:
+        text = read_urdf(machine.urdf)
+    except ModelError as error:
+        raise Refused("MC587", str(error), "look at the machine file's [kinematics]") from error
+    joints: dict[str, str] = {}
+    for tool in kinematics.tools:
+        chain = kinematics.tool(tool).chain
+        joints |= {str(axis): name for axis, name in zip(chain.axes, chain.joint_names, strict=True)}
+    roots = [
+        Path(folder) / below
+        for name, below in PACKAGE_PATHS.items()
+        for folder in os.environ.get(name, "").split(":")
+        if folder
+    ]
+    digest = hashlib.sha256(text.encode())
+    meshes, paths = [], []
+    for name in mesh_names(text):
+        path = find_mesh(name, Path(machine.urdf), roots)
+        size = 0 if path is None or path.suffix.lower() not in SUFFIXES else path.stat().st_size
+        if not 0 < size <= MAX_MESH_BYTES:
+            size, path = 0, None
+        changed = 0 if path is None else path.stat().st_mtime_ns
+        digest.update(f"{name} {size} {changed}".encode())
+        meshes.append(wire.MeshInfo(name, size))
+        paths.append(path)
+    return wire.ModelReply(text, digest.hexdigest()[:32], joints, meshes), paths
+
+
+def _part(path: Path, offset: int, size: int) -> wire.ModelPart:
+    with path.open("rb") as file:
+        file.seek(offset)
+        return wire.ModelPart(offset, path.stat().st_size, file.read(size))

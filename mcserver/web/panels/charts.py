@@ -1,0 +1,70 @@
+"""Charts of any signals over the last seconds, with one cursor through all of them."""
+
+from __future__ import annotations
+
+import json
+
+from mcclient import Info, MachineStatus
+from nicegui import ui
+
+from mcserver.web.link import HISTORY_S, MachineLink
+from mcserver.web.signals import signals_of, value_of
+
+SPANS_S = (10, 30, 60, HISTORY_S)
+MOST_SIGNALS = 12
+
+
+class ChartPanel:
+    """One chart for each unit; every sample is sent once, and kept by the browser."""
+
+    def __init__(self, link: MachineLink) -> None:
+        self._link = link
+        self._known: dict[str, tuple[str, str]] = {}
+        self._shown: tuple[object, ...] = ()
+        self._sent_until: tuple[str, float] = ("", 0.0)
+        with ui.card().classes("mc-card"):
+            ui.html("<h2>Signals</h2>", sanitize=False)
+            with ui.row().classes("w-full items-center no-wrap"):
+                self._choice = (
+                    ui.select({}, value=[], multiple=True, with_input=True, label="Signals")
+                    .props("use-chips dense")
+                    .classes("grow min-w-32")
+                )
+                self._span = ui.select(
+                    {each: f"{each} s" for each in SPANS_S}, value=30, label="Span"
+                ).classes("w-24")
+                self._freeze = ui.switch("Freeze")
+            self._chart = ui.echart({}).classes("mc-chart")
+
+    def update(self, status: MachineStatus, info: Info) -> None:
+        known = signals_of(info)
+        if known != self._known:
+            self._known = known
+            names = {key: f"{name} [{unit}]" for key, (name, unit) in known.items()}
+            self._choice.set_options(names, value=[f"axis {axis.index} velocity" for axis in info.axes[:3]])
+        if self._freeze.value:
+            return
+        chosen = [key for key in self._choice.value if key in known][:MOST_SIGNALS]
+        shown = (tuple(chosen), self._span.value, status.instance)
+        restart = shown != self._shown
+        since = ("", 0.0) if restart else self._sent_until
+        rows: list[list[float | None]] = []
+        for state in reversed(self._link.history):
+            if (state.instance, state.t) == since or state.instance != status.instance:
+                break
+            if state.t < status.t - self._span.value:
+                break
+            values = (value_of(state, key) for key in chosen)
+            rounded = (None if value is None else round(value, 5) for value in values)
+            rows.append([round(state.t, 3), *rounded])
+        self._shown, self._sent_until = shown, (status.instance, status.t)
+        if not rows and not restart:
+            return
+        message = {
+            "names": [known[key][0] for key in chosen],
+            "units": [known[key][1] for key in chosen],
+            "span": self._span.value,
+            "rows": rows[::-1],
+            "restart": restart,
+        }
+        ui.run_javascript(f"mcChart({self._chart.id}, {json.dumps(message)})")

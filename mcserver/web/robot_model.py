@@ -1,0 +1,148 @@
+"""A robot's parts for the browser, made of the URDF and the meshes that its server sends."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import dataclasses
+import json
+import math
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import ParseError
+
+import numpy as np
+from mcclient import Info, Machine, MotionError
+
+from mcserver.view.body import Part
+from mcserver.view.meshes import load_mesh
+from mcserver.view.robot import Robot
+from mcserver.view.solids import Array, Solid
+from mcserver.view.stage import up_of
+from mcserver.view.urdf import Joint, Tree, read_tree
+
+MM_PER_M = 1000.0
+MAX_MODEL_BYTES = 256 * 1024 * 1024
+
+
+async def fetch_model(machine: Machine, folder: Path) -> bytes:
+    """Ask a machine what it looks like, once for each state of its files.
+
+    Args:
+        folder: keeps the answers between starts of the page; those of older models are deleted.
+
+    Returns:
+        JSON for static/space.js: ``up``, and ``parts``, each a link with its joint and its ``solids``.
+
+    Raises:
+        MotionError: the machine does not answer, or its files cannot be read.
+    """
+    found = await machine.model()
+    kept = folder / f"{found['digest'] or 'none'}.json"
+    with contextlib.suppress(OSError):
+        return kept.read_bytes()
+    meshes: dict[str, Path] = {}
+    work = folder / "meshes"
+    try:
+        shutil.rmtree(folder, ignore_errors=True)
+        work.mkdir(parents=True, exist_ok=True)
+        if sum(mesh["size"] for mesh in found["meshes"]) <= MAX_MODEL_BYTES:
+            for number, mesh in enumerate(found["meshes"]):
+                if mesh["size"]:
+                    path = work / f"{number}{Path(mesh['name']).suffix.lower()}"
+                    path.write_bytes(await machine.read_mesh(number))
+                    meshes[mesh["name"]] = path
+        joints = {int(axis): name for axis, name in found["joints"].items()}
+        content = model_json(found["urdf"], joints, meshes, machine.info)
+        kept.write_bytes(content)
+    except OSError as error:
+        raise MotionError("MC061", f"the model cannot be kept: {error.strerror}", "make room") from error
+    except (ParseError, ValueError, StopIteration) as error:
+        raise MotionError("MC587", f"the URDF cannot be drawn: {error}", "look at the URDF") from error
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return content
+
+
+def model_json(urdf: str, joints: Mapping[int, str], meshes: Mapping[str, Path], info: Info) -> bytes:
+    """Return a robot as JSON, see `fetch_model`; of a machine without a URDF no parts.
+
+    Args:
+        joints: names by axis number. meshes: files by the names that the URDF has for them.
+    """
+    if not urdf:
+        return json.dumps({"up": [0.0, 0.0, 1.0], "parts": []}).encode()
+    tree = read_tree(urdf)
+    robot = Robot(_with_files(tree, meshes), joints, Path(), load_mesh)
+    axes = {name: axis for axis, name in joints.items()}
+    by_child = {joint.child: joint for joint in tree.joints}
+    shapes = {part.name: part for part in robot.parts}
+    # parents come first
+    names = [tree.root, *(joint.child for joint in tree.joints)]
+    parts = [_part(shapes[name], by_child.get(name), axes) for name in names if name in shapes]
+    return json.dumps({"up": _up(tree, joints, info).tolist(), "parts": parts}).encode()
+
+
+def _part(part: Part, joint: Joint | None, axes: Mapping[str, int]) -> dict[str, Any]:
+    shown: dict[str, Any] = {
+        "name": part.name,
+        "parent": None,
+        "pose": None,
+        "driver": None,
+        "solids": [_solid(solid) for solid in part.solids],
+    }
+    if joint is None:
+        return shown
+    pose = joint.pose.copy()
+    pose[:3, 3] *= MM_PER_M
+    driver = axes.get(joint.leader or joint.name)
+    moves = joint.kind in ("revolute", "continuous", "prismatic")
+    offset = joint.offset * (MM_PER_M if joint.kind == "prismatic" else 180.0 / math.pi)
+    return shown | {
+        "parent": joint.parent,
+        "pose": np.round(pose, 9).ravel().tolist(),
+        "driver": driver if moves else None,
+        "kind": joint.kind,
+        "axis": joint.axis.tolist(),
+        "ratio": joint.ratio if joint.leader else 1.0,
+        "offset": offset if joint.leader else 0.0,
+    }
+
+
+def _solid(solid: Solid) -> dict[str, Any]:
+    vertices = np.ascontiguousarray(solid.vertices * MM_PER_M, dtype="<f4")
+    faces = np.ascontiguousarray(solid.faces, dtype="<u4")
+    return {
+        "colour": list(solid.colour),
+        "vertices": base64.b64encode(vertices.tobytes()).decode(),
+        "faces": base64.b64encode(faces.tobytes()).decode(),
+    }
+
+
+def _with_files(tree: Tree, meshes: Mapping[str, Path]) -> Tree:
+    """The tree with its meshes called by where they are here."""
+    links = {
+        name: dataclasses.replace(
+            link,
+            looks=tuple(
+                dataclasses.replace(look, mesh=str(meshes.get(look.mesh, ""))) if look.mesh else look
+                for look in link.looks
+            ),
+        )
+        for name, link in tree.links.items()
+    }
+    return dataclasses.replace(tree, links=links)
+
+
+def _up(tree: Tree, joints: Mapping[int, str], info: Info) -> Array:
+    placed = tree.poses({})
+    hips_of = {joint.name: placed[joint.child][:3, 3] for joint in tree.joints if joint.child in placed}
+    tips, hips = [], []
+    for tool in info.tools:
+        first = joints.get(tool.axes[0], "") if tool.axes else ""
+        if tool.frame in placed and first in hips_of:
+            tips.append(placed[tool.frame][:3, 3])
+            hips.append(hips_of[first])
+    return up_of("auto", tips, hips)

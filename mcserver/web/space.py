@@ -1,0 +1,56 @@
+"""A machine drawn in space in the browser: its parts, the path of a program, and where its tips went."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+# three.js comes with NiceGUI's own scenes: importing them lets the browser find it
+import nicegui.elements.scene  # noqa: F401
+from nicegui.element import Element
+
+
+class Space(Element, component="static/space.js"):
+    """The picture; lengths in mm, angles in degrees.
+
+    Args:
+        label: for those who cannot see it. model_url: of the machine's parts; empty: none are drawn.
+    """
+
+    def __init__(self, label: str, model_url: str = "") -> None:
+        super().__init__()
+        self._props["label"] = label
+        self._props["model-url"] = model_url
+        self.is_ready = False
+        self.on("ready", self._on_ready, args=[])
+
+    def place(
+        self,
+        axes: dict[int, float],
+        tips: Mapping[str, Sequence[float]],
+        line: int,
+        trail: dict[str, list[list[float]]],
+        *,
+        restart: bool = False,
+    ) -> None:
+        """Draw one state.
+
+        Args:
+            tips: by label, such as ``T3``; empty: the axes' own. line: under way. trail: points to add.
+            restart: forget the trails first.
+        """
+        self.run_method(
+            "place", {"axes": axes, "tips": tips, "line": line, "trail": trail, "restart": restart}
+        )
+
+    def plan(self, path: dict[str, Any] | None) -> None:
+        """Draw a program's path to come, as the call ``simulate`` gives it."""
+        self.run_method("plan", path)
+
+    def look_at_all(self) -> None:
+        """Turn the camera to all that is drawn."""
+        self.run_method("lookAtAll")
+
+    def _on_ready(self) -> None:
+        # what is sent to a picture that is not there yet is lost; after a reload it is another one
+        self.is_ready = True

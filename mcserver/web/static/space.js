@@ -1,0 +1,284 @@
+// The machine in space: its parts moved by its axes, the program's path done and to come, and where the tips went.
+// Everything is in mm. Drawn only when something has changed: a phone's battery is an operator's, too.
+import { THREE, OrbitControls } from "nicegui-scene";
+
+const TRAIL_POINTS = 6000;
+const COLOURS = { come: 0x94a3b8, done: 0x1d4ed8, trail: 0xf97316, tip: 0xdc2626 };
+
+const decode = (text, Kind) => {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Kind(bytes.buffer);
+};
+
+const polyline = (colour, count) => {
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
+  geometry.setDrawRange(0, 0);
+  const line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: colour }));
+  line.frustumCulled = false;
+  return line;
+};
+
+export default {
+  template: `<div class="mc-space" style="position:relative;overflow:hidden">
+    <canvas tabindex="0" role="img" :aria-label="label" style="display:block;width:100%;height:100%"></canvas></div>`,
+  props: { label: String, modelUrl: String },
+
+  mounted() {
+    // plain fields: Vue must not watch what three.js changes
+    this.trails = new Map();
+    this.tips = new Map();
+    this.planned = [];
+    this.axisParts = new Map();
+    this.line = 0;
+    this.moved = false;
+    this.fresh = true;
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(40, 1, 1, 1e6);
+    this.camera.up.set(0, 0, 1);
+    this.camera.position.set(1, -1.6, 1.1);
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x64748b, 2.2));
+    const sun = new THREE.DirectionalLight(0xffffff, 1.6);
+    sun.position.set(0.6, -1, 1.5);
+    this.scene.add(sun);
+    this.content = new THREE.Group();
+    this.body = new THREE.Group();
+    // turned so that the machine's up is the picture's
+    this.world = new THREE.Group();
+    this.world.add(this.content, this.body);
+    this.scene.add(this.world);
+    const canvas = this.$el.querySelector("canvas");
+    try {
+      this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, canvas });
+    } catch {
+      this.$el.textContent = "This browser draws no 3-D pictures (WebGL).";
+      return;
+    }
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.addEventListener("change", () => this.draw());
+    this.controls.addEventListener("start", () => (this.moved = true));
+    this.sized = new ResizeObserver(() => this.resize());
+    this.sized.observe(this.$el);
+    this.resize();
+    if (this.modelUrl) this.loadModel(this.modelUrl);
+    const ready = setInterval(() => {
+      if (window.socket?.id === undefined) return;
+      clearInterval(ready);
+      this.$emit("ready");
+    }, 50);
+  },
+
+  beforeUnmount() {
+    this.sized?.disconnect();
+    this.controls?.dispose();
+    this.renderer?.dispose();
+    this.gone = true;
+  },
+
+  methods: {
+    resize() {
+      const width = this.$el.clientWidth, height = this.$el.clientHeight;
+      if (!width || !height || !this.renderer) return;
+      this.renderer.setSize(width, height, false);
+      this.camera.aspect = width / height;
+      this.camera.updateProjectionMatrix();
+      this.draw();
+    },
+
+    draw() {
+      if (this.waiting || this.gone || !this.renderer) return;
+      this.waiting = true;
+      requestAnimationFrame(() => {
+        this.waiting = false;
+        if (!this.gone) this.renderer.render(this.scene, this.camera);
+      });
+    },
+
+    async loadModel(url) {
+      let model;
+      try {
+        const answer = await fetch(url);
+        if (!answer.ok) return;
+        model = await answer.json();
+      } catch { return; }
+      if (this.gone) return;
+      this.body.clear();
+      this.axisParts.clear();
+      const groups = new Map();
+      for (const part of model.parts) {
+        const group = new THREE.Group();
+        if (part.pose) new THREE.Matrix4().fromArray(part.pose).transpose().decompose(group.position, group.quaternion, group.scale);
+        group.userData.base = { position: group.position.clone(), quaternion: group.quaternion.clone() };
+        for (const solid of part.solids) {
+          const geometry = new THREE.BufferGeometry();
+          geometry.setAttribute("position", new THREE.BufferAttribute(decode(solid.vertices, Float32Array), 3));
+          geometry.setIndex(new THREE.BufferAttribute(decode(solid.faces, Uint32Array), 1));
+          geometry.computeVertexNormals();
+          const [red, green, blue] = solid.colour;
+          const material = new THREE.MeshLambertMaterial({ color: `rgb(${red},${green},${blue})`, side: THREE.DoubleSide });
+          group.add(new THREE.Mesh(geometry, material));
+        }
+        (groups.get(part.parent) ?? this.body).add(group);
+        groups.set(part.name, group);
+        if (part.driver !== null) {
+          const parts = this.axisParts.get(part.driver) ?? [];
+          parts.push({ group, kind: part.kind, axis: new THREE.Vector3(...part.axis), ratio: part.ratio, offset: part.offset });
+          this.axisParts.set(part.driver, parts);
+        }
+      }
+      this.world.quaternion.setFromUnitVectors(new THREE.Vector3(...model.up), new THREE.Vector3(0, 0, 1));
+      this.world.updateMatrixWorld(true);
+      if (this.last) this.place(this.last);
+      this.fit();
+    },
+
+    // state: {axes: {number: mm | deg}, tips: {label: [x, y, z]}, line, trail: {label: [[x, y, z], …]}, restart}
+    place(state) {
+      this.last = { ...state, trail: {}, restart: false };
+      for (const [axis, value] of Object.entries(state.axes ?? {})) {
+        for (const part of this.axisParts.get(Number(axis)) ?? []) {
+          const { group } = part, base = group.userData.base;
+          if (part.kind === "prismatic") {
+            const way = part.axis.clone().multiplyScalar(part.ratio * value + part.offset);
+            group.position.copy(base.position).add(way.applyQuaternion(base.quaternion));
+          } else {
+            const turn = new THREE.Quaternion().setFromAxisAngle(part.axis, (part.ratio * value + part.offset) * Math.PI / 180);
+            group.quaternion.copy(base.quaternion).multiply(turn);
+          }
+        }
+      }
+      if (state.restart) for (const trail of this.trails.values()) { trail.points = []; this.fill(trail.line, []); }
+      for (const [label, points] of Object.entries(state.trail ?? {})) {
+        const trail = this.trails.get(label) ?? this.newTrail(label);
+        trail.points.push(...points);
+        if (trail.points.length > TRAIL_POINTS) trail.points.splice(0, trail.points.length - TRAIL_POINTS + TRAIL_POINTS / 4);
+        this.fill(trail.line, trail.points);
+      }
+      for (const [label, at] of Object.entries(state.tips ?? {})) {
+        const tip = this.tips.get(label) ?? this.newTip(label);
+        tip.position.set(...at);
+      }
+      if (state.line !== undefined) { this.line = state.line; this.advance(state.tips ?? {}); }
+      this.follow(state.tips ?? {});
+      this.draw();
+    },
+
+    newTrail(label) {
+      const trail = { points: [], line: polyline(COLOURS.trail, TRAIL_POINTS + 64) };
+      this.trails.set(label, trail);
+      this.content.add(trail.line);
+      return trail;
+    },
+
+    newTip(label) {
+      const tip = new THREE.Mesh(new THREE.SphereGeometry(1, 16, 12), new THREE.MeshLambertMaterial({ color: COLOURS.tip }));
+      this.tips.set(label, tip);
+      this.content.add(tip);
+      return tip;
+    },
+
+    fill(line, points) {
+      const attribute = line.geometry.getAttribute("position");
+      const count = Math.min(points.length, attribute.count);
+      for (let index = 0; index < count; index += 1) attribute.setXYZ(index, ...points[points.length - count + index]);
+      attribute.needsUpdate = true;
+      line.geometry.setDrawRange(0, count);
+    },
+
+    // path: {lines: [n], tips: [{tool, points}]}, or null
+    plan(path) {
+      for (const each of this.planned) this.content.remove(each.come, each.done);
+      this.planned = [];
+      for (const { tool, points } of path?.tips ?? []) {
+        const come = polyline(COLOURS.come, points.length), done = polyline(COLOURS.done, points.length);
+        this.fill(come, points);
+        done.geometry.setAttribute("position", come.geometry.getAttribute("position"));
+        this.content.add(come, done);
+        this.planned.push({ label: tool === null ? "" : `T${tool}`, points, lines: path.lines, come, done, at: 0 });
+      }
+      this.moved = false;
+      this.fit();
+    },
+
+    // the path is done up to the point of the line under way that is nearest to the tip; it never goes back
+    advance(tips) {
+      for (const each of this.planned) {
+        const tip = tips[each.label];
+        if (this.line > 0 && tip) {
+          let best = -1, nearest = Infinity;
+          for (let index = each.at; index < each.points.length && each.lines[index] <= this.line; index += 1) {
+            if (each.lines[index] < this.line) { best = index; continue; }
+            const [x, y, z] = each.points[index];
+            const far = (x - tip[0]) ** 2 + (y - tip[1]) ** 2 + (z - tip[2]) ** 2;
+            if (far <= nearest) { nearest = far; best = index; }
+          }
+          each.at = Math.max(each.at, best);
+        }
+        each.done.geometry.setDrawRange(0, each.at + 1);
+        each.come.geometry.setDrawRange(each.at, each.points.length - each.at);
+      }
+    },
+
+    bounds() {
+      const box = new THREE.Box3();
+      if (this.body.children.length) box.expandByObject(this.body);
+      for (const { points } of [...this.trails.values(), ...this.planned]) {
+        for (const point of points) box.expandByPoint(this.inWorld(point));
+      }
+      for (const tip of this.tips.values()) box.expandByPoint(this.inWorld(tip.position.toArray()));
+      return box;
+    },
+
+    inWorld(point) { return new THREE.Vector3(...point).applyQuaternion(this.world.quaternion); },
+
+    // what is drawn may outgrow the view while it moves: look at all of it again, unless somebody has turned the view
+    follow(tips) {
+      if (this.moved) return;
+      const outside = !this.fresh && Object.values(tips).some((at) => !this.box.containsPoint(this.inWorld(at)));
+      if (outside || this.fresh) this.fit();
+    },
+
+    fit() {
+      const box = this.bounds();
+      if (box.isEmpty()) { this.fresh = true; return; }
+      this.fresh = false;
+      const size = Math.max(box.getSize(new THREE.Vector3()).length(), 10);
+      const middle = box.getCenter(new THREE.Vector3());
+      this.box = box.clone().expandByScalar(0.06 * size);
+      const away = this.camera.position.clone().sub(this.controls.target);
+      if (away.length() === 0) away.set(1, -1.6, 1.1);
+      const half = Math.min(this.camera.fov, this.camera.fov * this.camera.aspect) * Math.PI / 360;
+      away.setLength(0.56 * size / Math.tan(half));
+      this.controls.target.copy(middle);
+      this.camera.position.copy(middle).add(away);
+      this.camera.near = away.length() / 200;
+      this.camera.far = away.length() * 50;
+      this.camera.updateProjectionMatrix();
+      for (const tip of this.tips.values()) tip.scale.setScalar(0.011 * size);
+      this.ground(box, size);
+      this.controls.update();
+      this.draw();
+    },
+
+    lookAtAll() { this.moved = false; this.fit(); },
+
+    // a grid below everything, its squares 1, 2 or 5 times a power of ten [mm]
+    ground(box, size) {
+      const raw = size / 14, power = 10 ** Math.floor(Math.log10(raw));
+      const step = [1, 2, 5, 10].find((each) => each * power >= raw) * power;
+      const middle = box.getCenter(new THREE.Vector3());
+      const key = [step, box.min.z, Math.round(middle.x / step), Math.round(middle.y / step)].join();
+      if (key === this.groundKey) return;
+      this.groundKey = key;
+      if (this.grid) this.scene.remove(this.grid, this.frame);
+      this.grid = new THREE.GridHelper(20 * step, 20, 0x64748b, 0x64748b);
+      this.grid.material.transparent = true;
+      this.grid.material.opacity = 0.35;
+      this.grid.rotateX(Math.PI / 2);
+      this.grid.position.set(Math.round(middle.x / step) * step, Math.round(middle.y / step) * step, box.min.z);
+      this.frame = new THREE.AxesHelper(2 * step);
+      this.scene.add(this.grid, this.frame);
+    },
+  },
+};
