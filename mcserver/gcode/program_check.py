@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
+import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic
@@ -96,13 +97,14 @@ class _Survey:
         self._loose: tuple[int, tuple[int, ...]] | None = None
 
     def faults(self, faults: Iterable[Diagnostic]) -> None:
-        """Note the faults of a line; that a program computes is said once."""
+        """Note the faults of a line; of a program that computes only that is said."""
         for fault in faults:
             if fault.code == "MC140":
                 self._computes += 1
-                if self._computes > 1:
-                    continue
-            self._found.append(fault)
+                if self._computes == 1:
+                    self._found = [fault]
+            elif not self._computes:
+                self._found.append(fault)
 
     def profile_words(self, words: ProfileWords, line: int) -> None:
         """Note the codes of a line that have no effect on this machine."""
@@ -143,6 +145,11 @@ class _Survey:
 
     def diagnostics(self) -> list[Diagnostic]:
         """Return everything, in the order of the program."""
+        if self._computes:
+            # what its words are and what they do is not known: further faults would be guesses
+            (fault,) = self._found
+            lines = "a line of it" if self._computes == 1 else f"{self._computes} lines of it"
+            return [msgspec.structs.replace(fault, message=f"{fault.message} ({lines})")]
         said: list[Diagnostic] = []
         if self._loose is not None and self._at_rest and not self._found:
             line, axes = self._loose

@@ -93,12 +93,14 @@ def read_dialect(
         lengths[cutter.number] = cutter.length_mm * MM
     if section is None:
         return Dialect(cutters=lengths, channels=channels)
+    # U V W are the reference's increments where its words are read
+    free = "DEHLOQSUVW" if section.profile in ("cnc", "printer") else "DEHLOQS"
     for letter, axis in section.letters.items():
-        if len(letter) != 1 or letter not in "DEHLOQS":
+        if len(letter) != 1 or letter not in free:
             mistakes.add(
                 ("dialect", "letters", letter),
                 "cannot be an axis: it is a word already",
-                "letters that are free for axes: D E H L O Q S",
+                f"letters that are free for axes: {' '.join(free)}",
             )
         if axis not in axes:
             mistakes.add(

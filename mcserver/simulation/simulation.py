@@ -51,6 +51,9 @@ class LineRecord:
     requested: float | None = None
     bound_by: str | None = None
     planning: float = 0.0
+    # motions of the line that have begun, and those that ask for a time
+    begun: int = 0
+    timed: int = 0
 
 
 @dataclass
@@ -214,7 +217,7 @@ class _Run:
     def _take_reports(self) -> None:
         for report in self._pipeline.take_reports():
             if report.kind is ReportKind.PLANNED:
-                self._record(report.line).requested = report.requested_s
+                self._plan(report.line, report.requested_s)
                 self._feed_length += report.feed_length
             elif report.kind is ReportKind.SOLVED:
                 self._record(report.line).planning = report.planning_s
@@ -222,6 +225,13 @@ class _Run:
                 self._record(report.line).bound_by = report.bound_by
             elif report.kind is ReportKind.REJECTED:
                 self._faults += report.diagnostics
+
+    def _plan(self, line: int, requested: float | None) -> None:
+        """Add up the times that a line's motions ask for; a canned cycle has several."""
+        if requested is not None:
+            record = self._record(line)
+            record.requested = requested + (record.requested or 0.0)
+            record.timed += 1
 
     def _record(self, line: int) -> LineRecord:
         record = self._records.get(line)
@@ -237,7 +247,10 @@ class _Run:
 
     def _take_event(self, event: ExecutorEvent) -> None:
         if event.kind is EventKind.LINE_START:
-            self._record(event.line).start = event.time
+            record = self._record(event.line)
+            # a line of several motions starts with the first of them
+            record.start = event.time if record.begun == 0 else record.start
+            record.begun += 1
         elif event.kind is EventKind.LINE_END:
             self._record(event.line).end = event.time
             self._end = max(self._end, event.time)
@@ -291,7 +304,7 @@ class _Run:
             if not record.end > record.start:
                 continue
             actual = record.end - record.start
-            asked = record.requested
+            asked = record.requested if record.timed >= record.begun else None
             stretched = actual / asked if asked else None
             line = {
                 "line": record.line,

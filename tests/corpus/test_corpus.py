@@ -135,7 +135,8 @@ def test_what_has_no_effect_is_listed_once_with_its_count() -> None:
         ("M98 P100", "subprogram"),
         ("G33 Z-5 K1", "spindle"),
         ("G95", "revolution"),
-        ("G81 X1 Y1 Z-3 R2 F100", "canned cycles"),
+        ("G84 X1 Y1 Z-3 R2 F100", "tapping"),
+        ("G86 X1 Y1 Z-3 R2 F100", "boring"),
         ("G90.1", "G91.1"),
     ],
 )

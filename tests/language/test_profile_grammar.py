@@ -18,7 +18,7 @@ from mcserver.language.grammar.derive import Recognizer, derive
 from mcserver.language.grammar.dialect import build_grammar
 from mcserver.language.grammar.expressions import Grammar
 from mcserver.language.grammar.notations import Notation, write_grammar
-from mcserver.machine.machine_file import Machine, load_machine
+from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from tests.language.grammar_reader import pattern_of, read_grammar
 
 CORPUS = Path(__file__).resolve().parents[1] / "corpus"
@@ -76,7 +76,7 @@ def test_every_program_of_a_post_can_be_derived_for_its_profile(name: str) -> No
 
 NEAR_MISSES = (
     *("GO1 X1", "G1 XO", "G1 X1 X2", "G1 X1 F1 F2", "G1 F0", "G1 X1e5", "G1 X--1", "G1 X#1", "G1 X[1+2]"),
-    *("G05.1 X1", "G41 X1", "G81 X1 Y1 Z-1 R1", "G33 Z-1 K1", "G96 S100", "M98 P1", "M99", "G68 R45"),
+    *("G05.1 X1", "G41 X1", "G84 X1 Y1 Z-1 R1", "G33 Z-1 K1", "G96 S100", "M98 P1", "M99", "G68 R45"),
     *("IF [1 EQ 1] GOTO 5", "#1=5", "O100 SUB", "G1 [50]1", "G1030 X5", "G02 X1 R5 I5", "G1 X", "X1 é"),
 )
 
@@ -104,10 +104,54 @@ def test_near_misses_cannot_be_derived_for_any_profile(profile: str) -> None:
         ("G64 P0.1", {"cnc", "robot", "printer"}),
         ("G1010 P0", {"cnc", "robot", "printer"}),
         ("G1030 X5", set()),
+        ("G99 G83 X1 Y1 Z-5 R2 Q1.5 F90", {"cnc"}),
+        ("G82 X1 Z-5 P0.5 R2 L3", {"cnc"}),
+        ("G10 L20 P1 X0 Y0", {"cnc", "robot"}),
+        ("O1002 (BRACKET)", {"cnc", "robot", "printer"}),
+        ("G1 U5", {"robot"}),
+        ("M62 P0", {"printer"}),  # without effect there
+        ("G38.2 Z-5 F100", set()),
     ],
 )
 def test_profiles_differ_in_what_can_be_derived(line: str, profiles: set[str]) -> None:
     assert {profile for profile in PROFILES if recognizer(profile).accepts(line)} == profiles
+
+
+CHANNELS = """
+[probe]
+input = 4
+[[input]]
+number = 4
+name = "probe"
+[[input]]
+number = 0
+name = "pressure"
+kind = "analog"
+[[output]]
+number = 1
+name = "laser"
+[[output]]
+number = 0
+name = "power"
+kind = "analog"
+max = 100.0
+"""
+
+
+def test_a_machine_with_inputs_outputs_and_a_probe_has_their_codes() -> None:
+    described = (CORPUS / "cnc.toml").read_text("utf-8")
+    machine = parse_machine(described + CHANNELS)
+    accepts = Recognizer(build_grammar(machine)).accepts
+    right = ["M62 P1", "M65P1", "M67 E0 Q50", "M68 E0 Q.5", "M66 P4 L3 Q10", "M66 E0", "G38.2 Z-5 F100"]
+    wrong = ["M62 P0", "M67 E1 Q5", "M66 P0 L3 Q1", "M66 P4 L5 Q1", "G38.2 A5 F100"]
+    assert [line for line in right if not accepts(line)] == []
+    assert [line for line in wrong if accepts(line)] == []
+    read = reader_of(machine.dialect)
+    assert [fault for line in right for fault in read(line, 2).faults] == []
+    random = Random(6)
+    for _ in range(200):
+        line = derive(build_grammar(machine), random, "line")
+        assert read(line, 2).faults == (), line
 
 
 @pytest.mark.parametrize("profile", PROFILES)

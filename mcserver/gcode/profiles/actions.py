@@ -1,4 +1,4 @@
-"""Carry out what a profile's line says beside the reference's words (D-62 to D-66)."""
+"""Carry out what a profile's line says beside the reference's words (D-62 to D-66, D-75)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 
 import msgspec
 
-from mcserver.gcode.profiles.codes import IO_WORDS, PROBING, SPINDLE, SYSTEM_NUMBERS, TAKES_AXES
+from mcserver.gcode.profiles.codes import DRILLING, IO_WORDS, PROBING, SPINDLE, SYSTEM_NUMBERS, TAKES_AXES
+from mcserver.gcode.profiles.drilling import drill
 from mcserver.gcode.profiles.frame import Offsets
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.probing import read_probe_move
@@ -80,8 +81,14 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
         elif code in ("G43", "G49"):
             _tool_length(block, action)
         elif code in ("M82", "M83"):
-            axes = tuple(block.setup.machine.dialect.letters.values()) if code == "M83" else ()
-            block.change(relative=axes)
+            letters = block.setup.machine.dialect.letters if code == "M83" else {}
+            block.change(relative=tuple(axis for letter, axis in letters.items() if letter not in "UVW"))
+        elif code in ("G98", "G99"):
+            block.frame = msgspec.structs.replace(frame, to_initial=code == "G98")
+        elif code == "G80":
+            # no motion code is in force behind it, nor is a cycle
+            block.change(motion=None)
+            block.frame = msgspec.structs.replace(frame, cycle=None)
         elif code in ("G92.1", "G92.2", "G92.3"):
             kept: Offsets = {} if code == "G92.1" else frame.g92
             block.frame = msgspec.structs.replace(frame, g92=kept, g92_on=code != "G92.2")
@@ -106,6 +113,8 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             block.frame = msgspec.structs.replace(block.frame, stored=stored)
         elif action.code in ("G28", "G30"):
             _go_home(block, action, effects)
+        elif action.code in DRILLING or action.code == "REPEAT":
+            effects.after += drill(block, action)
         elif action.code in PROBING:
             probe = read_probe_move(block, action)
             if probe is not None:

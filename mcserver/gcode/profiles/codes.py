@@ -20,35 +20,40 @@ SYSTEM_NUMBERS: Final[Mapping[str, int]] = MappingProxyType(
 )
 _FRAME = {"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G53", "G92", "G92.1", "G92.2", "G92.3", *_SYSTEMS}
 _MACHINING = {"G4", "G43", "G49", "M3", "M4", "M5", "M6"}
+# canned cycles, and what goes with them (D-75)
+DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"})
+_CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
 # codes that act, by profile
 ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
         "reference": frozenset(_MACHINING - {"G43", "G49", "M6"}),
-        "cnc": frozenset(_FRAME | _MACHINING),
+        "cnc": frozenset(_FRAME | _MACHINING | DRILLING | _CYCLE_MODES),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
         "printer": frozenset({"G4", "G28", "G92", "M82", "M83", "M600"}),
     }
 )
-# of these the axis words, where a line has one of them
 # act in every profile of a machine that has a probe
 PROBING: Final = frozenset({f"G38.{n}" for n in range(2, 6)})
-TAKES_AXES: Final = frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G92"}) | PROBING
+# of these the axis words, where a line has one of them
+TAKES_AXES: Final = (
+    frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G92", "REPEAT"}) | PROBING | DRILLING
+)
 
 # actions that move axes
-MOVING: Final = frozenset({"G28", "G30"}) | PROBING
+MOVING: Final = frozenset({"G28", "G30", "REPEAT"}) | PROBING | DRILLING
 
-_NO_COMPENSATION = {"G40", "G50", "G69", "G80"}
+_NO_COMPENSATION = {"G40", "G50", "G69"}
 IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
         "reference": frozenset(),
         "cnc": frozenset(
             _NO_COMPENSATION
-            | {"G8", "G15", "G67", "G98", "G99", "G103", "G187"}
+            | {"G8", "G15", "G67", "G103", "G187"}
             | {f"M{n}" for n in (7, 8, 9, 10, 11, 17, 18, 41, 42, 43, 44, 48, 49, 50, 51, 52, 53, 84)}
         ),
         "robot": frozenset(
-            _NO_COMPENSATION | {"G43", "G49", "M6", "M7", "M8", "M9", "M10", "M11", "M48", "M49"}
+            _NO_COMPENSATION | {"G80", "G43", "G49", "M6", "M7", "M8", "M9", "M10", "M11", "M48", "M49"}
         ),
         "printer": frozenset(
             {"G29", "G80", "G31", "G32", "G34"}
@@ -104,16 +109,36 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "M98": "subprograms are not read here; let the post write the moves out",
         "M99": "subprograms are not read here; let the post write the moves out",
         **{
-            f"G{number}": "canned cycles are not expanded here; let the post write the moves out"
-            for number in (70, 71, 72, 73, 74, 81, 82, 83, 84, 85, 86, 87, 88, 89)
+            f"G{number}": "canned cycles are read in the profile cnc; let the post write the moves out"
+            for number in (73, 81, 82, 83, 85, 89)
         },
+        **{
+            f"G{number}": "cycles for turning are not expanded here; let the post write the moves out"
+            for number in (70, 71, 72)
+        },
+        **{
+            f"G{number}": "boring cycles that stop the spindle are not expanded here; "
+            "let the post write the moves out"
+            for number in (86, 87, 88)
+        },
+        **{
+            f"G{number}": "tapping needs a spindle whose turning is followed; mill the thread"
+            for number in (74, 84)
+        },
+        **{
+            f"M{number}": "modal state is not saved and restored here; let the post write it out"
+            for number in range(70, 74)
+        },
+        "G65": "macros are not called here; let the post write the moves out",
         **{f"G38.{n}": "this machine cannot probe; add [probe] to the machine file" for n in range(2, 6)},
     }
 )
 
 # macros of printers' firmware that slicers write by themselves and that move nothing
 HARMLESS_MACRO: Final = re.compile(
-    r"(?:EXCLUDE_OBJECT|SET_PRESSURE_ADVANCE|SET_VELOCITY_LIMIT|SET_PRINT_STATS|TIMELAPSE|BED_MESH|RESPOND|SET_FAN)"
+    r"(?:EXCLUDE_OBJECT|SET_PRESSURE_ADVANCE|SET_VELOCITY_LIMIT|SET_PRINT_STATS|TIMELAPSE|BED_MESH|RESPOND|SET_FAN"
+    r"|SET_HEATER_TEMPERATURE|TEMPERATURE_WAIT|TURN_OFF_HEATERS|SET_DISPLAY_TEXT|SET_LED|GET_POSITION"
+    r"|QUERY_|STATUS_)"
 )
 
 

@@ -1,4 +1,4 @@
-"""Work offsets, G92, tool length and spindle as an immutable value (D-62 to D-65)."""
+"""Work offsets, G92, tool length, canned cycle and spindle as an immutable value (D-62 to D-66, D-75)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,29 @@ Offsets = Mapping[int, float]
 LENGTH_AXIS = 2  # a tool's length lies along Z
 
 
+class Level(msgspec.Struct, frozen=True):
+    """A height of a canned cycle as its word gives it [m]; ``incremental``: under G91."""
+
+    value: float
+    incremental: bool
+
+
+class DrillCycle(msgspec.Struct, frozen=True):
+    """A canned cycle in force, with the words that later lines leave out (D-75).
+
+    Attributes:
+        code: G73, G81, G82, G83, G85 or G89. initial: where the drilling axis was before the first hole [m].
+        bottom, clear: depth, and height R above the part. peck: Q [m]. dwell: P [s]; None: not given.
+    """
+
+    code: str
+    initial: float
+    bottom: Level
+    clear: Level
+    peck: float
+    dwell: float | None
+
+
 class Frame(msgspec.Struct, frozen=True):
     """The frame that axis words are in, and the spindle.
 
@@ -18,6 +41,8 @@ class Frame(msgspec.Struct, frozen=True):
         g92: offsets of G92. g92_on: they count (G92.2 takes them out, G92.3 in). local: of G52.
         tool_length: of G43 [m]. tool: number of the last T. changed: number of the last M6.
         stored: positions of G28.1 (28) and G30.1 (30).
+        cycle: the last canned cycle; it is in force as long as no motion code is.
+        to_initial: between holes the tool goes where it was before the cycle (G98), not to R (G99).
         direction: of the spindle, 1, -1 or 0. spindle_rpm: the last S.
     """
 
@@ -30,6 +55,8 @@ class Frame(msgspec.Struct, frozen=True):
     tool: int = 0
     changed: int | None = None
     stored: Mapping[int, Offsets] = {}
+    cycle: DrillCycle | None = None
+    to_initial: bool = True
     direction: int = 0
     spindle_rpm: float = 0.0
 

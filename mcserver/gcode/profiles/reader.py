@@ -39,7 +39,8 @@ _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 _TOKEN = re.compile(rf"([A-Z])[ \t]*({_NUMBER})|\[[ \t]*([0-9]{{1,2}})[ \t]*\][ \t]*({_NUMBER})|([^ \t])")
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
 _COMPUTED = re.compile(
-    r"[#=<>]|[A-Z][ \t]*[-+]?[ \t]*\[|\][ \t]*\[|\b(?:IF|WHILE|GOTO|CALL|SUB|ENDSUB)\b|O[ \t]*<"
+    r"[#=<>]|[A-Z@^][ \t]*[-+]?[ \t]*\[|\][ \t]*\[|\b(?:IF|WHILE|GOTO|CALL|SUB|ENDSUB)\b|O[ \t]*<"
+    r"|\A[ \t]*(?:N[0-9]+[ \t]*)?O[ \t]*[0-9]+[ \t]*[A-Z]"
 )
 _PROGRAM_NUMBER = re.compile(r"[ \t]*[O:][ \t]*[0-9]+[ \t]*\Z")
 _MACRO = re.compile(r"[ \t]*([A-Z_][A-Z_]{2,}[A-Z0-9_]*)(?![0-9.+-])")
@@ -63,6 +64,7 @@ class ProfileReader:
             self._acting |= IO_WORDS.keys()
         if dialect.probes:
             self._acting |= PROBING
+        self._incremental = dialect.profile in ("reference", "robot")  # U V W are X Y Z as increments
         self._ignored = IGNORED[dialect.profile] | dialect.ignore
         self._axes = {**AXIS_LETTERS, **dialect.letters}
         self._tools = dialect.profile in ("reference", "robot")  # T means the reference's tool
@@ -73,6 +75,8 @@ class ProfileReader:
             text = text.removeprefix(BOM)
         if self._dialect.reference:
             return self._read_reference(text, number)
+        # files that went through several systems have CR CR LF, and those of DOS end with Ctrl-Z
+        text = text.rstrip("\r\x1a")
         if not _FOREIGN.search(text):
             # most lines of most programs are simple blocks of the reference
             parsed = scan_line(text, number)
@@ -178,6 +182,13 @@ class ProfileReader:
                 and last.letter == "G"
             ):
                 tolerances.append(word)
+            elif word.letter in INCREMENTAL_LETTERS and word.axis >= 0 and not self._incremental:
+                faults.add(
+                    "MC112",
+                    f"{word.letter} is no axis of this machine",
+                    word.span,
+                    f"name it in the machine file: [dialect] letters = {{ {word.letter} = 6 }}",
+                )
             elif word.axis >= 0 or word.letter in "IJKR":
                 loose.append(word)
             else:
@@ -186,8 +197,13 @@ class ProfileReader:
             # what is left of such a line would only be blamed for it
             return _line(number, text, code, [], faults, ProfileWords(ignored=tuple(ignored)))
         taken = self._io_words(codes, own, loose, faults)
+        self._one_motion(codes, motions, machine_frame, faults)
+        repeated = not (motions or taken) and self._repeats_cycle(codes, own, loose)
+        if repeated:
+            codes.append(msgspec.structs.replace(loose[0], letter="REPEAT"))
         actions = self._actions(codes, own, loose, faults, bool(ignored or motions or tolerances))
-        if motions and "P" not in taken:
+        dwells = any(code_name(word.letter, word.value) == "G4" for word in codes)
+        if motions and "P" not in taken and not dwells:
             loose += [word for word in own if word.letter == "P"]
         ordered: list[Word] = []
         for word in settings:
@@ -205,18 +221,30 @@ class ProfileReader:
             span = (match.start() + 1, match.end() + 1)
             if match[5] and self._dialect.profile == "printer" and match[5].isalpha():
                 # G28 X: printers' words may lack their number
-                axis = -1 if match[5] in INCREMENTAL_LETTERS else self._axes.get(match[5], -1)
+                own = match[5] not in INCREMENTAL_LETTERS or match[5] in self._dialect.letters
+                axis = self._axes.get(match[5], -1) if own else -1
                 words.append(Word(match[5], 0.0, "0", axis, span))
             elif match[5]:
                 end = re.compile(r"[^ \t]*").match(code, match.start())
                 stop = match.end() if end is None else end.end()
                 shown = code[match.start() : stop]
+                if match[5] in "@^":
+                    faults.add(
+                        "MC141",
+                        f"{shown}: polar coordinates are not read here",
+                        (span[0], stop + 1),
+                        "let the post write X and Y",
+                    )
+                    break
                 faults.add("MC103", f"{shown} is not a word of a program", (span[0], stop + 1))
                 break
             elif match[3]:
                 words.append(Word(f"[{int(match[3])}]", float(match[4]), match[4], int(match[3]), span))
             else:
-                words.append(Word(match[1], float(match[2]), match[2], self._axes.get(match[1], -1), span))
+                axis = self._axes.get(match[1], -1)
+                # U V W as axes of their own are no increments of X Y Z
+                own = match[1] in INCREMENTAL_LETTERS and match[1] in self._dialect.letters
+                words.append(Word(f"[{axis}]" if own else match[1], float(match[2]), match[2], axis, span))
         return words
 
     def _io_words(
@@ -257,6 +285,25 @@ class ProfileReader:
                 faults.add("MC153", f"{other} and {name} would share their words", word.span, _OWN_LINE)
         return frozenset(IO_WORDS[name])
 
+    def _one_motion(
+        self, codes: list[Word], motions: list[Word], machine_frame: bool, faults: FaultList
+    ) -> None:
+        """Report codes that would each take the axis words of the line."""
+        takers = [word for word in codes if code_name(word.letter, word.value) in TAKES_AXES]
+        for word in [*takers[1:], *(motions if takers else [])]:
+            first, name = (code_name(each.letter, each.value) for each in (takers[0], word))
+            faults.add("MC153", f"{first} and {name} would share their words", word.span, _OWN_LINE)
+        if machine_frame and takers:
+            name = code_name(takers[0].letter, takers[0].value)
+            faults.add("MC153", f"G53 goes with G0 and G1, not with {name}", takers[0].span, _OWN_LINE)
+
+    def _repeats_cycle(self, codes: list[Word], own: list[Word], loose: list[Word]) -> bool:
+        """Return True if a line without a motion code has words that only a canned cycle takes."""
+        names = {code_name(word.letter, word.value) for word in codes}
+        if self._dialect.profile != "cnc" or names & (TAKES_AXES | {"G4"}):
+            return False
+        return bool(loose) and any(word.letter in "PQL" for word in own)
+
     def _actions(
         self, codes: list[Word], own: list[Word], loose: list[Word], faults: FaultList, others: bool
     ) -> list[Action]:
@@ -264,12 +311,15 @@ class ProfileReader:
         actions: list[Action] = []
         words = {word.letter: word for word in own}
         names = {code_name(word.letter, word.value) for word in codes}
+        for position, word in enumerate(own):
+            if any(word.letter == each.letter for each in own[:position]) and not names & IO_WORDS.keys():
+                faults.add("MC111", f"{word.letter} stands twice in one line", word.span, "keep one of them")
         speeds = not names & (self._dialect.outputs.keys() - SPINDLE)
         for word in own:
             if word.letter == "T" or (word.letter == "S" and speeds):
                 actions.append(Action(word.letter, word.span, {word.letter: word}))
         for word in sorted(codes, key=_precedence):
-            name = code_name(word.letter, word.value)
+            name = "REPEAT" if word.letter == "REPEAT" else code_name(word.letter, word.value)
             if name in SILENT:
                 continue
             taken = dict(words)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.profiles.actions import Effects, act_after, act_at_end, act_before
+from mcserver.gcode.profiles.drilling import drill, repeat_action
 from mcserver.gcode.semantics.arcs import command_number
 from mcserver.gcode.semantics.axis_words import (
     Words,
@@ -18,7 +19,7 @@ from mcserver.gcode.semantics.modal import initial_modal
 from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, transmit_torque
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
 from mcserver.gcode.text.command_table import Kind
-from mcserver.gcode.text.profile_words import ProfileWords
+from mcserver.gcode.text.profile_words import ProfileWord, ProfileWords
 from mcserver.gcode.text.syntax import Command, Group
 from mcserver.gcode.text.words import MAX_AXIS, Word
 from mcserver.motion import canonical
@@ -60,7 +61,6 @@ class BlockInterpreter:
         block = self.block
         effects = Effects()
         act_before(block, profile.actions, effects)
-        self.before += effects.before
         self.groups += effects.groups
         frame = block.modal.shift, block.modal.incremental
         if profile.machine_frame:
@@ -69,7 +69,8 @@ class BlockInterpreter:
         if profile.machine_frame:
             block.change(shift=frame[0], incremental=frame[1])
         act_after(block, profile.actions, effects)
-        self.after += effects.after
+        # M0 and M30 come last, also where all that moves is a cycle or G28
+        self.before, self.after = effects.before, [*effects.after, *self.before, *self.after]
 
     def _read_groups(self) -> None:
         for group in self.block.parsed.groups:
@@ -130,7 +131,7 @@ class BlockInterpreter:
 
     @property
     def _moving(self) -> bool:
-        return bool(self.block.moved)
+        return bool(self.block.moved or self.after)
 
     def _settings(self, command: Command) -> None:
         for item in command.items:
@@ -144,6 +145,16 @@ class BlockInterpreter:
     def _move(self, command: Command, feed_moves: list[FeedMove]) -> None:
         block = self.block
         words = read_words(block, command)
+        if command.spec is None and block.drilling:
+            given = [item for item in command.items if isinstance(item, Word) and item.letter not in "FT"]
+            again = repeat_action(
+                [
+                    ProfileWord(word.letter, word.value, word.text, word.axis, block.span(word))
+                    for word in given
+                ]
+            )
+            self.after += drill(block, again)
+            return
         if command.spec is None and not self._repeats(command, words):
             return
         number = command_number(block, command)

@@ -98,6 +98,12 @@ class BlockState:
     def frame(self, frame: Frame) -> None:
         self.change(frame=frame, shift=frame.shift())
 
+    @property
+    def drilling(self) -> bool:
+        """Return True if a canned cycle is in force, which axis words without a code repeat (D-75)."""
+        frame = self.modal.frame
+        return self.modal.motion is None and frame is not None and frame.cycle is not None
+
     def span(self, source: Word | Command | Action) -> Span:
         """Return the columns of a word or of a whole command; computed only for faults."""
         if isinstance(source, Action):

@@ -53,12 +53,16 @@ class ModalState(msgspec.Struct, frozen=True):
 
 
 INITIAL = ModalState()
+PRINTER_FEED = 1500.0  # mm/min
 
 
 def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
-    """Return the state at a program's start (D-10); cnc and printer start in G17 (D-61)."""
+    """Return the state at a program's start (D-10); cnc and printer start in G17 (D-61, D-66)."""
     profile = machine.dialect.profile
     start = INITIAL if profile in ("reference", "robot") else ModalState(plane=17)
+    if profile == "printer":
+        # slicers leave F out of the first moves: Marlin and Klipper start with 25 mm/s
+        start = ModalState(plane=17, feed=Feed(PRINTER_FEED, path_speed(PRINTER_FEED, inch=False)))
     if frame is None and machine.dialect.systems:
         frame = Frame(systems=machine.dialect.systems)
     if frame is None or profile not in ("cnc", "robot"):

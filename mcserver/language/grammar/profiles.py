@@ -11,8 +11,16 @@ import re
 from collections.abc import Iterable
 from types import MappingProxyType
 
-from mcserver.gcode.profiles.codes import ACTING, IGNORED, SETTINGS, SILENT, SYSTEM_NUMBERS
-from mcserver.gcode.text.words import AXIS_LETTERS
+from mcserver.gcode.profiles.codes import (
+    ACTING,
+    DRILLING,
+    IGNORED,
+    PROBING,
+    SETTINGS,
+    SILENT,
+    SYSTEM_NUMBERS,
+)
+from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
 from mcserver.language.grammar.expressions import (
     Chars,
     Choice,
@@ -42,7 +50,9 @@ _CODE = re.compile(r"([GM])([0-9]+)(?:\.([0-9]+))?\Z")
 _MACRO = re.compile(r"[A-Z_]{3,}[A-Z0-9_]*\Z")
 _CAPTURING = (1000, 1001, 1002, 1010, 1011)
 # acting codes without words of their own
-_WORDLESS = frozenset({"G49", "G92.1", "G92.2", "G92.3", "M82", "M83", "M600", *SYSTEM_NUMBERS})
+_WORDLESS = frozenset(
+    {"G49", "G80", "G98", "G99", "G92.1", "G92.2", "G92.3", "M82", "M83", "M600", *SYSTEM_NUMBERS}
+)
 _NAMED_ELSEWHERE = frozenset("FGIJKMNPRST")
 
 
@@ -141,15 +151,47 @@ def _special_blocks(machine: Machine) -> list[Expression]:
         blocks.append(
             seq(opt(Ref("straight-code")), Ref("length-code"), opt(Ref("axes")), Ref("length-number"))
         )
+    if "G81" in acting:
+        # P stands before R, or behind Q
+        pause = opt(Ref("seconds"))
+        words = seq(pause, opt(Ref("radius")), opt(Ref("peck")), pause, opt(Ref("times")), opt(Ref("feed")))
+        blocks.append(seq(Ref("before"), Ref("cycle-code"), opt(Ref("axes")), words))
+    if "G10" in acting:
+        blocks.append(
+            seq(
+                Ref("system-code"),
+                choice(seq(Ref("kind"), opt(Ref("system"))), seq(Ref("system"), Ref("kind"))),
+                Ref("axes"),
+            )
+        )
+        blocks.append(Ref("store-code"))
+    if machine.dialect.probes:
+        blocks.append(seq(Ref("before"), Ref("probe-code"), Ref("straight"), opt(Ref("feed"))))
+    blocks += _io_blocks(machine)
     if machine.dialect.profile == "printer":
         blocks.append(Ref("dwell-code"))
         blocks.append(seq(Ref("home-code"), Ref("home-option")))
     return blocks
 
 
+def _io_blocks(machine: Machine) -> list[Expression]:
+    """Build M62 to M68 for the inputs and outputs that the machine has (D-70 to D-72)."""
+    blocks: list[Expression] = []
+    if any(each.digital for each in machine.outputs):
+        blocks.append(seq(Ref("switch-code"), Ref("digital-output")))
+    if any(not each.digital for each in machine.outputs):
+        blocks.append(seq(Ref("level-code"), Ref("analog-output"), Ref("level")))
+    if any(each.digital for each in machine.inputs):
+        waits = seq(Ref("wait"), Ref("timeout"))
+        blocks.append(seq(Ref("input-code"), Ref("digital-input"), opt(waits)))
+    if any(not each.digital for each in machine.inputs):
+        blocks.append(seq(Ref("input-code"), Ref("analog-input")))
+    return blocks
+
+
 def _idle_lines(machine: Machine) -> list[Expression]:
     """Build lines that go without effect whatever stands in them."""
-    lines: list[Expression] = [Ref("title")]
+    lines: list[Expression] = [Ref("title"), seq(Ref("program-name"), opt(Ref("remark")))]
     if machine.dialect.profile == "printer":
         lines.append(seq(Ref("idle"), opt(Ref("remark"))))
     if _macros(machine):
@@ -159,7 +201,11 @@ def _idle_lines(machine: Machine) -> list[Expression]:
 
 def _tokens(machine: Machine) -> dict[str, Expression]:
     dialect = machine.dialect
-    ignored = IGNORED[dialect.profile] | {name for name in dialect.ignore if _CODE.match(name)}
+    ignored = (
+        IGNORED[dialect.profile]
+        | dialect.outputs.keys()
+        | {name for name in dialect.ignore if _CODE.match(name)}
+    )
     acting = ACTING[dialect.profile]
     printer = dialect.profile == "printer"
     # printers' codes without effect take a line of their own, with whatever stands behind them
@@ -190,6 +236,19 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
         "speed": word("S", Ref("unsigned")),
         "pocket": word("T", Repeat(DIGIT, 1, 2)),
         "change": _codes({"M6"}),
+        "cycle-code": _codes(DRILLING & acting or {"G81"}),
+        "peck": word("Q", Ref("positive")),
+        "times": word("L", whole(range(1, 100))),
+        "system-code": _codes({"G10"}),
+        "kind": word("L", whole((2, 20))),
+        "system": word("P", whole(range(10))),
+        "store-code": _codes({"G28.1", "G30.1"}),
+        "probe-code": _codes(PROBING),
+        "straight": SomeOf(
+            tuple(Ref(f"axis-{each.index}") for each in machine.axes if each.type is AxisType.LINEAR)
+        ),
+        **_io_words(machine),
+        "program-name": seq(choice(char("O"), char(":")), Ref("gap"), Repeat(DIGIT, 1, 8), Ref("space")),
         "length-code": _codes({"G43"}),
         "length-number": word("H", Repeat(DIGIT, 1, 2)),
         # lines as the reference has them: no nested comments, and a blank behind the code
@@ -218,6 +277,26 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
     return words
 
 
+def _io_words(machine: Machine) -> dict[str, Expression]:
+    """Build the words of M62 to M68: the numbers of the machine's inputs and outputs."""
+    words: dict[str, Expression] = {
+        "switch-code": _codes({"M62", "M63", "M64", "M65"}),
+        "level-code": _codes({"M67", "M68"}),
+        "input-code": _codes({"M66"}),
+        "level": word("Q", Ref("number")),
+        "wait": word("L", whole(range(1, 5))),
+        "timeout": word("Q", Ref("positive")),
+    }
+    for name, channels in (("output", machine.outputs), ("input", machine.inputs)):
+        digital = [each.number for each in channels if each.digital]
+        analog = [each.number for each in channels if not each.digital]
+        if digital:
+            words[f"digital-{name}"] = word("P", whole(sorted(digital)))
+        if analog:
+            words[f"analog-{name}"] = word("E", whole(sorted(analog)))
+    return words
+
+
 def _macros(machine: Machine) -> list[Expression]:
     """Build the names of macros that go without effect, longer ones first."""
     own = sorted((name for name in machine.dialect.ignore if _MACRO.match(name)), key=len, reverse=True)
@@ -234,7 +313,9 @@ def _lettered(machine: Machine) -> list[int]:
 
 
 def _axis(axis: int, machine: Machine) -> Expression:
-    letters = {**AXIS_LETTERS, **machine.dialect.letters}
+    # U V W are increments of X Y Z in robots' programs only
+    known = set(AXIS_LETTERS) - (INCREMENTAL_LETTERS if machine.dialect.profile != "robot" else set())
+    letters = {**{each: AXIS_LETTERS[each] for each in sorted(known)}, **machine.dialect.letters}
     names: list[Expression] = [
         char(letter)
         for letter, number in letters.items()
