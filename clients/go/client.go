@@ -92,7 +92,7 @@ type topic struct {
 // what may be asked again under any circumstances, as it changes nothing
 var reading = map[string]bool{
 	"info": true, "status": true, "programs": true, "events": true, "check": true, "simulate": true, "drives": true,
-	"sdo_read": true, "run_requests": true, "machines": true, "subscribe": true,
+	"sdo_read": true, "run_requests": true, "run_preview": true, "machines": true, "subscribe": true,
 	// stopping twice stops
 	"estop": true, "abort": true, "hold": true,
 }

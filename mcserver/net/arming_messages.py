@@ -8,9 +8,11 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.net.messages import AxisIndex, Request
-from mcserver.service.arming import LEAST_HASH, MAX_ARMED_S, MAX_TEXT, Extent
+from mcserver.service.arming import LEAST_HASH, MAX_ARMED_S, MAX_TEXT, Extent, RunPath
+from mcserver.service.arming import ToolPath as ToolPath
 from mcserver.service.reports import WireDiagnostic
 
+TextHash = Annotated[str, Meta(pattern=f"^[0-9a-fA-F]{{{LEAST_HASH},64}}$")]
 ProgramText = Annotated[str, Meta(max_length=MAX_TEXT)]
 
 
@@ -37,6 +39,16 @@ class RunRequestsRequest(Request, frozen=True, kw_only=True):
     """What waits for an operator, is armed, or was started lately."""
 
 
+class RunPreviewRequest(Request, frozen=True, kw_only=True):
+    """What an operator looks at before arming: the text and its simulated path.
+
+    Attributes:
+        sha256: of the text, or at least its first 8 digits.
+    """
+
+    sha256: TextHash
+
+
 class ArmRequest(Request, frozen=True, kw_only=True):
     """Arms a text once.
 
@@ -44,15 +56,21 @@ class ArmRequest(Request, frozen=True, kw_only=True):
         sha256: of the text, or at least its first 8 digits.
         seconds: how long it may be started.
         override: the greatest feed override [%].
+        number: of the request that was looked at: one that was made anew since is not armed; None: any.
     """
 
-    sha256: Annotated[str, Meta(pattern=f"^[0-9a-fA-F]{{{LEAST_HASH},64}}$")]
+    sha256: TextHash
     seconds: Annotated[float, Meta(gt=0.0, le=MAX_ARMED_S)] = 60.0
     override: Annotated[float, Meta(gt=0.0, le=200.0)] = 100.0
+    number: Annotated[int, Meta(ge=0)] | None = None
 
 
 class RunRequestStatus(msgspec.Struct, frozen=True):
-    """A request: what would move, how far, how long; ``remaining_s`` until it or its arming is over."""
+    """A request: what would move, how far, how long; ``remaining_s`` until it or its arming is over.
+
+    Attributes:
+        number: another one each time that the run is asked for, even with the same text.
+    """
 
     sha256: str
     client: str
@@ -64,6 +82,7 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     remaining_s: float
     override: float
     operator: str
+    number: int = 0
 
 
 class RunRequestReply(msgspec.Struct, frozen=True):
@@ -78,6 +97,14 @@ class RunRequestsReply(msgspec.Struct, frozen=True):
     """The oldest first."""
 
     requests: list[RunRequestStatus]
+
+
+class RunPreviewReply(msgspec.Struct, frozen=True):
+    """A request with its text and the path of its simulation."""
+
+    run: RunRequestStatus
+    text: str
+    path: RunPath
 
 
 class RunArmedReply(msgspec.Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""The remote methods ``request_run``, ``run_requests``, ``arm`` and ``run_armed``."""
+"""The remote methods ``request_run``, ``run_requests``, ``run_preview``, ``arm`` and ``run_armed``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mcserver.gcode.axes_used import axes_used
 from mcserver.gcode.text.source import split_lines
 from mcserver.machine.machine_file import Machine
 from mcserver.net import arming_messages as wire
-from mcserver.service.arming import Arming, Extent, RunRequest, RunState, hash_of
+from mcserver.service.arming import Arming, Extent, RunPath, RunRequest, RunState, hash_of
 from mcserver.service.reports import wire_diagnostic
 from mcserver.service.service import MachineService
 from mcserver.simulation.program_checker import ProgramChecker
@@ -49,7 +49,9 @@ class ArmingMethods:
                 "MC511", f"the text needs the axes {', '.join(map(str, named))}", "ask for all of them"
             )
         positions = self._positions()
-        report = await self._checker.simulate(client, request.text, positions, self._service.work_systems)
+        report, path = await self._checker.preview(
+            client, request.text, positions, axes, self._service.work_systems
+        )
         found = [wire_diagnostic(msgspec.convert(each, Diagnostic)) for each in report["diagnostics"]]
         if not report["ok"]:
             return wire.RunRequestReply(False, found)
@@ -64,6 +66,7 @@ class ArmingMethods:
                 duration_s=report["duration_s"],
                 extents=_extents(machine, report, axes),
                 until=0.0,
+                path=msgspec.convert(path, RunPath),
             )
         )
         self._publish("run.requested", client, kept)
@@ -73,10 +76,19 @@ class ArmingMethods:
         self._forget_armings()
         return wire.RunRequestsReply([self._status(each) for each in self._arming.requests()])
 
+    def preview(self, _client: str, request: wire.RunPreviewRequest) -> wire.RunPreviewReply:
+        self._forget_armings()
+        found = self._arming.find(request.sha256)
+        return wire.RunPreviewReply(self._status(found), found.text, found.path)
+
     def arm(self, client: str, request: wire.ArmRequest) -> wire.RunRequestStatus:
         self._forget_armings()
         armed = self._arming.arm(
-            client, request.sha256, seconds=request.seconds, override=request.override / 100.0
+            client,
+            request.sha256,
+            seconds=request.seconds,
+            override=request.override / 100.0,
+            number=request.number,
         )
         self._publish("run.armed", client, armed)
         return self._status(armed)
@@ -126,6 +138,7 @@ class ArmingMethods:
             remaining_s=0.0 if run.state is RunState.STARTED else max(0.0, run.until - self._clock()),
             override=100.0 * run.override,
             operator=run.operator,
+            number=run.number,
         )
 
     def _publish(self, kind: Any, client: str, run: RunRequest, program: str | None = None) -> None:

@@ -101,6 +101,7 @@ class Methods:
             "check": (wire.CheckRequest, self.check),
             "simulate": (wire.SimulateRequest, self.simulate),
             "drives": (drive_wire.DrivesRequest, self.drives),
+            "run_preview": (arming_wire.RunPreviewRequest, self._arming.preview),
             "run_requests": (arming_wire.RunRequestsRequest, self._arming.requests),
             "sdo_read": (drive_wire.SdoReadRequest, self.sdo_read),
             "recordings": (recording_wire.RecordingsRequest, self._recordings.list),

@@ -20,7 +20,7 @@ CHECKING = ("check", "simulate", "drives", "sdo_read")
 STOPPING = ("estop",)
 # an agent asks for runs that an operator arms, and may stop along the path
 ASKING = ("request_run", "run_armed", "run_requests", "hold", "abort")
-ARMING = ("arm", "run_requests")
+ARMING = ("arm", "run_requests", "run_preview")
 OPERATING = (
     *("open", "submit", "close", "hold", "resume", "step", "abort", "override"),
     *("jog", "home", "reference", "reset"),

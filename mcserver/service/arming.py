@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import enum
 import hashlib
+import itertools
 from collections.abc import Callable, Mapping
 from collections.abc import Set as AbstractSet
 
@@ -41,10 +42,35 @@ class Extent(msgspec.Struct, frozen=True):
     unit: str
 
 
+class ToolPath(msgspec.Struct, frozen=True):
+    """Where a tool is at the moments of a `RunPath`: ``position`` has X, Y and Z, a value a moment [mm]."""
+
+    tool: int
+    position: list[list[float]]
+
+
+class RunPath(msgspec.Struct, frozen=True):
+    """The simulated path of a request, at some moments evenly in time, for a picture.
+
+    Attributes:
+        time_s: n moments from the run's begin. positions: for each axis of the request n setpoints [mm or
+        deg]. tools: those that these axes move.
+    """
+
+    time_s: list[float]
+    positions: list[list[float]]
+    tools: list[ToolPath]
+
+
+NO_PATH = RunPath([], [], [])
+
+
 class RunRequest(msgspec.Struct, frozen=True):
     """A program that waits for an operator.
 
     Attributes:
+        number: of the request; asked for anew, the same text has another one.
+        path: as it was simulated.
         client: who asked and alone may start it. sha256: of the text in UTF-8.
         axes: the only axes that it may move.
         start: positions of those axes that the simulation began from [m or rad].
@@ -65,6 +91,8 @@ class RunRequest(msgspec.Struct, frozen=True):
     state: RunState = RunState.WAITING
     override: float = 1.0
     operator: str = ""
+    number: int = 0
+    path: RunPath = NO_PATH
 
 
 def hash_of(text: str) -> str:
@@ -87,6 +115,7 @@ class Arming:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._requests: dict[str, RunRequest] = {}
+        self._numbers = itertools.count(1)
 
     def requests(self) -> list[RunRequest]:
         """Return what waits, is armed, or was started lately; the oldest first."""
@@ -119,32 +148,51 @@ class Arming:
         before = self._requests.get(wanted.sha256)
         if before is not None and before.client != wanted.client:
             raise Refused("MC573", "another client waits with the same text", "that client may start it")
-        kept = msgspec.structs.replace(wanted, until=self._clock() + WAIT_S, state=RunState.WAITING)
+        kept = msgspec.structs.replace(
+            wanted,
+            until=self._clock() + WAIT_S,
+            state=RunState.WAITING,
+            override=1.0,
+            operator="",
+            number=next(self._numbers),
+        )
         self._requests[wanted.sha256] = kept
         return kept
 
-    def arm(self, operator: str, sha256: str, *, seconds: float, override: float) -> RunRequest:
+    def find(self, sha256: str) -> RunRequest:
+        """Return the request whose text has this hash, whatever its state.
+
+        Args:
+            sha256: of the text, or at least its first 8 digits.
+
+        Raises:
+            ServiceError: MC570 there is none, or more than one.
+        """
+        return _only(self._matching(sha256), sha256)
+
+    def arm(
+        self, operator: str, sha256: str, *, seconds: float, override: float, number: int | None = None
+    ) -> RunRequest:
         """Allow a text to be started once.
 
         Args:
             sha256: of the text, or at least its first 8 digits.
             seconds: how long it may be started.
             override: the greatest feed override, 1 as programmed.
+            number: of the request that the operator has looked at; None: whichever waits.
 
         Raises:
-            ServiceError: MC570 nothing waits with this hash, MC575 who asked may not arm.
+            ServiceError: MC570 nothing waits with this hash, or it was asked for anew; MC575 who asked may
+            not arm.
         """
         self._forget()
-        matching = [
-            each
-            for each in self._requests.values()
-            if len(sha256) >= LEAST_HASH
-            and each.sha256.startswith(sha256.lower())
-            and each.state is RunState.WAITING
-        ]
-        if len(matching) != 1:
-            raise Refused("MC570", f"no single program waits with the hash {sha256[:64]}", "see: mcctl arm")
-        (request,) = matching
+        request = _only(
+            [each for each in self._matching(sha256) if each.state is RunState.WAITING], sha256
+        )
+        if number is not None and number != request.number:
+            raise Refused(
+                "MC570", "the run was asked for anew, perhaps from elsewhere", "look at it again before arming"
+            )
         if user_of(request.client) == user_of(operator):
             raise Refused("MC575", "who asks for a run may not arm it", "another person has to look at it")
         armed = msgspec.structs.replace(
@@ -213,8 +261,22 @@ class Arming:
         self._requests[request.sha256] = started
         return started
 
+    def _matching(self, sha256: str) -> list[RunRequest]:
+        self._forget()
+        return [
+            each
+            for each in self._requests.values()
+            if len(sha256) >= LEAST_HASH and each.sha256.startswith(sha256.lower())
+        ]
+
     def _forget(self) -> None:
         """Drop what is over: an arming that ran out leaves nothing that could still be started."""
         now = self._clock()
         for sha in [sha for sha, request in self._requests.items() if now >= request.until]:
             del self._requests[sha]
+
+
+def _only(matching: list[RunRequest], sha256: str) -> RunRequest:
+    if len(matching) != 1:
+        raise Refused("MC570", f"no single program waits with the hash {sha256[:64]}", "see: mcctl arm")
+    return matching[0]

@@ -13,7 +13,7 @@ import multiprocessing.connection
 import os
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
@@ -117,6 +117,18 @@ class ProgramChecker:
         machine = self._machine if positions is None else starting_at(self._machine, positions)
         machine = in_systems(machine, systems)
         return await self._run(client, simulate_text, text, machine, path_points)
+
+    async def preview(
+        self,
+        client: str,
+        text: str,
+        positions: Mapping[int, float],
+        axes: Sequence[int],
+        systems: Systems | None = None,
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """As `simulate`, with samples of the path of some axes (`mcserver.simulation.time_sampler`)."""
+        machine = in_systems(starting_at(self._machine, positions), systems)
+        return await self._run(client, preview_text, text, machine, tuple(axes))
 
     def close(self) -> None:
         """End the workers, whatever they are at."""
@@ -256,6 +268,21 @@ def simulate_text(text: str, machine: Machine, path_points: int = 0) -> dict[str
         text, machine, kinematics=kinematics, path_points=path_points
     ).report
     return report
+
+
+def preview_text(
+    text: str, machine: Machine, axes: tuple[int, ...]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """As `simulate_text`, with samples of the path of some axes; runs in the worker."""
+    simulation = importlib.import_module("mcserver.simulation.simulation")
+    samples = importlib.import_module("mcserver.simulation.time_sampler")
+    poses_of = importlib.import_module("mcserver.simulation.tool_poses").ToolPoses
+    kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
+    poses = poses_of(machine, kinematics)
+    columns = 1 + len(axes) + 3 * len(poses.numbers)
+    sampler = samples.TimeSampler(samples.moments_for(columns), len(machine.axes))
+    report = simulation.simulate(text, machine, kinematics=kinematics, moments=sampler).report
+    return report, samples.path_of(sampler, machine, poses, axes)
 
 
 def in_systems(machine: Machine, systems: Systems | None) -> Machine:

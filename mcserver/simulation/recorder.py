@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.path_sampler import PathSampler
+from mcserver.simulation.time_sampler import TimeSampler
 from mcserver.simulation.tool_poses import ToolPoses
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ class Recorder:
 
     Args:
         keep: rows are wanted. channels: the executor's own inputs and outputs, which it changes in place.
-        sampler: takes the path too.
+        sampler: takes the path too. moments: is shown every cycle's setpoints [SI].
 
     Attributes:
         line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape
@@ -62,9 +63,11 @@ class Recorder:
         keep: bool,
         channels: tuple[Array, Array] | None = None,
         sampler: PathSampler | None = None,
+        moments: TimeSampler | None = None,
     ) -> None:
         self._machine = machine
         self._sampler = sampler
+        self._moments = moments
         self._keep = keep
         start = np.array([axis.initial_position for axis in machine.axes])
         self.low: Array = start.copy()
@@ -85,6 +88,8 @@ class Recorder:
         self.line = line
         if self._sampler is not None:
             self._sampler.add(np.array([line]), setpoint[None])
+        if self._moments is not None:
+            self._moments.take(np.array([time]), setpoint[None])
         if not self._keep:
             return
         if self._fill == _BLOCK:
@@ -108,6 +113,8 @@ class Recorder:
         self.line = int(lines[-1])
         if self._sampler is not None:
             self._sampler.add(lines, setpoint)
+        if self._moments is not None:
+            self._moments.take(times, setpoint)
         if not self._keep:
             return
         done = 0

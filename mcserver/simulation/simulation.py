@@ -22,6 +22,7 @@ from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import ReportKind
 from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.recorder import Recorded, Recorder
+from mcserver.simulation.time_sampler import TimeSampler
 from mcserver.simulation.tool_poses import ToolPoses
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from mcserver.units import MM
@@ -84,6 +85,7 @@ def simulate(
     record: bool = False,
     path_points: int = 0,
     clock: Callable[[], float] = time.perf_counter,
+    moments: TimeSampler | None = None,
 ) -> Simulation:
     """Checks the program, then runs it.
 
@@ -92,6 +94,7 @@ def simulate(
         record: keep a row a cycle.
         path_points: so many at most are in the report's ``path``; 0: it has none.
         clock: what ``planning_s`` is measured with [s].
+        moments: keeps setpoints of all axes, evenly in time.
 
     Returns:
         The report; a program with faults is rejected as a whole and nothing of it is simulated.
@@ -103,7 +106,7 @@ def simulate(
     if path_points:
         solver = kinematics if isinstance(kinematics, MachineKinematics) else None
         sampler = PathSampler(machine, ToolPoses(machine, solver), path_points)
-    found = _Run(text, machine, kinematics, progress, record, sampler, clock).run(faults)
+    found = _Run(text, machine, kinematics, progress, record, sampler, moments, clock).run(faults)
     if sampler is not None:
         found.report["path"] = sampler.path()
     return found
@@ -140,6 +143,7 @@ class _Run:
         progress: Callable[[float, int], None] | None,
         record: bool,
         sampler: PathSampler | None,
+        moments: TimeSampler | None,
         clock: Callable[[], float],
     ) -> None:
         self._machine = machine
@@ -162,7 +166,7 @@ class _Run:
         self._finished = False
         self._faults: list[Diagnostic] = []
         row = self._executor.executor.row
-        self._recorder = Recorder(machine, record, (row.inputs, row.outputs), sampler)
+        self._recorder = Recorder(machine, record, (row.inputs, row.outputs), sampler, moments)
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
 

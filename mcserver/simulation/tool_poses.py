@@ -94,6 +94,10 @@ class ToolPoses:
             else {tool: [column[axis] for axis in kinematics.axes(tool)] for tool in kinematics.tools}
         )
 
+    def axes(self, tool: int) -> tuple[int, ...]:
+        """The axis numbers of a tool's chain."""
+        return () if self._kinematics is None else tuple(self._kinematics.axes(tool))
+
     def of(self, tool: int, positions: NDArray[np.float64]) -> Array:
         """Shape (n, 6), X Y Z [mm] and A B C [deg]; ``positions`` (n, K) of all the machine's axes [SI]."""
         if self._kinematics is None:

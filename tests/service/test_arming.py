@@ -147,6 +147,19 @@ def test_asking_again_takes_the_arming_back(bench: Bench) -> None:
         bench.start()
 
 
+def test_a_request_made_anew_has_another_number_and_forgets_its_operator(bench: Bench) -> None:
+    first = bench.ask()
+    bench.arm()
+    again = bench.ask()
+    assert again.number != first.number
+    assert (again.operator, again.override) == ("", 1.0)
+    with pytest.raises(ServiceError) as refused:
+        bench.arming.arm("anna", hash_of(TEXT), seconds=60.0, override=1.0, number=first.number)
+    assert code_of(refused) == "MC570"
+    bench.arming.arm("anna", hash_of(TEXT), seconds=60.0, override=1.0, number=again.number)
+    assert bench.arming.find(hash_of(TEXT)[:8]).operator == "anna"
+
+
 def test_an_emergency_stop_takes_every_arming_back(bench: Bench) -> None:
     bench.ask()
     bench.arm()

@@ -24,17 +24,30 @@ class ArmingCalls:
         found: list[dict[str, Any]] = (await self._ask("run_requests", {}))["requests"]
         return found
 
-    async def arm(self, sha256: str, *, seconds: float = 60.0, override: float = 100.0) -> dict[str, Any]:
+    async def run_preview(self, sha256: str) -> dict[str, Any]:
+        """Get what an operator looks at before arming: ``run``, ``text`` and ``path``, as simulated.
+
+        Raises:
+            RequestRefused: MC570 nothing waits with this hash.
+        """
+        return await self._ask("run_preview", {"sha256": sha256})
+
+    async def arm(
+        self, sha256: str, *, seconds: float = 60.0, override: float = 100.0, number: int | None = None
+    ) -> dict[str, Any]:
         """Allow a text to be started once.
 
         Args:
             sha256: of the text, or at least its first 8 digits.
             seconds: how long it may be started. override: the greatest feed override [%].
+            number: of the request that was looked at (``run["number"]``): one that was made anew since, perhaps
+                from elsewhere, is not armed. None: any.
 
         Raises:
-            RequestRefused: MC570 nothing waits with this hash, MC575 who asked may not arm.
+            RequestRefused: MC570 nothing waits with this hash, or it was asked for anew; MC575 who asked may not arm.
         """
-        return await self._ask("arm", {"sha256": sha256, "seconds": seconds, "override": override})
+        fields = {"sha256": sha256, "seconds": seconds, "override": override, "number": number}
+        return await self._ask("arm", fields)
 
     async def run_armed(self, text: str) -> dict[str, Any]:
         """Start an armed program.

@@ -44,6 +44,40 @@ pub struct RunRequestStatus {
     /// Who armed it.
     #[serde(default)]
     pub operator: String,
+    /// Another one each time that the run is asked for, even with the same text.
+    #[serde(default)]
+    pub number: u64,
+}
+
+/// Where a tool is at the moments of a [`RunPath`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolPath {
+    /// Its number.
+    pub tool: u64,
+    /// X, Y and Z, a value a moment [mm].
+    pub position: Vec<Vec<f64>>,
+}
+
+/// The simulated path of a request, for a picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunPath {
+    /// Moments [s].
+    pub time_s: Vec<f64>,
+    /// For each axis of the request a setpoint a moment [mm, deg].
+    pub positions: Vec<Vec<f64>>,
+    /// The tools that these axes move.
+    pub tools: Vec<ToolPath>,
+}
+
+/// Reply of `run_preview`: what an operator looks at before arming.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunPreviewReply {
+    /// The request.
+    pub run: RunRequestStatus,
+    /// Its text.
+    pub text: String,
+    /// As simulated.
+    pub path: RunPath,
 }
 
 /// Reply of `request_run`.

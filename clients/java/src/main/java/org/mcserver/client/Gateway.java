@@ -42,7 +42,7 @@ public final class Gateway implements AutoCloseable {
 
     /** Methods that change nothing. */
     private static final Set<String> READING =
-            Set.of("info", "status", "programs", "events", "check", "simulate", "drives", "sdo_read", "run_requests");
+            Set.of("info", "status", "programs", "events", "check", "simulate", "drives", "sdo_read", "run_requests", "run_preview");
 
     /** What waits for a reply. */
     private record Pending(Map<String, Object> frame, CompletableFuture<Object> reply, ScheduledFuture<?> deadline) {}

@@ -167,7 +167,16 @@ public final class Messages {
     /** A run that waits for an operator, is armed, or was started (docs/wire/arming.md). */
     public record RunRequestStatus(
             String sha256, String client, String name, String state, List<Long> axes, double durationS, List<Extent> extents,
-            double remainingS, double override, String operator) {}
+            double remainingS, double override, String operator, @Sparse long number) {}
+
+    /** Where a tool is at the moments of a path: X, Y and Z, a value a moment [mm]. */
+    public record ToolPath(long tool, List<List<Double>> position) {}
+
+    /** The simulated path of a request: moments [s], and for each of its axes a setpoint a moment [mm, deg]. */
+    public record RunPath(List<Double> timeS, List<List<Double>> positions, List<ToolPath> tools) {}
+
+    /** Reply of {@code run_preview}: what an operator looks at before arming. */
+    public record RunPreviewReply(RunRequestStatus run, String text, RunPath path) {}
 
     /** Reply of {@code request_run}; no run for a text with faults. */
     public record RunRequestReply(boolean ok, List<Diagnostic> diagnostics, @Sparse RunRequestStatus run) {}
