@@ -186,12 +186,12 @@ class Arming:
             not arm.
         """
         self._forget()
-        request = _only(
-            [each for each in self._matching(sha256) if each.state is RunState.WAITING], sha256
-        )
+        request = _only([each for each in self._matching(sha256) if each.state is RunState.WAITING], sha256)
         if number is not None and number != request.number:
             raise Refused(
-                "MC570", "the run was asked for anew, perhaps from elsewhere", "look at it again before arming"
+                "MC570",
+                "the run was asked for anew, perhaps from elsewhere",
+                "look at it again before arming",
             )
         if user_of(request.client) == user_of(operator):
             raise Refused("MC575", "who asks for a run may not arm it", "another person has to look at it")

@@ -270,9 +270,7 @@ def simulate_text(text: str, machine: Machine, path_points: int = 0) -> dict[str
     return report
 
 
-def preview_text(
-    text: str, machine: Machine, axes: tuple[int, ...]
-) -> tuple[dict[str, Any], dict[str, Any]]:
+def preview_text(text: str, machine: Machine, axes: tuple[int, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
     """As `simulate_text`, with samples of the path of some axes; runs in the worker."""
     simulation = importlib.import_module("mcserver.simulation.simulation")
     samples = importlib.import_module("mcserver.simulation.time_sampler")

@@ -10,6 +10,7 @@ from pathlib import Path
 from mcclient import Event, Machine, MachineStatus, MotionError
 
 from mcserver.web.jobs import JobQueue
+from mcserver.web.run_requests import RunRequests
 from mcserver.web.store import ProgramStore
 
 log = logging.getLogger(__name__)
@@ -46,6 +47,7 @@ class MachineLink:
         self.history: deque[MachineStatus] = deque(maxlen=HISTORY_STATES)
         self.store = store
         self.jobs = JobQueue(self, store)
+        self.run_requests = RunRequests()
         self._connect = connect
         self._config_file = config_file
         self._task = asyncio.ensure_future(self._run())
@@ -80,6 +82,7 @@ class MachineLink:
                     async with asyncio.TaskGroup() as group:
                         group.create_task(self._follow_states(machine))
                         group.create_task(self._follow_events(machine))
+                        group.create_task(self.run_requests.follow(machine))
             except (MotionError, ExceptionGroup) as error:
                 self.failure = error.message if isinstance(error, MotionError) else str(error.exceptions[0])
                 log.info("%s: %s", self.name, self.failure)

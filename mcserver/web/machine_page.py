@@ -8,6 +8,7 @@ from nicegui import events, ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import banner
 from mcserver.web.link import MachineLink
+from mcserver.web.panels.arming import ArmingPanel
 from mcserver.web.panels.channels import ChannelsPanel
 from mcserver.web.panels.charts import ChartPanel
 from mcserver.web.panels.jog import JogPanel
@@ -38,6 +39,7 @@ class MachinePage:
             with ui.element("div").classes("mc-grid"):
                 with ui.column().classes("w-full gap-3"):
                     self._faults = FaultPanel(actions)
+                    self._arming = ArmingPanel(actions)
                     self._controls()
                     self._program = ProgramPanel(actions)
                 with ui.column().classes("w-full gap-3"):
@@ -131,6 +133,7 @@ class MachinePage:
         if self._turn % SLOW_EVERY == 0:
             self._program.update()
             self._picture.update(status)
+            self._arming.update()
             self._chart.update(status, machine.info)
             self._events.update(status, machine.info.epoch)
         self._turn += 1

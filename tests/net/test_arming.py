@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
 from collections.abc import AsyncIterator
+from pathlib import Path
 from typing import Any
 
 import pytest
+from mcclient.cli.app import run_command_line
 
-from mcserver.simulation.program_checker import ProgramChecker, Systems
+from mcserver.simulation.program_checker import ProgramChecker, Systems, check_text
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 from tests.service.fakes import FakePipeline
@@ -27,7 +31,8 @@ def quick_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
         wanted: tuple[int, ...],
         systems: Systems | None = None,
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        found = await checker.check(client, text, positions, systems)
+        # in this process: a worker of its own takes seconds to begin on a busy computer
+        found = check_text(text, checker._machine, positions)
         axes = {str(axis): {"position": 10.0, "min": 0.0, "max": 10.0, "unit": "mm"} for axis in range(3)}
         shown = [each.as_json() for each in found]
         report = {"ok": not found, "duration_s": 1.0, "lines": [], "axes": axes, "diagnostics": shown}
@@ -123,3 +128,34 @@ async def test_a_text_that_needs_an_axis_that_it_does_not_ask_for_is_refused(cli
     with pytest.raises(ErrorAnswer) as refused:
         await client.call("request_run", text="G01 Y5 F5", axes=[0])
     assert refused.value.body["code"] == "MC511"
+
+
+async def test_mcctl_shows_the_picture_before_it_arms(
+    rig: Rig, client: WireClient, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = (await client.call("request_run", text=TEXT, name="\x1b[2J arm me"))["run"]
+
+    async def mcctl(*words: str) -> tuple[int, str, str]:
+        options = ["--connect", rig.endpoint, "--machine", "bench", "--pictures", str(tmp_path)]
+        code = await asyncio.to_thread(run_command_line, ["arm", *words, *options])
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    code, out, _ = await mcctl("--json")
+    (listed,) = json.loads(out)["requests"]
+    picture = Path(listed["picture"])
+    assert (code, listed["state"], listed["text"]) == (0, "waiting", TEXT)
+    assert picture.parent == tmp_path
+    assert "<polyline" in picture.read_text("utf-8")
+    code, _, shown = await mcctl(run["sha256"][:8], "--show")
+    assert code == 0
+    for words in ("G01 X10 ; IGNORE", "axis X: 0.000 … 10.000 mm", "lasts 1.000 s", str(picture)):
+        assert words in shown
+    assert "\x1b[2J" not in shown
+    code, out, _ = await mcctl(run["sha256"][:8], "--override", "40", "--json")
+    (armed,) = json.loads(out)["requests"]
+    assert (code, armed["state"], armed["override"], armed["picture"]) == (0, "armed", 40.0, str(picture))
+    # armed once: it no longer waits
+    code, _, complaint = await mcctl(run["sha256"][:8])
+    assert code != 0
+    assert "MC570" in complaint

@@ -40,11 +40,12 @@ class ArmingCalls:
         Args:
             sha256: of the text, or at least its first 8 digits.
             seconds: how long it may be started. override: the greatest feed override [%].
-            number: of the request that was looked at (``run["number"]``): one that was made anew since, perhaps
-                from elsewhere, is not armed. None: any.
+            number: of the request that was looked at, ``run["number"]``; one that was made anew
+                since, perhaps from elsewhere, is not armed. None: any.
 
         Raises:
-            RequestRefused: MC570 nothing waits with this hash, or it was asked for anew; MC575 who asked may not arm.
+            RequestRefused: MC570 nothing waits with this hash, or it was asked for anew; MC575 who asked may
+                not arm.
         """
         fields = {"sha256": sha256, "seconds": seconds, "override": override, "number": number}
         return await self._ask("arm", fields)

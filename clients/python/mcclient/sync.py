@@ -332,6 +332,28 @@ class Machine:
     def estop(self, reason: str = "", *, timeout_s: float = DEADLINE_S) -> None:
         self._loop.run(self._machine.estop(reason, timeout_s=timeout_s))
 
+    def request_run(self, text: str, name: str = "", axes: list[int] | None = None) -> dict[str, Any]:
+        """As `mcclient.arming.ArmingCalls.request_run`."""
+        return self._loop.run(self._machine.request_run(text, name, axes))
+
+    def run_requests(self) -> list[dict[str, Any]]:
+        """As `mcclient.arming.ArmingCalls.run_requests`."""
+        return self._loop.run(self._machine.run_requests())
+
+    def run_preview(self, sha256: str) -> dict[str, Any]:
+        """As `mcclient.arming.ArmingCalls.run_preview`."""
+        return self._loop.run(self._machine.run_preview(sha256))
+
+    def arm(
+        self, sha256: str, *, seconds: float = 60.0, override: float = 100.0, number: int | None = None
+    ) -> dict[str, Any]:
+        """As `mcclient.arming.ArmingCalls.arm`."""
+        return self._loop.run(self._machine.arm(sha256, seconds=seconds, override=override, number=number))
+
+    def run_armed(self, text: str) -> dict[str, Any]:
+        """As `mcclient.arming.ArmingCalls.run_armed`."""
+        return self._loop.run(self._machine.run_armed(text))
+
     def set_output(self, name: str, value: bool | float) -> float:
         """As `mcclient.channels.ChannelCalls.set_output`."""
         return self._loop.run(self._machine.set_output(name, value))

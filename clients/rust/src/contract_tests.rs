@@ -17,8 +17,9 @@ use crate::messages::{
     Ack, AxesStatus, AxisInfo, CheckResult, CloseReply, Diagnostic, Done, DriveInfo, DrivesReply, Edit,
     ErrorReply, Event, EventPage, Extent, Fault, Info, InputInfo, InputStatus, JogReply, LimitsInfo,
     LineReport, MachineStatus, MonitoredValue, OpenReply, OutputInfo, OutputStatus, OverrideReply,
-    ProbeStatus, ProgramStatus, ProgramsReply, RunArmedReply, RunRequestReply, RunRequestStatus,
-    RunRequestsReply, SdoReply, SubmitReply, TelemetryBlock, TelemetryInfo, ToolInfo, ToolPose,
+    ProbeStatus, ProgramStatus, ProgramsReply, RunArmedReply, RunPath, RunPreviewReply, RunRequestReply,
+    RunRequestStatus, RunRequestsReply, SdoReply, SubmitReply, TelemetryBlock, TelemetryInfo, ToolInfo,
+    ToolPath, ToolPose,
 };
 use crate::telemetry::decode_samples;
 use crate::window::Bounds;
@@ -134,6 +135,8 @@ fn reader_of(message: &str) -> Option<Read> {
         "ProgramStatus" => reader::<ProgramStatus>,
         "ProgramsReply" => reader::<ProgramsReply>,
         "RunArmedReply" => reader::<RunArmedReply>,
+        "RunPath" => reader::<RunPath>,
+        "RunPreviewReply" => reader::<RunPreviewReply>,
         "RunRequestReply" => reader::<RunRequestReply>,
         "RunRequestStatus" => reader::<RunRequestStatus>,
         "RunRequestsReply" => reader::<RunRequestsReply>,
@@ -141,6 +144,7 @@ fn reader_of(message: &str) -> Option<Read> {
         "SubmitReply" => reader::<SubmitReply>,
         "TelemetryBlock" => block_reader,
         "TelemetryInfo" => reader::<TelemetryInfo>,
+        "ToolPath" => reader::<ToolPath>,
         "ToolInfo" => reader::<ToolInfo>,
         "ToolPose" => reader::<ToolPose>,
         "WireDiagnostic" => reader::<Diagnostic>,

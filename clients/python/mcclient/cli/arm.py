@@ -1,8 +1,11 @@
-"""``mcctl arm``: what waits for an operator, and the order that lets it start once."""
+"""``mcctl arm``: what waits for an operator, with its text and picture, and the order that lets it start once."""
 
 from __future__ import annotations
 
 import math
+import os
+import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -10,9 +13,13 @@ from rich.table import Table
 from rich.text import Text
 
 from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
-from mcclient.cli.output import carry_out, results, say, write_json
+from mcclient.cli.output import carry_out, narration, results, say, write_json
+from mcclient.errors import RequestRefused
+from mcclient.machine import Machine
+from mcclient.run_picture import axis_label, run_picture
 
 SHOWN_HASH = 12
+WAITS = "waiting"
 
 
 def arm(
@@ -26,50 +33,137 @@ def arm(
     override: Annotated[
         float, typer.Option("--override", min=1.0, max=200.0, help="The greatest feed override, in percent.")
     ] = 100.0,
+    show: Annotated[bool, typer.Option("--show", help="Print its text and extents; arm nothing.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask at a terminal.")] = False,
+    pictures: Annotated[
+        Path | None,
+        typer.Option("--pictures", metavar="FOLDER", help="Where pictures go; default: the user's cache."),
+    ] = None,
     machine: MachineOption = None,
     connect: ConnectOption = None,
     zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Arm a program that somebody asked to run: this very text, once; without a hash, list what waits."""
+    """Arm a program that somebody asked to run: this very text, once; without a hash, list what waits.
 
-    async def work() -> tuple[str, list[dict[str, Any]]]:
+    Every run that waits is drawn as it was simulated, in a file that is named.
+    """
+    folder = pictures or default_folder()
+
+    async def look() -> tuple[str, list[dict[str, Any]]]:
         async with Target(machine, connect, zenoh).open() as one:
-            if sha256 is None:
-                return one.name, await one.run_requests()
-            return one.name, [await one.arm(sha256, seconds=seconds, override=override)]
+            wanted = await one.run_requests()
+            if sha256 is not None:
+                wanted = [each for each in wanted if each["sha256"].startswith(sha256.lower())]
+            found = [await shown(one, each, folder) for each in wanted]
+            forget_others(folder, found)
+            return one.name, found
 
-    name, found = carry_out(work, json)
+    async def order(number: int | None) -> dict[str, Any]:
+        async with Target(machine, connect, zenoh).open() as one:
+            return await one.arm(sha256 or "", seconds=seconds, override=override, number=number)
+
+    name, found = carry_out(look, json)
+    if sha256 is None or show:
+        if json:
+            write_json({"ok": True, "machine": name, "requests": found})
+        elif not found:
+            say(f"{name}: nothing waits for an operator")
+        elif show:
+            for each in found:
+                print_run(each)
+        else:
+            results().print(requests_table(found))
+        return
+    seen = [each for each in found if each["state"] == WAITS]
+    if len(seen) == 1 and not json and not yes and sys.stdin.isatty():
+        print_run(seen[0])
+        if not typer.confirm(f"Arm it once, for {seconds:g} s, with at most {override:g} %?", err=True):
+            say("nothing is armed")
+            raise typer.Exit(1)
+    # what was looked at, and nothing that was asked for in its place since
+    armed = carry_out(lambda: order(seen[0]["number"] if len(seen) == 1 else None), json)
+    picture = seen[0]["picture"] if len(seen) == 1 else None
     if json:
-        write_json({"ok": True, "machine": name, "requests": found})
-    elif found:
-        results().print(requests_table(found))
+        write_json({"ok": True, "machine": name, "requests": [{**armed, "picture": picture}]})
     else:
-        say(f"{name}: nothing waits for an operator")
+        results().print(requests_table([{**armed, "picture": picture}]))
+
+
+async def shown(machine: Machine, run: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """A request with its text, and with the file of its picture, drawn now."""
+    try:
+        preview = await machine.run_preview(run["sha256"])
+    except RequestRefused:
+        # over since it was listed
+        return {**run, "text": "", "picture": None}
+    file = folder / f"{preview['run']['sha256'][:SHOWN_HASH]}.svg"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        file.write_text(run_picture(preview), "utf-8")
+    except OSError as error:
+        say(f"no picture: {error}")
+        return {**preview["run"], "text": preview["text"], "picture": None}
+    return {**preview["run"], "text": preview["text"], "picture": str(file)}
+
+
+def default_folder() -> Path:
+    """``mcctl/arm`` in the user's cache folder."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "mcctl" / "arm"
+
+
+def forget_others(folder: Path, found: list[dict[str, Any]]) -> None:
+    """Remove pictures of what is no longer there from the default folder, which would grow otherwise."""
+    if folder != default_folder() or not folder.is_dir():
+        return
+    kept = {each["picture"] for each in found}
+    for file in folder.glob("*.svg"):
+        if str(file) not in kept:
+            file.unlink(missing_ok=True)
 
 
 def requests_table(requests: list[dict[str, Any]]) -> Table:
     """Build a row for each request; names are shown as they are, without control characters."""
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("hash", "state", "client", "name", "moves", "lasts", "left", "override"):
+    for title in ("hash", "state", "client", "name", "moves", "lasts", "left", "override", "picture"):
         table.add_column(title, overflow="fold")
     for each in requests:
-        moves = "; ".join(
-            f"axis {part['axis']}: {part['low']:.3f} … {part['high']:.3f} {part['unit']}"
-            for part in each["extents"]
-        )
         cells = (
             each["sha256"][:SHOWN_HASH],
             each["state"],
             _plain(each["client"]),
             _plain(each["name"]),
-            moves,
+            "; ".join(_extents(each)),
             f"{each['duration_s']:.3f} s",
             f"{math.ceil(each['remaining_s'])} s",
             f"{each['override']:g} %",
+            each.get("picture") or "",
         )
         table.add_row(*(Text(cell) for cell in cells))
     return table
+
+
+def print_run(run: dict[str, Any]) -> None:
+    """Print all that an operator has to see of one run: who asks, the text, how far and how long."""
+    console = narration()
+    name = f" {_plain(run['name'])!r}" if run["name"] else ""
+    which = f"{run['sha256'][:SHOWN_HASH]}, {run['state']}"
+    console.print(Text(f"{_plain(run['client'])} asks for{name} ({which})"))
+    for number, line in enumerate(run["text"].splitlines(), 1):
+        console.print(Text(f"{number:6} | {_plain(line)}"))
+    for extent in _extents(run):
+        console.print(Text(f"  {extent}"))
+    console.print(Text(f"  lasts {run['duration_s']:.3f} s"))
+    if run["picture"]:
+        console.print(Text(f"  picture: {run['picture']}"))
+
+
+def _extents(run: dict[str, Any]) -> list[str]:
+    return [
+        f"axis {axis_label(part['axis'])}: {part['low']:.3f} … {part['high']:.3f} {part['unit']}"
+        for part in run["extents"]
+    ]
 
 
 def _plain(text: str) -> str:

@@ -11,7 +11,10 @@ mod drives;
 mod machine;
 mod program;
 
-pub use arming::{Extent, RunArmedReply, RunRequestReply, RunRequestStatus, RunRequestsReply};
+pub use arming::{
+    Extent, RunArmedReply, RunPath, RunPreviewReply, RunRequestReply, RunRequestStatus, RunRequestsReply,
+    ToolPath,
+};
 pub use binary::{Bytes, TelemetryBlock};
 pub use channels::{InputInfo, InputStatus, OutputInfo, OutputStatus};
 pub use drives::{DriveInfo, DrivesReply, MonitoredValue, SdoReply, SdoValue};

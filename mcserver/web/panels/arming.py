@@ -1,0 +1,122 @@
+"""Runs that somebody asked for, such as an agent: what would happen, and the button that allows it once."""
+
+from __future__ import annotations
+
+import html
+import math
+from functools import partial
+
+from nicegui import ui
+
+from mcserver.web.actions import Actions
+from mcserver.web.formatting import axis_name, clock_text, position_text
+from mcserver.web.run_requests import RunToArm
+from mcserver.web.users import Role
+
+SECONDS = {30: "30 s", 60: "1 min", 300: "5 min", 1800: "30 min"}
+OVERRIDES = {10: "10 %", 25: "25 %", 50: "50 %", 75: "75 %", 100: "100 %"}
+
+
+class ArmingPanel:
+    """A part for each request: who asks, the simulated picture, extents, duration, text; hidden without any."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._known: tuple[tuple[str, int], ...] = ()
+        self._states: dict[tuple[str, int], ui.label] = {}
+        self._buttons: dict[tuple[str, int], ui.button] = {}
+        self._card = ui.card().classes("mc-card")
+        with self._card:
+            ui.html("<h2>Runs to arm</h2>", sanitize=False)
+            self._list = ui.column().classes("w-full gap-4").props('role=region aria-label="Runs to arm"')
+        self._card.set_visibility(False)
+
+    def update(self) -> None:
+        """Show what is asked for now; a request that was made anew is built anew, with what it is now."""
+        shown = self._actions.link.run_requests.shown
+        keys = tuple(each.key for each in shown)
+        if keys != self._known:
+            self._known = keys
+            self._build(shown)
+        for each in shown:
+            self._states[each.key].set_text(_state_text(each))
+            self._buttons[each.key].set_enabled(each.run["state"] == "waiting")
+
+    def _build(self, shown: tuple[RunToArm, ...]) -> None:
+        self._card.set_visibility(bool(shown))
+        self._states, self._buttons = {}, {}
+        self._list.clear()
+        with self._list:
+            for each in shown:
+                self._one(each)
+
+    def _one(self, each: RunToArm) -> None:
+        run = each.run
+        with ui.column().classes("w-full gap-1").props(f'data-run="{run["sha256"][:12]}"'):
+            ui.html(_heading(each), sanitize=False)
+            # numbers alone: the picture has no word of whoever wrote the program
+            ui.html(f'<div class="overflow-x-auto">{each.picture}</div>', sanitize=False).classes("w-full")
+            ui.html(_extents(each), sanitize=False).classes("w-full")
+            with ui.expansion(f"Program, {len(each.text.splitlines())} lines").classes("w-full"):
+                ui.html(_listing(each.text), sanitize=False).classes("w-full max-h-80 overflow-auto")
+            with ui.row().classes("w-full items-center gap-2"):
+                seconds = ui.select(SECONDS, value=60, label="Within").classes("min-w-24")
+                override = ui.select(OVERRIDES, value=100, label="Override up to").classes("min-w-28")
+                self._buttons[each.key] = ui.button(
+                    "Arm once", on_click=partial(self._arm, each, seconds, override)
+                ).props("color=warning")
+            self._states[each.key] = ui.label("").props("aria-live=polite")
+
+    async def _arm(self, each: RunToArm, seconds: ui.select, override: ui.select) -> None:
+        run = each.run
+        await self._actions.do(
+            Role.OPERATOR,
+            f"arm {run['sha256'][:12]}",
+            # what is on the screen: the same text asked for anew since is another run
+            lambda machine: machine.arm(
+                run["sha256"],
+                seconds=float(seconds.value),
+                override=float(override.value),
+                number=run["number"],
+            ),
+        )
+
+
+def _heading(each: RunToArm) -> str:
+    """HTML: who asks for what; names are data that anybody may have written."""
+    run = each.run
+    name = f"“{html.escape(run['name'])}”, " if run["name"] else ""
+    return (
+        f"<b>{html.escape(run['client'])}</b> asks for {name}{clock_text(run['duration_s'])} "
+        f'<span class="text-xs">({run["duration_s"]:.3f} s)</span> '
+        f"<code>{html.escape(run['sha256'][:12])}</code>"
+    )
+
+
+def _extents(each: RunToArm) -> str:
+    """HTML: how far each axis goes, over every cycle of the simulation."""
+    rows = "".join(
+        f"<tr><td>{axis_name(part['axis'])}</td><td class=n>{position_text(part['low'])}</td>"
+        f"<td class=n>{position_text(part['high'])} {html.escape(part['unit'])}</td></tr>"
+        for part in each.run["extents"]
+    )
+    head = "<tr><th>Axis</th><th class=n>from</th><th class=n>to</th></tr>"
+    return f'<table class="mc-positions">{head}{rows}</table>'
+
+
+def _listing(text: str) -> str:
+    """HTML: the whole program with its line numbers."""
+    lines = text.splitlines()
+    width = len(str(len(lines)))
+    shown = "\n".join(f"{number:{width}}  {html.escape(line)}" for number, line in enumerate(lines, 1))
+    return f'<pre class="mc-program">{shown}</pre>'
+
+
+def _state_text(each: RunToArm) -> str:
+    run = each.run
+    left = f"{math.ceil(run['remaining_s'])} s"
+    if run["state"] == "waiting":
+        return f"waits for an operator, for another {left}"
+    if run["state"] == "armed":
+        return f"armed by {run['operator']} up to {run['override']:g} %: may be started once within {left}"
+    return "started"

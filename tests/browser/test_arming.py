@@ -1,0 +1,52 @@
+"""A run that an agent asks for, looked at and armed on the operator's page."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mcclient import RequestRefused, sync
+
+from tests.browser.conftest import LIMIT_MS, PageProcess, playwright
+from tests.browser.test_machine_page import opened
+from tests.e2e.servers import ServerProcess
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+else:
+    Page = Any
+
+expect = playwright.expect
+expect.set_options(timeout=LIMIT_MS)
+TEXT = "G1010\nG94 F6000\nG91\nG01 X20 Y10 ; <b>already armed</b>\nG01 X-20 Y-10\nM30\n"
+
+
+@pytest.mark.usefixtures("machine")
+def test_an_operator_sees_a_run_that_is_asked_for_and_arms_it_once(
+    page: Page, site: PageProcess, server: ServerProcess
+) -> None:
+    opened(page, site)
+    panel = page.get_by_role("region", name="Runs to arm")
+    expect(panel).to_be_hidden()
+    with sync.Machine.connect("bench", server.endpoint) as agent:
+        run = agent.request_run(TEXT, "<i>lunch</i>")["run"]
+        part = page.locator(f'[data-run="{run["sha256"][:12]}"]')
+        expect(part.locator("svg polyline").first).to_be_visible()
+        expect(part).to_contain_text("<i>lunch</i>")
+        expect(part).to_contain_text(f"({run['duration_s']:.3f} s)")
+        expect(part).to_contain_text("waits for an operator")
+        for extent in run["extents"]:
+            expect(part.locator("table")).to_contain_text(f"{extent['high']:.3f} mm")
+        part.get_by_text("Program, 6 lines").click()
+        expect(part.locator("pre")).to_contain_text("<b>already armed</b>")
+        # whatever the text says, it waits
+        with pytest.raises(RequestRefused, match="waits for an operator"):
+            agent.run_armed(TEXT)
+        part.get_by_label("Override up to").click()
+        page.get_by_role("option", name="50 %").click()
+        part.get_by_role("button", name="Arm once").click()
+        expect(part).to_contain_text("up to 50 %")
+        assert agent.run_armed(TEXT)["override"] == pytest.approx(50.0)
+        expect(part).to_contain_text("started")
+        with pytest.raises(RequestRefused, match="started already"):
+            agent.run_armed(TEXT)

@@ -1,0 +1,109 @@
+"""What the page shows of runs that wait for an operator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from mcclient import MotionError, RequestRefused
+
+from mcserver.web.panels.arming import _extents, _heading, _listing
+from mcserver.web.run_requests import RunRequests, RunToArm
+
+NASTY = '"><script>alert(1)</script>\x1b[2J'
+
+
+def request(sha256: str = "ab" * 32, number: int = 1, **more: Any) -> dict[str, Any]:
+    return {
+        "sha256": sha256,
+        "client": f"bot.agent-1{NASTY}",
+        "name": NASTY,
+        "state": "waiting",
+        "axes": [0, 1],
+        "duration_s": 1.5,
+        "extents": [
+            {"axis": 0, "low": 0.0, "high": 10.0, "unit": "mm"},
+            {"axis": 1, "low": -5.0, "high": 0.0, "unit": "mm"},
+        ],
+        "remaining_s": 60.0,
+        "override": 100.0,
+        "operator": "",
+        "number": number,
+        **more,
+    }
+
+
+class OneMachine:
+    """Answers as a machine with some requests; counts what it was asked."""
+
+    name = "cell"
+
+    def __init__(self) -> None:
+        self.requests = [request()]
+        self.over: set[str] = set()
+        self.previews = 0
+
+    async def run_requests(self) -> list[dict[str, Any]]:
+        return self.requests
+
+    async def run_preview(self, sha256: str) -> dict[str, Any]:
+        self.previews += 1
+        if sha256 in self.over:
+            raise RequestRefused("MC570", "nothing waits", "look again")
+        (run,) = [each for each in self.requests if each["sha256"] == sha256]
+        path = {"time_s": [0.0, 1.0, 1.5], "positions": [[0.0, 10.0, 0.0], [0.0, -5.0, -5.0]], "tools": []}
+        return {"run": run, "text": f"G01 X10 ({NASTY})\n", "path": path}
+
+
+async def test_each_request_is_drawn_once_and_its_state_is_followed() -> None:
+    machine, requests = OneMachine(), RunRequests()
+    await requests.refresh(machine)  # type: ignore[arg-type]
+    (first,) = requests.shown
+    assert "<polyline" in first.picture
+    machine.requests = [request(state="armed")]
+    await requests.refresh(machine)  # type: ignore[arg-type]
+    assert requests.shown[0].run["state"] == "armed"
+    assert machine.previews == 1
+    # asked for anew it is another run
+    machine.requests = [request(number=2)]
+    await requests.refresh(machine)  # type: ignore[arg-type]
+    assert requests.shown[0].key != first.key
+    assert machine.previews == 2
+
+
+async def test_a_request_that_is_over_while_it_is_looked_at_hides_no_other() -> None:
+    machine, requests = OneMachine(), RunRequests()
+    machine.requests = [request("cd" * 32), request()]
+    machine.over = {"cd" * 32}
+    await requests.refresh(machine)  # type: ignore[arg-type]
+    assert [each.run["sha256"] for each in requests.shown] == ["ab" * 32]
+
+
+async def test_who_may_not_see_requests_is_shown_none() -> None:
+    class Silent(OneMachine):
+        async def run_requests(self) -> list[dict[str, Any]]:
+            raise MotionError("MC530", "nobody answers", "may this user see them?")
+
+    with pytest.raises(MotionError):
+        await RunRequests().refresh(Silent())  # type: ignore[arg-type]
+
+
+async def test_words_of_who_asks_never_become_part_of_the_page() -> None:
+    machine, requests = OneMachine(), RunRequests()
+    await requests.refresh(machine)  # type: ignore[arg-type]
+    (each,) = requests.shown
+    shown = _heading(each) + _extents(each) + _listing(each.text) + each.picture
+    assert "<script" not in shown
+    assert "&lt;script&gt;" in shown
+    # the picture has no word of theirs at all
+    assert "script" not in each.picture
+
+
+def test_a_listing_has_every_line_with_its_number() -> None:
+    shown = _listing("\n".join(f"G01 X{number}" for number in range(300)))
+    assert "  1  G01 X0" in shown
+    assert "300  G01 X299" in shown
+
+
+def test_a_request_is_named_by_hash_and_number() -> None:
+    assert RunToArm(request(number=7), "", "").key == ("ab" * 32, 7)
