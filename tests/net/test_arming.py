@@ -25,11 +25,11 @@ def quick_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
 
     async def preview(
         checker: ProgramChecker,
-        client: str,
+        _client: str,
         text: str,
         positions: dict[int, float],
         wanted: tuple[int, ...],
-        systems: Systems | None = None,
+        _systems: Systems | None = None,
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         # in this process: a worker of its own takes seconds to begin on a busy computer
         found = check_text(text, checker._machine, positions)

@@ -18,7 +18,7 @@ OVERRIDES = {10: "10 %", 25: "25 %", 50: "50 %", 75: "75 %", 100: "100 %"}
 
 
 class ArmingPanel:
-    """A part for each request: who asks, the simulated picture, extents, duration, text; hidden without any."""
+    """A part for each request: who asks, picture, extents, duration and text; hidden without any."""
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions

@@ -1,4 +1,4 @@
-"""``mcctl arm``: what waits for an operator, with its text and picture, and the order that lets it start once."""
+"""``mcctl arm``: what waits for an operator, with its text and picture, and the order that lets it start."""
 
 from __future__ import annotations
 
