@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.machine.machine_file import load_machine
-from mcserver.simulation.time_sampler import MAX_VALUES, TimeSampler, moments_for
 from mcserver.simulation.program_checker import preview_text
+from mcserver.simulation.time_sampler import MAX_VALUES, TimeSampler, moments_for
 
 
 @given(st.integers(4, 40), st.lists(st.integers(1, 200), min_size=1, max_size=30))

@@ -77,7 +77,8 @@ def run_picture(preview: Mapping[str, Any]) -> str:
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:g}" width="{WIDTH}" '
-        f'height="{height:g}" style="max-width:100%;height:auto" role="img" font-family="sans-serif" font-size="12">'
+        f'height="{height:g}" style="max-width:100%;height:auto" '
+        'role="img" font-family="sans-serif" font-size="12">'
         f"<title>Simulated run: {description or 'nothing moves'}</title>"
         f'<rect width="100%" height="100%" fill="#ffffff"/>{"".join(parts)}</svg>\n'
     )
