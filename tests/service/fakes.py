@@ -7,6 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,7 @@ drive = {{ kind = "ideal" }}
 """
 
 
+@cache
 def three_axes(name: str = "bench") -> Machine:
     """Linear axes 0 and 1, rotary axis 2."""
     return parse_machine(THREE_AXES.format(name=name))

@@ -343,6 +343,8 @@ class Cell:
         self.executed: dict[str, list[int]] = {}
         self.calm = False
         self._journal = journal
+        # reads what is committed; opened by the first question after a start of the server
+        self._reader: sqlite3.Connection | None = None
         self._starts = 0
         self.port: SimulatedPort
         self.planner: SimulatedPlanner
@@ -442,6 +444,7 @@ class Cell:
     def close(self) -> None:
         """Ends the server at once: what was not committed is lost, nobody hears what was under way."""
         self._starts += 1
+        self._forget_reader()
         self.planner._life += 1
         self.service._table.close_journal()
 
@@ -477,10 +480,14 @@ class Cell:
         return self._ask("SELECT coalesce(max(done), 0) FROM programs WHERE program=?", program)
 
     def _ask(self, sql: str, program: str) -> int:
-        with sqlite3.connect(self._journal) as connection:
-            found = connection.execute(sql, (program,)).fetchone()[0]
-        connection.close()
-        return int(found)
+        if self._reader is None:
+            self._reader = sqlite3.connect(self._journal, isolation_level=None)
+        return int(self._reader.execute(sql, (program,)).fetchall()[0][0])
+
+    def _forget_reader(self) -> None:
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None
 
     def _states(self) -> list[str]:
         programs = [program.status() for program in self.service.current()]
