@@ -12,8 +12,9 @@ import mcserver.motion.kernels.compiled  # noqa: F401
 
 ROOT = Path(__file__).parent
 
-# Files and folders with servers, executors or buses in real time: they mostly wait, and run few at a time
-# with no computing beside them. All others compute, or wait for nothing but themselves, and run on all cores.
+# Files and folders with servers, executors or buses in real time: they mostly wait, and run few at a time.
+# All others compute, or wait for nothing but themselves: they run beside these, on all cores, at the lowest
+# priority.
 REALTIME = (
     "browser",
     "can/test_hub.py",

@@ -25,6 +25,6 @@ def command(*arguments: str, **options: Any) -> subprocess.CompletedProcess[byte
         [sys.executable, "-c", ENTRY, *arguments],
         **{**streams, **options},
         env=environment,
-        timeout=100,
+        timeout=300,
         check=False,
     )

@@ -29,7 +29,7 @@ def test_what_is_typed_is_completed(typed: str, offered: list[str]) -> None:
         env={**os.environ, **asked, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert (done.stdout.split(), done.stderr) == (offered, "")

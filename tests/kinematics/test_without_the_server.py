@@ -25,7 +25,7 @@ def test_the_example_of_its_readme_runs_without_the_server() -> None:
         env={"PYTHONPATH": str(FOLDER)},
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=300,
         check=False,
     )
     assert done.returncode == 0, done.stderr

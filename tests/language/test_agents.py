@@ -216,7 +216,7 @@ async def test_from_words_to_an_armed_run_and_never_without_an_operator(running_
         started = told(await agent.call_tool("run_armed", {"text": PROGRAM}))
         assert started["override"] == pytest.approx(50.0)
         assert "MC571" in refusal(await agent.call_tool("run_armed", {"text": PROGRAM}))
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(300):
             while True:
                 (program,) = [
                     each for each in await operator.programs() if each.program == started["program"]

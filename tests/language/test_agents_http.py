@@ -118,7 +118,7 @@ def initialize(port: int, host: str = "127.0.0.1", **headers: str) -> int:
         "capabilities": {},
         "clientInfo": {"name": "test", "version": "1"},
     }
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=300)
     try:
         plain = {"Content-Type": "application/json", "Accept": "application/json, text/event-stream"}
         plain["Host"] = f"{host}:{port}"

@@ -43,7 +43,7 @@ class Editor(LanguageClient):
         )
 
     async def diagnostics(self) -> list[lsp.Diagnostic]:
-        return list((await asyncio.wait_for(self.published.get(), 90)).diagnostics)
+        return list((await asyncio.wait_for(self.published.get(), 250)).diagnostics)
 
 
 @pytest_asyncio.fixture
@@ -169,7 +169,7 @@ def test_a_headless_neovim_shows_a_diagnostic_and_a_completion(tmp_path: Path) -
         ["nvim", "--headless", "-u", "NONE", "-n", str(program), "-c", f"luafile {script}"],
         capture_output=True,
         text=True,
-        timeout=110,
+        timeout=300,
         env={"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "XDG_STATE_HOME": str(tmp_path)},
         check=False,
     )

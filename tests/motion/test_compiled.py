@@ -68,7 +68,7 @@ def test_kernels_that_run_as_python_plan_the_same() -> None:
             cwd=Path(__file__).parents[2],
             capture_output=True,
             text=True,
-            timeout=100,
+            timeout=300,
             check=True,
         )
         answers.append([float(number) for number in told.stdout.split()])

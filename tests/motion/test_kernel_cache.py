@@ -180,7 +180,7 @@ def test_one_process_compiles_and_others_know_it() -> None:
             env=environment,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
             check=True,
         )
     assert answer.stdout.strip() == "False"
