@@ -49,8 +49,16 @@ MODE_BITS = {
     8: ("csv", "cyclic synchronous velocity"),
     9: ("cst", "cyclic synchronous torque"),
 }
-_BIT_OF_MODE = {Mode.CYCLIC_POSITION: 7, Mode.CYCLIC_VELOCITY: 8, Mode.INTERPOLATED_POSITION: 6}
-_USABLE = ("csp", "csv", "ip")
+_BIT_OF_MODE = {
+    Mode.CYCLIC_POSITION: 7,
+    Mode.CYCLIC_VELOCITY: 8,
+    Mode.INTERPOLATED_POSITION: 6,
+    Mode.PROFILE_POSITION: 0,
+}
+# without these the drive's own profiles would not keep the axis's limits
+_PROFILE_NEEDS = frozenset({0x6081, 0x6083})
+# in the order in which they serve an axis best
+USABLE_MODES = ("csp", "csv", "ip", "pp")
 
 
 def configuration_writes(
@@ -101,11 +109,11 @@ def mode_refusal(drive: DriveSettings, supported: int) -> tuple[str, str] | None
     if supported >> bit & 1:
         return None
     has = [short for each, (short, _) in MODE_BITS.items() if supported >> each & 1]
-    usable = [short for short in has if short in _USABLE]
+    usable = [short for short in USABLE_MODES if short in has]
     remedy = (
         " or ".join(f'set mode = "{short}"' for short in usable)
         if usable
-        else "this server needs csp, csv or ip: ask the maker for a firmware that has one of them"
+        else "this server needs csp, csv, ip or pp: ask the maker for a firmware that has one of them"
     )
     return (
         f"the drive has no {MODE_BITS[bit][1]}; it has {', '.join(has) or 'no mode of the standard'}",
@@ -187,11 +195,17 @@ class _Writer:
         )
         for index, subindex, value in drive.scaling:
             yield from known.if_there(index + offset, subindex, value, "scaling to increments")
-        mantissa, exponent = interpolation_period(cycle_s)
-        yield from known.if_there(0x60C2 + offset, 1, mantissa, "interpolation time")
-        yield from known.if_there(0x60C2 + offset, 2, exponent, "interpolation time, power of ten")
+        if drive.mode != Mode.PROFILE_POSITION:
+            mantissa, exponent = interpolation_period(cycle_s)
+            yield from known.if_there(0x60C2 + offset, 1, mantissa, "interpolation time")
+            yield from known.if_there(0x60C2 + offset, 2, exponent, "interpolation time, power of ten")
         for index, subindex, value in drive.homing:
             yield known.number(index + offset, subindex, value, "homing by the drive")
+        for index, subindex, value in drive.profile:
+            if index in _PROFILE_NEEDS:
+                yield known.number(index + offset, subindex, value, "profile of the drive")
+            else:
+                yield from known.if_there(index + offset, subindex, value, "profile of the drive")
         yield known.number(0x6060 + offset, 0, drive.mode, "mode of operation")
 
     def extra(self) -> Iterator[SdoWrite]:

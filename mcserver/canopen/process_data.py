@@ -41,6 +41,7 @@ INTERPOLATED = MappedObject(0x60C1, 1, 32)
 TARGET_VELOCITY = MappedObject(0x60FF, 0, 32)
 TARGET_TORQUE = MappedObject(0x6071, 0, 16)
 TORQUE_OFFSET = MappedObject(0x60B2, 0, 16)
+PROFILE_VELOCITY = MappedObject(0x6081, 0, 32)
 STATUSWORD = MappedObject(0x6041, 0, 16)
 MODE_DISPLAY = MappedObject(0x6061, 0, 8)
 POSITION = MappedObject(0x6064, 0, 32)
@@ -49,6 +50,7 @@ _TARGETS = {
     Mode.CYCLIC_POSITION: TARGET_POSITION,
     Mode.CYCLIC_VELOCITY: TARGET_VELOCITY,
     Mode.INTERPOLATED_POSITION: INTERPOLATED,
+    Mode.PROFILE_POSITION: TARGET_POSITION,
 }
 # What may stand in a fixed RPDO besides, since 0 in it changes nothing: offsets, and dummy objects.
 _NEUTRAL = frozenset({0x60B0, 0x60B1, 0x60B2, *range(1, 8)})
@@ -141,6 +143,9 @@ class _Plan:
         if self._drive.torque_offset:
             self._check_torque_offset()
             wanted.append(_Wanted((TORQUE_OFFSET,), 1))
+        if self._drive.mode == Mode.PROFILE_POSITION:
+            speed = [_Wanted((PROFILE_VELOCITY,), 1, spare=True)] if self._can_map(PROFILE_VELOCITY) else []
+            return wanted + speed
         others = [TARGET_VELOCITY] if target is not TARGET_VELOCITY and self._can_map(TARGET_VELOCITY) else []
         if self._drive.torque and self._can_map(TARGET_TORQUE):
             others.append(TARGET_TORQUE)
@@ -336,6 +341,8 @@ class _Plan:
     def _is_harmless(self, pdo: MappedPdo) -> bool:
         """Whether the server has a value for everything in a fixed RPDO."""
         known = {CONTROLWORD, MODE, TARGET_POSITION, INTERPOLATED, TARGET_VELOCITY, TARGET_TORQUE}
+        if self._drive.mode == Mode.PROFILE_POSITION:
+            known = {CONTROLWORD, MODE, TARGET_POSITION, PROFILE_VELOCITY}
         ours = {self._of_axis(mapped) for mapped in known}
         return all(mapped in ours or mapped.index in _NEUTRAL for mapped in pdo.objects)
 

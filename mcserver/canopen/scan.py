@@ -12,7 +12,7 @@ import msgspec
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE, Function
 from mcserver.can.port import CanPort
-from mcserver.canopen.configuration import MODE_BITS
+from mcserver.canopen.configuration import MODE_BITS, USABLE_MODES
 
 ROUND_S = 0.005
 ANSWER_S = 0.3
@@ -77,7 +77,7 @@ def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
     ]
     drives = [node for node in nodes if node.profile == CIA_402]
     for axis, node in enumerate(drives):
-        mode = next((mode for mode in ("csp", "csv", "ip") if mode in node.modes), "csp")
+        mode = next((mode for mode in USABLE_MODES if mode in node.modes), "csp")
         lines += [
             "",
             "[[axis]]",

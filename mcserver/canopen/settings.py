@@ -6,7 +6,7 @@ import importlib.util
 from dataclasses import dataclass
 
 from mcserver.can.pdo_layout import Mode
-from mcserver.drives.cia402.scaling import homing_objects, scaling_objects
+from mcserver.drives.cia402.scaling import homing_objects, profile_objects, scaling_objects
 from mcserver.errors import Diagnostic
 from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig
 from mcserver.machine.io_process_data import HEARTBEAT_MS, nodes_on
@@ -16,6 +16,7 @@ _MODES = {
     "csp": Mode.CYCLIC_POSITION,
     "csv": Mode.CYCLIC_VELOCITY,
     "ip": Mode.INTERPOLATED_POSITION,
+    "pp": Mode.PROFILE_POSITION,
 }
 # From the objects of a node's axis to those of its next one (CiA 402).
 AXIS_OFFSET = 0x800
@@ -56,7 +57,7 @@ class DriveSettings:
             torque_offset: as feed-forward too (60B2h).
         monitor: (index, subindex, name) of what telemetry shows. sdo: its times.
         listen_s: for another master on its bus. lss: identity of a node that gets its number from here.
-        homing: (index, subindex, value) for the drive's own homing.
+        homing, profile: (index, subindex, value) for the drive's own homing, and its own profiles.
     """
 
     axis: int
@@ -83,6 +84,7 @@ class DriveSettings:
     foreign_sync: bool = False
     lss: tuple[int, int, int, int] | None = None
     homing: tuple[tuple[int, int, int], ...] = ()
+    profile: tuple[tuple[int, int, int], ...] = ()
 
     @property
     def offset(self) -> int:
@@ -160,6 +162,7 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
         foreign_sync=bus.sync == "foreign",
         lss=drive.lss,
         homing=homing_objects(axis),
+        profile=profile_objects(axis),
     )
 
 

@@ -67,6 +67,7 @@ class DriveFault(enum.IntEnum):
     NOT_CONFIGURED = 14  # the machine file lacks what this mode needs
     POSITION_LOST = 15  # its encoder's reading jumped
     HOMING_FAILED = 16  # its own homing ended with an error, or took too long
+    SETPOINT = 17  # it does not take a set-point of profile position
 
 
 def drives_mode(drive: Drive, mode: DriveMode) -> bool:
@@ -75,6 +76,8 @@ def drives_mode(drive: Drive, mode: DriveMode) -> bool:
         if mode is DriveMode.HOMING and drive.homing is None:
             return False
         if mode is DriveMode.TORQUE and drive.rated_torque <= 0.0:
+            return False
+        if drive.mode == "pp" and mode in (DriveMode.VELOCITY, DriveMode.TORQUE):
             return False
         return _exchanges(drive, mode)
     if drive.kind == "servosila":
@@ -109,18 +112,23 @@ class Setpoints:
         position, velocity: [m, rad; per second].
         torque: [N·m]; in torque mode the command, in position mode what the motion needs by the model of the
             machine (feed-forward), 0 where nobody knows that.
+        goal: where the motion under way ends [m, rad], for drives that make their profiles themselves; NaN:
+            the axis is to come to rest where it is. goal_speed: on the way there, at most [per second].
     """
 
     mode: NDArray[np.int8]
     position: Array
     velocity: Array
     torque: Array
+    goal: Array
+    goal_speed: Array
 
     @classmethod
     def of(cls, count: int) -> Setpoints:
-        """Everything off and zero."""
+        """Everything off and zero, and without a goal."""
         mode = np.full(count, DriveMode.OFF, np.int8)
-        return cls(mode, np.zeros(count), np.zeros(count), np.zeros(count))
+        goal = np.full(count, np.nan)
+        return cls(mode, np.zeros(count), np.zeros(count), np.zeros(count), goal, np.zeros(count))
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,11 @@ class ColumnMasks:
         return columns
 
 
+def machine_shifts(machine: Machine) -> bool:
+    """Return True if positions and encoder readings of an axis may differ, by its reference."""
+    return any(axis.homing is not None for axis in machine.axes)
+
+
 def mask_of(flags: NDArray[np.bool_]) -> int:
     """Bit mask of a boolean array."""
     return int.from_bytes(np.packbits(flags, bitorder="little").tobytes(), "little")
@@ -71,6 +76,7 @@ class AxisBank:
         row: setpoints and feedback of this cycle.
         torque: shape (K,), at the motor's shaft [N·m]: setpoints in torque mode; feed-forward in position
             mode, where it is 0 unless whoever moves the axis sets it anew in each cycle.
+        goal, goal_speed: shape (K,), of axes in profile position: see `mcserver.drives.bus.Setpoints`.
         all: mask of all columns. exact: columns whose drives follow exactly.
         energized: the drive holds in the mode that it was told. starting: told to, not yet there.
         positioned: energized, or about to be, in position mode. speed, torque_mode: in these modes.
@@ -91,6 +97,9 @@ class AxisBank:
         self.row = row
         self.masks = ColumnMasks(count)
         self.torque: Array = np.zeros(count)
+        self.goal: Array = np.full(count, np.nan)
+        self.goal_speed: Array = np.zeros(count)
+        self._goal_target: Array = np.full(count, np.nan) if machine_shifts(machine) else self.goal
         self._mode = np.full(count, DriveMode.OFF, np.int8)
         self.fresh = np.ones(count, np.bool_)
         self.states = np.zeros(count, np.int8)
@@ -100,7 +109,7 @@ class AxisBank:
         self.delay_cycles = 0
         self.offset: Array = np.zeros(count)
         # axes with a reference of their own are transmitted where their encoders have to be
-        self._shifts = any(axis.homing is not None for axis in machine.axes)
+        self._shifts = machine_shifts(machine)
         self._target: Array = np.zeros(count) if self._shifts else row.setpoint
         self.inputs = np.zeros(count, np.int32)
         self.switch_at = np.full(count, np.nan)
@@ -117,6 +126,7 @@ class AxisBank:
         self.fault = self.released = self.stopping = self.resetting = self.homing = 0
         self.failed = self.dropped = self._after_homing = 0
         self._condition_key: tuple[int, ...] = ()
+        self._profiled = any(axis.profiled for axis in machine.axes)
         self._free = self.masks.bools(self.all)
         self._any_free = True
         self._ports: list[_Port] = []
@@ -132,7 +142,9 @@ class AxisBank:
         columns = bus.columns
         row = self.row
         if columns == tuple(range(count)):
-            own = Setpoints(self._mode, self._target, row.velocity, self.torque)
+            own = Setpoints(
+                self._mode, self._target, row.velocity, self.torque, self._goal_target, self.goal_speed
+            )
             port = _Port(bus, None, own, feedback)
         else:
             port = _Port(bus, np.array(columns, np.intp), Setpoints.of(len(columns)), feedback)
@@ -173,6 +185,8 @@ class AxisBank:
             self._lead_starting()
         if self._shifts:
             np.subtract(row.setpoint, self.offset, out=self._target)
+            if self._profiled:
+                np.subtract(self.goal, self.offset, out=self._goal_target)
         for port in self._ports:
             index = port.index
             if index is None:
@@ -188,6 +202,9 @@ class AxisBank:
                 np.take(self._target, index, out=told.position, mode="clip")
                 np.take(row.velocity, index, out=told.velocity, mode="clip")
                 np.take(self.torque, index, out=told.torque, mode="clip")
+                if self._profiled:
+                    np.take(self._goal_target, index, out=told.goal, mode="clip")
+                    np.take(self.goal_speed, index, out=told.goal_speed, mode="clip")
                 feedback = port.bus.exchange(told)
                 row.actual[index] = feedback.position
                 row.actual_velocity[index] = feedback.velocity

@@ -90,6 +90,13 @@ def _check_configured(slot: ProgramSlot, axes: int, mode: DriveMode) -> None:
             raise BarrierFault(FaultCode.MODE_NOT_CONFIGURED, column, (float(mode), 0.0))
 
 
+def _check_follows_paths(slot: ProgramSlot, axes: int) -> None:
+    """Raises where axes are to follow a path whose drives make their profiles themselves."""
+    profiled = axes & slot.cycle.profiled.mask
+    if profiled:
+        raise BarrierFault(FaultCode.FOLLOWS_NO_PATH, slot.cycle.bank.masks.columns(profiled)[0])
+
+
 def _check_homed(slot: ProgramSlot, axes: int) -> None:
     """Raises where axes do not know where they are and the program is not to move them then."""
     barred = slot.cycle.homed.barred(axes)
@@ -104,6 +111,7 @@ def _begin(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> 
     latched = control.axes & bank.fault
     if latched:
         raise BarrierFault(FaultCode.AXIS_LATCHED, bank.masks.columns(latched)[0])
+    _check_follows_paths(slot, control.axes)
     missing = control.axes & ~bank.energized
     if missing:
         raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
@@ -312,6 +320,7 @@ def _probe(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> B
         return None
     _check_power(slot, control.axes)
     _check_homed(slot, control.axes)
+    _check_follows_paths(slot, control.axes)
     missing = control.axes & ~bank.energized
     if missing:
         raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])

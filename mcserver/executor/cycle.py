@@ -13,6 +13,7 @@ from mcserver.executor.headroom import Array
 from mcserver.executor.homed import HomedAxes
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
+from mcserver.executor.profiled import ProfiledAxes
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.machine.machine_file import Machine
 
@@ -23,7 +24,7 @@ class Cycle:
     Attributes:
         time: executor time of the cycle [s].
         estop: the emergency stop is latched.
-        io: inputs and outputs.
+        io: inputs and outputs. profiled: axes whose drives make their profiles themselves.
         number: of the cycle.
         history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n %
             exact_stop_cycles.
@@ -47,6 +48,7 @@ class Cycle:
         self.row = bank.row
         self.motions = motions
         self.io = io
+        self.profiled = ProfiledAxes(machine, bank, motions)
         self.time = 0.0
         self.number = 0
         self.estop = False

@@ -99,7 +99,8 @@ class Executor:
         # slots that have had a program; the others cost no time
         self._used: list[ProgramSlot] = []
         self._supervision = Supervision(self._cycle, self._slots, feedback)
-        self._cycle.shifted += [self._supervision.shift, *(slot.playback.shift for slot in self._slots)]
+        self._cycle.shifted += [self._supervision.shift, self._cycle.profiled.shift]
+        self._cycle.shifted += [slot.playback.shift for slot in self._slots]
         self._rings = tuple(rings)
         self._mailbox = mailbox
         self._feedback = feedback
@@ -151,7 +152,12 @@ class Executor:
         self._supervision.before_exchange()
         if self._has_io:
             self._io.before_exchange()
+        profiled = cycle.profiled
+        if profiled.mask:
+            profiled.before_exchange()
         self.bank.exchange()
+        if profiled.mask:
+            profiled.after_exchange()
         cycle.history[cycle.number % len(cycle.history)] = row.actual
         if self._has_io:
             self._read_inputs()

@@ -50,6 +50,8 @@ class FaultCode(enum.IntEnum):
     POSITION_LOST = 434
     NOT_OFF = 435
     HOMING_FAILED = 437
+    SETPOINT_REFUSED = 438
+    FOLLOWS_NO_PATH = 439
     INPUT_TIMEOUT = 440
     INTERLOCK_HOLD = 441
     INTERLOCK_STOP = 442
@@ -95,6 +97,7 @@ _OF_DRIVE = {
     DriveFault.NOT_CONFIGURED: FaultCode.MODE_NOT_CONFIGURED,
     DriveFault.POSITION_LOST: FaultCode.POSITION_LOST,
     DriveFault.HOMING_FAILED: FaultCode.HOMING_FAILED,
+    DriveFault.SETPOINT: FaultCode.SETPOINT_REFUSED,
 }
 
 
@@ -149,8 +152,17 @@ _DETAILED = frozenset(
         FaultCode.EMERGENCY_MESSAGE,
         FaultCode.DRIVE_MESSAGE,
         FaultCode.NOT_OPERATIONAL,
+        FaultCode.SETPOINT_REFUSED,
     }
 )
+
+
+# by `mcserver.drives.cia402.profile_position.Refusal`
+_REFUSALS = {
+    1: "it was not acknowledged (bit 12 of the statusword)",
+    2: "the acknowledgement of the one before was not taken back (bit 12 of the statusword)",
+    3: "the target does not fit 32 bits",
+}
 
 
 def _detail_text(code: int, detail: int) -> str:
@@ -158,6 +170,8 @@ def _detail_text(code: int, detail: int) -> str:
         return f"{detail:04X}h, {emergency_text(detail)}"
     if code == FaultCode.NOT_OPERATIONAL:
         return {0x04: "stopped", 0x7F: "pre-operational"}.get(detail, f"{detail:02X}h")
+    if code == FaultCode.SETPOINT_REFUSED:
+        return _REFUSALS.get(detail, "refused")
     if code == FaultCode.DRIVE_SILENT:
         if detail < 0:
             return f": its process data come with {-detail - 1} bytes, which is not what was mapped"
@@ -259,7 +273,7 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.MODE_NOT_CONFIGURED: (
         "the machine file lacks what axis {axis} needs for this command",
         "G1040 needs rated_torque (cia402) or codes.torque (servosila); "
-        "G1030 needs pole_pairs or codes.rpm (servosila)",
+        'G1030 needs pole_pairs or codes.rpm (servosila); drives with mode = "pp" have neither',
     ),
     FaultCode.DRIVE_MESSAGE: (
         "the drive of axis {axis} sent the emergency message {detail}",
@@ -276,6 +290,14 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.HOMING_FAILED: (
         "the drive of axis {axis} has not found its home position",
         "look at its switches and its homing method (6098h); " + _RESET_HINT,
+    ),
+    FaultCode.SETPOINT_REFUSED: (
+        "the drive of axis {axis} did not take a set-point of profile position: {detail}",
+        "look at its limits (607Dh) and its state in the maker's tool; " + _RESET_HINT,
+    ),
+    FaultCode.FOLLOWS_NO_PATH: (
+        'axis {axis} goes to points on its drive\'s own profiles (mode = "pp") and follows no path',
+        "move it by G00 or G1020, or use a drive with csp or ip",
     ),
     FaultCode.INPUT_TIMEOUT: (
         "{input} did not become what M66 waits for within its time-out",

@@ -133,6 +133,9 @@ class IndependentMotions:
     Attributes:
         mask: their columns. speeding: those among them that hold a speed. halting: those that come to a halt.
         unlimited: columns whose soft limits do not count.
+        goals: by column, target and greatest speed of the latest position motion, also once it has ended;
+            none after any other motion, and while it is held.
+        pending: columns whose motion does not end before their drives have ended theirs.
         ended: columns that came to rest in this cycle. limited: columns that a soft limit stops since this
             cycle.
     """
@@ -143,6 +146,9 @@ class IndependentMotions:
         self._limits = [MotionLimits.of(axis) for axis in machine.axes]
         self._row = row
         self.unlimited = 0
+        self.goals: dict[int, tuple[float, float]] = {}
+        self.pending = 0
+        self._profiled = sum(1 << column for column, axis in enumerate(machine.axes) if axis.profiled)
         self._ruckig = Ruckig(1)
         self._motions: dict[int, Motion] = {}
         self._left: dict[int, float] = {}
@@ -225,10 +231,13 @@ class IndependentMotions:
     ) -> None:
         trajectory = self._to_velocity(column, state, 0.0, limits, jerk=jerk)
         self._start(column, slot, MotionKind.HALT, trajectory, state[0], 0.0, limits)
+        self.pending |= self._profiled & 1 << column
         self._pass(self._motions[column], left)
 
     def drop(self, mask: int) -> None:
         """Forgets motions; the setpoints stay where they are. Columns of a line that are left go on."""
+        for column in [column for column in self.goals if mask >> column & 1]:
+            del self.goals[column]
         for column, motion in list(self._motions.items()):
             motion.followers = {
                 other: place for other, place in motion.followers.items() if not mask >> other & 1
@@ -307,6 +316,9 @@ class IndependentMotions:
             self._start(column, slot, MotionKind.POSITION, trajectory, state[0], rest, limits)
         self._motions[column].target = target
         self._motions[column].rate = rate
+        if rate > 0.0:
+            self.goals[column] = target, limits.max_velocity * rate
+            self.pending |= self._profiled & 1 << column
 
     def _pass(self, motion: Motion, share: float) -> None:
         """Let ``share`` of a cycle pass on a motion, and end it where it is over."""
@@ -315,7 +327,9 @@ class IndependentMotions:
         position, velocity, _ = motion.at(motion.elapsed)
         if motion.elapsed >= motion.duration and motion.kind is not MotionKind.SPEED:
             self._set(motion, motion.final[0], 0.0)
-            if motion.held and motion.final[0] != motion.target:
+            if self.pending >> column & 1:
+                return
+            if motion.held and (motion.final[0] != motion.target or self._profiled >> column & 1):
                 return
             over = (motion.elapsed - motion.duration) / self._cycle
             del self._motions[column]
@@ -354,6 +368,7 @@ class IndependentMotions:
         before = self._motions.get(column)
         if before is not None:
             motion.follow(before)
+        self.goals.pop(column, None)
         self._motions[column] = motion
         self.ended &= ~(1 << column)
         self._left.pop(column, None)

@@ -135,6 +135,7 @@ class Supervision:
             if self._delay:
                 self._allow_delay()
             lost = mask_of(~self._within & bank.fresh) & bank.energized & bank.positioned
+            lost &= ~cycle.profiled.unsettled
             for column in bank.masks.columns(lost):
                 values = (float(self._error[column]), float(self._greatest_error[column]))
                 self._latch(column, FaultCode.FOLLOWING_ERROR, values)
@@ -142,6 +143,8 @@ class Supervision:
             self._past[cycle.number % self._delay] = row.setpoint
         if cycle.number % STRAY_CYCLES == 0:
             self._find_strays()
+        for column in cycle.profiled.late:
+            self._latch(column, FaultCode.FOLLOWING_ERROR, (float(self._error[column]), 0.0))
         for column in cycle.motions.limited:
             slot = self._slot_of(column)
             index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)

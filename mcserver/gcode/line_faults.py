@@ -42,6 +42,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC135": "the arc's radius is zero",
         "MC136": "the number of turns does not fit",
         "MC137": "an arc needs linear axes",
+        "MC138": "the axis follows no path",
         "MC140": "the program computes",
         "MC141": "this is not done here",
         "MC142": "codes without effect",

@@ -163,9 +163,7 @@ def load_of(
         count = float(len(servo))
         shares += [
             Share("SYNC", 1.0, frame_bits(0)),
-            Share("RPDO2", count, frame_bits(_bytes(RPDO2))),
-            Share("RPDO1 besides", count / SLOW_SYNCS, frame_bits(_bytes(RPDO1))),
-            *_feed_forward(servo),
+            *_commands(servo),
             Share("TPDO1", count, frame_bits(_bytes(TPDO1))),
             Share("TPDO2", count / SLOW_SYNCS, frame_bits(_bytes(TPDO2))),
         ]
@@ -198,10 +196,19 @@ def load_of(
     return BusLoad(bus.name, cycle_hz, bus.bitrate, len(axes), tuple(shares))
 
 
-def _feed_forward(axes: Sequence[Axis]) -> list[Share]:
-    """60B2h has no room beside mode and position: it goes in an RPDO of its own."""
-    count = sum(axis.drive.torque_feed_forward for axis in axes)
-    return [Share("torque offset", float(count), frame_bits(2))] if count else []
+def _commands(axes: Sequence[Axis]) -> list[Share]:
+    """RPDOs; 60B2h and 6081h have no room beside mode and position, and go in some of their own."""
+    profiled = float(sum(axis.profiled for axis in axes))
+    streamed = float(len(axes)) - profiled
+    offsets = float(sum(axis.drive.torque_feed_forward for axis in axes))
+    every = (
+        Share("RPDO2", streamed, frame_bits(_bytes(RPDO2))),
+        Share("RPDO1 besides", streamed / SLOW_SYNCS, frame_bits(_bytes(RPDO1))),
+        Share("RPDO1", profiled, frame_bits(_bytes(RPDO1))),
+        Share("profile velocity", profiled, frame_bits(4)),
+        Share("torque offset", offsets, frame_bits(2)),
+    )
+    return [share for share in every if share.frames]
 
 
 def refuse_overload(machine: Machine, source: str) -> None:

@@ -253,11 +253,17 @@ def complete_drive(
                 "give [index, subindex, value], or [index, subindex, value, bytes] with 1, 2, 4 or 8 bytes",
             )
     gain = drive.position_gain or min(20.0, USUAL_GAIN / cycle_s)
-    if drive.mode in ("cst", "pp"):
+    if drive.mode == "cst":
         bad(
             "mode",
-            f'mode = "{drive.mode}" cannot follow a path',
+            'mode = "cst" cannot follow a path',
             'use "csp" (or "csv"): G1030 and G1040 change to velocity and torque mode by themselves',
+        )
+    if drive.mode == "pp" and drive.torque_feed_forward:
+        bad(
+            "torque_feed_forward",
+            'with mode = "pp" the drive makes the motion, and the torque is not known here',
+            "leave it out",
         )
     if drive.torque_feed_forward and drive.rated_torque <= 0.0:
         bad(

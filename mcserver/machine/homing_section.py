@@ -107,6 +107,7 @@ class AxisLimits(msgspec.Struct, frozen=True):
     max_velocity: float
     drive: str
     drive_homes: bool
+    profiled: bool = False
 
 
 def read_homing(
@@ -233,6 +234,12 @@ def _check_method(section: HomingSection, axis: AxisLimits, bad: Callable[..., N
             "method",
             "the drive's section does not say how it homes",
             "add [axis.drive.homing] with its method",
+        )
+    if method in SEARCHING and axis.profiled:
+        bad(
+            "method",
+            'with mode = "pp" the drive makes the motion: a search cannot end it where it has to',
+            'let the drive find it: method = "drive"',
         )
     if method in STANDING and section.then_move_to is not None:
         bad("then_move_to", f'method = "{method}" moves nothing', "leave the key out")

@@ -69,6 +69,11 @@ class Axis(msgspec.Struct, frozen=True):
     drive: Drive
     homing: Homing | None = None
 
+    @property
+    def profiled(self) -> bool:
+        """Return True if its drive makes the profiles itself: it goes to points, and follows no path."""
+        return self.drive.kind == "cia402" and self.drive.mode == "pp"
+
 
 class Machine(msgspec.Struct, frozen=True):
     """A machine in SI.
@@ -215,6 +220,14 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     buses = read_buses(file.get("bus") or (), drives, mistakes)
     sound = file["axis"] is not None and None not in file["axis"]
     tools = read_tools(file.get("tool") or (), axes if sound else range(MAX_AXES), mistakes)
+    for tool in tools:
+        for index in tool.axes:
+            if index in axes and axes[index].profiled:
+                mistakes.add(
+                    ("tool",),
+                    f"T{tool.number} moves axis {index}, whose drive follows no path",
+                    'use a drive with csp or ip there: mode = "pp" goes to points',
+                )
     numbers = axes if sound else range(MAX_AXES)
     names = {bus.name for bus in buses}
     inputs = read_inputs(file.get("input") or (), names, mistakes)
@@ -294,6 +307,7 @@ def _axis_to_si(
         axis.max_velocity,
         drive.kind,
         getattr(axis.drive, "homing", None) is not None,
+        drive.kind == "cia402" and drive.mode == "pp",
     )
     homing = read_homing(axis.homing, reach, scale, (*path, "homing"), mistakes)
     default_turn = 10.0 * MM if axis_type is AxisType.LINEAR else TURN

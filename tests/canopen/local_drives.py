@@ -102,6 +102,11 @@ class LocalDrive:
         self.home = 0
         self.home_cycles = 0
         self.moves = True
+        # profile position
+        self.setpoints: list[int] = []
+        self.speeds: list[int] = []
+        self.acknowledges, self.acknowledged = True, False
+        self.last_command, self.pace = 0, 500
         self.targets: list[list[int]] = [[] for _ in positions]
         self.answers: Callable[[int, int], None] = lambda _index, _subindex: None
         self.network = HubNetwork(hub.address())
@@ -213,10 +218,32 @@ class LocalDrive:
                 target = struct.unpack("<i", self.local.get_data(index + offset, subindex))[0]
                 self.targets[axis].append(target)
                 self.position[axis] = target
+        elif mode == 1:
+            bits = self._profile_position(axis, command, word == ENABLED)
         store = self.local.data_store
         store.setdefault(0x6041 + offset, {})[0] = struct.pack("<H", word | 0x200 | bits)
         store.setdefault(0x6061 + offset, {})[0] = struct.pack("<b", mode)
         store.setdefault(0x6064 + offset, {})[0] = struct.pack("<i", self.position[axis])
+
+    def _profile_position(self, axis: int, command: int, enabled: bool) -> int:
+        """Take set-points at the rising edge of bit 4, acknowledge them, and go there unless halted."""
+        edge = enabled and command & 0x10 and not self.last_command & 0x10
+        self.last_command = command
+        if edge and self.acknowledges:
+            self.acknowledged = True
+            self.setpoints.append(self._signed(0x607A))
+            self.speeds.append(self.value(0x6081))
+        if not command & 0x10:
+            self.acknowledged = False
+        if enabled and self.setpoints and not command & 0x100:
+            away = self.setpoints[-1] - self.position[axis]
+            self.position[axis] += max(-self.pace, min(self.pace, away))
+        reached = bool(self.setpoints) and self.position[axis] == self.setpoints[-1]
+        return 0x1000 * self.acknowledged | 0x400 * reached
+
+    def _signed(self, index: int) -> int:
+        value: int = struct.unpack("<i", self.local.get_data(index, 0))[0]
+        return value
 
 
 def until(holds: Callable[[], bool], what: str, limit_s: float = 10.0) -> None:

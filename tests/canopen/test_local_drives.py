@@ -9,7 +9,7 @@ import pytest
 
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.service import CanopenService
-from mcserver.drives.bus import DriveMode, DriveState, Setpoints
+from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
@@ -104,6 +104,59 @@ def test_a_drive_without_csp_moves_by_interpolated_position(
         cycle.setpoints.position[:] = 0.01
         until(lambda: bool(cycle.bus.exchange(cycle.setpoints)) and drive.position[0] > 4000, "motion")
         assert set(drive.targets[0]) == {0, 4096}
+    finally:
+        cycle.close()
+
+
+def entry(index: int, name: str, kind: int) -> str:
+    return (
+        f"[{index:04X}]\nParameterName={name}\nObjectType=0x7\nDataType=0x{kind:04X}\nAccessType=rw\n"
+        "DefaultValue=0\nPDOMapping=1\n"
+    )
+
+
+PROFILE = (
+    entry(0x6081, "Profile velocity", U32)
+    + entry(0x6083, "Profile acceleration", U32)
+    + entry(0x6084, "Profile deceleration", U32)
+)
+
+
+def profile_text() -> str:
+    return eds(without=[0x60FF], changes={0x6502: {"DefaultValue": "0x21"}}, more=PROFILE)
+
+
+def test_a_drive_that_has_profile_position_alone_goes_to_points(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    drive = make(profile_text(), positions=(777,))
+    machine = machine_on(hub.address(), [1], keys(tmp_path, 'mode = "pp"'), bus="silence_cycles = 1000")
+    cycle = Cycle(watched.start(machine), machine, [drive])
+    try:
+        assert drive.value(0x6083) == drive.value(0x6084) > 0
+        cycle.run(DriveMode.POSITION, DriveState.ENERGIZED)
+        cycle.setpoints.goal[:] = 0.01
+        cycle.setpoints.goal_speed[:] = 0.02
+        until(lambda: bool(cycle.bus.exchange(cycle.setpoints)) and drive.position[0] == 4096, "motion")
+        assert drive.setpoints == [4096]
+        assert drive.speeds == [8192]
+    finally:
+        cycle.close()
+
+
+def test_a_local_drive_that_acknowledges_nothing_is_a_fault_and_does_not_move(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    drive = make(profile_text(), positions=(777,))
+    drive.acknowledges = False
+    machine = machine_on(hub.address(), [1], keys(tmp_path, 'mode = "pp"'), bus="silence_cycles = 1000")
+    cycle = Cycle(watched.start(machine), machine, [drive])
+    try:
+        cycle.run(DriveMode.POSITION, DriveState.ENERGIZED)
+        cycle.setpoints.goal[:] = 0.01
+        cycle.run(DriveMode.POSITION, DriveState.FAULT)
+        assert int(cycle.feedback.fault[0]) == DriveFault.SETPOINT
+        assert drive.position[0] == 777
     finally:
         cycle.close()
 

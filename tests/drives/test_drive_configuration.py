@@ -42,7 +42,6 @@ def refusal(drive: str, axis: str = "", top: str = "") -> tuple[str, str, str]:
         (GOOD + "\nencoder = [4096, 1]", "encoder", "one of them"),
         (GOOD + "\ngear = [0, 1]", "gear", "invert"),
         (GOOD + "\nfeed = [3.0, 1]", "feed", "leave one of them out"),
-        (GOOD + '\nmode = "pp"', "mode", "csp"),
         (GOOD + '\nmode = "cst"', "mode", "G1040"),
         (GOOD + '\nmode = "csv"\nposition_gain = 500.0', "position_gain", "100 or less"),
         (GOOD + "\nrated_torque = -1.0", "rated_torque", "leave the key out"),

@@ -7,6 +7,7 @@ statusword, a mode or a command has changed.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -27,8 +28,9 @@ from mcserver.drives.bus import (
 )
 from mcserver.drives.cia402.frames import IncomingPdo, OutgoingPdo, frames_of
 from mcserver.drives.cia402.power_stage import PowerStage
+from mcserver.drives.cia402.profile_position import ProfilePosition, Refusal
 from mcserver.drives.cia402.scaling import TORQUE_LIMIT, PositionTracker, Scaling, wrapped
-from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS
+from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS, Controlword
 from mcserver.machine.machine_file import Axis
 
 # Cycles over which a velocity is taken from positions.
@@ -104,6 +106,11 @@ class Cia402Axes:
         self._wrong_lengths: dict[int, int] = {}
         self._speed_limit: Array = np.array([axis.max_velocity for axis in axes]) * 1.2
         self.stages = [_stage_of(axis, cycle_s) for axis in axes]
+        self._profiles = {
+            index: ProfilePosition(cycle_s, sends_speed=self._frames[index].has_profile_velocity)
+            for index, axis in enumerate(axes)
+            if axis.profiled
+        }
         refresh = [axis.drive.command_timeout_ms / 3e3 / cycle_s for axis in axes]
         self._refresh = max(1, min(SLOW_SYNCS, *(int(each) for each in refresh)))
         self._arrays(count)
@@ -331,10 +338,38 @@ class Cia402Axes:
         if self._needs_speed:
             self._nm[:] = setpoints.torque[local]
             self._fill_speeds()
+        if self._profiles:
+            self._step_profiles(setpoints)
         if self._any_fed_forward:
             self._fill_offsets(setpoints.torque[local])
         if self._any_loop:
             self._earlier[self._number % (DELAY_CYCLES + 1)] = wanted
+
+    def _step_profiles(self, setpoints: Setpoints) -> None:
+        """Goals of axes in profile position, which the drive goes to on its own profiles."""
+        for index, profile in self._profiles.items():
+            stage = self.stages[index]
+            if stage.mode is not Mode.PROFILE_POSITION or not stage.running or stage.capturing:
+                profile.reset()
+            else:
+                place = self.local[index]
+                goal = (float(setpoints.goal[place]) - self._zero[index]) * self._counts[index]
+                speed = float(setpoints.goal_speed[place]) * abs(self._speeds[index])
+                refusal = profile.step(
+                    None if math.isnan(goal) else round(goal),
+                    max(1, math.floor(min(speed, INT32))),
+                    int(self._status[index]),
+                    fresh=self._came[index] != 0,
+                )
+                if refusal is not None:
+                    following = refusal is Refusal.FOLLOWING
+                    self.fail(index, DriveFault.FOLLOWING if following else DriveFault.SETPOINT, refusal)
+            if stage.mode is Mode.PROFILE_POSITION:
+                enabled = stage.controlword == Controlword.ENABLE_OPERATION
+                self._controlword1[index] = stage.controlword | (profile.bits if enabled else 0)
+                self._controlword2[index] = self._controlword1[index]
+                self._target[index] = self._position[index] if profile.target is None else profile.target
+                self._speed[index] = profile.speed
 
     def _fill_offsets(self, torque: Array) -> None:
         """60B2h: the torque that the motion needs, while the axis follows positions; [N·m], shape (n,)."""
@@ -494,4 +529,5 @@ _BASE_MODES = {
     "csp": Mode.CYCLIC_POSITION,
     "csv": Mode.CYCLIC_VELOCITY,
     "ip": Mode.INTERPOLATED_POSITION,
+    "pp": Mode.PROFILE_POSITION,
 }

@@ -17,6 +17,7 @@ from mcserver.machine.machine_file import Axis
 AXIS_OFFSET = 0x800
 CONTROLWORD, MODE, TARGET_POSITION, INTERPOLATED = 0x6040, 0x6060, 0x607A, 0x60C1
 TARGET_VELOCITY, TARGET_TORQUE, TORQUE_OFFSET = 0x60FF, 0x6071, 0x60B2
+PROFILE_VELOCITY = 0x6081
 STATUSWORD, MODE_DISPLAY, POSITION, TORQUE = 0x6041, 0x6061, 0x6064, 0x6077
 
 # object → (which outgoing arena, first byte, bytes)
@@ -26,6 +27,7 @@ _OUT = {
     TARGET_POSITION: (1, 3, 4),
     INTERPOLATED: (1, 3, 4),
     TARGET_VELOCITY: (2, 2, 4),
+    PROFILE_VELOCITY: (2, 2, 4),  # no axis has both speeds
     TARGET_TORQUE: (2, 6, 2),
     TORQUE_OFFSET: (3, 0, 2),
 }
@@ -73,7 +75,8 @@ class AxisFrames:
     """The PDOs of one axis.
 
     Attributes:
-        usual: the first TPDO is the arena's own form. shows_mode: 6061h comes. has_mode: 6060h goes out.
+        usual: the first TPDO is the arena's own form. shows_mode: 6061h comes. has_mode: 6060h goes out,
+        has_profile_velocity: 6081h does.
     """
 
     rpdos: tuple[OutgoingPdo, ...]
@@ -81,6 +84,7 @@ class AxisFrames:
     usual: bool
     shows_mode: bool
     has_mode: bool
+    has_profile_velocity: bool
 
 
 def frames_of(axis: Axis) -> AxisFrames:
@@ -98,7 +102,7 @@ def frames_of(axis: Axis) -> AxisFrames:
     usual = usual and sum(pdo.essential for pdo in tpdos) == 1
     going = {_plain(mapped, offset) for pdo in data.rpdos for mapped in pdo.objects}
     coming = {_plain(mapped, offset) for pdo in data.tpdos for mapped in pdo.objects}
-    return AxisFrames(rpdos, tpdos, usual, MODE_DISPLAY in coming, MODE in going)
+    return AxisFrames(rpdos, tpdos, usual, MODE_DISPLAY in coming, MODE in going, PROFILE_VELOCITY in going)
 
 
 def usual_process_data(node: int, *, torque_offset: bool = False) -> ProcessData:

@@ -6,6 +6,7 @@ differences modulo 2³², so a position is right as long as an axis moves less t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,6 +87,25 @@ def homing_objects(axis: Axis) -> tuple[tuple[int, int, int], ...]:
         (0x6099, 2, max(1, round(homing.speed_zero * speed))),
         (0x609A, 0, max(1, round(homing.acceleration * abs(scale.counts_per_si) * unit))),
         (0x607C, 0, round(home)),
+    )
+
+
+def profile_objects(axis: Axis) -> tuple[tuple[int, int, int], ...]:
+    """(index, subindex, value) for the drive's own profiles: the axis's limits, rounded down; empty where it
+    does not make any.
+
+    6081h velocity, 6083h acceleration, 6084h deceleration, 6086h trapezoids, 605Dh a halt by a ramp.
+    """
+    if not axis.profiled:
+        return ()
+    scale = Scaling.of(axis)
+    acceleration = max(1, math.floor(axis.max_acceleration * abs(scale.counts_per_si)))
+    return (
+        (0x6081, 0, max(1, math.floor(axis.max_velocity * abs(scale.velocity_per_si)))),
+        (0x6083, 0, acceleration),
+        (0x6084, 0, acceleration),
+        (0x6086, 0, 0),
+        (0x605D, 0, 1),
     )
 
 

@@ -46,7 +46,7 @@ def axis_rows(setup: Setup) -> dict[int, AxisRow]:
         )
         for index, axis in setup.axes.items()
         # RS-274's feed counts X Y Z first (D-66): lines of other axes are left to the general reading
-        if index in setup.leased and (index <= 2 or setup.machine.dialect.reference)
+        if index in setup.leased and (index <= 2 or setup.machine.dialect.reference) and not axis.profiled
     }
 
 

@@ -14,7 +14,7 @@ from mcserver.units import AxisType
 
 
 def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
-    """Return the probing move of a line; None after a fault (MC118, MC121, MC155, MC201)."""
+    """Return the probing move of a line; None after a fault (MC118, MC121, MC138, MC155, MC201)."""
     modal = block.modal
     targets = _targets(block, action)
     # bare axis words behind it do not repeat it, nor what was in force before
@@ -65,6 +65,10 @@ def _targets(block: BlockState, action: Action) -> dict[int, float] | None:
             block.faults.add(
                 "MC155", f"axis {word.axis} is rotary: a probing move is a straight line", word.span, ""
             )
+            return None
+        if axis.profiled:
+            what = f"axis {word.axis} follows no path: its drive goes to points on profiles of its own"
+            block.faults.add("MC138", what, word.span, "probe with axes whose drives have csp or ip")
             return None
         if word.axis in found:
             block.faults.add(

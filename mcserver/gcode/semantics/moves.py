@@ -36,6 +36,20 @@ def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> R
     return RapidGroup(axes, tuple(target.end for target in targets), wait)
 
 
+def follow_paths(block: BlockState, targets: list[Target]) -> bool:
+    """Check that no axis of a coordinated motion goes to points on profiles that its drive makes itself."""
+    profiled = [target for target in targets if target.axis.profiled]
+    for target in profiled:
+        block.faults.add(
+            "MC138",
+            f"axis {target.axis.index} follows no path: its drive goes to points on profiles of its own",
+            block.span(target.word),
+            'move it by G00 or G1020 (mode = "pp" in the machine file)',
+            axis=target.axis.index,
+        )
+    return not profiled
+
+
 def line(block: BlockState, command: Command, words: Words) -> FeedMove | None:
     """Interpret G01: all axes share one path parameter (D-21)."""
     targets = resolve_targets(block, words.axes)
@@ -47,7 +61,7 @@ def line(block: BlockState, command: Command, words: Words) -> FeedMove | None:
     block.claim((target.axis.index for target in targets), command, _words(targets))
     for target in targets:
         block.end_at(target.axis.index, target.end)
-    if not targets:
+    if not targets or not follow_paths(block, targets):
         return None
     linear = [
         target.end - start
@@ -103,6 +117,8 @@ def _arc(
         return None
     axes = (*plane, *(target.axis.index for target in targets if target.axis.index not in plane))
     block.claim(plane, command, _words(targets))
+    if not follow_paths(block, targets):
+        return None
     if rotary or len(targets) < len(words.axes) or block.commanded.guessed.intersection(axes):
         return None
     starts = {axis: block.commanded.start(axis) for axis in axes}
