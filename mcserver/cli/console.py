@@ -17,6 +17,7 @@ from rich.text import Text
 from mcserver.cli.exit_codes import OutputFault
 from mcserver.errors import Diagnostic, McError, ProgramRejected, RuntimeFault
 from mcserver.gcode.render import render
+from mcserver.gcode.repeated import by_cause, further_lines
 from mcserver.machine.section_reader import MachineFileRejected
 
 MAX_SHOWN_DIAGNOSTICS = 100
@@ -61,17 +62,20 @@ def show_error(error: McError) -> None:
 
 
 def show_diagnostics(diagnostics: Sequence[Diagnostic], source_lines: Sequence[str], path: str) -> None:
-    """Faults of a program as a compiler would print them, on standard error."""
+    """Show faults of a program as a compiler would, each cause once, on standard error."""
     console = narration()
-    for diagnostic in diagnostics[:MAX_SHOWN_DIAGNOSTICS]:
+    causes = by_cause(diagnostics)
+    for diagnostic, lines in causes[:MAX_SHOWN_DIAGNOSTICS]:
         head, _, rest = render(diagnostic, source_lines, path).partition("\n")
         colour = "bold red" if diagnostic.severity == "error" else "bold yellow"
         console.print(Text(head, style=colour))
         if rest:
             console.print(Text(rest))
+        if lines:
+            console.print(Text(f"  = {further_lines(lines)}"))
         console.print()
-    if len(diagnostics) > MAX_SHOWN_DIAGNOSTICS:
-        console.print(f"… and {len(diagnostics) - MAX_SHOWN_DIAGNOSTICS} more; --json gives all of them")
+    if len(causes) > MAX_SHOWN_DIAGNOSTICS:
+        console.print(f"… and {len(causes) - MAX_SHOWN_DIAGNOSTICS} more; --json gives all of them")
 
 
 def as_diagnostics(error: McError) -> list[dict[str, Any]]:

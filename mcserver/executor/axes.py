@@ -246,7 +246,7 @@ class AxisBank:
     def follows(self) -> bool:
         """Whether axes are at their setpoints in the same exchange, and none changes its condition."""
         changing = self.starting | self.resetting | self.stopping | self.failed | self.dropped
-        by_itself = self.speed | self.torque_mode | self.homing
+        by_itself = self.torque_mode | self.homing
         return self.exact == self.all and not changing | by_itself and self.all_fresh
 
     def _lead_starting(self) -> None:

@@ -184,7 +184,9 @@ class Executor:
         """
         running = [slot for slot in self._used if slot.running]
         quiet = self._mailbox.changes == self._changes and self._mailbox.estop == self._estop_seen
-        if len(running) != 1 or not quiet or self.motions.mask or not self.bank.follows:
+        if len(running) != 1 or not quiet or not self.bank.follows:
+            return None
+        if self.motions.mask & ~(self.motions.speeding & self.bank.energized):
             return None
         if self._cycle.estop or self._reset_wanted or self._used[0] is not running[0]:
             return None
@@ -197,15 +199,21 @@ class Executor:
         driven = slot.playback.driven
         if len(rows) < LEAST_STRETCH or slot.playback.active & ~self.bank.energized:
             return None
+        turning = self.motions.steady(len(rows))
+        if turning is None:
+            return None
         setpoint = np.tile(self._row.setpoint, (len(rows), 1))
         actual = np.tile(self._row.actual, (len(rows), 1))
         setpoint[:, driven] = actual[:, driven] = ring.position[rows][:, driven]
+        for column, positions in turning.items():
+            setpoint[:, column] = actual[:, column] = positions
         count = self._supervision.within_travel(setpoint)
         if count < LEAST_STRETCH:
             return None
         setpoint, actual = setpoint[:count], actual[:count]
         lines = ring.row_line[rows[:count]].copy()
         slot.play_stretch(setpoint, time)
+        self.motions.skip(count)
         cycle = self._cycle
         for number in range(max(0, count - len(cycle.history)), count):
             cycle.history[(cycle.number + number) % len(cycle.history)] = actual[number]

@@ -14,8 +14,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
 
+from mcserver.executor.headroom import Array
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.machine.machine_file import Axis, Machine
 
@@ -284,6 +286,40 @@ class IndependentMotions:
             if motion.slot == slot:
                 mask |= _columns_of(motion)
         return mask
+
+    # ------------------------------------------------------------------ stretches
+
+    def steady(self, count: int) -> dict[int, Array] | None:
+        """Return the setpoints of the next cycles where nothing but steady speeds moves; None otherwise.
+
+        Returns:
+            By column, shape (count,), the same to the bit as `advance` would set them.
+        """
+        found: dict[int, Array] = {}
+        for column, motion in self._motions.items():
+            axis = self._axes[column]
+            bounded = math.isfinite(axis.min_position) or math.isfinite(axis.max_position)
+            changing = motion.elapsed < motion.duration or motion.followers or motion.lost
+            if motion.kind is not MotionKind.SPEED or bounded or changing:
+                return None
+            position, velocity = motion.final
+            found[column] = position + velocity * (self._elapsed(motion, count) - motion.duration)
+        return found
+
+    def skip(self, count: int) -> None:
+        """Let cycles pass on motions that are `steady`."""
+        self.ended = 0
+        self._left.clear()
+        self.limited.clear()
+        for motion in self._motions.values():
+            motion.elapsed = float(self._elapsed(motion, count)[-1])
+            self._set(motion, *motion.at(motion.elapsed)[:2])
+
+    def _elapsed(self, motion: Motion, count: int) -> Array:
+        """Time on the trajectory in each of the next cycles, shape (count,) [s], summed one by one."""
+        steps = np.full(count + 1, self._cycle)
+        steps[0] = motion.elapsed
+        return np.asarray(np.add.accumulate(steps)[1:])
 
     # ------------------------------------------------------------------ the cycle
 

@@ -33,6 +33,20 @@ G1030 [4]0
 G01 X0
 """
 
+SPINDLE = """G1010
+G1030 [4]20
+G94 G01 X10 Y5 F3000
+X20 Y5
+G02 X30 Y-5 I0 J-10
+G1030 [4]-30
+G01 X0 Y0 F6000
+G04 P0.2
+X9 Y-3
+G00 X0
+G1030 [4]0
+G01 X3
+"""
+
 
 def machine(drive: str, travel: str = "") -> Machine:
     text = '[machine]\nname = "test"\n[motion]\npath_tolerance_mm = 0.02\n'
@@ -83,6 +97,17 @@ def test_stretches_are_the_same_to_the_bit_as_cycle_by_cycle(monkeypatch: pytest
     assert_same(first, second)
     assert second.recording is not None
     assert played > 0.5 * len(second.recording.time_s)
+
+
+def test_a_turning_spindle_is_the_same_to_the_bit_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(globals(), "PROGRAM", SPINDLE)
+    first, second, played = both(machine("ideal"), monkeypatch)
+    assert first.exit_code == 0
+    assert_same(first, second)
+    assert second.recording is not None
+    assert played > 0.5 * len(second.recording.time_s)
+    turned = np.abs(second.recording.setpoint[:, 4]).max()
+    assert turned > 50.0
 
 
 def test_drives_with_a_lag_are_simulated_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from rich.text import Text
 
 from mcclient.cli.output import narration
+from mcclient.cli.repeated import by_cause, further_lines
 from mcclient.types import Diagnostic
 
 MAX_SHOWN = 100
@@ -38,14 +39,17 @@ def render(diagnostic: Diagnostic, text: str | None, path: str) -> str:
 
 
 def show_diagnostics(diagnostics: Sequence[Diagnostic], text_of: TextOf, path: str) -> None:
-    """All of them on standard error."""
+    """Show each cause once, on standard error."""
     console = narration()
-    for diagnostic in diagnostics[:MAX_SHOWN]:
+    causes = by_cause(diagnostics)
+    for diagnostic, lines in causes[:MAX_SHOWN]:
         head, _, rest = render(diagnostic, text_of(diagnostic.line), path).partition("\n")
         console.print(Text(head, style="bold red" if diagnostic.severity == "error" else "bold yellow"))
         console.print(Text(rest))
-    if len(diagnostics) > MAX_SHOWN:
-        console.print(f"… and {len(diagnostics) - MAX_SHOWN} more; --json gives all of them")
+        if lines:
+            console.print(Text(f"  = {further_lines(lines)}"))
+    if len(causes) > MAX_SHOWN:
+        console.print(f"… and {len(causes) - MAX_SHOWN} more; --json gives all of them")
 
 
 def _excerpt(line: str, column: int, end_column: int) -> tuple[str, int, int]:

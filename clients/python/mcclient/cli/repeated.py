@@ -1,0 +1,37 @@
+"""Diagnostics that have one cause are shown once, with the number of the other lines."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from mcclient.types import Diagnostic
+
+# a measure, not the number of a code or an axis word: M73 and M107 are two causes
+_MEASURE = re.compile(r"(?<![A-Za-z\[0-9.])[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
+SHOWN_LINES = 4
+
+
+def by_cause(diagnostics: Sequence[Diagnostic]) -> list[tuple[Diagnostic, list[int]]]:
+    """Return the first diagnostic of each cause with the further lines that have it, in order.
+
+    One cause is one code whose messages differ in measures only, and one axis.
+    """
+    causes: dict[tuple[str, str, int | None, str], tuple[Diagnostic, list[int]]] = {}
+    for each in diagnostics:
+        shape = _MEASURE.sub("#", each.message)
+        first, lines = causes.setdefault((each.code, each.severity, each.axis, shape), (each, []))
+        if each.line not in (first.line, lines[-1] if lines else 0):
+            lines.append(each.line)
+    return list(causes.values())
+
+
+def further_lines(lines: Sequence[int]) -> str:
+    """Name the further lines of a cause; empty where there are none."""
+    if not lines:
+        return ""
+    shown = ", ".join(str(line) for line in lines[:SHOWN_LINES])
+    if len(lines) > SHOWN_LINES:
+        shown += f" … {lines[-1]}"
+    count = "1 more line" if len(lines) == 1 else f"{len(lines)} more lines"
+    return f"and on {count}: {shown}"

@@ -1,0 +1,68 @@
+"""A cause that comes on many lines is shown once, by the server's commands and by the client's alike."""
+
+from __future__ import annotations
+
+import mcclient.cli.repeated
+import pytest
+from mcclient.types import Diagnostic as WireDiagnostic
+
+from mcserver.errors import Diagnostic
+from mcserver.gcode.program_check import check_program
+from mcserver.gcode.repeated import by_cause, further_lines
+from mcserver.machine.machine_file import load_machine
+
+
+def fault(code: str, line: int, message: str, axis: int | None = None) -> Diagnostic:
+    return Diagnostic(code=code, message=message, line=line, axis=axis)
+
+
+def test_messages_that_differ_in_measures_have_one_cause() -> None:
+    found = [
+        fault("MC201", line, f"axis 0 goes to {line}.5 mm, beyond its travel", 0) for line in range(2, 99)
+    ]
+    ((first, lines),) = by_cause(found)
+    assert (first.line, lines) == (2, list(range(3, 99)))
+    assert further_lines(lines) == "and on 96 more lines: 3, 4, 5, 6 … 98"
+
+
+def test_codes_axes_and_severities_are_causes_of_their_own() -> None:
+    found = [
+        fault("MC110", 1, "M73 is not a code"),
+        fault("MC110", 2, "M107 is not a code"),
+        fault("MC201", 3, "axis 0 goes to 5 mm", 0),
+        fault("MC201", 4, "axis 1 goes to 5 mm", 1),
+        fault("MC110", 5, "M73 is not a code"),
+    ]
+    assert [(first.line, lines) for first, lines in by_cause(found)] == [(1, [5]), (2, []), (3, []), (4, [])]
+    assert further_lines([5]) == "and on 1 more line: 5"
+    assert further_lines([]) == ""
+
+
+def test_a_line_with_two_faults_of_one_cause_is_counted_once() -> None:
+    found = [fault("MC103", line, "J is not a word") for line in (1, 1, 2, 2)]
+    assert [(first.line, lines) for first, lines in by_cause(found)] == [(1, [2])]
+
+
+def test_a_long_file_with_one_mistake_on_each_line_is_told_once() -> None:
+    found = check_program("G1 X1 Y1 F100\nG1 XO\n" * 300, load_machine("cartesian"))
+    assert len(found) >= 300
+    assert len(by_cause(found)) == 1
+
+
+@pytest.mark.parametrize("lines", [[], [4], [4, 5, 6, 7, 8]])
+def test_the_client_says_the_same(lines: list[int]) -> None:
+    assert mcclient.cli.repeated.further_lines(lines) == further_lines(lines)
+    found = [
+        WireDiagnostic(
+            code="MC101",
+            severity="error",
+            message=f"at {line} mm",
+            line=line,
+            column=0,
+            end_column=0,
+            hint="",
+        )
+        for line in [2, *lines]
+    ]
+    ((first, further),) = mcclient.cli.repeated.by_cause(found)
+    assert (first.line, further) == (2, lines)
