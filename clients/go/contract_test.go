@@ -63,7 +63,7 @@ var readers = map[string]func([]byte) (any, error){
 	"OutputStatus": reader[OutputStatus], "LimitsInfo": reader[LimitsInfo], "LineReport": reader[LineReport], "MachineStatus": reader[MachineStatus],
 	"OpenReply": reader[OpenReply], "ProbeStatus": reader[ProbeStatus], "ProgramStatus": reader[ProgramStatus], "ProgramsReply": reader[ProgramsReply],
 	"SubmitReply": reader[SubmitReply], "TelemetryInfo": reader[TelemetryInfo], "ToolInfo": reader[ToolInfo],
-	"ToolPose": reader[ToolPose], "WireDiagnostic": reader[Diagnostic],
+	"ToolPose": reader[ToolPose], "WireDiagnostic": reader[Diagnostic], "WorkOffset": reader[WorkOffset],
 }
 
 func asJSON(value reflect.Value) any {

@@ -154,6 +154,14 @@ type MachineStatus struct {
 	Inputs     []InputStatus   `msgpack:"inputs"`
 	Outputs    []OutputStatus  `msgpack:"outputs"`
 	Probe      *ProbeStatus    `msgpack:"probe"`
+	// WorkOffsets are the work coordinate systems that were set.
+	WorkOffsets []WorkOffset `msgpack:"work_offsets"`
+}
+
+// WorkOffset is the origin of a work coordinate system such as G54, by axis number [mm, deg].
+type WorkOffset struct {
+	System string             `msgpack:"system" mc:"required"`
+	Origin map[string]float64 `msgpack:"origin" mc:"required"`
 }
 
 // LineReport is the time of one line that has ended; StretchedBy is actual/requested, BoundBy the limit that bound it.

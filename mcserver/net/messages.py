@@ -59,6 +59,9 @@ from mcserver.service.reports import (
 from mcserver.service.reports import (
     WireDiagnostic as WireDiagnostic,
 )
+from mcserver.service.reports import (
+    WorkOffset as WorkOffset,
+)
 
 PROTOCOL_VERSION = 1
 ENCODING = "application/msgpack"

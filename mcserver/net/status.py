@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from importlib import metadata
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.machine_kinematics import build_kinematics
@@ -25,6 +27,7 @@ from mcserver.net.messages import (
     TelemetryInfo,
     ToolInfo,
     ToolPose,
+    WorkOffset,
 )
 from mcserver.planning.line_buffer import MAX_LINE_LENGTH
 from mcserver.service.leases import EXECUTOR_SLOTS
@@ -54,6 +57,20 @@ class EdgeUnits:
         """Where each tool is with the axes at ``position``, shape (K,) [SI]."""
         poses = {tool: self._poses.of(tool, position[np.newaxis])[0] for tool in self._poses.numbers}
         return [ToolPose(tool, pose[:3].tolist(), pose[3:].tolist()) for tool, pose in poses.items()]
+
+    def work_offsets(self, systems: Mapping[int, Mapping[int, float]]) -> list[WorkOffset]:
+        """Name the work coordinate systems that were set, their origins in mm and deg."""
+        scale = dict(zip(self.index, self.scale.tolist(), strict=True))
+        found = []
+        for name, number in SYSTEM_NUMBERS.items():
+            origin = {
+                str(axis): value * scale[axis]
+                for axis, value in sorted(systems.get(number, {}).items())
+                if axis in scale
+            }
+            if origin:
+                found.append(WorkOffset(name, origin))
+        return found
 
     def rows(self, cycles: Cycles) -> NDArray[np.float32]:
         """Telemetry of some cycles: shape (n, K, 4), the fields of `TELEMETRY_FIELDS`."""
@@ -91,6 +108,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         late_cycles=snapshot.late_cycles,
         tools=units.tools(snapshot.position),
         probe=service.probe,
+        work_offsets=units.work_offsets(service.work_systems),
         inputs=service.channels.inputs(snapshot),
         outputs=service.channels.outputs(snapshot),
     )

@@ -198,6 +198,18 @@ class ProbeStatus(msgspec.Struct, frozen=True):
     t: float
 
 
+class WorkOffset(msgspec.Struct, frozen=True):
+    """The origin of a work coordinate system.
+
+    Attributes:
+        system: such as ``G54``. origin: where the axes read zero, by number [mm, deg]; an axis
+            that is left out reads as the machine does.
+    """
+
+    system: str
+    origin: dict[str, float]
+
+
 class MachineStatus(msgspec.Struct, frozen=True):
     """Payload of ``tele/state`` and reply of ``status``.
 
@@ -206,6 +218,7 @@ class MachineStatus(msgspec.Struct, frozen=True):
         override: machine-wide feed override [%].
         late_cycles: cycles that began too late, since the start.
         inputs, outputs: those of the machine file, in the order of ``info``.
+        work_offsets: systems that were set, in which the next program starts (G54 is in force then).
     """
 
     t: float
@@ -221,6 +234,7 @@ class MachineStatus(msgspec.Struct, frozen=True):
     inputs: list[InputStatus] = []
     outputs: list[OutputStatus] = []
     probe: ProbeStatus | None = None
+    work_offsets: list[WorkOffset] = []
 
 
 class LineReport(msgspec.Struct, frozen=True, omit_defaults=True):

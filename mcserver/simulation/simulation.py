@@ -42,7 +42,7 @@ _ENERGIZED = (
 )
 
 
-@dataclass
+@dataclass(slots=True)
 class LineRecord:
     """What is known of one line that took time."""
 
@@ -304,7 +304,8 @@ class _Run:
 
     def _report(self, warnings: list[Diagnostic]) -> dict[str, Any]:
         lines = []
-        for record in sorted(self._order, key=lambda each: (each.start, each.line)):
+        self._order.sort(key=lambda each: (each.start, each.line))
+        for record in self._order:
             if not record.end > record.start:
                 continue
             actual = record.end - record.start

@@ -133,6 +133,14 @@ class ProbeStatus:
 
 
 @dataclass(frozen=True, slots=True)
+class WorkOffset:
+    """The origin of a work coordinate system such as ``G54``, by axis number [mm, deg]."""
+
+    system: str
+    origin: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
 class ToolPose:
     """Where a tool's frame is: [x, y, z] in mm, [a, b, c] in deg."""
 
@@ -179,6 +187,7 @@ class MachineStatus:
     inputs: tuple[InputStatus, ...] = ()
     outputs: tuple[OutputStatus, ...] = ()
     probe: ProbeStatus | None = None
+    work_offsets: tuple[WorkOffset, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

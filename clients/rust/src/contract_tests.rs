@@ -19,7 +19,7 @@ use crate::messages::{
     LineReport, MachineStatus, MonitoredValue, OpenReply, OutputInfo, OutputStatus, OverrideReply,
     ProbeStatus, ProgramStatus, ProgramsReply, RunArmedReply, RunPath, RunPreviewReply, RunRequestReply,
     RunRequestStatus, RunRequestsReply, SdoReply, SubmitReply, TelemetryBlock, TelemetryInfo, ToolInfo,
-    ToolPath, ToolPose,
+    ToolPath, ToolPose, WorkOffset,
 };
 use crate::telemetry::decode_samples;
 use crate::window::Bounds;
@@ -148,6 +148,7 @@ fn reader_of(message: &str) -> Option<Read> {
         "ToolInfo" => reader::<ToolInfo>,
         "ToolPose" => reader::<ToolPose>,
         "WireDiagnostic" => reader::<Diagnostic>,
+        "WorkOffset" => reader::<WorkOffset>,
         _ => return None,
     })
 }

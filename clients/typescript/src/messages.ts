@@ -38,11 +38,15 @@ export interface OutputStatus { name: string; value: number; set_by: string; }
 
 export interface ProbeStatus { program: string; line: number; tripped: boolean; positions: Record<string, number>; t: number; }
 
+/** The origin of a work coordinate system such as G54: by axis number, mm or deg. */
+export interface WorkOffset { system: string; origin: Record<string, number>; }
+
 export interface MachineStatus {
   t: number; wall: number; instance: string; state: "ready" | "fault" | "estop"; axes: AxesStatus;
   programs: ProgramStatus[]; faults: Fault[]; override: number; late_cycles: number;
   probe?: ProbeStatus | null;
   inputs: InputStatus[]; outputs: OutputStatus[];
+  work_offsets?: WorkOffset[];
 }
 
 export interface MotionEvent {

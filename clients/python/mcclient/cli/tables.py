@@ -41,6 +41,8 @@ def machine_view(
 ) -> RenderableType:
     """The whole machine; ``rows``: how many axes are shown at most."""
     parts: list[RenderableType] = [_headline(name, status, online), _axes_table(info, status, rows)]
+    if status.work_offsets:
+        parts.append(_work_offsets(info, status))
     if status.tools:
         parts.append(_tools_table(status))
     living = [program for program in status.programs if program.ended_at is None]
@@ -72,6 +74,10 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
     homing = {axis.index for axis in info.axes if axis.homing is not None} if axes.homed else set()
     if homing:
         table.add_column("homed")
+    # where a program's words would put the axes: every program starts in G54
+    work = next((each.origin for each in status.work_offsets if each.system == "G54"), {})
+    if work:
+        table.add_column("in G54", justify="right", min_width=11)
     count = len(axes.index) if rows is None else min(rows, len(axes.index))
     for row in range(count):
         unit = units.get(axes.index[row], "")
@@ -85,6 +91,9 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
         ]
         if homing:
             cells.append(_homed_text(axes.index[row] in homing, homed=axes.homed[row]))
+        if work:
+            origin = work.get(str(axes.index[row]))
+            cells.append("" if origin is None else f"{axes.position[row] - origin:.3f}")
         table.add_row(*cells)
     if count < len(axes.index):
         table.add_row("…", f"{len(axes.index) - count} more")
@@ -95,6 +104,21 @@ def _homed_text(needed: bool, *, homed: bool) -> Text:
     if not needed:
         return Text("")
     return Text("yes", style="green") if homed else Text("no", style="yellow")
+
+
+def _work_offsets(info: Info, status: MachineStatus) -> Table:
+    """Where each work coordinate system reads zero."""
+    units = {axis.index: axis.unit for axis in info.axes}
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("system", no_wrap=True)
+    table.add_column("reads zero at")
+    for each in status.work_offsets:
+        places = (
+            f"axis {axis} {value:.3f} {units.get(int(axis), '')}".rstrip()
+            for axis, value in each.origin.items()
+        )
+        table.add_row(each.system, ", ".join(places))
+    return table
 
 
 def _tools_table(status: MachineStatus) -> Table:

@@ -83,6 +83,18 @@ pub struct MachineStatus {
     /// The last probing move that has ended.
     #[serde(default)]
     pub probe: Option<ProbeStatus>,
+    /// Work coordinate systems that were set.
+    #[serde(default)]
+    pub work_offsets: Vec<WorkOffset>,
+}
+
+/// The origin of a work coordinate system.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WorkOffset {
+    /// Such as `G54`.
+    pub system: String,
+    /// Where it reads zero, by axis number [mm, deg].
+    pub origin: BTreeMap<String, f64>,
 }
 
 /// Time of one line that has ended.

@@ -20,7 +20,7 @@ pub use channels::{InputInfo, InputStatus, OutputInfo, OutputStatus};
 pub use drives::{DriveInfo, DrivesReply, MonitoredValue, SdoReply, SdoValue};
 pub use machine::{
     AxesStatus, AxisInfo, CheckResult, Event, EventPage, Info, LimitsInfo, LineReport, MachineStatus,
-    ProbeStatus, TelemetryInfo, ToolInfo, ToolPose,
+    ProbeStatus, TelemetryInfo, ToolInfo, ToolPose, WorkOffset,
 };
 pub use program::{
     Ack, CloseReply, Diagnostic, Done, Edit, ErrorReply, Fault, JogReply, OnDisconnect, OpenReply,

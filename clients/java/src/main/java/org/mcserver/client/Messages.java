@@ -60,7 +60,10 @@ public final class Messages {
             double t, double wall, String instance, String state, AxesStatus axes, @Sparse List<ProgramStatus> programs,
             @Sparse List<Fault> faults,
             @Sparse("100") double override, @Sparse long lateCycles, @Sparse List<ToolPose> tools, @Sparse List<InputStatus> inputs,
-            @Sparse List<OutputStatus> outputs, @Sparse ProbeStatus probe) {}
+            @Sparse List<OutputStatus> outputs, @Sparse ProbeStatus probe, @Sparse List<WorkOffset> workOffsets) {}
+
+    /** The origin of a work coordinate system such as G54, by axis number [mm, deg]. */
+    public record WorkOffset(String system, Map<String, Double> origin) {}
 
     /** An input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now. */
     public record InputStatus(String name, double value, @Sparse boolean holds, @Sparse boolean stops) {}
