@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+# Gravity where Z is up [m/s²].
+EARTH = (0.0, 0.0, -9.81)
+
 
 class JointKind(Enum):
     """What an axis moves."""
@@ -36,12 +39,29 @@ class AxisDescription(Protocol):
     def max_position(self) -> float: ...
     @property
     def initial_position(self) -> float: ...
+    @property
+    def max_torque(self) -> float | None:
+        """Greatest torque of its joint [N·m, N]; infinite: not limited; None: the URDF's effort."""
+
+
+class PayloadDescription(Protocol):
+    """What a tool carries: mass [kg], its centre in the axes of the tool's frame [m], and its inertia about
+    that centre, ixx, iyy, izz, ixy, ixz, iyz [kg·m²].
+    """
+
+    @property
+    def mass(self) -> float: ...
+    @property
+    def center(self) -> tuple[float, float, float]: ...
+    @property
+    def inertia(self) -> tuple[float, float, float, float, float, float]: ...
 
 
 class ToolDescription(Protocol):
     """A tool: a frame of the URDF, the axes of its chain from the base on, and what of a pose it keeps.
 
-    ``offset`` is in m in the frame's own axes; ``euler`` names the order of A B C.
+    ``offset`` is in m in the frame's own axes; ``euler`` names the order of A B C; ``posture`` is where the
+    axes of a chain with joints to spare had best be [rad or m], None without a preference.
     """
 
     @property
@@ -56,10 +76,16 @@ class ToolDescription(Protocol):
     def euler(self) -> str: ...
     @property
     def offset(self) -> tuple[float, float, float]: ...
+    @property
+    def payload(self) -> PayloadDescription | None: ...
+    @property
+    def posture(self) -> tuple[float, ...] | None: ...
 
 
 class MachineDescription(Protocol):
-    """Axes, tools and the URDF's path; tolerances of a tool's path in m and rad."""
+    """Axes, tools and the URDF's path; tolerances of a tool's path in m and rad; gravity in the base frame
+    [m/s²].
+    """
 
     @property
     def urdf(self) -> str | None: ...
@@ -71,6 +97,8 @@ class MachineDescription(Protocol):
     def tool_tolerance(self) -> float: ...
     @property
     def tool_tolerance_angle(self) -> float: ...
+    @property
+    def gravity(self) -> tuple[float, float, float]: ...
 
 
 @dataclass(frozen=True)
@@ -82,6 +110,16 @@ class JointAxis:
     min_position: float = -math.inf
     max_position: float = math.inf
     initial_position: float = 0.0
+    max_torque: float | None = math.inf
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A `PayloadDescription`."""
+
+    mass: float
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -94,6 +132,8 @@ class ToolFrame:
     orientation: bool = False
     euler: str = "ZYX"
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    payload: Payload | None = None
+    posture: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -105,3 +145,4 @@ class Robot:
     tools: tuple[ToolFrame, ...]
     tool_tolerance: float = 1e-5
     tool_tolerance_angle: float = 1e-4
+    gravity: tuple[float, float, float] = EARTH

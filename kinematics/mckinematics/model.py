@@ -114,7 +114,7 @@ def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDe
     """
     pinocchio = import_pinocchio()
     model = robot.pinocchio_model
-    frame = model.frames[_frame_id(pinocchio, robot, tool)]
+    frame = model.frames[frame_id(pinocchio, robot, tool)]
     joints = [int(joint) for joint in model.supports[frame.parentJoint] if joint != 0]
     names = tuple(model.names[joint] for joint in joints)
     if len(joints) != len(tool.axes):
@@ -174,7 +174,12 @@ def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDe
     )
 
 
-def _frame_id(pinocchio: Any, robot: RobotModel, tool: ToolDescription) -> int:
+def frame_id(pinocchio: Any, robot: RobotModel, tool: ToolDescription) -> int:
+    """Return the index of a tool's frame.
+
+    Raises:
+        ModelError: there is none of that name.
+    """
     # a link and a joint may share a name: the link is meant
     model = robot.pinocchio_model
     for kind in (pinocchio.FrameType.BODY, pinocchio.FrameType.FIXED_JOINT, pinocchio.FrameType.JOINT):

@@ -56,14 +56,15 @@ def joint_slope(tool: ToolModel, joints: Array, jacobians: Array, rates: Array, 
     Args:
         joints: shape (n, K). jacobians: shape (n, rows, K). rates: shape (n, rows), of the tool.
         aside: how strongly the joints are moved away from their limits where that does not move the tool
-            (Liégeois); 0: not at all.
+            (`ToolModel.spare_goal`); 0: not at all.
 
     Returns:
         Shape (n, K).
     """
-    if aside == 0.0:
+    goal = tool.spare_goal(joints, aside)
+    if goal is None:
         return joint_step(tool, jacobians, rates)
-    spare = aside * tool.tool_speed(rates)[:, None] * tool.limit_gradient(joints)
+    spare = tool.tool_speed(rates)[:, None] * goal
     return joint_step(tool, jacobians, rates - (jacobians @ spare[..., None])[..., 0]) + spare
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from mckinematics.dynamics import JointDynamics
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -65,6 +68,10 @@ class Kinematics(Protocol):
     @property
     def tools(self) -> tuple[int, ...]:
         """Numbers of the configured tools, sorted."""
+
+    @property
+    def dynamics(self) -> JointDynamics | None:
+        """Torques of the tools' joints; None where they are not known."""
 
     def axes(self, tool: int) -> tuple[int, ...]:
         """Axis numbers of the tool's chain, in order."""

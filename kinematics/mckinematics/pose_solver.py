@@ -6,9 +6,10 @@ import numpy as np
 
 from mckinematics import refusal
 from mckinematics.errors import KinematicsError
+from mckinematics.newton import newton
 from mckinematics.pose import Array
 from mckinematics.search import ITERATIONS, Found, search, unwind, within_limits
-from mckinematics.tool import Targets, ToolModel
+from mckinematics.tool import RANK_THRESHOLD, Targets, ToolModel
 
 # a solution from the joints' own place that goes no further than this is taken at once [rad]
 NATURAL_TRAVEL = 1.5
@@ -22,9 +23,43 @@ NEAR_ITERATIONS = 20
 # after as many, the places that go on to their end
 FINALISTS = 6
 HELD_WEIGHT = 100.0
+# steps towards a posture, the longest change of a joint in one, and the one that is the last [rad, or m per
+# metre of reach]
+POSTURE_STEPS, LONGEST_SPARE_MOVE, POSTURE_TAKEN = 60, 0.3, 1e-4
 
 
 def solve_target(tool: ToolModel, target: Targets, joints: Array) -> Array:
+    """Joint positions, shape (K,), for one pose within the limits, nearest to ``joints``; of a chain with a
+    posture as near to that as can be reached from there.
+
+    Raises:
+        JointLimit, Unreachable: as `_solve_target`.
+    """
+    found = _solve_target(tool, target, joints)
+    return found if tool.posture is None else _take_posture(tool, target, found, tool.posture)
+
+
+def _take_posture(tool: ToolModel, target: Targets, joints: Array, posture: Array) -> Array:
+    """Move joints (K,) to spare towards the posture, the tool staying where it is and all within limits."""
+    share = 1.0
+    for _ in range(POSTURE_STEPS):
+        jacobian = tool.linearise(joints[None], target)[1]
+        goal = (posture - joints) / tool.unit
+        scaled = jacobian[0] * tool.unit
+        within = goal - np.linalg.pinv(scaled, rcond=RANK_THRESHOLD) @ (scaled @ goal)
+        move = share * within * min(1.0, LONGEST_SPARE_MOVE / max(float(np.abs(within).max()), 1e-300))
+        if np.abs(move).max() < POSTURE_TAKEN:
+            break
+        corrected, reached = newton(tool, (joints + move * tool.unit)[None], target)
+        nearer = _travel(tool, corrected[0], posture) < _travel(tool, joints, posture)
+        if reached[0] and nearer and within_limits(tool, corrected)[0]:
+            joints, share = corrected[0], min(1.0, 2.0 * share)
+        else:
+            share *= 0.5
+    return joints
+
+
+def _solve_target(tool: ToolModel, target: Targets, joints: Array) -> Array:
     """Joint positions, shape (K,), for one pose within the limits, nearest to ``joints``.
 
     Raises:

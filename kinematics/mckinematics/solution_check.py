@@ -8,7 +8,9 @@ from typing import Literal
 import numpy as np
 
 from mckinematics.description import MachineDescription
+from mckinematics.dynamics import JointDynamics
 from mckinematics.errors import ModelError
+from mckinematics.model import RobotModel
 from mckinematics.search import LIMIT_SLACK
 from mckinematics.solver import build_machine_tool, load_machine_model, refuse_shared_joints
 from mckinematics.text import joint_text
@@ -63,7 +65,28 @@ def check_machine(machine: MachineDescription) -> tuple[Finding, ...]:
         findings.append(_finding(error))
     for model in tools:
         findings += _start_findings(machine, model)
+    if not any(finding.severity == "error" for finding in findings):
+        findings += _torque_findings(machine, robot, tools)
     return tuple(findings)
+
+
+def _torque_findings(machine: MachineDescription, robot: RobotModel, tools: list[ToolModel]) -> list[Finding]:
+    try:
+        dynamics = JointDynamics(robot, machine, {tool.number: tool for tool in tools})
+    except ModelError as error:
+        return [_finding(error)]
+    start = {axis.index: axis.initial_position for axis in machine.axes}
+    torques = dynamics.at_rest(np.array([[start[axis] for axis in dynamics.axes]]))[0]
+    return [
+        Finding(
+            f"axis {axis} needs {abs(torque):.4g} N·m to hold its start still, of {limit:.4g}",
+            "start elsewhere, or with less payload: motion from there will be refused",
+            axis=axis,
+            severity="warning",
+        )
+        for axis, torque, limit in zip(dynamics.axes, torques.tolist(), dynamics.limits.tolist(), strict=True)
+        if abs(torque) > limit
+    ]
 
 
 def _finding(error: ModelError) -> Finding:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from mckinematics.description import MachineDescription, ToolDescription
+from mckinematics.dynamics import JointDynamics
 from mckinematics.errors import ModelError
 from mckinematics.model import RobotModel, build_chain, load_model
 from mckinematics.path_solver import solve_tool_path
@@ -28,15 +29,22 @@ class MachineKinematics:
 
     def __init__(self, machine: MachineDescription) -> None:
         self._tools: dict[int, ToolModel] = {}
+        self._dynamics: JointDynamics | None = None
         if machine.tools:
             robot = load_machine_model(machine)
             self._tools = {tool.number: build_machine_tool(robot, tool, machine) for tool in machine.tools}
             refuse_shared_joints(self._tools.values())
+            self._dynamics = JointDynamics(robot, machine, self._tools)
 
     @property
     def tools(self) -> tuple[int, ...]:
         """Numbers of the configured tools, sorted."""
         return tuple(sorted(self._tools))
+
+    @property
+    def dynamics(self) -> JointDynamics | None:
+        """Torques of the tools' joints; None without tools."""
+        return self._dynamics
 
     def tool(self, number: int) -> ToolModel:
         """The tool's model.
@@ -127,6 +135,7 @@ def build_machine_tool(robot: RobotModel, tool: ToolDescription, machine: Machin
         euler=tool.euler,
         tolerance=machine.tool_tolerance,
         tolerance_angle=machine.tool_tolerance_angle,
+        posture=tool.posture,
     )
 
 

@@ -11,11 +11,15 @@ from mckinematics.chain import Chain
 from mckinematics.errors import ModelError
 from mckinematics.pose import Array, BoolArray, Pose
 from mckinematics.rotation import euler_to_matrix, rotation_vectors
+from mckinematics.text import joint_text
 
 # joint positions tried from when the one asked for leads nowhere; deterministic
 SEED_COUNT = 96
 # a singular value below this share counts as zero when the generic rank is judged
 RANK_THRESHOLD = 1e-6
+# how quickly joints to spare go to their posture: while the tool travels its reach, or turns by a radian,
+# what is left to it falls to exp(-this)
+POSTURE_PULL = 1.0
 # share of the tolerance that a chain with too few joints may stay off
 LOOSE_SHARE = 0.5
 
@@ -45,6 +49,7 @@ class ToolModel:
         seeds: shape (SEED_COUNT, K), positions within the joint limits to restart from.
         residual_tolerance: [m], and residual_tolerance_angle [rad]: how near counts as reached.
         tolerance [m], tolerance_angle [rad]: how far the tool may be off its path (D-54).
+        posture: shape (K,), where the joints of a chain with some to spare had best be; None: anywhere.
     """
 
     number: int
@@ -58,6 +63,7 @@ class ToolModel:
     residual_tolerance_angle: float
     tolerance: float
     tolerance_angle: float
+    posture: Array | None = None
 
     @property
     def rows(self) -> int:
@@ -131,6 +137,16 @@ class ToolModel:
         beyond = np.clip(2.0 * np.abs(share) - 1.0, 0.0, 1.5)
         return np.asarray(-np.sign(share) * half * beyond, dtype=np.float64)
 
+    def spare_goal(self, joints: Array, aside: float) -> Array | None:
+        """Where to move joints (n, K) that are to spare, by the tool's travel over its reach, shape (n, K).
+
+        Towards the posture, and ``aside`` from limits (Liégeois); None: nowhere.
+        """
+        if self.posture is None:
+            return None if aside == 0.0 else aside * self.limit_gradient(joints)
+        goal: Array = POSTURE_PULL * (self.posture - joints)
+        return goal + aside * self.limit_gradient(joints) if aside else goal
+
     def tool_speed(self, rates: Array) -> Array:
         """Sizes of rates of the tool (n, rows) without units, shape (n,) [1]: lengths over the reach."""
         return np.asarray(np.linalg.norm(self._without_lengths(rates), axis=1), dtype=np.float64)
@@ -160,11 +176,12 @@ def build_tool(
     euler: str,
     tolerance: float,
     tolerance_angle: float,
+    posture: tuple[float, ...] | None = None,
 ) -> ToolModel:
     """A tool over its chain; ``tolerance`` [m] and ``tolerance_angle`` [rad] as in D-54.
 
     Raises:
-        ModelError: the chain cannot move the tool at all.
+        ModelError: the chain cannot move the tool at all, or its posture is none that it can take.
     """
     seeds = _seeds(chain)
     rows = 6 if orientation else 3
@@ -177,6 +194,8 @@ def build_tool(
             "give the tool an offset from its joints' axes, or another frame",
             tool=number,
         )
+    if posture is not None:
+        _refuse_posture(number, chain, rank, np.array(posture))
     # a chain that cannot move freely meets a pose typed with a few decimals only nearly
     loose = rank < rows
     return ToolModel(
@@ -191,7 +210,36 @@ def build_tool(
         residual_tolerance_angle=LOOSE_SHARE * tolerance_angle if loose else 1e-9,
         tolerance=tolerance,
         tolerance_angle=tolerance_angle,
+        posture=None if posture is None else np.array(posture, dtype=float),
     )
+
+
+def _refuse_posture(number: int, chain: Chain, rank: int, posture: Array) -> None:
+    count = len(posture)
+    if count != chain.size:
+        raise ModelError(
+            f"tool {number}: its posture has {count} positions, its chain {chain.size} joints",
+            "give one position for each of its axes, in their order",
+            tool=number,
+        )
+    if chain.size == rank:
+        raise ModelError(
+            f"tool {number} has a posture, but none of its {chain.size} joints is to spare",
+            "leave posture out: a pose determines these joints",
+            tool=number,
+        )
+    outside = np.flatnonzero((posture < chain.lower) | (posture > chain.upper))
+    if len(outside):
+        column = int(outside[0])
+        axis = chain.axes[column]
+        raise ModelError(
+            f"tool {number}: its posture has axis {axis} at {joint_text(chain, column, posture[column])},"
+            f" outside {joint_text(chain, column, chain.lower[column])} to"
+            f" {joint_text(chain, column, chain.upper[column])}",
+            "give positions within the joints' limits",
+            tool=number,
+            axis=axis,
+        )
 
 
 def without_units(chain: Chain, jacobians: Array) -> Array:

@@ -26,12 +26,18 @@ STOPS_AHEAD = 3.2
 
 @dataclass(frozen=True)
 class AxisLimits:
-    """Limits of all axes, shape (K,) [SI]; infinite where there is none."""
+    """Limits of all axes, shape (K,) [SI]; infinite where there is none.
+
+    Attributes:
+        rate: greatest playback rate. Torques are known at 100 % and less: there inertia asks for less than
+            was planned, above it for its square more.
+    """
 
     velocity: Array
     acceleration: Array
     jerk: Array
     cycle_s: float
+    rate: float = RATE_MAX
 
     @classmethod
     def of(cls, machine: Machine) -> AxisLimits:
@@ -40,6 +46,7 @@ class AxisLimits:
             np.array([axis.max_acceleration for axis in machine.axes]),
             np.array([axis.max_jerk for axis in machine.axes]),
             machine.cycle_s,
+            1.0 if any(axis.max_torque != math.inf for axis in machine.axes) else RATE_MAX,
         )
 
 
@@ -60,7 +67,7 @@ class HeadroomWriter:
         self._acceleration = np.zeros(count)
 
     def of(self, first_u: int, velocity: Array, masks: NDArray[np.uint64]) -> Array:
-        """Return the greatest rates of rows that follow those of the calls before, 1 to `RATE_MAX`, shape
+        """Return the greatest rates of rows that follow those of the calls before, 1 to the limits', shape
         (n,).
 
         The rate of a row is about the motion from the row before to it.
@@ -85,7 +92,7 @@ class HeadroomWriter:
             np.minimum(limits.velocity / speed, np.sqrt(limits.acceleration / magnitude)),
             np.cbrt(limits.jerk / (jerk + 1e-30)),
         ).min(axis=1)
-        rates: Array = np.clip(cap, 1.0, RATE_MAX)
+        rates: Array = np.clip(cap, 1.0, limits.rate)
         if not joined:
             # no motion leads to this row
             rates[0] = RATE_MAX

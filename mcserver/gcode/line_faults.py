@@ -61,6 +61,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC311": "the tool takes no orientation",
         "MC312": "axes cannot be named while a tool is in force",
         "MC313": "tools need inverse kinematics",
+        "MC314": "a joint cannot be held still on the path",
     }
 )
 

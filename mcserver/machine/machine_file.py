@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from mckinematics.description import EARTH
 
 from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
@@ -53,6 +54,7 @@ class Axis(msgspec.Struct, frozen=True):
     ``initial_position`` is its SI value.
     ``travel_per_motor_turn`` is m or rad of the axis for one turn of the motor (G1030).
     ``homing``: how it finds its reference; None: its encoder's reading is its position.
+    ``max_torque``: of its joint [N·m, N]; None: the URDF's effort.
     """
 
     index: int
@@ -68,6 +70,7 @@ class Axis(msgspec.Struct, frozen=True):
     initial_position: float
     drive: Drive
     homing: Homing | None = None
+    max_torque: float | None = math.inf
 
     @property
     def profiled(self) -> bool:
@@ -89,6 +92,7 @@ class Machine(msgspec.Struct, frozen=True):
         inputs, outputs: digital ones first, each kind by number.
         probe: what trips G38.2 … G38.5; None: it cannot probe.
         recorder: how its cycles are recorded.
+        gravity: in the URDF's base frame [m/s²].
     """
 
     name: str
@@ -107,6 +111,7 @@ class Machine(msgspec.Struct, frozen=True):
     outputs: tuple[Output, ...] = ()
     probe: Probe | None = None
     recorder: RecorderSection = RecorderSection()
+    gravity: tuple[float, float, float] = EARTH
 
     @property
     def cycle_s(self) -> float:
@@ -219,7 +224,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         drives.append(((*path, "drive"), axis.index, axes[axis.index].drive))
     buses = read_buses(file.get("bus") or (), drives, mistakes)
     sound = file["axis"] is not None and None not in file["axis"]
-    tools = read_tools(file.get("tool") or (), axes if sound else range(MAX_AXES), mistakes)
+    scales = {index: axis.type.si_per_unit for index, axis in axes.items()}
+    tools = read_tools(file.get("tool") or (), axes if sound else range(MAX_AXES), scales, mistakes)
     for tool in tools:
         for index in tool.axes:
             if index in axes and axes[index].profiled:
@@ -240,7 +246,6 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         mistakes,
         channels=bool(inputs or outputs),
     )
-    scales = {index: axis.type.si_per_unit for index, axis in axes.items()}
     letters = {**LETTERS, **dialect.letters}
     probe = read_probe(file.get("probe"), letters, scales, mistakes) if sound else None
     if probe is not None:
@@ -256,6 +261,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     kinematics: KinematicsSection | None = file.get("kinematics")
     if "tool" in raw and "kinematics" not in raw:
         mistakes.add(("tool",), "tools need a [kinematics] section", "name the URDF there")
+    if sound and None not in (file.get("tool") or ()):
+        _check_torques(file["axis"], tools, mistakes)
     motion: MotionSection | None = file.get("motion", MotionSection())
     if section is None or motion is None:
         return None
@@ -279,6 +286,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         outputs=outputs,
         probe=probe,
         recorder=file.get("recorder") or RecorderSection(),
+        gravity=EARTH if kinematics is None else kinematics.gravity,
     )
 
 
@@ -327,4 +335,24 @@ def _axis_to_si(
         initial_position=start,
         drive=drive,
         homing=homing,
+        max_torque=_torque_of(axis),
     )
+
+
+def _check_torques(axes: list[AxisSection], tools: tuple[Tool, ...], mistakes: Mistakes) -> None:
+    """Note limits of torques that no URDF gives."""
+    moved = {index for tool in tools for index in tool.axes}
+    for position, axis in enumerate(axes):
+        if axis.max_torque is not None and axis.index not in moved:
+            mistakes.add(
+                ("axis", position, "max_torque"),
+                "the axis moves no joint of a tool, so its torque is not known",
+                "name the axis in a [[tool]] of the URDF, or leave max_torque out",
+            )
+
+
+def _torque_of(axis: AxisSection) -> float | None:
+    """Return the greatest torque of an axis [N·m, N], infinite without one; None: its joint's effort."""
+    if axis.max_torque is None:
+        return math.inf
+    return None if isinstance(axis.max_torque, str) else axis.max_torque

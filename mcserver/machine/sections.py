@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import msgspec
+from mckinematics.description import EARTH
 from msgspec import Meta
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
@@ -19,6 +20,10 @@ MAX_AXES = 64
 Limit = Annotated[float, Meta(gt=0.0, description="leave the key out where there is no limit")]
 Positive = Annotated[float, Meta(gt=0.0, description="give a number above 0")]
 NotNegative = Annotated[float, Meta(ge=0.0, description="leave the key out if it is not known")]
+Torque = Annotated[
+    Annotated[float, Meta(gt=0.0)] | Literal["urdf"],
+    Meta(description='give N·m above 0, or "urdf" for the effort of its joint; leave it out without a limit'),
+]
 Milliseconds = Annotated[int, Meta(ge=0, le=0xFFFF, description="100 is usual")]
 Unsigned32 = Annotated[int, Meta(ge=0, le=0xFFFFFFFF, description="see 1018h of the drive")]
 Count = Annotated[int, Meta(ge=1, le=0xFFFFFFFF)]
@@ -164,6 +169,7 @@ class AxisSection(msgspec.Struct, frozen=True):
     in_position: Limit = 0.01
     max_following_error: Limit | None = None
     units_per_motor_rev: Limit | None = None
+    max_torque: Torque | None = None
     drive: DriveSection | IdealDriveSection | Cia402DriveSection | ServosilaDriveSection = DriveSection()
     homing: HomingSection | None = None
 
@@ -192,13 +198,35 @@ class MotionSection(msgspec.Struct, frozen=True):
 
 
 class KinematicsSection(msgspec.Struct, frozen=True):
-    """``[kinematics]``."""
+    """``[kinematics]``.
+
+    Attributes:
+        gravity: in the URDF's base frame [m/s²].
+    """
 
     urdf: str
+    gravity: tuple[float, float, float] = EARTH
+
+
+class PayloadSection(msgspec.Struct, frozen=True):
+    """``payload`` of a tool: what it weighs, itself and what it holds.
+
+    Attributes:
+        mass: [kg]. center_mm: of mass, in the axes of the tool's frame. inertia: about the centre, ixx, iyy,
+            izz, ixy, ixz, iyz [kg·m²]; a point mass without it.
+    """
+
+    mass: Annotated[float, Meta(ge=0.0, description="give kg, 0 for nothing")]
+    center_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class ToolSection(msgspec.Struct, frozen=True):
-    """``[[tool]]``: one end effector of the URDF."""
+    """``[[tool]]``: one end effector of the URDF.
+
+    Attributes:
+        posture: where its axes had best be, where a pose leaves a choice [mm, deg].
+    """
 
     number: Annotated[int, Meta(ge=0, description="number each tool once, from 0")]
     frame: str
@@ -206,6 +234,8 @@ class ToolSection(msgspec.Struct, frozen=True):
     orientation: bool = False
     euler: Literal["ZYX", "XYZ", "XZY", "YXZ", "YZX", "ZXY"] = "ZYX"
     offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    payload: PayloadSection | None = None
+    posture: list[float] | None = None
 
 
 class BusSection(msgspec.Struct, frozen=True):

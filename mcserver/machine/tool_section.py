@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Mapping
 
 import msgspec
 
 from mcserver.machine.section_reader import Mistakes
-from mcserver.machine.sections import ToolSection
+from mcserver.machine.sections import PayloadSection, ToolSection
 from mcserver.units import MM
 
 
+class Payload(msgspec.Struct, frozen=True):
+    """What a tool carries: mass [kg], ``center`` in the frame's own axes [m], and the inertia about it, ixx,
+    iyy, izz, ixy, ixz, iyz [kg·m²].
+    """
+
+    mass: float
+    center: tuple[float, float, float]
+    inertia: tuple[float, float, float, float, float, float]
+
+
 class Tool(msgspec.Struct, frozen=True):
-    """One end effector; ``offset`` in m in the frame's own axes."""
+    """One end effector; ``offset`` in m in the frame's own axes, ``posture`` of its axes in rad or m."""
 
     number: int
     frame: str
@@ -20,15 +30,21 @@ class Tool(msgspec.Struct, frozen=True):
     orientation: bool
     euler: str
     offset: tuple[float, float, float]
+    payload: Payload | None = None
+    posture: tuple[float, ...] | None = None
 
 
 def read_tools(
-    sections: Iterable[ToolSection | None], axes: Container[int], mistakes: Mistakes
+    sections: Iterable[ToolSection | None],
+    axes: Container[int],
+    scales: Mapping[int, float],
+    mistakes: Mistakes,
 ) -> tuple[Tool, ...]:
     """Return the tools in SI, by number.
 
     Args:
-        sections: None where one has a mistake of its own. axes: numbers of the machine's axes.
+        sections: None where one has a mistake of its own. axes: numbers of the machine's axes. scales:
+            SI for a unit of those that are known.
     """
     tools: dict[int, Tool] = {}
     for position, tool in enumerate(sections):
@@ -42,8 +58,31 @@ def read_tools(
         for index in tool.axes:
             if index not in axes:
                 mistakes.add((*path, "axes"), f"the machine has no axis {index}", "name axes of this file")
+        if tool.posture is not None and len(tool.posture) != len(tool.axes):
+            mistakes.add((*path, "posture"), "has not one position for each axis", "list them as in axes")
         x, y, z = (value * MM for value in tool.offset_mm)
         tools[tool.number] = Tool(
-            tool.number, tool.frame, tuple(tool.axes), tool.orientation, tool.euler, (x, y, z)
+            tool.number,
+            tool.frame,
+            tuple(tool.axes),
+            tool.orientation,
+            tool.euler,
+            (x, y, z),
+            _payload(tool.payload),
+            _posture(tool, scales),
         )
     return tuple(tools[number] for number in sorted(tools))
+
+
+def _payload(section: PayloadSection | None) -> Payload | None:
+    if section is None:
+        return None
+    x, y, z = (value * MM for value in section.center_mm)
+    return Payload(section.mass, (x, y, z), section.inertia)
+
+
+def _posture(tool: ToolSection, scales: Mapping[int, float]) -> tuple[float, ...] | None:
+    if tool.posture is None:
+        return None
+    units = (scales.get(axis, 1.0) for axis in tool.axes)
+    return tuple(value * unit for value, unit in zip(tool.posture, units, strict=False))

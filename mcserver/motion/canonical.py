@@ -35,6 +35,8 @@ class FeedGroup(msgspec.Struct, frozen=True):
         speed: G94: path speed of the curve that sets the time [m/s or rad/s]; None under G93.
         requested: T that the program asks for [s]: 60/F, or length/F.
         reference: index in ``curves`` of the command whose length and speed set the time.
+        carried: tools that the program has chosen by then, the last one last; what of them has a payload
+            moves with its joint.
     """
 
     curves: tuple[Curve, ...]
@@ -42,6 +44,7 @@ class FeedGroup(msgspec.Struct, frozen=True):
     duration: float | None = None
     speed: float | None = None
     reference: int = 0
+    carried: tuple[int, ...] = ()
 
     @property
     def axes(self) -> tuple[int, ...]:

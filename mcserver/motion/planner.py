@@ -9,11 +9,14 @@ the motion can always stop on the path, and never stops where more lines are the
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
+import operator
 from collections.abc import Iterator
 
 import numpy as np
+from mckinematics.dynamics import JointDynamics
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
@@ -22,7 +25,7 @@ from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
 from mcserver.motion.lookahead.lookahead import Lookahead
-from mcserver.motion.lookahead.parallel_groups import sample_parallel
+from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
@@ -48,8 +51,8 @@ class MotionPlanner:
         position: commanded end of all columns, shape (K,) [m or rad].
     """
 
-    def __init__(self, machine: Machine, position: Array) -> None:
-        self._limits = AxisLimits.of(machine)
+    def __init__(self, machine: Machine, position: Array, dynamics: JointDynamics | None = None) -> None:
+        self._limits = AxisLimits.of(machine, dynamics)
         self._cycle = machine.cycle_s
         self._slots = {axis.index: column for column, axis in enumerate(machine.axes)}
         self._linear = np.array([axis.type is AxisType.LINEAR for axis in machine.axes])
@@ -128,12 +131,12 @@ class MotionPlanner:
 
     def append_run(self, run: PlainRun, *, from_rest: bool = False) -> bool:
         """Append a run of G01 lines whose corners stay; return False, with nothing done, where one does not
-        travel.
+        travel, or torques are limited.
 
         The commanded position moves on to its end.
         """
         straight = StraightRun.of(run, self._slots, self.position)
-        if straight is None:
+        if straight is None or self._limits.torque is not None:
             return False
         self._take_chords()
         self._active |= straight.mask
@@ -485,21 +488,17 @@ class MotionPlanner:
         Returns:
             The output, which ends with the longest group, the groups' velocity profiles (None: no travel),
             and where the longest one ends on the program's time axis [cycles].
+
+        Raises:
+            PlanningError: their torques together cannot be kept.
         """
         base = self.position.copy()
-        runs: list[PlannedRun | None] = []
-        mask = 0
-        for group in groups:
-            segment = segment_of(group, line, self._slots, self._linear)
+        segments = [segment_of(group, line, self._slots, self._linear) for group in groups]
+        for segment in segments:
             anchor(segment, self.position)
             segment.active = segment.mask
-            mask |= segment.mask
-            if segment.travels:
-                window = Lookahead(self._limits)
-                window.append(segment)
-                runs.append(window.plan())
-            else:
-                runs.append(None)
+        mask = functools.reduce(operator.or_, (segment.mask for segment in segments), 0)
+        runs = plan_parallel(segments, base, self._limits)
         origin = self.u
         end = (
             origin + max((run.phases.duration for run in runs if run is not None), default=0.0) / self._cycle

@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from mckinematics.dynamics import JointDynamics
 
 from mcserver.executor.entries import Control, ControlKind, MotionSink
 from mcserver.machine.machine_file import Machine
@@ -70,6 +71,7 @@ class LinePlanner:
         sink: where rows and control entries go.
         positions: of the axes at the start, by axis number [m or rad].
         energized: axes that hold a position at the start.
+        dynamics: torques of the tools' joints, for those that are limited.
 
     Attributes:
         motion: the lookahead window and where the plan ends.
@@ -90,12 +92,13 @@ class LinePlanner:
         sink: MotionSink,
         positions: Mapping[int, float],
         energized: frozenset[int],
+        dynamics: JointDynamics | None = None,
     ) -> None:
         self._machine = machine
         self._width = len(machine.axes)
         self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
         start = np.array([positions[axis.index] for axis in machine.axes])
-        self.motion = MotionPlanner(machine, start)
+        self.motion = MotionPlanner(machine, start, dynamics)
         self.output = Output(sink)
         self.source: Iterator[Piece | Control] | None = None
         self.canonical: deque[Canonical | PlainRun | InPosition] = deque()

@@ -90,7 +90,8 @@ class Pipeline:
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.lines = LineBuffer() if lines is None else lines
-        self._plan = LinePlanner(machine, sink, positions, energized)
+        dynamics = None if kinematics is None else kinematics.dynamics
+        self._plan = LinePlanner(machine, sink, positions, energized, dynamics)
         self._width = len(machine.axes)
         self._on_fault = on_fault
         self._solving = None if kinematics is None else TimedKinematics(kinematics, clock)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from mckinematics.dynamics import JointDynamics
 from mckinematics.pose import JointPath, Kinematics, Pose, ToolPath, Triple
 
 
@@ -29,6 +30,11 @@ class TimedKinematics:
     def tools(self) -> tuple[int, ...]:
         """Numbers of the configured tools, sorted."""
         return self._kinematics.tools
+
+    @property
+    def dynamics(self) -> JointDynamics | None:
+        """Torques of the tools' joints."""
+        return self._kinematics.dynamics
 
     def axes(self, tool: int) -> tuple[int, ...]:
         """Axis numbers of the tool's chain, in order."""

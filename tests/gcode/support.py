@@ -59,6 +59,10 @@ class Gantries:
     def tools(self) -> tuple[int, ...]:
         return tuple(sorted(self._tools))
 
+    @property
+    def dynamics(self) -> None:
+        return None
+
     def axes(self, tool: int) -> tuple[int, ...]:
         return self._tools[tool].axes
 

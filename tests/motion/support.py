@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from mckinematics.dynamics import JointDynamics
 
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import FeedGroup
@@ -186,11 +187,12 @@ def plan(
     *,
     start: Array | None = None,
     commits: Sequence[Commit] = (),
+    dynamics: JointDynamics | None = None,
 ) -> Motion:
     """Runs moves through a planner, numbering lines from 1; closes at the end."""
     listed = [move if isinstance(move, Move) else Move(move) for move in moves]
     origin = np.zeros(len(machine.axes)) if start is None else start
-    planner = MotionPlanner(machine, origin)
+    planner = MotionPlanner(machine, origin, dynamics)
     pieces: list[Piece] = []
     for number, move in enumerate(listed, start=1):
         segment = planner.segment(move.group, number)

@@ -251,5 +251,6 @@ class SimpleBlockInterpreter:
                 frame=modal.frame,
                 shift=modal.shift,
                 relative=modal.relative,
+                carried=modal.carried,
             )
         return modal, line

@@ -132,6 +132,8 @@ def apply_tool_word(block: BlockState, word: Word) -> None:
         )
         number = ASSUMED_TOOL
     block.change(tool=number)
+    if number != ASSUMED_TOOL:
+        block.change(carried=(*(each for each in block.modal.carried if each != number), number))
 
 
 def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Target]:

@@ -15,6 +15,7 @@ from mcserver.gcode.semantics.axis_words import (
 )
 from mcserver.gcode.semantics.block_state import ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.feed_time import FeedMove, feed_group
+from mcserver.gcode.semantics.holding_torque import check_holding
 from mcserver.gcode.semantics.modal import initial_modal
 from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, transmit_torque
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
@@ -32,6 +33,7 @@ from mcserver.motion.canonical import (
     MotionLine,
     PauseLine,
 )
+from mcserver.motion.geometry.curves import LineCurve
 
 
 class BlockInterpreter:
@@ -96,6 +98,7 @@ class BlockInterpreter:
     def _group(self, group: Group) -> None:
         feed_moves: list[FeedMove] = []
         self._feed_commands = 0
+        start = self.block.commanded.path_starts()
         position = len(self.groups)
         for command in group:
             self._command(command, feed_moves)
@@ -105,6 +108,7 @@ class BlockInterpreter:
         if feed_moves and len(feed_moves) == self._feed_commands:
             found = feed_group(self.block, feed_moves)
             if found is not None:
+                check_holding(self.block, feed_moves[0].command, found.curves, start)
                 self.groups.insert(position, found)
 
     def _command(self, command: Command, feed_moves: list[FeedMove]) -> None:
@@ -168,10 +172,13 @@ class BlockInterpreter:
         if tool == ASSUMED_TOOL:
             return
         if number == 0:
+            start = block.commanded.path_starts()
             group = (
                 rapid(block, command, words, wait=True) if tool is None else tool_rapid(block, command, words)
             )
             if group is not None:
+                begin = tuple(start[axis] for axis in group.axes)
+                check_holding(block, command, [LineCurve(group.axes, begin, group.targets)], start)
                 self.groups.append(group)
             return
         if tool is not None:

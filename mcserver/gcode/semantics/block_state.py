@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 import msgspec
+from mckinematics.dynamics import JointDynamics
 from mckinematics.pose import Kinematics
 
 from mcserver.gcode.line_faults import FaultList, Span
@@ -31,6 +32,7 @@ class Setup(msgspec.Struct, frozen=True):
         leased: axes that the program may use.
         chains: axes of each tool, in the chain's order.
         tools_of: tools that use an axis.
+        dynamics: of joints with torque limits; None without any.
     """
 
     machine: Machine
@@ -39,11 +41,13 @@ class Setup(msgspec.Struct, frozen=True):
     leased: frozenset[int]
     chains: Mapping[int, tuple[int, ...]]
     tools_of: Mapping[int, tuple[int, ...]]
+    dynamics: JointDynamics | None = None
 
 
 def set_up(machine: Machine, kinematics: Kinematics | None, lease: frozenset[int] | None) -> Setup:
     """Build the tables of a machine; without a lease the program may use all its axes."""
     axes = {axis.index: axis for axis in machine.axes}
+    dynamics = None if kinematics is None else kinematics.dynamics
     chains = {} if kinematics is None else {tool: tuple(kinematics.axes(tool)) for tool in kinematics.tools}
     return Setup(
         machine=machine,
@@ -54,6 +58,7 @@ def set_up(machine: Machine, kinematics: Kinematics | None, lease: frozenset[int
         tools_of=MappingProxyType(
             {axis: tuple(tool for tool, chain in chains.items() if axis in chain) for axis in axes}
         ),
+        dynamics=dynamics if dynamics is not None and dynamics.limited else None,
     )
 
 

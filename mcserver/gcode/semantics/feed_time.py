@@ -83,7 +83,7 @@ def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:
     curves = tuple(move.curve for move in moves)
     if first.inverse_time:
         duration = move_duration(first.feed.number)
-        return FeedGroup(curves=curves, requested=duration, duration=duration)
+        return FeedGroup(curves=curves, requested=duration, duration=duration, carried=block.modal.carried)
     if first.measure is FeedBasis.NONE:
         _no_speed(block, first)
         return None
@@ -95,7 +95,13 @@ def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:
         reference = found
     speed = _speed(moves[reference])
     requested = moves[reference].curve.length / speed
-    return FeedGroup(curves=curves, requested=requested, speed=speed, reference=reference)
+    return FeedGroup(
+        curves=curves,
+        requested=requested,
+        speed=speed,
+        reference=reference,
+        carried=block.modal.carried,
+    )
 
 
 def _longest_other(block: BlockState, moves: list[FeedMove]) -> int | None:

@@ -86,7 +86,7 @@ class Interpreter:
         if self._ended:
             return []
         simple = parsed.simple
-        if simple is not None:
+        if simple is not None and self._setup.dynamics is None:
             quick = self._simple.interpret(parsed.number, simple, self._modal, self._commanded)
             if quick is not None:
                 self._modal, line = quick
@@ -124,7 +124,8 @@ class Interpreter:
 
         Saves the caller from gathering lines in vain: after parts without runs attempts are rare.
         """
-        return 0 if self._ended or self._capture_due else self._runs.window(number)
+        one_by_one = self._ended or self._capture_due or self._setup.dynamics is not None
+        return 0 if one_by_one else self._runs.window(number)
 
     def interpret_run(
         self, texts: Sequence[str], number: int, most: int = MAX_LINES
@@ -144,7 +145,7 @@ class Interpreter:
             The run and how many of ``texts`` it took, blank lines included; None below
             `mcserver.gcode.fast_path.runs.MIN_LINES`.
         """
-        if self._ended:
+        if self._ended or self._setup.dynamics is not None:
             return None
         found = self._runs.interpret(texts, number, self._modal, self._commanded, most)
         if found is None:
@@ -169,7 +170,7 @@ class Interpreter:
         """
         if self._ended:
             return (), ()
-        if parsed.simple is not None and not parsed.faults:
+        if parsed.simple is not None and not parsed.faults and self._setup.dynamics is None:
             quick = self._simple.interpret(parsed.number, parsed.simple, self._modal, self._commanded)
             if quick is not None:
                 self._modal, line = quick

@@ -35,6 +35,7 @@ class ModalState(msgspec.Struct, frozen=True):
         frame: work offsets and spindle of the profiles (D-62); None in the reference's dialect.
         shift: the program's zero in axis positions, axis → [m or rad], as the frame gives it; None: no shift.
         relative: axes whose words are increments under G90 too (M83).
+        carried: tools chosen so far, each once, the last one last: their payloads stay after G1050 (D-55).
     """
 
     inch: bool = False
@@ -50,6 +51,7 @@ class ModalState(msgspec.Struct, frozen=True):
     frame: Frame | None = None
     shift: dict[int, float] | None = None
     relative: tuple[int, ...] = ()
+    carried: tuple[int, ...] = ()
 
 
 INITIAL = ModalState()

@@ -8,11 +8,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from mckinematics.dynamics import JointDynamics
 from numpy.typing import NDArray
 
 from mcserver.machine.machine_file import Machine
+from mcserver.motion.bound import Bound
 from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.geometry.curves import Array, Curve, LineCurve, SampledCurve
+from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.units import MM
 
 _NOWHERE = np.zeros(0)
@@ -28,6 +31,7 @@ class AxisLimits:
     Attributes:
         cycle: [s]. weights: of the columns in the distance from the programmed path: 1 for metres; a degree
             counts as a millimetre.
+        torque: limits of the joints' torques; None without any.
     """
 
     velocity: Array
@@ -35,15 +39,29 @@ class AxisLimits:
     jerk: Array
     cycle: float
     weights: Array
+    torque: TorqueLimits | None = None
 
     @cached_property
     def rows(self) -> Array:
         """Velocity, acceleration and jerk limits, shape (3, K)."""
         return np.array([self.velocity, self.acceleration, self.jerk])
 
+    @cached_property
+    def of_samples(self) -> Array:
+        """The same with a column for each torque that is limited, shape (3, K + J)."""
+        return self.rows if self.torque is None else self.torque.beside(self.rows)
+
+    def bound(self, column: int, kind: str) -> Bound:
+        """Return the bound by a column of `of_samples`."""
+        width = len(self.velocity)
+        if self.torque is None or column < width:
+            return Bound(column, kind)
+        return Bound(self.torque.column_of(column - width), "torque")
+
     @classmethod
-    def of(cls, machine: Machine) -> AxisLimits:
+    def of(cls, machine: Machine, dynamics: JointDynamics | None = None) -> AxisLimits:
         return cls(
+            torque=TorqueLimits.of(machine, dynamics),
             velocity=np.array([axis.max_velocity for axis in machine.axes]),
             acceleration=np.array([axis.max_acceleration for axis in machine.axes]),
             jerk=np.array([axis.max_jerk for axis in machine.axes]),
@@ -86,6 +104,7 @@ class Segment:
         active: mask of all columns that the run has moved up to this segment.
         opens, closes: whether the line's time begins or ends with this segment.
         straight: whether all its curves are lines.
+        carried: tools that were chosen before it, which says what payload there is.
         tolerance: how far the corner at its start may be rounded [m]. corner: what the last plan found for a
             stop there.
     """
@@ -114,6 +133,7 @@ class Segment:
     feed_columns: NDArray[np.intp] = field(default_factory=lambda: _NO_COLUMNS)
     tolerance: float = 0.0
     corner: KnownBlend | None = None
+    carried: tuple[int, ...] = ()
 
     @property
     def only_feed_columns(self) -> bool:
@@ -226,6 +246,7 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], linear: NDArr
         straight=straight,
         feed_speed=feed_speed,
         feed_columns=feed_columns,
+        carried=group.carried,
     )
 
 

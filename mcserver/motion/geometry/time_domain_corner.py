@@ -229,6 +229,8 @@ class TimeDomainBlends:
                 # nothing is saved, but a longer corner might
                 continue
             deviation, turn = self._path_deviation(stop, leave, join, curve)
+            if math.isfinite(deviation) and not self._keeps_torques(stop, curve):
+                deviation = math.inf
             if math.isfinite(deviation):
                 best = _corner(stop, blend_time, leave, join, curve, turn)
                 break
@@ -259,6 +261,22 @@ class TimeDomainBlends:
             return None
         trajectories[:, :, 1] += here[:, None]
         return TimeDomainCurve(tuple(columns.tolist()), duration, trajectories)
+
+    def _keeps_torques(self, stop: Stop, curve: TimeDomainCurve) -> bool:
+        """Return whether the joints' torques stay within their limits on a curve."""
+        torque = self._limits.torque
+        if torque is None:
+            return True
+        width = len(stop.after.base)
+        s = np.linspace(0.0, 1.0, SAMPLES)
+        position = np.tile(stop.after.base, (SAMPLES, 1))
+        columns = list(curve.axes)
+        position[:, columns] = curve.position(s)
+        velocity, acceleration = np.zeros((SAMPLES, width)), np.zeros((SAMPLES, width))
+        first, second, _ = curve.derivatives(s)
+        velocity[:, columns] = first / curve.duration
+        acceleration[:, columns] = second / curve.duration**2
+        return torque.load(position, velocity, acceleration, stop.after.carried) <= 1.0
 
     def _path_deviation(
         self, stop: Stop, leave: _State, join: _State, curve: TimeDomainCurve

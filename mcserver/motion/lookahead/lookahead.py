@@ -27,10 +27,13 @@ from mcserver.motion.kernels.spline_samples import PartSamples, scale_samples
 from mcserver.motion.lookahead.path_limits import RunLimits, junction, samples_of
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.segment_table import SegmentTable, empty_columns
+from mcserver.motion.lookahead.torque_samples import spline_with_torques
 from mcserver.motion.profile.faster_stretches import quicker_stretches
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from mcserver.motion.profile.velocity_profile import Phases, ProfileSolver, join_phases
 
+# Moments of a segment at which its speed is looked at for what bounds it.
+SPEED_PROBES = 17
 # Late segments of one window that stops are tried for.
 MOST_STOPS = 8
 
@@ -93,7 +96,7 @@ class Lookahead:
         self._limits = limits
         self._solver = ProfileSolver()
         self._corners = TimeDomainBlends(limits)
-        self.table = SegmentTable(len(limits.velocity))
+        self.table = SegmentTable(limits.of_samples.shape[1])
         self.entry = 0.0
 
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
@@ -130,6 +133,8 @@ class Lookahead:
         scale_samples(rows, unit, offset, self._limits.rows, vmax, by)
         for part, span in zip(parts, samples.spans.tolist(), strict=True):
             part.scale = unit * span
+        if self._limits.torque is not None:
+            rows = spline_with_torques(parts[low:], rows, offset, self._limits, vmax, by)
         self.table.append_parts(parts[low:], vmax, by, rows, offset)
 
     def append_run(self, run: StraightRun, active: int, *, from_rest: bool = False) -> None:
@@ -176,7 +181,11 @@ class Lookahead:
         law = self._law(table.kernel_view)
         run = self._run_of(law)
         if not table.timed.any():
-            slow = slow_vertices(table.kernel_view, law.times, self._limits.rows)
+            if self._limits.torque is None:
+                slow = slow_vertices(table.kernel_view, law.times, self._limits.rows)
+            else:
+                # what a vertex asks of a torque counts on all of a segment
+                slow = table.columns.vertex_before != 0
             if slow.any():
                 with contextlib.suppress(PlanningError):
                     other = self._law(table.with_stops(slow))
@@ -193,6 +202,8 @@ class Lookahead:
         for group, bound in law.solution.late.items():
             bound_by[law.groups.starts[group]] = bound
         self._feed_bounds(law.times, bound_by)
+        if self._limits.torque is not None:
+            self._torque_bounds(law, bound_by)
         required_only = PlannedRun(
             segments=list(self.table.segments),
             window_index=np.arange(len(self.table)),
@@ -231,7 +242,7 @@ class Lookahead:
         return found
 
     def _law(self, segments: Segments) -> _Law:
-        groups = group_segments(segments, self.entry, self._limits.rows, self._limits.cycle)
+        groups = group_segments(segments, self.entry, self._limits.of_samples, self._limits.cycle)
         junction_vmax = groups.junction_vmax
         solver = KnotSolver(self._solver, self._limits, self.table, groups, self.entry)
         samples = _Samples.of(self.table, groups)
@@ -298,4 +309,19 @@ class Lookahead:
         longer = np.diff(times) > columns.requested * (1.0 + 1e-9)
         for index in np.nonzero(slower & longer & ~self.table.timed)[0].tolist():
             limit = self.table.limit_of(index)
-            bound_by[index] = Bound(limit.column, limit.kind)
+            bound_by[index] = self._limits.bound(limit.column, limit.kind)
+
+    def _torque_bounds(self, law: _Law, bound_by: list[Bound | None]) -> None:
+        """Name the torque that ramps are longer by than under the axes' own acceleration, where the greatest
+        speed that the axes allow is not reached.
+        """
+        columns, most = self.table.columns, self._limits.of_samples[1]
+        longer = np.diff(law.times) > columns.requested * (1.0 + 1e-9)
+        for index in np.nonzero(longer & ~self.table.timed)[0].tolist():
+            slope = self.table.samples_of(index)[:, : len(most)].max(axis=0)
+            column = int(np.argmax(slope / most))
+            if column < len(self._limits.velocity):
+                continue
+            moments = np.linspace(law.times[index], law.times[index + 1], SPEED_PROBES)
+            if law.phases.at(moments)[1].max() < 0.99 * columns.axis_vmax[index]:
+                bound_by[index] = self._limits.bound(column, "acceleration")

@@ -2,14 +2,83 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
+from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
+from mcserver.motion.geometry.torque_limits import TorqueLimits
+from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, Piece
 from mcserver.motion.profile.setpoint_sampling import Rows, first_row, sample
+
+# Shares of the torque limits that groups beside each other are planned with, one after the other, and places
+# at which their torques are looked at.
+SHARES, TORQUE_CYCLES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.1, 0.03), 20_000
+# What the torques of all groups together may take.
+MOST_LOAD = 1.01
+
+
+def plan_parallel(segments: list[Segment], base: Array, limits: AxisLimits) -> list[PlannedRun | None]:
+    """Plan segments that start together, each from rest to rest; None for one that does not travel.
+
+    A torque is that of all of them together: where it would pass its limit, all become slower.
+
+    Args:
+        base: positions of all columns at the start, shape (K,).
+
+    Raises:
+        PlanningError: no velocity profile, or their torques together cannot be kept.
+    """
+    torque = limits.torque
+    for share in SHARES:
+        own = limits
+        if torque is not None and share < 1.0:
+            own = dataclasses.replace(limits, torque=dataclasses.replace(torque, share=share))
+        runs: list[PlannedRun | None] = []
+        for segment in segments:
+            if not segment.travels:
+                runs.append(None)
+                continue
+            window = Lookahead(own)
+            window.append(segment)
+            runs.append(window.plan())
+        travelling = [run for run in runs if run is not None]
+        if torque is None or len(travelling) < 2:
+            return runs
+        if _load(travelling, base, limits.cycle, torque) <= MOST_LOAD:
+            return runs
+    raise PlanningError(segments[0].line)
+
+
+def _load(runs: list[PlannedRun], base: Array, cycle: float, torque: TorqueLimits) -> float:
+    """Return the greatest share of a torque limit that runs from rest to rest take together."""
+    cycles = math.ceil(max(run.phases.duration for run in runs) / cycle)
+    stride = max(1, cycles // TORQUE_CYCLES)
+    low = -1
+    worst = 0.0
+    while low <= cycles:
+        high = min(low + PIECE, cycles + 2)
+        position = np.tile(base, (high - low + 1, 1))
+        for run in runs:
+            moved = columns_of(run.segments[0].mask)
+            position[1 if low < 0 else 0 :, moved] = sample(run, 0.0, max(low, 0), high, cycle).position[
+                :, moved
+            ]
+        first = (position[2:] - position[:-2]) / (2.0 * cycle)
+        second = (position[2:] - 2.0 * position[1:-1] + position[:-2]) / cycle**2
+        carried = runs[0].segments[0].carried
+        worst = max(
+            worst,
+            torque.load(position[1:-1][::stride], first[::stride], second[::stride], carried),
+        )
+        low = high - 1
+    return worst
 
 
 def sample_parallel(

@@ -22,6 +22,7 @@ from mcserver.motion.kernels.junctions import junction_vmax_of, line_sample
 from mcserver.motion.kernels.polynomials import KINDS, SAMPLES, limit_of, polynomial_samples
 from mcserver.motion.kernels.ramp_kernels import MAX_TABLE_ROWS
 from mcserver.motion.kernels.sample_limits import Run, make_limit_table, min_limits, run_of
+from mcserver.motion.lookahead.torque_samples import torque_places, vertex_torques, widen, with_torques
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,21 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
     """Return the samples of one segment in its coordinate σ = s·scale, and the greatest constant speed on
     them.
     """
+    if limits.torque is None:
+        return _samples_of_axes(segment, limits)
+    width = len(limits.velocity)
+    if isinstance(segment.curves[0], SplineCurve):
+        s = segment.curves[0].samples()
+    else:
+        s = torque_places(segment, len(_samples_of_axes(segment, limits)[0]), limits.torque)
+    derivatives = segment.derivatives(s, width)
+    rows = sample_rows(*(each / segment.scale ** (1 + order) for order, each in enumerate(derivatives)))
+    rows = with_torques(segment, s, rows, limits.torque)
+    return rows, speed_limit(rows, limits)
+
+
+def _samples_of_axes(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]:
+    """Return what `samples_of` does for a machine without torque limits."""
     width = len(limits.velocity)
     if segment.straight:
         rows = np.zeros((1, 5 * width + 2))
@@ -100,7 +116,7 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
 
 def speed_limit(rows: Array, limits: AxisLimits) -> SpeedLimit:
     """Return the greatest constant speed that the axes allow on the samples (vertices not counted)."""
-    velocity, column, kind = limit_of(rows, limits.rows)
+    velocity, column, kind = limit_of(rows, limits.of_samples)
     return SpeedLimit(velocity, column, KINDS[kind])
 
 
@@ -119,7 +135,7 @@ class RunLimits:
     def __init__(
         self, rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: AxisLimits
     ) -> None:
-        self.run: Run = run_of(rows, offset, segment_vmax.copy(), limits.rows, limits.cycle)
+        self.run: Run = run_of(rows, offset, segment_vmax.copy(), limits.of_samples, limits.cycle)
 
     @property
     def segment_vmax(self) -> Array:
@@ -169,10 +185,15 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         after.d2q_start,
         limits.rows,
         limits.cycle,
-        before.may_be_split and after.may_be_split,
+        before.may_be_split and after.may_be_split and limits.torque is None,
         after.tolerance > 0.0 and before.may_be_rounded and after.may_be_rounded,
         samples,
     )
     if scale == 0.0:
         return Junction(0.0, after.scale, None)
+    if limits.torque is not None and speed > 0.0:
+        by_torque, quantities = vertex_torques(before, after, scale, limits, limits.torque)
+        speed = min(speed, by_torque)
+        samples = widen(samples, quantities)
+        samples[:, -2], samples[:, -1] = min(before.scale, scale), speed
     return Junction(speed, scale, None if math.isinf(speed) or speed <= 0.0 else samples)

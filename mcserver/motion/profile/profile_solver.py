@@ -193,12 +193,13 @@ class KnotSolver:
         peak = max(part.peak_velocity for part in profiles)
         if peak >= 0.999 * limit_table[-1].velocity:
             limit = self._table.limit_of(first)
-            return Bound(limit.column, limit.kind)
-        slope = self._table.samples_of(first)[:, : len(self._limits.velocity)].max(axis=0)
+            return self._limits.bound(limit.column, limit.kind)
+        _, most_acceleration, most_jerk = self._limits.of_samples
+        slope = self._table.samples_of(first)[:, : len(most_jerk)].max(axis=0)
         with np.errstate(divide="ignore"):
-            by_acceleration = self._limits.acceleration / np.maximum(slope, 1e-300)
-            by_jerk = self._limits.jerk / np.maximum(slope, 1e-300)
+            by_acceleration = most_acceleration / np.maximum(slope, 1e-300)
+            by_jerk = most_jerk / np.maximum(slope, 1e-300)
         strongest = max(part.peak_acceleration for part in profiles)
         if strongest >= 0.999 * min(level.acceleration for level in limit_table):
-            return Bound(int(np.argmin(by_acceleration)), "acceleration")
-        return Bound(int(np.argmin(by_jerk)), "jerk")
+            return self._limits.bound(int(np.argmin(by_acceleration)), "acceleration")
+        return self._limits.bound(int(np.argmin(by_jerk)), "jerk")

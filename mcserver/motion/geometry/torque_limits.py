@@ -1,0 +1,88 @@
+"""Limits of the joints' torques as limits along a path.
+
+τ = a·v̇ + b·v² + g along σ (`mckinematics.dynamics`), and |τ| is to stay below τmax. Where gravity leaves
+τmax - |g|, |a|·|v̇| + |b|·v² ≤ τmax - |g| is enough, in both directions of v̇. That is the form that an axis's
+acceleration has, |q'|·|v̇| + |q''|·v² ≤ amax: divided by τmax - |g| a joint's torque is one more column of the
+samples, whose acceleration is limited to 1, and no kernel knows of torques.
+
+Scaled by a constant rate of 0 to 1, a and b fall with its square and g stays: with |g| ≤ τmax a slower motion
+keeps the limits too.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from mckinematics.dynamics import JointDynamics
+from numpy.typing import NDArray
+
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.geometry.curves import Array
+
+# Where holding still takes more than this share of a torque limit a path is refused; what is left at least to
+# the motion where a corner's rounding comes nearer.
+HOLDING_SHARE = 0.99
+LEAST_LEFT = 1.0 - HOLDING_SHARE
+# Between samples no joint turns or travels further [rad or m], and there are no more of them on one segment.
+APART, MOST_SAMPLES = 0.04, 400
+
+
+@dataclass(frozen=True)
+class TorqueLimits:
+    """The torque limits of a machine.
+
+    Attributes:
+        dynamics: torques of the joints that tools' axes move. columns: the machine's columns of these axes,
+            shape (N,). limited: which of them have a limit, shape (J,). limits: theirs, shape (J,) [N·m, N].
+        share: what of it the motion beside gravity may use.
+    """
+
+    dynamics: JointDynamics
+    columns: NDArray[np.intp]
+    limited: NDArray[np.intp]
+    limits: Array
+    share: float = 1.0
+
+    @classmethod
+    def of(cls, machine: Machine, dynamics: JointDynamics | None) -> TorqueLimits | None:
+        """Return the limits of a machine, None without any."""
+        if dynamics is None or not dynamics.limited:
+            return None
+        (limited,) = np.nonzero(np.isfinite(dynamics.limits))
+        columns = np.array([machine.column_of(axis) for axis in dynamics.axes], dtype=np.intp)
+        return cls(dynamics, columns, limited, dynamics.limits[limited])
+
+    def beside(self, rows: Array) -> Array:
+        """Return limits of axes, shape (3, K), with those of the torques' columns, shape (3, K + J)."""
+        own = np.full((3, len(self.limits)), math.inf)
+        own[1] = 1.0
+        return np.hstack((rows, own))
+
+    def column_of(self, index: int) -> int:
+        """Return the machine's column of one of the J limits."""
+        return int(self.columns[self.limited[index]])
+
+    def on_path(self, q: Array, dq: Array, d2q: Array, carried: tuple[int, ...]) -> tuple[Array, Array]:
+        """Return |a| and |b| over what gravity leaves of the limits, shape (n, J) each.
+
+        Args:
+            q, dq, d2q: of all columns of the machine by σ, shape (n, K).
+        """
+        where = self.columns
+        found = self.dynamics.along_path(q[:, where], dq[:, where], d2q[:, where], carried)
+        rest = np.abs(found.rest[:, self.limited])
+        left = self.share * np.maximum(self.limits - rest, LEAST_LEFT * self.limits)
+        return np.abs(found.inertial[:, self.limited]) / left, np.abs(found.square[:, self.limited]) / left
+
+    def load(self, q: Array, dq: Array, d2q: Array, carried: tuple[int, ...]) -> float:
+        """Return the greatest share of a limit that a motion (n, K) by time takes."""
+        where = self.columns
+        torques = self.dynamics.torques(q[:, where], dq[:, where], d2q[:, where], carried)
+        return float((np.abs(torques[:, self.limited]) / self.limits).max(initial=0.0))
+
+    def count(self, positions: Array) -> int:
+        """Return how many samples a path needs, from some positions of all columns on it (n, K)."""
+        travel = np.abs(np.diff(positions[:, self.columns], axis=0)).sum(axis=0).max(initial=0.0)
+        return min(2 + math.ceil(float(travel) / APART), MOST_SAMPLES)
