@@ -119,7 +119,12 @@ class FileWriter:
                 sink.failure = f"less than {self._min_free >> 20} MiB are free on the disk"
                 return
             sink.descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640)
-            sink.file = self._open_file(os.fdopen(os.dup(sink.descriptor), "wb", buffering=0), sink.metadata)
+            stream = os.fdopen(os.dup(sink.descriptor), "wb", buffering=0)
+            try:
+                sink.file = self._open_file(stream, sink.metadata)
+            except BaseException:
+                stream.close()
+                raise
             sink.good_bytes = sink.file.size
         except OSError as error:
             sink.failure = error.strerror or str(error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Awaitable, Callable
 
 from mcclient import Machine, MotionError
@@ -52,6 +53,7 @@ class Actions:
         if not self.allowed(role):
             return False
         log.info("%s: %s by %s", self.link.name, name, self.visitor.name)
+        self.link.acts.append((time.time(), self.visitor.name, name))
         try:
             await action(self.link.connected())
         except (MotionError, McError) as error:

@@ -26,6 +26,15 @@ def clock_text(seconds: float | None) -> str:
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
 
 
+def size_text(size: float) -> str:
+    """``12 KiB`` or ``3.4 MiB``."""
+    for unit in ("B", "KiB", "MiB"):
+        if size < 1024.0:
+            return f"{size:.0f} {unit}" if unit != "MiB" else f"{size:.1f} {unit}"
+        size /= 1024.0
+    return f"{size:.2f} GiB"
+
+
 def position_text(value: float) -> str:
     """Thousandths, without a negative zero."""
     text = f"{value:.3f}"

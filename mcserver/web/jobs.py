@@ -60,6 +60,13 @@ class Job:
         self.hint = ""
         self.diagnostics: tuple[Diagnostic, ...] = ()
 
+    def take(self, report: dict[str, Any]) -> None:
+        """Learn the duration and the path from a simulation that found no fault."""
+        if self.from_line == 1:
+            self.duration_s = float(report["duration_s"])
+        if "path" in report:
+            self.path = path_from_line(report["path"], self.from_line)
+
 
 def path_from_line(path: dict[str, Any], first: int) -> dict[str, Any]:
     """Return the part of a simulated path that belongs to the lines from ``first`` on."""
@@ -93,8 +100,8 @@ class JobQueue:
         self._task: asyncio.Task[None] | None = None
         self._estimates: set[asyncio.Task[None]] = set()
 
-    def add(self, name: str, user: str, from_line: int = 1) -> Job:
-        """Queues a stored program.
+    def add(self, name: str, user: str, from_line: int = 1, *, report: dict[str, Any] | None = None) -> Job:
+        """Queues a stored program; ``report``: of a simulation that somebody has looked at before.
 
         Raises:
             ServiceError: MC061 it cannot be read.
@@ -105,6 +112,8 @@ class JobQueue:
         job = Job(next(self._numbers), name, self._store.read(name), user, from_line)
         if not 1 <= from_line <= len(job.lines):
             raise MotionError("MC062", f"{name} has no line {from_line}", f"it has {len(job.lines)} lines")
+        if report is not None:
+            job.take(report)
         self.waiting.append(job)
         if self.running is not None:
             self._look_ahead(job)
@@ -193,12 +202,8 @@ class JobQueue:
             report = await self._link.connected().simulate(text, job.start, path_points=points)
         except MotionError:
             return
-        if not report["ok"]:
-            return
-        if job.from_line == 1:
-            job.duration_s = float(report["duration_s"])
-        if "path" in report:
-            job.path = path_from_line(report["path"], job.from_line)
+        if report["ok"]:
+            job.take(report)
 
     async def _check(self, machine: Machine, job: Job) -> None:
         """Refuses a text with faults before anything of it moves."""

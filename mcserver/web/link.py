@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import deque
+from collections import Counter, deque
 from pathlib import Path
 
 from mcclient import Event, Machine, MachineStatus, MotionError
 
+from mcserver.web.formatting import LETTERS
 from mcserver.web.jobs import JobQueue
+from mcserver.web.recorded_files import RecordedFiles
 from mcserver.web.run_requests import RunRequests
 from mcserver.web.store import ProgramStore
 
 log = logging.getLogger(__name__)
 
 EVENTS_KEPT = 400
+ACTS_KEPT = 50
+CLIENTS_PERIOD_S = 3.0
 RETRY_S = 2.0
 # cycles kept for charts, at the rate of the state messages
 HISTORY_S = 120
@@ -45,9 +49,17 @@ class MachineLink:
         self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self.event_count = 0
         self.history: deque[MachineStatus] = deque(maxlen=HISTORY_STATES)
+        # whether its programs have work coordinate systems
+        self.has_work_offsets = False
+        # who else is connected, and who looks at this page: how many browsers by name
+        self.clients: tuple[str, ...] = ()
+        self.visitors: Counter[str] = Counter()
+        # what was done at this page: Unix time, who, what
+        self.acts: deque[tuple[float, str, str]] = deque(maxlen=ACTS_KEPT)
         self.store = store
         self.jobs = JobQueue(self, store)
         self.run_requests = RunRequests()
+        self.recorded = RecordedFiles(store.folder / ".recordings")
         self._connect = connect
         self._config_file = config_file
         self._task = asyncio.ensure_future(self._run())
@@ -79,10 +91,12 @@ class MachineLink:
                 ) as machine:
                     self.failure = ""
                     self.machine = machine
+                    self.has_work_offsets = await knows_work_offsets(machine)
                     async with asyncio.TaskGroup() as group:
                         group.create_task(self._follow_states(machine))
                         group.create_task(self._follow_events(machine))
                         group.create_task(self.run_requests.follow(machine))
+                        group.create_task(self._look_for_clients(machine))
             except (MotionError, ExceptionGroup) as error:
                 self.failure = error.message if isinstance(error, MotionError) else str(error.exceptions[0])
                 log.info("%s: %s", self.name, self.failure)
@@ -95,8 +109,25 @@ class MachineLink:
             self.status = status
             self.history.append(status)
 
+    async def _look_for_clients(self, machine: Machine) -> None:
+        while True:
+            self.clients = tuple(await machine.clients())
+            await asyncio.sleep(CLIENTS_PERIOD_S)
+
     async def _follow_events(self, machine: Machine) -> None:
         async for event in machine.events(history=True):
             if event.kind not in ("lines.started", "lines.ended"):
                 self.events.append(event)
                 self.event_count += 1
+
+
+async def knows_work_offsets(machine: Machine) -> bool:
+    """Return whether the machine's dialect has work coordinate systems: the reference's has none."""
+    axis = next((axis.index for axis in machine.info.axes if axis.index < len(LETTERS)), None)
+    if axis is None:
+        return False
+    try:
+        return (await machine.check(f"G21 G90 G10 L20 P0 {LETTERS[axis]}0")).ok
+    except MotionError as error:
+        log.info("%s: %s", machine.name, error.message)
+        return False

@@ -3,30 +3,74 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
 
 from fastapi import FastAPI, Request, Response
+from fastapi.responses import FileResponse, StreamingResponse
 from mcclient import MotionError
 
 from mcserver.web.fleet import Fleet
+from mcserver.web.link import MachineLink
 from mcserver.web.robot_model import fetch_model
 from mcserver.web.sessions import COOKIE, Sessions
 
+# A plot is a page of its own with scripts of its own; it must not act for who is logged in.
+PLOT_HEADERS = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
+
 
 def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
-    """Serve ``/machine/{name}/model`` to who is logged in."""
+    """Serve ``/machine/{name}/model`` and ``/machine/{name}/recordings/…`` to who is logged in."""
     # one at a time: a mesh of many megabytes is read and converted once, not by every viewer
     fetching = asyncio.Lock()
 
-    @site.get("/machine/{name}/model")
-    async def model(request: Request, name: str) -> Response:
+    def opened(request: Request, name: str) -> MachineLink | Response:
         if sessions.visitor(request.cookies.get(COOKIE, "")) is None:
             return Response("log in", 403)
-        link = fleet.opened(name)
-        if link is None:
-            return Response("this machine's page is not open", 404)
+        return fleet.opened(name) or Response("this machine's page is not open", 404)
+
+    @site.get("/machine/{name}/model")
+    async def model(request: Request, name: str) -> Response:
+        link = opened(request, name)
+        if isinstance(link, Response):
+            return link
         try:
             async with fetching:
                 content = await fetch_model(link.connected(), link.store.folder / ".model")
         except MotionError as error:
-            return Response(f"{error.message} [{error.code}]", 503)
+            return _refusal(error)
         return Response(content, media_type="application/json", headers={"Cache-Control": "no-store"})
+
+    @site.get("/machine/{name}/recordings/{recording}/file")
+    async def file(request: Request, name: str, recording: str) -> Response:
+        link = opened(request, name)
+        if isinstance(link, Response):
+            return link
+        try:
+            pieces = link.recorded.pieces(link.connected(), recording)
+            # so that a recording that is not there is an answer of its own, not half of a file
+            first = await anext(pieces, b"")
+        except MotionError as error:
+            return _refusal(error)
+
+        async def whole() -> AsyncIterator[bytes]:
+            yield first
+            async for piece in pieces:
+                yield piece
+
+        headers = {"Content-Disposition": f'attachment; filename="{recording}.mcap"'}
+        return StreamingResponse(whole(), media_type="application/octet-stream", headers=headers)
+
+    @site.get("/machine/{name}/recordings/{recording}/plot")
+    async def plot(request: Request, name: str, recording: str) -> Response:
+        link = opened(request, name)
+        if isinstance(link, Response):
+            return link
+        try:
+            path = await link.recorded.plot(link.connected(), recording)
+        except MotionError as error:
+            return _refusal(error)
+        return FileResponse(path, media_type="text/html", headers=PLOT_HEADERS)
+
+
+def _refusal(error: MotionError) -> Response:
+    return Response(f"{error.message} [{error.code}]\n= {error.hint}\n", 503, media_type="text/plain")

@@ -11,18 +11,24 @@ from mcserver.web.link import MachineLink
 from mcserver.web.panels.arming import ArmingPanel
 from mcserver.web.panels.channels import ChannelsPanel
 from mcserver.web.panels.charts import ChartPanel
+from mcserver.web.panels.drives import DrivesPanel
+from mcserver.web.panels.homing import HomingPanel
 from mcserver.web.panels.jog import JogPanel
 from mcserver.web.panels.mdi import MdiPanel
 from mcserver.web.panels.messages import EventPanel, FaultPanel
+from mcserver.web.panels.people import PeoplePanel
 from mcserver.web.panels.picture import PicturePanel
 from mcserver.web.panels.positions import PositionsPanel
 from mcserver.web.panels.program import ProgramPanel
+from mcserver.web.panels.recordings import RecordingsPanel
 from mcserver.web.sessions import Visitor
 from mcserver.web.users import Role
 
 REFRESH_S = 0.1
 # charts, pictures and lists, in refreshes: drawing them is what costs a phone its battery
 SLOW_EVERY = 4
+# between two questions to the server [s]
+SLOW_S = 1.0
 OVERRIDES = (10, 25, 50, 75, 100, 125, 150, 200)
 
 
@@ -31,6 +37,7 @@ class MachinePage:
 
     def __init__(self, visitor: Visitor, link: MachineLink) -> None:
         self._link = link
+        self._visitor_name = visitor.name
         self._actions = actions = Actions(visitor, link)
         self._turn = 0
         self._header(visitor)
@@ -42,19 +49,39 @@ class MachinePage:
                     self._arming = ArmingPanel(actions)
                     self._controls()
                     self._program = ProgramPanel(actions)
+                    self._recordings = RecordingsPanel(actions)
                 with ui.column().classes("w-full gap-3"):
-                    self._positions = PositionsPanel()
+                    self._positions = PositionsPanel(actions)
                     self._jog = JogPanel(actions)
                     self._mdi = MdiPanel(actions)
+                    self._homing = HomingPanel(actions)
                     self._channels = ChannelsPanel(actions)
+                    self._drives = DrivesPanel(link)
                 with ui.column().classes("w-full gap-3"):
                     self._picture = PicturePanel(link)
                     self._chart = ChartPanel(link)
+                    self._people = PeoplePanel(link)
                     self._events = EventPanel(link)
         ui.on("mc_key", self._on_key)
         ui.timer(REFRESH_S, self.update)
+        ui.timer(SLOW_S, self.ask)
+        link.visitors[visitor.name] += 1
         ui.context.client.on_disconnect(self._jog.release)
+        ui.context.client.on_delete(self._leave)
         self.update()
+
+    def _leave(self) -> None:
+        visitors = self._link.visitors
+        visitors[self._visitor_name] -= 1
+        if visitors[self._visitor_name] <= 0:
+            del visitors[self._visitor_name]
+
+    async def ask(self) -> None:
+        """Refresh what the server is asked for, not what it says by itself."""
+        machine = self._link.machine
+        if machine is not None:
+            await self._recordings.update()
+            await self._drives.update(machine.info)
 
     def _header(self, visitor: Visitor) -> None:
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
@@ -135,5 +162,7 @@ class MachinePage:
             self._picture.update(status)
             self._arming.update()
             self._chart.update(status, machine.info)
-            self._events.update(status, machine.info.epoch)
+            self._homing.update(status, machine.info)
+            self._people.update(status, machine.info.epoch)
+            self._events.update(machine.info.epoch)
         self._turn += 1

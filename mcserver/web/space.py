@@ -43,6 +43,10 @@ class Space(Element, component="static/space.js"):
             "place", {"axes": axes, "tips": tips, "line": line, "trail": trail, "restart": restart}
         )
 
+    def show_row(self, axes: dict[int, float], tips: Mapping[str, Sequence[float]], row: int) -> None:
+        """Draw one row of a recording whose path was given by `plan`: done is what comes before it."""
+        self.run_method("showRow", {"axes": axes, "tips": tips}, row)
+
     def plan(self, path: dict[str, Any] | None) -> None:
         """Draw a program's path to come, as the call ``simulate`` gives it."""
         self.run_method("plan", path)

@@ -62,7 +62,7 @@ class PageProcess:
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    made = ServerProcess(tmp_path_factory.mktemp("server"), "cartesian", "bench")
+    made = ServerProcess(tmp_path_factory.mktemp("server"), "cartesian", "bench", recorder=True)
     made.start()
     yield made
     made.close()

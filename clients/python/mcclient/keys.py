@@ -85,6 +85,11 @@ class Keys:
         return live_key(self.machine)
 
     @property
+    def tokens(self) -> str:
+        """Key expression of the liveliness tokens of all clients."""
+        return f"mc/@v1/{self.machine}/client/*"
+
+    @property
     def token(self) -> str:
         """Of this client's liveliness token."""
         return f"mc/@v1/{self.machine}/client/{self.client}"

@@ -381,6 +381,11 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         result: dict[str, Any] = unpack(reply)
         return result
 
+    async def clients(self, *, timeout_s: float = 1.0) -> list[str]:
+        """Ids of the clients that are connected and have opened a program of this machine, sorted."""
+        found = await self._link.live_keys(self._keys.tokens, timeout_s=timeout_s)
+        return sorted({key.rpartition("/")[2] for key in found})
+
     # ------------------------------------------------------------ what it tells
 
     def telemetry(self) -> Feed[MachineStatus]:

@@ -395,6 +395,10 @@ class Machine:
     def check(self, text: str, positions: dict[int, float] | None = None) -> CheckResult:
         return self._loop.run(self._machine.check(text, positions))
 
+    def clients(self, *, timeout_s: float = 1.0) -> list[str]:
+        """As `mcclient.Machine.clients`."""
+        return self._loop.run(self._machine.clients(timeout_s=timeout_s))
+
     def simulate(
         self, text: str, positions: dict[int, float] | None = None, *, path_points: int = 0
     ) -> dict[str, Any]:

@@ -35,8 +35,6 @@ class JogPanel:
                 self._speed = ui.select(
                     {each: f"{each} %" for each in SPEEDS}, value=10, label="Speed"
                 ).classes("min-w-28")
-                self._home = ui.button("Home all", on_click=self._on_home).props("outline")
-                self._home.set_visibility(False)
             self._pad = ui.element("div").classes("mc-jog")
         ui.on("mc_jog", self._on_jog)
         ui.on("mc_clock", lambda event: self._held and self._held.observe(float(event.args["sent_s"])))
@@ -46,9 +44,6 @@ class JogPanel:
         if axes == self._axes:
             return
         self._axes = axes
-        # absolute encoders and axes that are referred by hand find nothing by themselves
-        finds = any(axis.homing not in (None, "absolute", "manual") for axis in info.axes)
-        self._home.set_visibility(finds)
         self._pad.clear()
         with self._pad:
             for axis in info.axes:
@@ -58,9 +53,6 @@ class JogPanel:
                         f"outline data-jog data-axis={axis.index} data-direction={direction} "
                         f'aria-label="jog axis {axis_name(axis.index)} {word}"'
                     )
-
-    async def _on_home(self) -> None:
-        await self._actions.do(Role.OPERATOR, "home all axes", lambda machine: machine.home())
 
     async def release(self) -> None:
         """Stops what this browser holds: it has gone."""

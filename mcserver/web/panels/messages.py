@@ -1,9 +1,10 @@
-"""Latched faults with their remedies, events, and who holds which axes."""
+"""Latched faults with their remedies and what led to them, and events."""
 
 from __future__ import annotations
 
 import html
 import time
+from urllib.parse import quote
 
 from mcclient import Event, MachineStatus
 from nicegui import ui
@@ -20,6 +21,7 @@ class FaultPanel:
     """Shown while something is latched: what, where, and what helps."""
 
     def __init__(self, actions: Actions) -> None:
+        self._link = actions.link
         self._card = ui.card().classes("mc-card")
         self._shown: tuple[object, ...] = ()
         with self._card:
@@ -30,7 +32,8 @@ class FaultPanel:
 
     def update(self, status: MachineStatus) -> None:
         self._card.set_visibility(bool(status.faults))
-        shown = tuple((fault.code, fault.message, fault.axis) for fault in status.faults)
+        box = black_box_of(self._link, status)
+        shown = (box, *((fault.code, fault.message, fault.axis) for fault in status.faults))
         if shown == self._shown:
             return
         self._shown = shown
@@ -44,38 +47,49 @@ class FaultPanel:
                 + (f"<br>= {html.escape(fault.hint)}" if fault.hint else "")
                 + "</li>"
             )
-        self._list.set_content(f'<div class="mc-faults"><ul>{"".join(rows)}</ul></div>')
+        recorded = ""
+        if box:
+            root = f"/machine/{quote(self._link.name)}/recordings/{quote(box)}"
+            recorded = (
+                f'<p>What led to it: <a href="{root}/plot" target="_blank">plot of the black box</a>, '
+                f'<a href="{root}/file">download</a></p>'
+            )
+        self._list.set_content(f'<div class="mc-faults"><ul>{"".join(rows)}</ul>{recorded}</div>')
+
+
+def black_box_of(link: MachineLink, status: MachineStatus) -> str:
+    """Return the name of the black box that was written for the oldest latched fault; empty: not yet."""
+    since = min((fault.t for fault in status.faults if fault.t > 0.0), default=None)
+    if since is None:
+        return ""
+    return next(
+        (
+            event.message
+            for event in link.events
+            if event.kind == "recording" and event.t >= since and event.message.startswith("blackbox-")
+        ),
+        "",
+    )
 
 
 class EventPanel:
-    """The newest events, and the programs that hold axes."""
+    """The newest events."""
 
     def __init__(self, link: MachineLink) -> None:
         self._link = link
         self._count = -1
         with ui.card().classes("mc-card"):
             ui.html("<h2>Events</h2>", sanitize=False)
-            self._holders = ui.label("")
             self._list = (
                 ui.html("", sanitize=False).classes("mc-events").props('tabindex=0 aria-label="Events"')
             )
 
-    def update(self, status: MachineStatus, epoch: float) -> None:
-        holders = [
-            f"{program.name or program.program} ({program.client}): {_axes_text(program.axes)}"
-            for program in status.programs
-            if program.state in ("running", "held", "paused", "ending")
-        ]
-        self._holders.set_text("; ".join(holders) or "no program holds an axis")
+    def update(self, epoch: float) -> None:
         if self._link.event_count == self._count:
             return
         self._count = self._link.event_count
         rows = [_row(event, epoch) for event in list(self._link.events)[-SHOWN:]]
         self._list.set_content("".join(reversed(rows)))
-
-
-def _axes_text(axes: tuple[int, ...]) -> str:
-    return ", ".join(axis_name(axis) for axis in axes)
 
 
 def _row(event: Event, epoch: float) -> str:

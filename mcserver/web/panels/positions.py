@@ -1,48 +1,113 @@
-"""Where the axes and tools are."""
+"""Where the axes and tools are, and buttons that make the work coordinate system read zero there."""
 
 from __future__ import annotations
 
 import html
+from functools import partial
 
-from mcclient import Info, MachineStatus
+from mcclient import AxisInfo, Info, Machine, MachineStatus
 from nicegui import ui
 
+from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, position_text
+from mcserver.web.users import Role
 
 HEAD = (
     "<tr><th>Axis</th><th class=n>Position</th><th class=n>Setpoint</th><th class=n>Velocity</th>"
     "<th>State</th></tr>"
 )
+# Axes with a button: those with a letter.
+LETTERED = 6
 
 
 class PositionsPanel:
-    """A table of axes: position, target, velocity, state; below it the tools' poses."""
+    """A table of axes: position, target, velocity, state; below it the tools' poses, and the zero buttons."""
 
-    def __init__(self) -> None:
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._shown = ""
+        self._axes: tuple[AxisInfo, ...] = ()
         with ui.card().classes("mc-card"):
             ui.html("<h2>Position</h2>", sanitize=False)
             self._table = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
+            self._table.props('tabindex=0 role=region aria-label="Positions"')
+            self._zero = ui.element("div").classes("mc-buttons")
 
     def update(self, status: MachineStatus, info: Info) -> None:
-        units = {axis.index: axis.unit for axis in info.axes}
-        axes = status.axes
-        rows = []
-        columns = zip(axes.index, axes.position, axes.setpoint, axes.velocity, axes.state, strict=True)
-        homed = dict(zip(axes.index, axes.homed, strict=False))
-        for index, position, setpoint, velocity, state in columns:
-            unit = units.get(index, "")
-            if not homed.get(index, True):
-                state = f"{state}, not homed"
-            rows.append(
-                f"<tr><td>{axis_name(index)}</td><td class=n>{position_text(position)} {unit}</td>"
-                f"<td class=n>{position_text(setpoint)}</td><td class=n>{velocity:.1f} {unit}/s</td>"
-                f"<td>{html.escape(state)}</td></tr>"
-            )
-        for tool in status.tools:
-            place = "  ".join(
-                f"{letter}{position_text(value)}" for letter, value in zip("XYZ", tool.position, strict=False)
-            )
-            rows.append(f"<tr><td>T{tool.number}</td><td colspan=4>{place} mm</td></tr>")
-        self._table.set_content(
-            f'<table class="mc-positions"><thead>{HEAD}</thead><tbody>{"".join(rows)}</tbody></table>'
+        lettered = tuple(axis for axis in info.axes if axis.index < LETTERED)
+        shown = lettered if self._actions.link.has_work_offsets else ()
+        if shown != self._axes:
+            self._axes = shown
+            self._build()
+        content = positions_html(status, info)
+        if content != self._shown:
+            self._shown = content
+            self._table.set_content(content)
+
+    def _build(self) -> None:
+        self._zero.clear()
+        with self._zero:
+            for axis in self._axes:
+                name = axis_name(axis.index)
+                ui.button(f"Zero {name}", on_click=partial(self._set_zero, name)).props("outline dense")
+            if self._axes:
+                ui.button("Set …", on_click=self._ask).props('outline dense aria-label="set a work offset"')
+
+    async def _set_zero(self, axis: str, value: float = 0.0, system: int = 0) -> None:
+        """Nothing moves: from now on programs read ``value`` where the axis is."""
+
+        async def send(machine: Machine) -> None:
+            async with machine.program("work offset") as program:
+                await program.send(f"G21 G90 G10 L20 P{system} {axis}{value:.6f}")
+
+        where = "the work coordinate system in force" if system == 0 else system_name(system)
+        if await self._actions.do(Role.OPERATOR, f"{axis} reads {value:g} in {where}", send):
+            ui.notify(f"{axis} reads {value:g} here now", position="top")
+
+    async def _ask(self) -> None:
+        if not self._actions.allowed(Role.OPERATOR):
+            return
+        names = [axis_name(axis.index) for axis in self._axes]
+        with ui.dialog() as dialog, ui.card():
+            ui.label("What an axis reads where it is now:")
+            axis = ui.select(names, value=names[0], label="Axis").classes("min-w-24")
+            number = ui.number("reads [mm, deg]", value=0.0, format="%.4f")
+            system = ui.select(
+                {each: system_name(each) for each in range(1, 10)}, value=1, label="System"
+            ).classes("min-w-24")
+            with ui.row():
+                ui.button("Set", on_click=lambda: dialog.submit(True)).props("color=primary")
+                ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat")
+        wanted = await dialog
+        dialog.delete()
+        if wanted and number.value is not None:
+            await self._set_zero(axis.value, float(number.value), system.value)
+
+
+def system_name(system: int) -> str:
+    """Return ``G54`` to ``G59.3`` for 1 to 9."""
+    return f"G{53 + system}" if system <= 6 else f"G59.{system - 6}"
+
+
+def positions_html(status: MachineStatus, info: Info) -> str:
+    """Return the table as HTML."""
+    units = {axis.index: axis.unit for axis in info.axes}
+    axes = status.axes
+    rows = []
+    columns = zip(axes.index, axes.position, axes.setpoint, axes.velocity, axes.state, strict=True)
+    homed = dict(zip(axes.index, axes.homed, strict=False))
+    for index, position, setpoint, velocity, state in columns:
+        unit = units.get(index, "")
+        if not homed.get(index, True):
+            state = f"{state}, not homed"
+        rows.append(
+            f"<tr><td>{axis_name(index)}</td><td class=n>{position_text(position)} {unit}</td>"
+            f"<td class=n>{position_text(setpoint)}</td><td class=n>{velocity:.1f} {unit}/s</td>"
+            f"<td>{html.escape(state)}</td></tr>"
         )
+    for tool in status.tools:
+        place = "  ".join(
+            f"{letter}{position_text(value)}" for letter, value in zip("XYZ", tool.position, strict=False)
+        )
+        rows.append(f"<tr><td>T{tool.number}</td><td colspan=4>{place} mm</td></tr>")
+    return f'<table class="mc-positions"><thead>{HEAD}</thead><tbody>{"".join(rows)}</tbody></table>'

@@ -10,8 +10,9 @@ from nicegui import events, ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.formatting import axis_name, clock_text, current_program, is_live, program_excerpt
+from mcserver.web.formatting import clock_text, current_program, is_live, program_excerpt
 from mcserver.web.jobs import Job, JobState
+from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.store import MAX_PROGRAM_BYTES
 from mcserver.web.users import Role
 
@@ -44,7 +45,7 @@ class ProgramPanel:
                 self._choice = ui.select([], label="Program", with_input=True).classes("grow min-w-40")
                 self._from_line = ui.number("From line", value=1, min=1, format="%d").classes("w-24")
             with ui.element("div").classes("mc-buttons"):
-                ui.button("Run", on_click=self._queue).props("color=positive")
+                ui.button("Run", on_click=lambda: self._queue()).props("color=positive")
                 ui.button("Dry run", on_click=self._dry_run).props("outline")
                 ui.button("Delete", on_click=self._delete).props("outline color=negative")
             self._queue_html = ui.html("", sanitize=False).classes("w-full")
@@ -168,7 +169,7 @@ class ProgramPanel:
             f'<div class="mc-faults"><p>{html.escape(name)}:</p><ul>{"".join(rows)}</ul></div>{excerpt}'
         )
 
-    def _queue(self) -> None:
+    def _queue(self, report: dict[str, Any] | None = None) -> None:
         if not self._actions.allowed(Role.OPERATOR):
             return
         if not self._choice.value:
@@ -176,7 +177,10 @@ class ProgramPanel:
             return
         try:
             self._actions.link.jobs.add(
-                self._choice.value, self._actions.visitor.name, int(self._from_line.value or 1)
+                self._choice.value,
+                self._actions.visitor.name,
+                int(self._from_line.value or 1),
+                report=report,
             )
         except (MotionError, McError) as error:
             show_refusal(error.message, error.hint)
@@ -190,38 +194,12 @@ class ProgramPanel:
             self._actions.link.store.delete(self._choice.value)
 
     async def _dry_run(self) -> None:
-        """Simulates the chosen program on the server: its time, each axis's extent, what slows it down."""
-        if not self._choice.value or not self._actions.allowed(Role.OBSERVER):
+        if not self._choice.value:
+            show_refusal("No program is chosen", "choose one, or upload it")
             return
-        try:
-            report = await self._actions.link.connected().simulate(
-                self._actions.link.store.read(self._choice.value)
-            )
-        except (MotionError, McError) as error:
-            show_refusal(error.message, error.hint)
-            return
-        if not report["ok"]:
-            first = report["diagnostics"][0]
-            self._report.set_content(
-                f'<div class="mc-faults">line {first["line"]}: {html.escape(first["message"])}'
-                f" [{first['code']}]<br>= {html.escape(first['hint'])}</div>"
-            )
-            return
-        name = html.escape(self._choice.value)
-        self._report.set_content(f"<p>{name}: {clock_text(report['duration_s'])}</p>{_extents_table(report)}")
+        await show_dry_run(self._actions, self._choice.value, int(self._from_line.value or 1), self._queue)
 
 
 def _ended_text(job: Job) -> str:
     message = f" · {html.escape(job.message)}" if job.message else ""
     return f"{html.escape(job.name)} · {job.state.value}{message}"
-
-
-def _extents_table(report: dict[str, Any]) -> str:
-    """HTML: how far each axis goes in a simulation."""
-    rows = "".join(
-        f"<tr><td>{axis_name(int(index))}</td><td class=n>{axis['min']:.3f}</td>"
-        f"<td class=n>{axis['max']:.3f} {axis['unit']}</td></tr>"
-        for index, axis in report["axes"].items()
-    )
-    head = "<tr><th>Axis</th><th class=n>from</th><th class=n>to</th></tr>"
-    return f'<table class="mc-positions">{head}{rows}</table>'

@@ -3,7 +3,7 @@
 import { THREE, OrbitControls } from "nicegui-scene";
 
 const TRAIL_POINTS = 6000;
-const COLOURS = { come: 0x94a3b8, done: 0x1d4ed8, trail: 0xf97316, tip: 0xdc2626 };
+const COLOURS = { come: 0x475569, done: 0x1d4ed8, trail: 0xf97316, tip: 0xdc2626 };
 
 const decode = (text, Kind) => {
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -16,6 +16,10 @@ const polyline = (colour, count) => {
   geometry.setDrawRange(0, 0);
   const line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: colour }));
   line.frustumCulled = false;
+  // browsers draw lines one pixel wide, whatever is asked for: points on top make them wider
+  const points = new THREE.Points(geometry, new THREE.PointsMaterial({ color: colour, size: 2.5 * Math.min(window.devicePixelRatio, 2), sizeAttenuation: false }));
+  points.frustumCulled = false;
+  line.add(points);
   return line;
 };
 
@@ -230,6 +234,14 @@ export default {
       return box;
     },
 
+    showRow(state, row) {
+      this.place(state);
+      for (const each of this.planned) {
+        each.done.geometry.setDrawRange(0, row + 1);
+        each.come.geometry.setDrawRange(row, each.points.length - row);
+      }
+    },
+
     inWorld(point) { return new THREE.Vector3(...point).applyQuaternion(this.world.quaternion); },
 
     // what is drawn may outgrow the view while it moves: look at all of it again, unless somebody has turned the view
@@ -249,13 +261,13 @@ export default {
       const away = this.camera.position.clone().sub(this.controls.target);
       if (away.length() === 0) away.set(1, -1.6, 1.1);
       const half = Math.min(this.camera.fov, this.camera.fov * this.camera.aspect) * Math.PI / 360;
-      away.setLength(0.56 * size / Math.tan(half));
+      away.setLength(0.46 * size / Math.tan(half));
       this.controls.target.copy(middle);
       this.camera.position.copy(middle).add(away);
       this.camera.near = away.length() / 200;
       this.camera.far = away.length() * 50;
       this.camera.updateProjectionMatrix();
-      for (const tip of this.tips.values()) tip.scale.setScalar(0.011 * size);
+      for (const tip of this.tips.values()) tip.scale.setScalar(0.008 * size);
       this.ground(box, size);
       this.controls.update();
       this.draw();
@@ -274,7 +286,7 @@ export default {
       if (this.grid) this.scene.remove(this.grid, this.frame);
       this.grid = new THREE.GridHelper(20 * step, 20, 0x64748b, 0x64748b);
       this.grid.material.transparent = true;
-      this.grid.material.opacity = 0.35;
+      this.grid.material.opacity = 0.22;
       this.grid.rotateX(Math.PI / 2);
       this.grid.position.set(Math.round(middle.x / step) * step, Math.round(middle.y / step) * step, box.min.z);
       this.frame = new THREE.AxesHelper(2 * step);

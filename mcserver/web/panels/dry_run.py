@@ -1,0 +1,115 @@
+"""A dry run: where a program will go, how long it takes and what slows it down, before anything moves."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from typing import Any
+
+from mcclient import MotionError
+from nicegui import ui
+
+from mcserver.errors import McError
+from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.formatting import axis_name, clock_text, program_excerpt
+from mcserver.web.jobs import PATH_POINTS, path_from_line
+from mcserver.web.panels.picture import tips_of
+from mcserver.web.space import Space
+from mcserver.web.users import Role
+
+# Lines that are listed as slower than they were asked to be, and from which factor on.
+SLOW_LINES = 8
+SLOW_FROM = 1.05
+
+
+async def show_dry_run(
+    actions: Actions, name: str, from_line: int, run: Callable[[dict[str, Any]], None]
+) -> None:
+    """Simulate a stored program from where the axes are, and show it with a button that runs it."""
+    if not actions.allowed(Role.OBSERVER):
+        return
+    waiting = ui.notification(f"{name} is being simulated", spinner=True, timeout=None, position="top")
+    try:
+        text = actions.link.store.read(name)
+        machine = actions.link.connected()
+        status = await machine.status()
+        start = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
+        report = await machine.simulate(text, start, path_points=PATH_POINTS)
+    except (MotionError, McError) as error:
+        show_refusal(f"{error.message} [{error.code}]", error.hint)
+        return
+    finally:
+        waiting.dismiss()
+
+    with ui.dialog() as dialog, ui.card().classes("mc-dry-run"):
+        dialog.on("hide", dialog.delete)
+        with ui.row().classes("w-full items-center justify-between no-wrap"):
+            ui.label(f"Dry run of {name}").classes("font-bold break-all")
+            ui.button("Close", on_click=dialog.close).props("flat")
+        ui.html(report_html(text, report, from_line), sanitize=False).classes("w-full overflow-x-auto")
+        if not report["ok"]:
+            dialog.open()
+            return
+        space = Space(f"the path of {name}", f"/machine/{actions.link.name}/model").classes("mc-trail")
+        path = path_from_line(report["path"], from_line)
+        axes = dict(zip(status.axes.index, status.axes.position, strict=True))
+
+        def draw() -> None:
+            space.plan(path)
+            space.place(axes, tips_of(status), 0, {})
+
+        def start_it() -> None:
+            dialog.close()
+            run(report)
+
+        space.on("ready", draw, args=[])
+        word = "Run it" if from_line <= 1 else f"Run it from line {from_line}"
+        ui.button(word, on_click=start_it).props("color=positive")
+    dialog.open()
+
+
+def report_html(text: str, report: dict[str, Any], from_line: int = 1) -> str:
+    """Return the report of a simulation as HTML: its time, the axes' travel, faults and slow lines."""
+    faults = report["diagnostics"]
+    shown = "".join(
+        f"<li>line {each['line']}: {html.escape(each['message'])} [{each['code']}]"
+        + (f"<br>= {html.escape(each['hint'])}" if each["hint"] else "")
+        + "</li>"
+        for each in faults[:20]
+    )
+    listed = f'<div class="mc-faults"><ul>{shown}</ul></div>' if shown else ""
+    if not report["ok"]:
+        faulty = {each["line"]: each["message"] for each in faults}
+        return listed + program_excerpt(text.split("\n"), min(faulty, default=1), faulty)
+    whole = " for the whole program" if from_line > 1 else ""
+    length = f"{report['feed_length_mm']:.1f} mm at feed rates"
+    return (
+        f"<p><b>{clock_text(report['duration_s'])}</b>{whole}, {length}</p>"
+        f"{listed}{_extents(report)}{_slow_lines(report)}"
+    )
+
+
+def _extents(report: dict[str, Any]) -> str:
+    rows = "".join(
+        f"<tr><td>{axis_name(int(index))}</td><td class=n>{axis['min']:.3f}</td>"
+        f"<td class=n>{axis['max']:.3f}</td><td class=n>{axis['position']:.3f} {axis['unit']}</td></tr>"
+        for index, axis in report["axes"].items()
+        if axis["max"] > axis["min"]
+    )
+    if not rows:
+        return "<p>no axis moves</p>"
+    head = "<tr><th>Axis</th><th class=n>from</th><th class=n>to</th><th class=n>ends at</th></tr>"
+    return f'<table class="mc-positions">{head}{rows}</table>'
+
+
+def _slow_lines(report: dict[str, Any]) -> str:
+    slow = [
+        line for line in report["lines"] if line["bound_by"] and (line["stretched_by"] or 1.0) >= SLOW_FROM
+    ]
+    slow = sorted(slow, key=lambda line: -line["stretched_by"])[:SLOW_LINES]
+    rows = "".join(
+        f"<li>line {line['line']}: {line['stretched_by']:.2f} × its time, "
+        f"{html.escape(line['bound_by'])}</li>"
+        for line in slow
+    )
+    return f"<p>Slower than asked:</p><ul>{rows}</ul>" if rows else ""

@@ -1,0 +1,75 @@
+"""Who is connected, who holds which axes, and who did what of late."""
+
+from __future__ import annotations
+
+import html
+import time
+
+from mcclient import Event, MachineStatus
+from nicegui import ui
+
+from mcserver.web.formatting import axis_name, is_live
+from mcserver.web.link import MachineLink
+
+COMMANDS = 8
+
+
+class PeoplePanel:
+    """Clients that can move something, the visitors of this page, and the newest commands."""
+
+    def __init__(self, link: MachineLink) -> None:
+        self._link = link
+        self._shown = ""
+        with ui.card().classes("mc-card"):
+            ui.html("<h2>Who is here</h2>", sanitize=False)
+            self._content = ui.html("", sanitize=False).classes("w-full mc-people")
+
+    def update(self, status: MachineStatus, epoch: float) -> None:
+        content = people_html(self._link, status, epoch)
+        if content != self._shown:
+            self._shown = content
+            self._content.set_content(content)
+
+
+def people_html(link: MachineLink, status: MachineStatus, epoch: float) -> str:
+    """Return the lists as HTML."""
+    holding: dict[str, list[str]] = {}
+    for program in status.programs:
+        if is_live(program):
+            axes = ", ".join(axis_name(axis) for axis in program.axes)
+            verb = "waits for" if program.state == "queued" else "holds"
+            holding.setdefault(program.client, []).append(
+                f"{program.name or program.program} {verb} {axes} ({program.state})"
+            )
+    own = None if link.machine is None else link.machine.client
+    clients = sorted({*link.clients, *holding, *([own] if own else [])})
+    rows = []
+    for client in clients:
+        name = f"<b>{html.escape(client)}</b>" + (" (this page)" if client == own else "")
+        what = "; ".join(html.escape(each) for each in holding.get(client, ())) or "holds no axis"
+        rows.append(f"<li>{name}: {what}</li>")
+    visitors = ", ".join(
+        html.escape(name) + (f" ({count})" if count > 1 else "")
+        for name, count in sorted(link.visitors.items())
+    )
+    done = [(when, name, what) for when, name, what in link.acts]
+    # those that this page has given are named by who sat there
+    done += [
+        (epoch + event.t, event.client or "", _command(event))
+        for event in link.events
+        if event.kind == "command" and event.client != own
+    ]
+    lines = "".join(
+        f"<div>{time.strftime('%H:%M:%S', time.localtime(when))} "
+        f"<b>{html.escape(name)}</b> {html.escape(what)}</div>"
+        for when, name, what in sorted(done, reverse=True)[:COMMANDS]
+    )
+    return (
+        f"<p>Clients:</p><ul>{''.join(rows) or '<li>nobody</li>'}</ul>"
+        f"<p>At this page: {visitors or 'nobody'}</p>"
+        + (f'<p>Commands:</p><div class="mc-events">{lines}</div>' if lines else "")
+    )
+
+
+def _command(event: Event) -> str:
+    return " · ".join(part for part in (event.reason, event.program, event.message) if part)

@@ -1,0 +1,116 @@
+"""Recordings on the server: what is there, starting and stopping one, and looking at them."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import Any
+from urllib.parse import quote
+
+from mcclient import MotionError
+from nicegui import ui
+
+from mcserver.web.actions import Action, Actions
+from mcserver.web.formatting import clock_text, size_text
+from mcserver.web.panels.replay import show_replay
+from mcserver.web.users import Role
+
+# Rows that are shown, and how often the list is asked for [s].
+SHOWN = 8
+PERIOD_S = 3.0
+
+
+class RecordingsPanel:
+    """The newest recordings, each to be plotted, played or downloaded; the black box on demand."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._shown: tuple[object, ...] = ()
+        self._asked_at = -PERIOD_S
+        self._all = False
+        with ui.card().classes("mc-card"):
+            ui.html("<h2>Recordings</h2>", sanitize=False)
+            with ui.row().classes("w-full items-center no-wrap"):
+                self._name = ui.input("Name", placeholder="the time").props("dense").classes("grow min-w-24")
+                ui.button("Record", on_click=self._start).props("color=primary dense")
+                ui.button("Save black box", on_click=self._save).props("outline dense")
+            self._state = ui.label("").classes("text-xs")
+            self._rows = ui.element("div").classes("w-full")
+
+    async def update(self) -> None:
+        """Ask for the list now and then; a server without recorder says so."""
+        machine = self._actions.link.machine
+        now = time.monotonic()
+        if machine is None or now - self._asked_at < PERIOD_S:
+            return
+        self._asked_at = now
+        try:
+            found = await machine.recordings()
+        except MotionError as error:
+            self._state.set_text(f"{error.message} [{error.code}]")
+            return
+        recorder = found["recorder"]
+        self._state.set_text(
+            "no recorder runs on the server"
+            if recorder is None
+            else f"black box: the last {clock_text(recorder['held_s'])}, {size_text(recorder['held_bytes'])}"
+        )
+        shown = (
+            self._all,
+            *((each["name"], each["state"], size_text(each["size"])) for each in found["recordings"]),
+        )
+        if shown != self._shown:
+            self._shown = shown
+            self._build(found["recordings"])
+
+    def _build(self, recordings: list[dict[str, Any]]) -> None:
+        self._rows.clear()
+        with self._rows:
+            for each in recordings if self._all else recordings[:SHOWN]:
+                self._row(each)
+            if len(recordings) > SHOWN:
+                ui.button(
+                    "Show fewer" if self._all else f"Show all {len(recordings)}", on_click=self._toggle
+                ).props("flat dense")
+            if not recordings:
+                ui.label("nothing has been recorded yet")
+
+    def _row(self, recording: dict[str, Any]) -> None:
+        name = recording["name"]
+        root = f"/machine/{quote(self._actions.link.name)}/recordings/{quote(name)}"
+        with ui.row().classes("w-full items-center gap-2 mc-row"):
+            ui.label(name).classes("grow break-all")
+            ui.label(size_text(recording["size"])).classes("text-xs")
+            if recording["state"] == "writing":
+                ui.button("Stop", on_click=partial(self._stop, name)).props(
+                    f'dense color=negative aria-label="stop recording {name}"'
+                )
+            elif recording["state"] == "done":
+                ui.link("plot", f"{root}/plot", new_tab=True).props(f'aria-label="plot {name}"')
+                ui.button("play", on_click=partial(show_replay, self._actions.link, name)).props(
+                    f'flat dense no-caps aria-label="play {name}"'
+                )
+                ui.link("download", f"{root}/file").props(f'aria-label="download {name}"')
+            else:
+                ui.label("unfinished").classes("text-xs")
+
+    def _toggle(self) -> None:
+        self._all = not self._all
+        self._asked_at = -PERIOD_S
+
+    async def _start(self) -> None:
+        name = (self._name.value or "").strip()
+        if await self._do("record", lambda machine: machine.start_recording(name)):
+            self._name.set_value("")
+
+    async def _stop(self, name: str) -> None:
+        await self._do("stop recording", lambda machine: machine.stop_recording(name))
+
+    async def _save(self) -> None:
+        if await self._do("save the black box", lambda machine: machine.save_black_box()):
+            ui.notify("the black box is saved", position="top")
+
+    async def _do(self, name: str, action: Action) -> bool:
+        done = await self._actions.do(Role.OPERATOR, name, action)
+        self._asked_at = -PERIOD_S
+        return done
