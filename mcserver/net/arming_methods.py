@@ -29,12 +29,12 @@ class ArmingMethods:
         self._checker = checker
         self._clock = asyncio.get_running_loop().time
         self._arming = Arming(self._clock)
-        self._stops = service.stops
+        self._stops = service.latch.stops
 
     def _forget_armings(self) -> None:
         """Take every arming back after an emergency stop: the operator looks at the machine again."""
-        if self._stops != self._service.stops:
-            self._stops = self._service.stops
+        if self._stops != self._service.latch.stops:
+            self._stops = self._service.latch.stops
             self._arming.disarm()
 
     async def request_run(self, client: str, request: wire.RunRequestRequest) -> wire.RunRequestReply:
@@ -112,8 +112,8 @@ class ArmingMethods:
                 raise Refused(
                     "MC574", f"the text has more than {program.credit} lines", "an operator runs it"
                 )
-            await service.submit(client, program.program, 1, lines)
-            await service.close(client, program.program, len(lines))
+            await service.lines.submit(client, program.program, 1, lines)
+            await service.lines.close(client, program.program, len(lines))
         except ServiceError:
             if not program.ended:
                 service.abort(program.program, "an armed program could not be started as a whole")

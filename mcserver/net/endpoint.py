@@ -252,7 +252,7 @@ class MachineEndpoint:
             if error.code != "MC503":
                 self._warn(service, error.code, f"in/{client}/{program}: {error.message}")
             return
-        service.stream(program, message.first, message.lines, urgent=alone)
+        service.lines.stream(program, message.first, message.lines, urgent=alone)
 
     def _on_stray(self, service: MachineService, sample: zenoh.Sample) -> None:
         """A put by a wildcard, such as ``mc/@v1/**``: it reaches every key, and so none is meant."""
@@ -283,7 +283,7 @@ class MachineEndpoint:
             except ServiceError as error:
                 # whatever is put there stops the machine
                 self._refused.add(f"estop: {error.message}")
-        service.emergency_stop(request.client, request.reason)
+        service.latch.emergency_stop(request.client, request.reason)
 
 
 def _second_server(keys: Keys, token: str) -> str:

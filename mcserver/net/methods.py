@@ -138,7 +138,7 @@ class Methods:
         )
 
     def submit(self, client: str, request: wire.SubmitRequest) -> Deferred[wire.SubmitReply]:
-        taken = self._service.submit(
+        taken = self._service.lines.submit(
             client, request.program, request.first, request.lines, judge=request.judge
         )
         return taken.then(
@@ -146,7 +146,7 @@ class Methods:
         )
 
     def close(self, client: str, request: wire.CloseRequest) -> Deferred[wire.CloseReply]:
-        closed = self._service.close(client, request.program, request.last)
+        closed = self._service.lines.close(client, request.program, request.last)
         return closed.then(
             lambda program: wire.CloseReply(program.program, program.journaled, program.done, program.state)
         )
@@ -215,7 +215,7 @@ class Methods:
         return wire.SetReply(request.input, value)
 
     def estop(self, client: str, request: wire.EstopRequest) -> wire.Done:
-        self._service.emergency_stop(client, request.reason)
+        self._service.latch.emergency_stop(client, request.reason)
         return wire.Done()
 
     def status(self, _client: str, _request: wire.StatusRequest) -> wire.MachineStatus:

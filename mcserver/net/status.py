@@ -85,8 +85,8 @@ class EdgeUnits:
 def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
     """The whole machine now."""
     snapshot = service.port.snapshot()
-    if service.faults:
-        service.refresh_faults(dict(zip(units.index, snapshot.states, strict=True)))
+    if service.latch.faults:
+        service.latch.refresh_faults(dict(zip(units.index, snapshot.states, strict=True)))
     axes = AxesStatus(
         index=units.index,
         position=(snapshot.position * units.scale).tolist(),
@@ -100,10 +100,10 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         t=snapshot.time,
         wall=service.port.epoch + snapshot.time,
         instance=service.options.instance,
-        state=service.state,
+        state=service.latch.state,
         axes=axes,
         programs=[program.status() for program in service.current()],
-        faults=service.faults,
+        faults=service.latch.faults,
         override=100.0 * service.override,
         late_cycles=snapshot.late_cycles,
         tools=units.tools(snapshot.position),

@@ -67,11 +67,11 @@ class Jogging:
             client, name=f"jog axis {axis_index}", axes=[axis_index], unhomed=True
         )
         try:
-            await self._service.submit(client, program.program, 1, [f"G1010 P{axis_index}", move])
+            await self._service.lines.submit(client, program.program, 1, [f"G1010 P{axis_index}", move])
         except Exception:
             self._service.abort(program.program, "the jog was refused")
             raise
-        self._service.close(client, program.program)
+        self._service.lines.close(client, program.program)
         if hold_s is not None:
             self._watch(program.program, hold_s)
         return program.program

@@ -9,42 +9,37 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence
 
-import msgspec
-
-from mcserver.errors import Refused, RejectedLines, ServiceError
+from mcserver.errors import Refused
 from mcserver.executor.entries import Control
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import Planning, StepLine
 from mcserver.service.channels import Channels
-from mcserver.service.deferred import Deferred
 from mcserver.service.event_log import EventLog
 from mcserver.service.journal_reader import check_known, read_lines_before, read_programs
-from mcserver.service.line_queue import Gap, LineQueue
+from mcserver.service.line_intake import LineIntake
+from mcserver.service.line_queue import LineQueue
 from mcserver.service.motion_port import MotionPort
-from mcserver.service.program import Program, Verdict
+from mcserver.service.program import Program
+from mcserver.service.program_access import find_program, open_programs, owned_program
 from mcserver.service.program_table import TICK_S, ProgramTable, ServiceOptions
 from mcserver.service.reports import (
     Ack,
-    AxisState,
     Event,
     Fault,
-    MachineState,
     OnDisconnect,
     ProbeStatus,
     ProgramStatus,
 )
+from mcserver.service.stop_latch import StopLatch
 
 log = logging.getLogger(__name__)
 
 OPEN_PROGRAMS = 64
 # Of one client, so that none can keep the others out.
 CLIENT_PROGRAMS = 16
-VERDICT_LIMIT_S = 0.05
 SHOWN_ENDED_S = 10.0
 STOP_LIMIT_S = 3.0
-# Time between two confirmations of one emergency stop [s]
-CONFIRM_PERIOD_S = 0.1
 
 
 class MachineService:
@@ -59,6 +54,8 @@ class MachineService:
 
     Attributes:
         override: feed override of programs to come, 1 as programmed.
+        lines: takes the lines of its programs.
+        latch: its emergency stop and its faults.
     """
 
     def __init__(
@@ -75,8 +72,6 @@ class MachineService:
         self.port = port
         self.options = options
         self.override = 1.0
-        # emergency stops asked for so far
-        self.stops = 0
         self._loop = asyncio.get_running_loop()
         self._table = ProgramTable(
             machine,
@@ -90,11 +85,10 @@ class MachineService:
         )
         self._planning = planning
         self.channels = Channels(machine, port, self._table.program_in)
-        self._table.on_machine_stop = self._stopped_by_input
+        self.lines = LineIntake(self._table, self._loop)
+        self.latch = StopLatch(self._table, port, self._loop, self._journal_stop)
+        self._table.on_machine_stop = self.latch.stopped_by_machine
         self._counter = 0
-        # the event of the stop that is latched
-        self._estop: Event | None = None
-        self._confirmed = 0.0
         self._stopping = False
         self._all_axes = tuple(axis.index for axis in machine.axes)
 
@@ -121,10 +115,10 @@ class MachineService:
         if not self.port.alive():
             self._fail_without_executor()
         self.events.publish("server.stopping")
-        for program in self._chosen(None):
+        for program in open_programs(self._table.programs, None):
             self._table.stop(program, "aborted", "the server is stopping")
         deadline = self._loop.time() + STOP_LIMIT_S
-        while self._chosen(None) and self._loop.time() < deadline:
+        while open_programs(self._table.programs, None) and self._loop.time() < deadline:
             await asyncio.sleep(TICK_S)
         await self._table.planner.stop()
         if self.port.alive():
@@ -190,7 +184,7 @@ class MachineService:
         """
         self._ready()
         if self._table.journal_failure:
-            raise self._unjournaled()
+            raise self.lines.unjournaled()
         wanted = self._axes(axes)
         self._check_limits(client)
         if resume_of is not None:
@@ -248,91 +242,9 @@ class MachineService:
         """
         return await self.open(client, name=name, axes=axes, controls=controls)
 
-    def submit(
-        self, client: str, program_id: str, first: int, lines: Sequence[str], *, judge: bool = True
-    ) -> Deferred[Program]:
-        """Take lines; the result comes once they are journaled and, within a limit, validated.
-
-        Raises:
-            ServiceError: MC503, MC504, MC505 a gap, MC510 closed, MC519. The result may be `RejectedLines` (a
-                line is faulty; those before it are taken) or MC519 (they cannot be journaled now).
-        """
-        program = self._owned(client, program_id)
-        self._take(program, first, lines, urgent=True)
-        last = first + len(lines) - 1
-        through = min(last, program.queue.accepted)
-        self._check_journal(program, through)
-        result: Deferred[Program] = Deferred()
-        verdict: Deferred[Verdict] = Deferred()
-
-        def answer(value: Verdict | None, _error: Exception | None) -> None:
-            limit.cancel()
-            if value is Verdict.REJECTED and program.rejected <= last:
-                result.fail(RejectedLines(program.diagnostics, **self._numbers(program)))
-            elif value is Verdict.NOT_JOURNALED:
-                result.fail(self._unjournaled(program))
-            else:
-                result.resolve(program)
-
-        limit = self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
-        verdict.listen(answer)
-        program.wait_for(through, verdict, validated=judge)
-        return result
-
-    def stream(self, program_id: str, first: int, lines: Sequence[str], *, urgent: bool = False) -> None:
-        """Take lines that were put without asking; whatever happens is said by an acknowledgement.
-
-        Args:
-            urgent: no other message waits to be journaled with them.
-        """
-        program = self._table.programs.get(program_id)
-        if program is None:
-            return
-        try:
-            self._take(program, first, lines, urgent=urgent)
-        except ServiceError as error:
-            self._table.acks.acknowledge(program, program.queue.expected if error.code == "MC505" else 0)
-
-    def close(self, client: str, program_id: str, last: int | None = None) -> Deferred[Program]:
-        """Take no more lines; the result comes once those accepted are journaled.
-
-        Args:
-            last: close only if lines through this number are there.
-
-        Raises:
-            ServiceError: MC503, MC504, MC505 line ``last`` is not there yet, MC519 lines cannot be journaled.
-        """
-        program = self._owned(client, program_id)
-        if last is not None and not program.ended and program.queue.accepted < last:
-            raise Refused(
-                "MC505",
-                f"line {program.queue.expected} is the next one expected, {last} was to be the last",
-                f"send lines from {program.queue.expected} on first",
-                **self._numbers(program),
-            )
-        through = program.queue.accepted
-        if not program.ended:
-            self._check_journal(program, through)
-        self._table.close(program)
-        result: Deferred[Program] = Deferred()
-        verdict: Deferred[Verdict] = Deferred()
-
-        def answer(value: Verdict | None, _error: Exception | None) -> None:
-            if value is Verdict.NOT_JOURNALED:
-                result.fail(self._unjournaled(program))
-            else:
-                result.resolve(program)
-
-        verdict.listen(answer)
-        if program.ended or program.journaled >= through:
-            verdict.resolve(Verdict.TAKEN)
-        else:
-            program.wait_for(through, verdict, validated=False)
-        return result
-
     def step(self, client: str, program_id: str) -> Program:
         """Lets the next line of a program in single line mode start."""
-        program = self._owned(client, program_id)
+        program = owned_program(self._table.programs, client, program_id)
         if not program.step or program.ended:
             raise Refused(
                 "MC517",
@@ -348,7 +260,7 @@ class MachineService:
 
     def hold(self, program_id: str | None) -> list[Program]:
         """Feed hold along the path."""
-        chosen = [program for program in self._chosen(program_id) if not program.held]
+        chosen = [program for program in open_programs(self._table.programs, program_id) if not program.held]
         for program in chosen:
             program.held = True
             if program.slot is not None:
@@ -366,7 +278,9 @@ class MachineService:
         self._ready()
         self.channels.refuse_interlocked(self.channels.holding(), "resume")
         chosen = [
-            program for program in self._chosen(program_id) if program.held or program.state == "paused"
+            program
+            for program in open_programs(self._table.programs, program_id)
+            if program.held or program.state == "paused"
         ]
         for program in chosen:
             program.held = False
@@ -378,7 +292,7 @@ class MachineService:
 
     def abort(self, program_id: str | None, reason: str = "") -> list[Program]:
         """Stops along the path and drops the rest."""
-        chosen = self._chosen(program_id)
+        chosen = open_programs(self._table.programs, program_id)
         for program in chosen:
             self._table.stop(program, "aborted", reason)
         if program_id is None:
@@ -388,7 +302,7 @@ class MachineService:
 
     def set_override(self, ratio: float, program_id: str | None) -> list[Program]:
         """Feed override; of all programs, those to come included, without an id."""
-        chosen = self._chosen(program_id)
+        chosen = open_programs(self._table.programs, program_id)
         if program_id is None:
             self.override = ratio
         for program in chosen:
@@ -414,47 +328,14 @@ class MachineService:
                 self._table.stop(program, "aborted", f"client {client} is gone")
 
     def program(self, program_id: str) -> Program:
-        """Raises ServiceError MC503 where there is none."""
-        program = self._table.programs.get(program_id)
-        if program is None:
-            raise Refused(
-                "MC503", f"there is no program {program_id}", "list them with `programs`", program=program_id
-            )
-        return program
+        """Return a program of this start.
+
+        Raises:
+            ServiceError: MC503 there is none.
+        """
+        return find_program(self._table.programs, program_id)
 
     # ------------------------------------------------------------ the machine
-
-    def emergency_stop(self, client: str, reason: str) -> None:
-        """Latch the stop, here and in the executor; a stop that is latched already is confirmed again."""
-        self.stops += 1
-        self.port.emergency_stop()
-        if self._estop is not None:
-            self._confirm_stop(self._estop)
-            return
-        # the one that latches it; repetitions would fill the journal
-        self._journal_command(client, "estop", None, reason)
-        fault = Fault(
-            code="MC400",
-            message="emergency stop" + (f": {reason}" if reason else ""),
-            hint="remove the cause, then reset",
-            t=self.now(),
-        )
-        self._table.faults.latch(fault)
-        self._estop = self.events.publish("estop", reason=reason, client=client or None)
-        self._confirmed = self._loop.time()
-        for program in list(self._table.programs.values()):
-            if not program.ended:
-                self._table.stop(program, "faulted", "emergency stop", fault)
-
-    def _stopped_by_input(self, fault: Fault) -> None:
-        """The executor has latched a stop by itself: it counts like one that was asked for."""
-        self._table.faults.latch(fault)
-        if self._estop is None:
-            self._estop = self.events.publish("estop", reason=fault.message)
-            self._confirmed = self._loop.time()
-        for program in list(self._table.programs.values()):
-            if not program.ended:
-                self._table.stop(program, "faulted", fault.message, fault)
 
     def set_output(self, name: str, value: bool | float) -> float:
         """Set an output by its name.
@@ -465,12 +346,6 @@ class MachineService:
         self._ready()
         return self.channels.set_output(name, value)
 
-    def _confirm_stop(self, event: Event) -> None:
-        """Publish the event of the latched stop again, under its number; seldom, however many ask for it."""
-        if self._loop.time() - self._confirmed >= CONFIRM_PERIOD_S:
-            self._confirmed = self._loop.time()
-            self.events.repeat(event)
-
     def reset(self, axes: Sequence[int] | None) -> None:
         """Clears the latch; axes stay without energy.
 
@@ -478,28 +353,7 @@ class MachineService:
             ServiceError: MC443 an input stops the machine; MC509 programs are still coming to rest; MC507.
         """
         self.channels.refuse_interlocked(self.channels.stopping(), "reset")
-        wanted = self._axes(axes)
-        if any(program.state == "ending" for program in self._table.programs.values()):
-            raise Refused("MC509", "motion is still coming to rest", "try again in a moment", faults=[])
-        self.port.reset(frozenset(wanted))
-        self._estop = None
-        self._table.faults.clear()
-        self.events.publish("reset", message="the latch is cleared")
-
-    @property
-    def state(self) -> MachineState:
-        if self._estop is not None:
-            return "estop"
-        return "fault" if self._table.faults else "ready"
-
-    @property
-    def faults(self) -> list[Fault]:
-        return list(self._table.faults)
-
-    def refresh_faults(self, states: Mapping[int, AxisState]) -> None:
-        """Drops the faults of axes that a G1000 has cleared, and of lines that no axis has latched."""
-        if self._estop is None and self._table.faults.forget_cleared(states):
-            self.events.publish("reset", message="the latch is cleared")
+        self.latch.reset(frozenset(self._axes(axes)))
 
     def homed(self, axis: int) -> bool:
         """Return whether an axis knows where it is."""
@@ -547,10 +401,14 @@ class MachineService:
             )
             found += [status for status in older if status.program not in mine]
         if program_id is not None and not found and program_id not in mine:
-            self.program(program_id)
+            find_program(self._table.programs, program_id)
         return found[:limit]
 
     # ------------------------------------------------------------ inside
+
+    def _journal_stop(self, client: str, reason: str) -> None:
+        # only the one that latches it; repetitions would fill the journal
+        self._journal_command(client, "estop", None, reason)
 
     def _journal_command(self, client: str, method: str, program: str | None, detail: str) -> None:
         # what gathers before a journal that cannot be written stays bounded
@@ -583,7 +441,7 @@ class MachineService:
         self._table.faults.latch(fault)
         self.events.publish("fault", fault=fault, message=fault.message)
         # the newest first, so that none is given the axes of one before it
-        for program in reversed(self._chosen(None)):
+        for program in reversed(open_programs(self._table.programs, None)):
             self._table.stop(program, "faulted", fault.message, fault)
 
     def _estimate(self) -> None:
@@ -599,24 +457,10 @@ class MachineService:
             pace = min(1.0, program.override) if program.override > 0.0 else 1.0
             program.eta_s = left / pace
 
-    def _chosen(self, program_id: str | None) -> list[Program]:
-        if program_id is None:
-            return [program for program in self._table.programs.values() if not program.ended]
-        program = self.program(program_id)
-        if program.ended:
-            raise Refused("MC517", f"{program_id} has ended: {program.state}", "", state=program.state)
-        return [program]
-
     def _ready(self) -> None:
         if self._stopping:
             raise Refused("MC515", "the server is stopping", "wait for its next start")
-        if self._estop is not None:
-            raise Refused(
-                "MC509",
-                "the emergency stop is latched",
-                "remove the cause, then reset",
-                faults=[msgspec.to_builtins(fault) for fault in self._table.faults],
-            )
+        self.latch.refuse_latched()
 
     def _axes(self, axes: Sequence[int] | None) -> tuple[int, ...]:
         if axes is None:
@@ -633,54 +477,6 @@ class MachineService:
                 )
         return tuple(sorted(set(axes)))
 
-    def _owned(self, client: str, program_id: str) -> Program:
-        program = self.program(program_id)
-        if program.client != client:
-            raise Refused(
-                "MC504",
-                f"{program_id} belongs to {program.client}",
-                "open a program of your own",
-                program=program_id,
-                client=program.client,
-            )
-        return program
-
-    def _numbers(self, program: Program) -> dict[str, object]:
-        return {
-            "expected": program.queue.expected,
-            "accepted": program.journaled,
-            "done": program.done,
-            "credit": program.credit,
-        }
-
-    def _take(self, program: Program, first: int, lines: Sequence[str], *, urgent: bool) -> None:
-        last = first + len(lines) - 1
-        if last <= program.queue.accepted:
-            # all of it is there: acknowledged again, whatever has become of the program since
-            self._table.acks.acknowledge(program)
-            return
-        if not program.takes_lines:
-            raise Refused(
-                "MC510",
-                f"{program.program} takes no more lines: {program.state}",
-                "open another program",
-                state=program.state,
-                **self._numbers(program),
-            )
-        self._check_journal(program)
-        taken = program.queue.take(first, lines)
-        if isinstance(taken, Gap):
-            raise Refused(
-                "MC505",
-                f"line {taken.expected} is the next one expected, not {first}",
-                f"send lines from {taken.expected} on",
-                **self._numbers(program),
-            )
-        if not taken.lines:
-            self._table.acks.acknowledge(program)
-            return
-        self._table.lines(program, taken.first, taken.lines, urgent=urgent)
-
     def _check_limits(self, client: str) -> None:
         open_by = [program.client for program in self._table.programs.values() if not program.ended]
         if len(open_by) >= OPEN_PROGRAMS:
@@ -692,23 +488,3 @@ class MachineService:
                 "close one",
                 limit=CLIENT_PROGRAMS,
             )
-
-    def _check_journal(self, program: Program, through: int | None = None) -> None:
-        """Refuse what the journal cannot take now; with ``through`` only if these lines are not in it."""
-        if self._table.journal_failure and (through is None or program.journaled < through):
-            raise self._unjournaled(program)
-
-    def _unjournaled(self, program: Program | None = None) -> Refused:
-        return Refused(
-            "MC519",
-            f"the journal cannot be written: {self._table.journal_failure}",
-            "make room on the disk, then send again",
-            **({} if program is None else self._numbers(program)),
-        )
-
-    def _stop_waiting(self, program: Program, through: int, verdict: Deferred[Verdict]) -> None:
-        if program.journaled >= through:
-            verdict.resolve(Verdict.TAKEN)
-        elif not verdict.done:
-            # only what is journaled is ever acknowledged
-            self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)

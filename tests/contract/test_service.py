@@ -48,7 +48,9 @@ async def submit(exchange: Exchange, program: str, message: dict[str, Any]) -> d
     """The numbers of the reply, or the code and the numbers of the refusal."""
     answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
     try:
-        taken = exchange.service.submit(CLIENT, program, message["first"], message["lines"], judge=False)
+        taken = exchange.service.lines.submit(
+            CLIENT, program, message["first"], message["lines"], judge=False
+        )
     except Refused as refused:
         return {
             "code": refused.code,

@@ -233,7 +233,7 @@ async def test_who_ordered_what_is_in_the_journal(rig: Rig, client: WireClient) 
     while not rig.service.program(program).ended:
         await asyncio.sleep(0.001)
     client.session.put(f"{client.root}/estop", msgspec.msgpack.encode({"client": "panel", "reason": "fire"}))
-    while rig.service.state != "estop":
+    while rig.service.latch.state != "estop":
         await asyncio.sleep(0.001)
     for _ in range(3):
         await other.call("estop")

@@ -105,7 +105,7 @@ async def test_an_observer_is_refused_what_would_move(site: RunningSite, tmp_pat
         assert refused.value.code == "MC532"
         assert "access rules" in refused.value.hint
         await machine.estop("seen from afar")
-        assert service.state == "estop"
+        assert service.latch.state == "estop"
 
 
 async def test_a_copied_machine_certificate_is_no_other_machine(site: RunningSite, tmp_path: Path) -> None:

@@ -312,11 +312,11 @@ class SimulatedClient:
         lines = [self.text(program, number) for number in range(first, last + 1)]
         try:
             if self._accepted >= self._lines:
-                service.close(self.name, program, last=self._lines)
+                service.lines.close(self.name, program, last=self._lines)
             elif draw.random() < 0.5:
-                service.submit(self.name, program, first, lines).listen(lambda _program, _error: None)
+                service.lines.submit(self.name, program, first, lines).listen(lambda _program, _error: None)
             else:
-                service.stream(program, first, lines)
+                service.lines.stream(program, first, lines)
             status = service.program(program)
             if draw.random() < 0.2:
                 # asks how it stands, as one that has heard nothing for a while
@@ -407,8 +407,8 @@ class Cell:
         self._disk.full = not self._disk.full
 
     def stopped(self) -> None:
-        self.service.emergency_stop("", "seed")
-        require(self.service.state == "estop", "an emergency stop does not show")
+        self.service.latch.emergency_stop("", "seed")
+        require(self.service.latch.state == "estop", "an emergency stop does not show")
         self.later(self._reset)
 
     def aborted(self) -> None:

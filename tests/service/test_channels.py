@@ -189,7 +189,7 @@ async def test_an_output_of_a_running_program_is_left_to_it(bench: Bench) -> Non
 
 
 async def test_the_emergency_stop_locks_the_outputs(bench: Bench) -> None:
-    bench.service.emergency_stop("c", "")
+    bench.service.latch.emergency_stop("c", "")
     assert refusal(bench.service.set_output, "lamp", True) == "MC509"
 
 
@@ -223,15 +223,15 @@ async def test_a_stop_input_counts_as_an_emergency_stop(bench: Bench) -> None:
     program = await opened(bench)
     await bench.set_input("guard", 1.0)
     await bench.settle()
-    assert bench.service.state == "estop"
+    assert bench.service.latch.state == "estop"
     assert program.state == "faulted"
     stop = next(event for event in bench.events if event.kind == "estop")
     assert "guard" in stop.reason
-    assert [fault.code for fault in bench.service.faults] == [f"MC{FaultCode.INTERLOCK_STOP}"]
+    assert [fault.code for fault in bench.service.latch.faults] == [f"MC{FaultCode.INTERLOCK_STOP}"]
     assert refusal(bench.service.reset, None) == "MC443"
     await bench.set_input("guard", 0.0)
     bench.service.reset(None)
-    assert bench.service.state == "ready"
+    assert bench.service.latch.state == "ready"
 
 
 async def test_a_machine_without_channels_has_none(tmp_path: Path) -> None:

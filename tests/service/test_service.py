@@ -13,32 +13,33 @@ from mcserver.errors import RejectedLines, ServiceError
 from mcserver.executor.entries import EventKind
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.service.journal_file import open_journal
-from mcserver.service.service import CLIENT_PROGRAMS, CONFIRM_PERIOD_S
+from mcserver.service.service import CLIENT_PROGRAMS
+from mcserver.service.stop_latch import CONFIRM_PERIOD_S
 from tests.service.conftest import LIMIT_S, Bench
 from tests.service.fakes import executed_lines
 
 
 async def test_lines_run_and_are_done(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    taken = await bench.service.submit("hmi", program.program, 1, ["G90", "move", "move"])
+    taken = await bench.service.lines.submit("hmi", program.program, 1, ["G90", "move", "move"])
     assert taken.journaled == 3
     ack = await bench.until_acked(program.program, done=3)
     assert (ack.accepted, ack.state) == (3, "running")
-    bench.service.close("hmi", program.program)
+    bench.service.lines.close("hmi", program.program)
     await bench.until_acked(program.program, state="finished")
     assert executed_lines(bench.pipelines, program.program) == [1, 2, 3]
 
 
 async def test_a_line_that_needs_no_time_is_done_without_motion(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["G90"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["G90"])
     assert (await bench.until_acked(program.program, done=1)).accepted == 1
 
 
 async def test_a_repeated_line_is_acknowledged_and_not_executed_again(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["move", "move"])
-    again = await bench.service.submit("hmi", program.program, 1, ["move", "move", "move"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["move", "move"])
+    again = await bench.service.lines.submit("hmi", program.program, 1, ["move", "move", "move"])
     assert again.journaled == 3
     await bench.until_acked(program.program, done=3)
     assert executed_lines(bench.pipelines, program.program) == [1, 2, 3]
@@ -46,22 +47,22 @@ async def test_a_repeated_line_is_acknowledged_and_not_executed_again(bench: Ben
 
 async def test_a_gap_is_refused_with_the_number_expected(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["move"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
     with pytest.raises(ServiceError, match="line 2 is the next one expected") as refused:
-        await bench.service.submit("hmi", program.program, 5, ["move"])
+        await bench.service.lines.submit("hmi", program.program, 5, ["move"])
     assert refused.value.code == "MC505"
 
 
 async def test_a_streamed_gap_is_answered_by_an_acknowledgement(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    bench.service.stream(program.program, 3, ["move"])
+    bench.service.lines.stream(program.program, 3, ["move"])
     await bench.until(lambda: any(ack.expected == 1 for ack in bench.acks))
 
 
 async def test_streamed_lines_are_acknowledged_once_journaled(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     for first in range(1, 1001, 100):
-        bench.service.stream(program.program, first, ["move"] * 100)
+        bench.service.lines.stream(program.program, first, ["move"] * 100)
     await bench.until_acked(program.program, accepted=1000, done=1000)
     assert executed_lines(bench.pipelines, program.program) == list(range(1, 1001))
 
@@ -69,62 +70,62 @@ async def test_streamed_lines_are_acknowledged_once_journaled(bench: Bench) -> N
 async def test_a_faulty_line_can_be_sent_again_mended(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     with pytest.raises(RejectedLines) as rejected:
-        await bench.service.submit("hmi", program.program, 1, ["move", "bad", "move"])
+        await bench.service.lines.submit("hmi", program.program, 1, ["move", "bad", "move"])
     assert rejected.value.details["expected"] == 2
     assert rejected.value.diagnostics[0].line == 2
-    await bench.service.submit("hmi", program.program, 2, ["move", "move"])
+    await bench.service.lines.submit("hmi", program.program, 2, ["move", "move"])
     await bench.until_acked(program.program, done=3)
     assert executed_lines(bench.pipelines, program.program) == [1, 2, 3]
 
 
 async def test_lines_streamed_behind_a_faulty_one_are_not_executed(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    bench.service.stream(program.program, 1, ["bad"])
-    bench.service.stream(program.program, 2, ["move"])
+    bench.service.lines.stream(program.program, 1, ["bad"])
+    bench.service.lines.stream(program.program, 2, ["move"])
     await bench.until(lambda: any(ack.rejected == 1 for ack in bench.acks))
-    bench.service.stream(program.program, 3, ["move"])
+    bench.service.lines.stream(program.program, 3, ["move"])
     await bench.until(lambda: any(ack.expected == 1 for ack in bench.acks))
     assert executed_lines(bench.pipelines, program.program) == []
 
 
 async def test_a_fault_found_while_planning_ends_the_program_as_rejected(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    bench.service.stream(program.program, 1, ["move", "fatal", "move"])
+    bench.service.lines.stream(program.program, 1, ["move", "fatal", "move"])
     ack = await bench.until_acked(program.program, state="rejected")
     assert (ack.rejected, ack.done) == (2, 1)
 
 
 async def test_a_closed_program_that_holds_a_faulty_line_ends_as_rejected(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    bench.service.stream(program.program, 1, ["move", "bad"])
-    bench.service.close("hmi", program.program)
+    bench.service.lines.stream(program.program, 1, ["move", "bad"])
+    bench.service.lines.close("hmi", program.program)
     await bench.until_acked(program.program, state="rejected")
 
 
 async def test_close_with_a_last_line_refuses_while_it_is_missing(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["move"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
     with pytest.raises(ServiceError) as refused:
-        bench.service.close("hmi", program.program, last=2)
+        bench.service.lines.close("hmi", program.program, last=2)
     assert refused.value.code == "MC505"
-    bench.service.close("hmi", program.program, last=1)
+    bench.service.lines.close("hmi", program.program, last=1)
     await bench.until_acked(program.program, state="finished")
 
 
 async def test_a_closed_program_takes_no_more_lines(bench: Bench) -> None:
     bench.pipelines.gate.clear()
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["wait"])
-    bench.service.close("hmi", program.program)
+    await bench.service.lines.submit("hmi", program.program, 1, ["wait"])
+    bench.service.lines.close("hmi", program.program)
     with pytest.raises(ServiceError) as refused:
-        await bench.service.submit("hmi", program.program, 2, ["move"])
+        await bench.service.lines.submit("hmi", program.program, 2, ["move"])
     assert refused.value.code == "MC510"
 
 
 async def test_another_client_may_not_submit(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     with pytest.raises(ServiceError) as refused:
-        await bench.service.submit("other", program.program, 1, ["move"])
+        await bench.service.lines.submit("other", program.program, 1, ["move"])
     assert refused.value.code == "MC504"
 
 
@@ -133,19 +134,19 @@ async def test_disjoint_programs_run_side_by_side_and_others_wait(bench: Bench) 
     second = await bench.service.open("b", axes=[1])
     third = await bench.service.open("c", axes=[0, 1])
     assert [first.state, second.state, third.state] == ["running", "running", "queued"]
-    bench.service.close("a", first.program)
+    bench.service.lines.close("a", first.program)
     await bench.until_acked(first.program, state="finished")
     assert third.state == "queued"
-    bench.service.close("b", second.program)
+    bench.service.lines.close("b", second.program)
     await bench.until_acked(third.program, state="running")
 
 
 async def test_lines_of_a_queued_program_are_taken_and_run_later(bench: Bench) -> None:
     first = await bench.service.open("a")
     second = await bench.service.open("b")
-    await bench.service.submit("b", second.program, 1, ["move"])
+    await bench.service.lines.submit("b", second.program, 1, ["move"])
     assert second.state == "queued"
-    bench.service.close("a", first.program)
+    bench.service.lines.close("a", first.program)
     await bench.until_acked(second.program, done=1)
 
 
@@ -157,7 +158,7 @@ async def test_an_axis_that_the_machine_lacks_is_refused(bench: Bench) -> None:
 
 async def test_a_client_that_goes_takes_its_stopping_programs_along(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["wait", "move"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
     bench.service.client_gone("hmi")
     await bench.until_acked(program.program, state="aborted")
     assert ("abort", 0) in bench.port.calls
@@ -165,7 +166,7 @@ async def test_a_client_that_goes_takes_its_stopping_programs_along(bench: Bench
 
 async def test_a_client_that_goes_lets_its_finishing_programs_end(bench: Bench) -> None:
     program = await bench.service.open("hmi", on_disconnect="finish")
-    await bench.service.submit("hmi", program.program, 1, ["wait", "move"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
     bench.service.client_gone("hmi")
     bench.pipelines.gate.set()
     assert (await bench.until_acked(program.program, state="finished")).done == 2
@@ -201,9 +202,9 @@ async def test_an_override_of_all_holds_for_programs_to_come(bench: Bench) -> No
 
 async def test_a_fault_of_an_idle_axis_ends_no_program_and_one_of_the_machine_all(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["wait"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["wait"])
     bench.port.happen(EventKind.FAULT, -1, 0, code=411, axis=1)
-    await bench.until(lambda: bench.service.state == "fault")
+    await bench.until(lambda: bench.service.latch.state == "fault")
     assert bench.service.program(program.program).state == "running"
     bench.port.happen(EventKind.FAULT, -1, 0, code=413, axis=-1)
     ack = await bench.until_acked(program.program, state="faulted")
@@ -213,52 +214,52 @@ async def test_a_fault_of_an_idle_axis_ends_no_program_and_one_of_the_machine_al
 
 async def test_a_fault_ends_the_program_and_names_axis_and_line(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["wait"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["wait"])
     bench.port.happen(EventKind.FAULT, 0, 1, code=411, axis=1)
     ack = await bench.until_acked(program.program, state="faulted")
     assert ack.fault is not None
     assert (ack.fault.code, ack.fault.axis, ack.fault.line) == ("MC411", 1, 1)
-    assert bench.service.state == "fault"
+    assert bench.service.latch.state == "fault"
     bench.service.reset(None)
-    assert bench.service.state == "ready"
+    assert bench.service.latch.state == "ready"
 
 
 async def test_a_program_may_clear_a_latched_fault_with_g1000(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     bench.port.happen(EventKind.FAULT, 0, 1, code=411, axis=1, time=-10.0)
     await bench.until_acked(program.program, state="faulted")
-    bench.service.refresh_faults({0: "standstill", 1: "fault", 2: "standstill"})
-    assert bench.service.state == "fault"
+    bench.service.latch.refresh_faults({0: "standstill", 1: "fault", 2: "standstill"})
+    assert bench.service.latch.state == "fault"
     assert (await bench.service.open("hmi")).state == "running"
-    bench.service.refresh_faults({0: "standstill", 1: "standstill", 2: "standstill"})
-    assert bench.service.state == "ready"
+    bench.service.latch.refresh_faults({0: "standstill", 1: "standstill", 2: "standstill"})
+    assert bench.service.latch.state == "ready"
     assert "reset" in bench.kinds()
 
 
 async def test_an_emergency_stop_is_latched_confirmed_once_and_ends_programs(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    bench.service.emergency_stop("hmi", "door")
-    bench.service.emergency_stop("hmi", "door")
+    bench.service.latch.emergency_stop("hmi", "door")
+    bench.service.latch.emergency_stop("hmi", "door")
     await bench.until_acked(program.program, state="faulted")
     assert bench.kinds().count("estop") == 1
-    assert bench.service.state == "estop"
+    assert bench.service.latch.state == "estop"
     with pytest.raises(ServiceError) as refused:
         await bench.service.open("hmi")
     assert refused.value.code == "MC509"
     bench.service.reset(None)
-    assert bench.service.state == "ready"
+    assert bench.service.latch.state == "ready"
 
 
 async def test_a_stop_that_is_latched_already_is_confirmed_again_under_its_number(bench: Bench) -> None:
-    bench.service.emergency_stop("hmi", "door")
+    bench.service.latch.emergency_stop("hmi", "door")
     await asyncio.sleep(CONFIRM_PERIOD_S)
     for _ in range(50):
-        bench.service.emergency_stop("other", "door")
+        bench.service.latch.emergency_stop("other", "door")
     stops = [event for event in bench.events if event.kind == "estop"]
     assert len(stops) == 2
     assert stops[0] == stops[1]
     bench.service.reset(None)
-    bench.service.emergency_stop("hmi", "again")
+    bench.service.latch.emergency_stop("hmi", "again")
     assert bench.events[-2].kind == "reset"
     assert bench.events[-1].seq == stops[0].seq + 2
 
@@ -266,7 +267,7 @@ async def test_a_stop_that_is_latched_already_is_confirmed_again_under_its_numbe
 async def test_reset_waits_for_motion_to_come_to_rest(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     bench.port.stops_at_once = False
-    bench.service.emergency_stop("", "")
+    bench.service.latch.emergency_stop("", "")
     with pytest.raises(ServiceError) as refused:
         bench.service.reset(None)
     assert refused.value.code == "MC509"
@@ -277,7 +278,7 @@ async def test_reset_waits_for_motion_to_come_to_rest(bench: Bench) -> None:
 
 async def test_single_line_mode_starts_one_line_a_step(bench: Bench) -> None:
     program = await bench.service.open("hmi", step=True)
-    await bench.service.submit("hmi", program.program, 1, ["move", "move"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["move", "move"])
     assert program.done == 0
     bench.service.step("hmi", program.program)
     await bench.until_acked(program.program, done=1)
@@ -286,12 +287,12 @@ async def test_single_line_mode_starts_one_line_a_step(bench: Bench) -> None:
 
 async def test_a_defect_of_the_planner_ends_the_program_and_not_the_service(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    bench.service.stream(program.program, 1, ["crash"])
+    bench.service.lines.stream(program.program, 1, ["crash"])
     ack = await bench.until_acked(program.program, state="faulted")
     assert ack.fault is not None
     assert ack.fault.code == "MC516"
     again = await bench.service.open("hmi")
-    await bench.service.submit("hmi", again.program, 1, ["move"])
+    await bench.service.lines.submit("hmi", again.program, 1, ["move"])
     await bench.until_acked(again.program, done=1)
 
 
@@ -305,7 +306,7 @@ async def test_a_pause_is_resumed(bench: Bench) -> None:
 
 async def test_line_reports_say_how_long_and_how_much_longer(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["move"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
     await bench.until(lambda: "lines.ended" in bench.kinds())
     report = next(event for event in bench.events if event.kind == "lines.ended").lines[0]
     assert report.line == 1
@@ -324,7 +325,7 @@ async def test_events_are_numbered_without_a_gap(bench: Bench) -> None:
 
 async def test_lines_before_the_start_line_reach_the_pipeline_as_modal_text(bench: Bench) -> None:
     program = await bench.service.open("hmi", start_line=3, before=["G20", "G91"])
-    await bench.service.submit("hmi", program.program, 3, ["move"])
+    await bench.service.lines.submit("hmi", program.program, 3, ["move"])
     await bench.until_acked(program.program, done=3)
     assert bench.pipelines.made[program.program].request.modal == ModalState(inch=True, incremental=True)
     assert executed_lines(bench.pipelines, program.program) == [3]
@@ -333,7 +334,7 @@ async def test_lines_before_the_start_line_reach_the_pipeline_as_modal_text(benc
 async def test_too_long_a_line_is_rejected_like_a_faulty_one(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     with pytest.raises(RejectedLines) as rejected:
-        await bench.service.submit("hmi", program.program, 1, ["G01 " + "X" * 9000])
+        await bench.service.lines.submit("hmi", program.program, 1, ["G01 " + "X" * 9000])
     assert rejected.value.code == "MC513"
 
 
@@ -379,15 +380,15 @@ async def test_with_a_full_disk_the_next_submit_is_refused_and_not_left_waiting(
 ) -> None:
     bench, disk = full_disk
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["move"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
     disk.full = True
     async with asyncio.timeout(LIMIT_S):
         for lines in (["move"], ["move"], ["move", "move"]):
             with pytest.raises(ServiceError) as refused:
-                await bench.service.submit("hmi", program.program, 2, lines)
+                await bench.service.lines.submit("hmi", program.program, 2, lines)
             assert refused.value.code == "MC519"
         with pytest.raises(ServiceError) as refused:
-            bench.service.close("hmi", program.program)
+            bench.service.lines.close("hmi", program.program)
         assert refused.value.code == "MC519"
         with pytest.raises(ServiceError) as refused:
             await bench.service.open("hmi")
@@ -402,16 +403,16 @@ async def test_what_was_refused_with_a_full_disk_runs_once_when_there_is_room(
 ) -> None:
     bench, disk = full_disk
     program = await bench.service.open("hmi")
-    await bench.service.submit("hmi", program.program, 1, ["move"])
+    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
     disk.full = True
     with pytest.raises(ServiceError):
-        await bench.service.submit("hmi", program.program, 2, ["move"])
-    bench.service.stream(program.program, 3, ["move"])
+        await bench.service.lines.submit("hmi", program.program, 2, ["move"])
+    bench.service.lines.stream(program.program, 3, ["move"])
     disk.full = False
     await bench.until(lambda: program.journaled >= 2)
-    taken = await bench.service.submit("hmi", program.program, 2, ["move", "move"])
+    taken = await bench.service.lines.submit("hmi", program.program, 2, ["move", "move"])
     assert taken.journaled == 3
-    closed = await bench.service.close("hmi", program.program)
+    closed = await bench.service.lines.close("hmi", program.program)
     assert closed.journaled == 3
     await bench.until_acked(program.program, state="finished", done=3)
     assert executed_lines(bench.pipelines, program.program) == [1, 2, 3]

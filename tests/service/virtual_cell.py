@@ -143,8 +143,8 @@ class VirtualCell:
 
     async def run(self, *lines: str, axes: list[int] | None = None) -> Program:
         program = await self.service.open("test", axes=axes)
-        self.service.submit("test", program.program, 1, list(lines))
-        self.service.close("test", program.program)
+        self.service.lines.submit("test", program.program, 1, list(lines))
+        self.service.lines.close("test", program.program)
         return await self.ended(program)
 
     def homed(self) -> list[bool]:

@@ -1,0 +1,163 @@
+"""Lines from clients into their programs: numbered without a gap, journaled, judged, acknowledged."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+
+from mcserver.errors import Refused, RejectedLines, ServiceError
+from mcserver.service.deferred import Deferred
+from mcserver.service.line_queue import Gap
+from mcserver.service.program import Program, Verdict
+from mcserver.service.program_access import owned_program
+from mcserver.service.program_table import ProgramTable
+
+VERDICT_LIMIT_S = 0.05
+
+
+class LineIntake:
+    """Takes the lines of open programs. All of it runs in the asyncio loop."""
+
+    def __init__(self, table: ProgramTable, loop: asyncio.AbstractEventLoop) -> None:
+        self._table = table
+        self._loop = loop
+
+    def submit(
+        self, client: str, program_id: str, first: int, lines: Sequence[str], *, judge: bool = True
+    ) -> Deferred[Program]:
+        """Take lines; the result comes once they are journaled and, within a limit, validated.
+
+        Raises:
+            ServiceError: MC503, MC504, MC505 a gap, MC510 closed, MC519. The result may be `RejectedLines` (a
+                line is faulty; those before it are taken) or MC519 (they cannot be journaled now).
+        """
+        program = owned_program(self._table.programs, client, program_id)
+        self._take(program, first, lines, urgent=True)
+        last = first + len(lines) - 1
+        through = min(last, program.queue.accepted)
+        self._check_journal(program, through)
+        result: Deferred[Program] = Deferred()
+        verdict: Deferred[Verdict] = Deferred()
+
+        def answer(value: Verdict | None, _error: Exception | None) -> None:
+            limit.cancel()
+            if value is Verdict.REJECTED and program.rejected <= last:
+                result.fail(RejectedLines(program.diagnostics, **_numbers(program)))
+            elif value is Verdict.NOT_JOURNALED:
+                result.fail(self.unjournaled(program))
+            else:
+                result.resolve(program)
+
+        limit = self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
+        verdict.listen(answer)
+        program.wait_for(through, verdict, validated=judge)
+        return result
+
+    def stream(self, program_id: str, first: int, lines: Sequence[str], *, urgent: bool = False) -> None:
+        """Take lines that were put without asking; whatever happens is said by an acknowledgement.
+
+        Args:
+            urgent: no other message waits to be journaled with them.
+        """
+        program = self._table.programs.get(program_id)
+        if program is None:
+            return
+        try:
+            self._take(program, first, lines, urgent=urgent)
+        except ServiceError as error:
+            self._table.acks.acknowledge(program, program.queue.expected if error.code == "MC505" else 0)
+
+    def close(self, client: str, program_id: str, last: int | None = None) -> Deferred[Program]:
+        """Take no more lines; the result comes once those accepted are journaled.
+
+        Args:
+            last: close only if lines through this number are there.
+
+        Raises:
+            ServiceError: MC503, MC504, MC505 line ``last`` is not there yet, MC519 lines cannot be journaled.
+        """
+        program = owned_program(self._table.programs, client, program_id)
+        if last is not None and not program.ended and program.queue.accepted < last:
+            raise Refused(
+                "MC505",
+                f"line {program.queue.expected} is the next one expected, {last} was to be the last",
+                f"send lines from {program.queue.expected} on first",
+                **_numbers(program),
+            )
+        through = program.queue.accepted
+        if not program.ended:
+            self._check_journal(program, through)
+        self._table.close(program)
+        result: Deferred[Program] = Deferred()
+        verdict: Deferred[Verdict] = Deferred()
+
+        def answer(value: Verdict | None, _error: Exception | None) -> None:
+            if value is Verdict.NOT_JOURNALED:
+                result.fail(self.unjournaled(program))
+            else:
+                result.resolve(program)
+
+        verdict.listen(answer)
+        if program.ended or program.journaled >= through:
+            verdict.resolve(Verdict.TAKEN)
+        else:
+            program.wait_for(through, verdict, validated=False)
+        return result
+
+    def _take(self, program: Program, first: int, lines: Sequence[str], *, urgent: bool) -> None:
+        last = first + len(lines) - 1
+        if last <= program.queue.accepted:
+            # all of it is there: acknowledged again, whatever has become of the program since
+            self._table.acks.acknowledge(program)
+            return
+        if not program.takes_lines:
+            raise Refused(
+                "MC510",
+                f"{program.program} takes no more lines: {program.state}",
+                "open another program",
+                state=program.state,
+                **_numbers(program),
+            )
+        self._check_journal(program)
+        taken = program.queue.take(first, lines)
+        if isinstance(taken, Gap):
+            raise Refused(
+                "MC505",
+                f"line {taken.expected} is the next one expected, not {first}",
+                f"send lines from {taken.expected} on",
+                **_numbers(program),
+            )
+        if not taken.lines:
+            self._table.acks.acknowledge(program)
+            return
+        self._table.lines(program, taken.first, taken.lines, urgent=urgent)
+
+    def _check_journal(self, program: Program, through: int | None = None) -> None:
+        """Refuse what the journal cannot take now; with ``through`` only if these lines are not in it."""
+        if self._table.journal_failure and (through is None or program.journaled < through):
+            raise self.unjournaled(program)
+
+    def unjournaled(self, program: Program | None = None) -> Refused:
+        """Return the refusal of what the journal cannot take."""
+        return Refused(
+            "MC519",
+            f"the journal cannot be written: {self._table.journal_failure}",
+            "make room on the disk, then send again",
+            **({} if program is None else _numbers(program)),
+        )
+
+    def _stop_waiting(self, program: Program, through: int, verdict: Deferred[Verdict]) -> None:
+        if program.journaled >= through:
+            verdict.resolve(Verdict.TAKEN)
+        elif not verdict.done:
+            # only what is journaled is ever acknowledged
+            self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
+
+
+def _numbers(program: Program) -> dict[str, object]:
+    return {
+        "expected": program.queue.expected,
+        "accepted": program.journaled,
+        "done": program.done,
+        "credit": program.credit,
+    }

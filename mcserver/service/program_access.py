@@ -1,0 +1,54 @@
+"""Find the programs that a call is about, or refuse it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from mcserver.errors import Refused
+from mcserver.service.program import Program
+
+
+def find_program(programs: Mapping[str, Program], program_id: str) -> Program:
+    """Return a program of this start of the server.
+
+    Raises:
+        ServiceError: MC503 there is none.
+    """
+    program = programs.get(program_id)
+    if program is None:
+        raise Refused(
+            "MC503", f"there is no program {program_id}", "list them with `programs`", program=program_id
+        )
+    return program
+
+
+def owned_program(programs: Mapping[str, Program], client: str, program_id: str) -> Program:
+    """Return a program that belongs to ``client``.
+
+    Raises:
+        ServiceError: MC503 there is none, MC504 it is another client's.
+    """
+    program = find_program(programs, program_id)
+    if program.client != client:
+        raise Refused(
+            "MC504",
+            f"{program_id} belongs to {program.client}",
+            "open a program of your own",
+            program=program_id,
+            client=program.client,
+        )
+    return program
+
+
+def open_programs(programs: Mapping[str, Program], program_id: str | None) -> list[Program]:
+    """Return one program, or all that have not ended, the oldest first.
+
+    Raises:
+        ServiceError: MC503 there is none of that id, MC517 it has ended.
+    """
+    if program_id is None:
+        return [program for program in programs.values() if not program.ended]
+    program = find_program(programs, program_id)
+    if program.ended:
+        raise Refused("MC517", f"{program_id} has ended: {program.state}", "", state=program.state)
+    return [program]

@@ -1,0 +1,128 @@
+"""The emergency stop and the faults of a machine, latched until a reset."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+
+import msgspec
+
+from mcserver.errors import Refused
+from mcserver.service.motion_port import MotionPort
+from mcserver.service.program_table import ProgramTable
+from mcserver.service.reports import AxisState, Event, Fault, MachineState
+
+# Time between two confirmations of one emergency stop [s]
+CONFIRM_PERIOD_S = 0.1
+
+
+class StopLatch:
+    """What keeps a machine from moving until a reset. All of it runs in the asyncio loop.
+
+    Args:
+        on_first: called with client and reason by the stop that latches, before its event.
+
+    Attributes:
+        stops: emergency stops asked for so far.
+    """
+
+    def __init__(
+        self,
+        table: ProgramTable,
+        port: MotionPort,
+        loop: asyncio.AbstractEventLoop,
+        on_first: Callable[[str, str], None],
+    ) -> None:
+        self.stops = 0
+        self._table = table
+        self._port = port
+        self._loop = loop
+        self._on_first = on_first
+        # the event of the stop that is latched
+        self._event: Event | None = None
+        self._confirmed = 0.0
+
+    @property
+    def state(self) -> MachineState:
+        """``estop``, ``fault`` or ``ready``."""
+        if self._event is not None:
+            return "estop"
+        return "fault" if self._table.faults else "ready"
+
+    @property
+    def faults(self) -> list[Fault]:
+        """Those that are latched, the oldest first."""
+        return list(self._table.faults)
+
+    def emergency_stop(self, client: str, reason: str) -> None:
+        """Latch the stop, here and in the executor; a stop that is latched already is confirmed again."""
+        self.stops += 1
+        self._port.emergency_stop()
+        if self._event is not None:
+            self._confirm(self._event)
+            return
+        self._on_first(client, reason)
+        fault = Fault(
+            code="MC400",
+            message="emergency stop" + (f": {reason}" if reason else ""),
+            hint="remove the cause, then reset",
+            t=self._table.now(),
+        )
+        self._table.faults.latch(fault)
+        self._event = self._table.events.publish("estop", reason=reason, client=client or None)
+        self._confirmed = self._loop.time()
+        self._end_programs("emergency stop", fault)
+
+    def stopped_by_machine(self, fault: Fault) -> None:
+        """Latch a stop that the executor has latched by itself; it counts like one that was asked for."""
+        self._table.faults.latch(fault)
+        if self._event is None:
+            self._event = self._table.events.publish("estop", reason=fault.message)
+            self._confirmed = self._loop.time()
+        self._end_programs(fault.message, fault)
+
+    def refuse_latched(self) -> None:
+        """Refuse what would move.
+
+        Raises:
+            ServiceError: MC509 the emergency stop is latched.
+        """
+        if self._event is not None:
+            raise Refused(
+                "MC509",
+                "the emergency stop is latched",
+                "remove the cause, then reset",
+                faults=[msgspec.to_builtins(fault) for fault in self._table.faults],
+            )
+
+    def refresh_faults(self, states: Mapping[int, AxisState]) -> None:
+        """Drop the faults of axes that a G1000 has cleared, and of lines that no axis has latched."""
+        if self._event is None and self._table.faults.forget_cleared(states):
+            self._publish_reset()
+
+    def reset(self, axes: frozenset[int]) -> None:
+        """Clear the latch; the axes stay without energy.
+
+        Raises:
+            ServiceError: MC509 programs are still coming to rest.
+        """
+        if any(program.state == "ending" for program in self._table.programs.values()):
+            raise Refused("MC509", "motion is still coming to rest", "try again in a moment", faults=[])
+        self._port.reset(axes)
+        self._event = None
+        self._table.faults.clear()
+        self._publish_reset()
+
+    def _publish_reset(self) -> None:
+        self._table.events.publish("reset", message="the latch is cleared")
+
+    def _end_programs(self, reason: str, fault: Fault) -> None:
+        for program in list(self._table.programs.values()):
+            if not program.ended:
+                self._table.stop(program, "faulted", reason, fault)
+
+    def _confirm(self, event: Event) -> None:
+        """Publish the event of the latched stop again, under its number; seldom, however many ask for it."""
+        if self._loop.time() - self._confirmed >= CONFIRM_PERIOD_S:
+            self._confirmed = self._loop.time()
+            self._table.events.repeat(event)
