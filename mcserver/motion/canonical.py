@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array, Curve, LineCurve
 
+# Comma groups whose T differ by no more than this share have one T.
+SAME_TIME = 1e-9
+
 
 class AxisOperation(enum.Enum):
     """G1000, G1001, G1002, G1010, G1011 (D-40)."""
@@ -265,3 +268,25 @@ def requested_of(line: MotionLine) -> float | None:
     ]
     times = [time for time in times if math.isfinite(time)]
     return max(times) if times else None
+
+
+def one_path(line: MotionLine) -> FeedGroup | None:
+    """Return the feed group that a line is; comma groups that have one T are one together (D-32).
+
+    Returns:
+        None where the line is anything else.
+    """
+    groups = [group for group in line.groups if isinstance(group, FeedGroup)]
+    if len(groups) < len(line.groups) or not groups:
+        return None
+    first = groups[0]
+    if len(groups) == 1:
+        return first
+    timed = first.duration is not None
+    for other in groups[1:]:
+        one_time = math.isclose(other.requested, first.requested, rel_tol=SAME_TIME)
+        if not one_time or (other.duration is not None) != timed:
+            return None
+    if line.exact_stop or not first.requested > 0.0:
+        return None
+    return msgspec.structs.replace(first, curves=tuple(curve for group in groups for curve in group.curves))

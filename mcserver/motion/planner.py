@@ -530,5 +530,5 @@ def _last_steady(plan: PlannedRun, until: float) -> float:
 
 
 def _may_be_chord(segment: Segment) -> bool:
-    """Whether a curve may stand for a segment: a line without a time of its own."""
-    return segment.straight and segment.duration is None
+    """Whether a curve may stand for a segment."""
+    return segment.straight

@@ -31,6 +31,7 @@ from mcserver.motion.canonical import (
     RapidGroup,
     SpeedGroup,
     TorqueGroup,
+    one_path,
     requested_of,
 )
 from mcserver.motion.lookahead.planned_run import PlannedRun
@@ -215,13 +216,12 @@ class LinePlanner:
             if not self._flow_on(line):
                 self.canonical.extendleft(reversed(line.motion_lines()))
             return True
-        if isinstance(line, MotionLine) and len(line.groups) == 1:
-            group = line.groups[0]
-            if isinstance(group, FeedGroup):
-                self.canonical.popleft()
-                if self._flow(line, group):
-                    return True
-                self.canonical.appendleft(line)
+        group = one_path(line) if isinstance(line, MotionLine) else None
+        if isinstance(line, MotionLine) and group is not None:
+            self.canonical.popleft()
+            if self._flow(line, group):
+                return True
+            self.canonical.appendleft(line)
         if self.motion.pending:
             self.flush = True
             return False

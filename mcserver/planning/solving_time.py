@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from mckinematics.dynamics import JointDynamics
-from mckinematics.pose import JointPath, Kinematics, Pose, ToolPath, Triple
+from mckinematics.pose import Array, JointPath, Kinematics, Pose, ToolPath, Triple
 
 
 class TimedKinematics:
@@ -51,6 +51,10 @@ class TimedKinematics:
     def rotation_angle(self, tool: int, start: Triple, end: Triple) -> float:
         """Angle of the single turn between two orientations [rad]."""
         return self._kinematics.rotation_angle(tool, start, end)
+
+    def jacobian(self, tool: int, joints: Mapping[int, float]) -> Array:
+        """Rates of the tool by those of its joints, shape (3 or 6, K)."""
+        return self._kinematics.jacobian(tool, joints)
 
     def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:
         """Joint positions for a pose; raises `KinematicsError`."""

@@ -77,6 +77,9 @@ class Gantries:
     def rotation_angle(self, tool: int, start: Triple, end: Triple) -> float:  # noqa: ARG002
         return max(abs(b - a) for a, b in zip(start, end, strict=True))
 
+    def jacobian(self, tool: int, joints: Mapping[int, float]) -> np.ndarray:  # noqa: ARG002
+        return np.eye(len(self.axes(tool)))
+
     def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:  # noqa: ARG002
         self._refuse(tool, np.array([pose.position]))
         return pose.position + (pose.angles if self.has_orientation(tool) else ())

@@ -20,7 +20,7 @@ from tests.motion.measure import (
     path_missed_by,
     velocity_ratio,
 )
-from tests.motion.support import Move, alike, arc_curve, at_speed, in_time, line_curve, plan, polyline
+from tests.motion.support import Move, alike, arc_curve, at_speed, line_curve, plan, polyline
 from tests.motion.test_laws import law
 
 WIDTH = 3
@@ -136,19 +136,6 @@ def test_a_move_straight_back_is_not_rounded() -> None:
     there = segment(line_curve(machine, (0,), (0.0,), (0.1,)), 1, np.zeros(WIDTH))
     back = segment(line_curve(machine, (0,), (0.1,), (0.0,)), 2, np.array([0.1, 0.0, 0.0]))
     assert made_of(there, back, 1e-3) is None
-
-
-def test_a_line_with_a_time_of_its_own_is_not_trimmed() -> None:
-    machine = alike(WIDTH)
-    there = segment(line_curve(machine, (0,), (0.0,), (0.1,)), 1, np.zeros(WIDTH))
-    timed = segment_of(
-        in_time(1.0, line_curve(machine, (1,), (0.0,), (0.1,))),
-        2,
-        {axis: axis for axis in range(WIDTH)},
-        np.ones(WIDTH, np.bool_),
-    )
-    anchor(timed, np.array([0.1, 0.0, 0.0]))
-    assert made_of(there, timed, 1e-3) is None
 
 
 @pytest.mark.parametrize("jerk", [None, 20_000.0])

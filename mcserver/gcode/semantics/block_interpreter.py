@@ -219,7 +219,7 @@ class BlockInterpreter:
         block = self.block
         modal = block.modal
         block.exact_stop = block.exact_stop or always or modal.exact_stop or modal.exact_next
-        block.tolerance = block.setup.machine.path_tolerance if modal.tolerance is None else modal.tolerance
+        block.tolerance = block.path_tolerance
         if modal.exact_next:
             block.change(exact_next=False)
 

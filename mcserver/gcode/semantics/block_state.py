@@ -90,6 +90,12 @@ class BlockState:
         self.tolerance = 0.0
         self.feed_length = 0.0
 
+    @property
+    def path_tolerance(self) -> float:
+        """The path tolerance in force [m]."""
+        tolerance = self.modal.tolerance
+        return self.setup.machine.path_tolerance if tolerance is None else tolerance
+
     def change(self, **fields: object) -> None:
         """Replace fields of the modal state."""
         self.modal = msgspec.structs.replace(self.modal, **fields)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array, PolynomialCurve, SampledCurve
-from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
+from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, columns_of
 from mcserver.motion.geometry.spline_curve import SplineCurve
 from mcserver.motion.kernels.junctions import length_of
 from mcserver.motion.kernels.polynomials import SAMPLES, polynomial_samples, power_basis, restrict_polynomial
@@ -27,11 +27,14 @@ from mcserver.motion.kernels.straight_corner import (
     max_distance_to_polyline,
     quintic,
 )
+from mcserver.units import MM
 
 # Share of a segment that a blend at one of its ends may use: two blends never meet.
 SHARE = 0.49
 # Tangents that nearly oppose each other cannot be rounded: the curve would turn on the spot.
 REVERSAL = -0.95
+# A tool's Jacobian within a blend is that at the corner to within this share of its speed.
+RATES_CHANGE = 1.002
 _S = np.linspace(0.0, 1.0, SAMPLES)
 
 
@@ -62,14 +65,15 @@ def blend(
     t2 = after.first / math.sqrt(float(after.first @ after.first))
     if float(t1 @ t2) < REVERSAL:
         return None
-    longest = SHARE * min(before.extent, after.extent)
+    metric = corner_metric(before, after, per_axis)
+    longest = SHARE * min(_length_in(before), _length_in(after))
     # the corner of two lines is missed by 0.22 to 0.3 d |t2 - t1|
-    deviation_per_distance = 0.22 * float(np.linalg.norm((t2 - t1) * per_axis))
+    deviation_per_distance = 0.22 * float(np.linalg.norm(metric @ (t2 - t1)))
     distance = min(longest, tolerance / deviation_per_distance) if deviation_per_distance > 0.0 else longest
     cosine = float(t1 @ t2)
     handle = _handle(handle_share, cosine)
     for _ in range(40):
-        made = _fit(before, after, distance, handle, per_axis)
+        made = _fit(before, after, distance, handle, metric)
         if made is None:
             return None
         rounded, error = made
@@ -82,19 +86,79 @@ def blend(
 
 
 def can_be_rounded(segment: Segment) -> bool:
-    """Return whether a segment's corners may be rounded: lines and arcs under G94; tool paths keep their
-    pose, G93 lines their time.
+    """Return whether a segment's corners may be rounded: lines, arcs, tool paths with known rates."""
+    return not any(
+        isinstance(curve, PolynomialCurve | SplineCurve)
+        or (isinstance(curve, SampledCurve) and curve.tool_rates is None)
+        for curve in segment.curves
+    )
+
+
+def may_be_passed_in_time(segment: Segment) -> bool:
+    """Return whether a stop at a segment's ends may be passed by ramps that overlap: lines and arcs under
+    G94; tool paths keep near their pose, G93 lines their time.
     """
     return segment.duration is None and not any(
         isinstance(curve, SampledCurve | PolynomialCurve | SplineCurve) for curve in segment.curves
     )
 
 
+def corner_metric(before: Segment, after: Segment, per_axis: Array) -> Array:
+    """Return what turns displacements of the columns near a corner into those that its tolerance is for.
+
+    Args:
+        per_axis: as for `blend`.
+
+    Returns:
+        Shape (m, K): a row for each column that is no tool's, and X Y Z [m] and the turn (a degree as a
+        millimetre) of each tool that either segment moves, by its Jacobian at the corner.
+    """
+    own = np.ones(len(per_axis), np.bool_)
+    rows: list[Array] = []
+    for segment, end in ((before, 1), (after, 0)):
+        for curve, columns in zip(segment.curves, segment.columns, strict=True):
+            if not isinstance(curve, SampledCurve) or curve.tool_rates is None or not own[columns].all():
+                continue
+            own[columns] = False
+            rates = np.zeros((curve.tool_rates.shape[1], len(per_axis)))
+            rates[:, columns] = curve.tool_rates[end]
+            rates[3:] *= MM / math.radians(1.0)
+            rows.append(rates)
+    metric: Array = np.concatenate([np.diag(per_axis)[own], *rows])
+    return metric
+
+
+def _side(segment: Segment, end: int, slope: Array, mask: int, base: Array) -> _Side:
+    return _Side(segment, mask, base, length_of(slope), _feed_rates(segment, end))
+
+
+def _feed_rates(segment: Segment, end: int) -> Array | None:
+    """Return the rows of a tool's Jacobian at an end of a segment that its path speed counts (D-30)."""
+    for curve, columns in zip(segment.curves, segment.columns, strict=True):
+        if not isinstance(curve, SampledCurve) or curve.tool_rates is None:
+            continue
+        if segment.feed_columns[0] not in columns:
+            continue
+        rates = np.zeros((3, segment.first.shape[0]))
+        rates[:, columns] = curve.tool_rates[end][:3]
+        if length_of(rates @ (segment.last if end else segment.first)) <= NO_TRAVEL:
+            # it only turns
+            rates[:, columns] = curve.tool_rates[end][3:]
+        return rates
+    return None
+
+
+def _length_in(segment: Segment) -> float:
+    """Length of what remains of a segment, all columns together; of a tool's path its shorter end counts."""
+    rate = min(length_of(segment.first), length_of(segment.last))
+    return rate * (segment.finish - segment.begin)
+
+
 def _fit(
-    before: Segment, after: Segment, distance: float, handle: float, per_axis: Array
+    before: Segment, after: Segment, distance: float, handle: float, metric: Array
 ) -> tuple[Blend, float] | None:
-    leave = before.finish - distance / before.scale
-    join = after.begin + distance / after.scale
+    leave = before.finish - distance / length_of(before.last)
+    join = after.begin + distance / length_of(after.first)
     width = len(before.base)
     p0, v0, a0 = _at(before, leave, width)
     p5, v5, a5 = _at(after, join, width)
@@ -114,10 +178,10 @@ def _fit(
     power_basis(points, power)
     # columns that rest keep their place to the last bit
     power[1:] *= np.isin(np.arange(width), columns)
-    weight = per_axis[columns]
+    weight = metric[:, columns].T
     error = deviation(
-        PolynomialCurve((), power[:, columns], 0.0).position(_S) * weight,
-        sample_programmed_path(before, after, leave, join)[:, columns] * weight,
+        PolynomialCurve((), power[:, columns], 0.0).position(_S) @ weight,
+        sample_programmed_path(before, after, leave, join)[:, columns] @ weight,
         straight=before.straight and after.straight,
     )
     made = _between(before, after, leave, join, power)
@@ -129,13 +193,15 @@ class _Side:
     """The line to which half of a blend belongs.
 
     Attributes:
-        mask, base: of the blend. length: |dp/ds| of the line where it meets the blend.
+        mask, base: of the blend. length: |dp/ds| of the line where it meets the blend. feed_rates: what turns
+            rates of the columns into those that a tool's path speed counts, shape (3, K); None: no tool's.
     """
 
     segment: Segment
     mask: int
     base: Array
     length: float
+    feed_rates: Array | None
 
 
 def _between(before: Segment, after: Segment, leave: float, join: float, power: Array) -> Blend | None:
@@ -147,19 +213,25 @@ def _between(before: Segment, after: Segment, leave: float, join: float, power: 
     width = len(before.base)
     before_slope, before_bend, _ = before.derivatives(np.array([leave]), width)
     after_slope, after_bend, _ = after.derivatives(np.array([join]), width)
-    first = _half(power, 0.0, columns, _Side(before, mask, after.base, length_of(before_slope[0])))
-    second = _half(power, 0.5, columns, _Side(after, mask, after.base, length_of(after_slope[0])))
+    first = _half(
+        power,
+        0.0,
+        columns,
+        _side(before, 1, before_slope[0], mask, after.base),
+    )
+    second = _half(power, 0.5, columns, _side(after, 0, after_slope[0], mask, after.base))
     if first is None or second is None:
         return None
     first.opens = False
     second.closes = False
     return Blend(
-        dataclasses.replace(before, finish=leave, last=before_slope[0], d2q_end=before_bend[0], closes=False),
+        dataclasses.replace(
+            before.between(before.begin, leave), last=before_slope[0], d2q_end=before_bend[0], closes=False
+        ),
         first,
         second,
         dataclasses.replace(
-            after,
-            begin=join,
+            after.between(join, after.finish),
             first=after_slope[0],
             d2q_start=after_bend[0],
             opens=False,
@@ -250,7 +322,11 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
         return None
     # the path speed of the line it belongs to is kept where the parameter runs fastest
     feed = side.segment.feed * side.length / float(speeds.max())
-    if not side.segment.only_feed_columns:
+    if side.feed_rates is not None:
+        counted = PolynomialCurve((), part, 0.0).derivatives(_S)[0] @ side.feed_rates.T
+        fastest = RATES_CHANGE * float(np.linalg.norm(counted, axis=1).max())
+        feed = side.segment.feed_speed / max(fastest, 1e-300)
+    elif not side.segment.only_feed_columns:
         counted = PolynomialCurve((), part[:, side.segment.feed_columns], 0.0).derivatives(_S)[0]
         feed = min(feed, side.segment.feed_speed / max(float(np.linalg.norm(counted, axis=1).max()), 1e-300))
     orders = np.arange(len(part), dtype=np.float64)

@@ -8,6 +8,7 @@ import math
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.blend import Blend, blend, straight_blend
 from mcserver.motion.geometry.segment import AxisLimits, Segment
+from mcserver.motion.geometry.timed_blend import timed_blend
 from mcserver.motion.kernels.straight_corner import BETTER, FASTER, is_worthwhile
 from mcserver.motion.lookahead.lookahead import Lookahead
 
@@ -22,6 +23,8 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
     corner itself is as fast. ``after.tolerance`` is the path tolerance.
     """
     before = window.table.segments[-1]
+    if before.duration is not None or after.duration is not None:
+        return timed_blend(window, after, limits, HANDLE)
     speed = window.joint_speed(after)
     if speed >= min(float(window.table.columns.segment_vmax[-1]), after.feed * after.scale):
         return None

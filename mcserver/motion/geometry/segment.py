@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import Bound
 from mcserver.motion.canonical import FeedGroup, PlainRun
-from mcserver.motion.geometry.curves import Array, Curve, LineCurve, SampledCurve
+from mcserver.motion.geometry.curves import Array, Curve, LineCurve
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.units import MM
 
@@ -147,11 +148,6 @@ class Segment:
         return self.straight and self.duration is None
 
     @property
-    def may_be_rounded(self) -> bool:
-        """Whether corners at its ends may be: tool paths keep their pose, G93 lines their time."""
-        return self.duration is None and not any(isinstance(curve, SampledCurve) for curve in self.curves)
-
-    @property
     def extent(self) -> float:
         """Length of its remaining part along σ."""
         return self.scale * (self.finish - self.begin)
@@ -159,6 +155,13 @@ class Segment:
     @property
     def travels(self) -> bool:
         return self.scale > NO_TRAVEL
+
+    def between(self, begin: float, finish: float) -> Segment:
+        """Return the part between two fractions, with its share of T."""
+        duration = self.duration
+        if duration is not None:
+            duration *= (finish - begin) / (self.finish - self.begin)
+        return dataclasses.replace(self, begin=begin, finish=finish, duration=duration)
 
     def sample(self, s: Array) -> tuple[Array, Array]:
         """Return the position and dp/ds in all columns, shape (len(s), K); other columns rest at ``base``."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.geometry.blend import can_be_rounded, chord_error_of, sample_programmed_path
+from mcserver.motion.geometry.blend import chord_error_of, may_be_passed_in_time, sample_programmed_path
 from mcserver.motion.geometry.curves import Array, span_of
 from mcserver.motion.geometry.segment import AxisLimits, KnownBlend, Segment, columns_of
 from mcserver.motion.kernels.corner_trajectory import SAMPLES, evaluate_trajectories, path_deviation_of
@@ -154,7 +154,10 @@ class TimeDomainBlends:
         What was found is noted in that segment: the next plan mostly has the same stop.
         """
         before, after = stop.before, stop.after
-        if not (can_be_rounded(before) and can_be_rounded(after)) or not stop.max_blend_time > 0.0:
+        if (
+            not (may_be_passed_in_time(before) and may_be_passed_in_time(after))
+            or not stop.max_blend_time > 0.0
+        ):
             return None
         ramp_time = _shorter_ramp_time(stop)
         known = after.corner

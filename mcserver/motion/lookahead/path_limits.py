@@ -186,7 +186,7 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         limits.rows,
         limits.cycle,
         before.may_be_split and after.may_be_split and limits.torque is None,
-        after.tolerance > 0.0 and before.may_be_rounded and after.may_be_rounded,
+        after.tolerance > 0.0,
         samples,
     )
     if scale == 0.0:

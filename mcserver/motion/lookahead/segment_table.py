@@ -3,6 +3,7 @@ them."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,12 +36,13 @@ class TableSnapshot:
     """State of a table to return to.
 
     Attributes:
-        count: segments. segment, length, vertex_after: what may change of the last one.
+        count: segments. segment, length, duration, vertex_after: what may change of the last one.
     """
 
     count: int
     segment: Segment
     length: float
+    duration: float
     vertex_after: int
 
 
@@ -156,7 +158,7 @@ class SegmentTable:
             limit.velocity,
             feed,
             segment.requested,
-            np.nan if segment.duration is None else segment.duration,
+            _duration_of(segment),
             segment.tolerance,
             limit.column,
             KINDS.index(limit.kind),
@@ -211,7 +213,7 @@ class SegmentTable:
         columns.junction_vmax[:] = np.inf
         columns.axis_vmax[:] = vmax
         np.minimum(vmax, columns.feed, out=columns.segment_vmax)
-        columns.duration[:], columns.tolerance[:] = np.nan, 0.0
+        columns.duration[:], columns.tolerance[:] = [_duration_of(each) for each in parts], 0.0
         columns.limit_column[:], columns.limit_kind[:] = by.T
         columns.sample_end[:] = self._dropped + len(self.samples) + offset[1:]
         columns.vertex_before[:] = columns.vertex_after[:] = columns.knot_edges[:] = 0
@@ -227,6 +229,7 @@ class SegmentTable:
             self._passed += (segment.begin - self.segments[0].begin) * segment.scale
         self.segments[index] = segment
         self.columns.length[index] = segment.extent
+        self.columns.duration[index] = _duration_of(segment)
 
     def drop(self, count: int) -> None:
         """Remove the first segments."""
@@ -245,7 +248,11 @@ class SegmentTable:
         """The present state, with at least one segment, for `restore`."""
         columns = self.columns
         return TableSnapshot(
-            len(self), self.segments[-1], float(columns.length[-1]), int(columns.vertex_after[-1])
+            len(self),
+            self.segments[-1],
+            float(columns.length[-1]),
+            float(columns.duration[-1]),
+            int(columns.vertex_after[-1]),
         )
 
     def restore(self, snapshot: TableSnapshot) -> None:
@@ -257,7 +264,7 @@ class SegmentTable:
         columns = self.columns
         columns.sample_end[-1] -= columns.vertex_after[-1] - snapshot.vertex_after
         columns.vertex_after[-1] = snapshot.vertex_after
-        columns.length[-1] = snapshot.length
+        columns.length[-1], columns.duration[-1] = snapshot.length, snapshot.duration
         self._samples.truncate(int(columns.sample_end[-1]) - self._dropped)
 
     def save(self, index: int) -> SavedSegments:
@@ -298,3 +305,8 @@ class SegmentTable:
     def mark_knots(self, indices: NDArray[np.intp], bits: NDArray[np.intp]) -> None:
         """Note which edges of which segments a plan had to make knots; the next plan begins with them."""
         np.bitwise_or.at(self.columns.knot_edges, indices, bits)
+
+
+def _duration_of(segment: Segment) -> float:
+    """T of a segment [s]; NaN without one."""
+    return math.nan if segment.duration is None else segment.duration

@@ -26,6 +26,8 @@ VERTEX_REACH = 8.0
 FADE = 8.0
 # What the fit may use of the tolerance.
 TOLERANCE_SHARE = 0.98
+# Share of a line with a T of its own that a curve at one of its ends may use.
+TIMED_SHARE = 0.25
 # What is left of a line between the curves at both of its ends, at least.
 REST = 0.02
 
@@ -180,10 +182,10 @@ class ChordSmoother:
         )
         made: list[Item] = []
         if jet is None and begin > before.begin:
-            made.append(dataclasses.replace(before, finish=begin, closes=False))
+            made.append(dataclasses.replace(before.between(before.begin, begin), closes=False))
         made.append(curve)
         if finish < after.finish:
-            made.append(dataclasses.replace(after, begin=finish, opens=False))
+            made.append(dataclasses.replace(after.between(finish, after.finish), opens=False))
         return made
 
     def _fit(
@@ -268,12 +270,13 @@ class ChordSmoother:
         for index, line in enumerate(lines):
             curve = SplineCurve(axes, spline, float(t[index]), float(t[index + 1]))
             span = curve.high - curve.low
-            whole = (index > 0 or bounds.begin <= line.begin) and (
-                index < len(lines) - 1 or bounds.finish >= line.finish
-            )
+            begin = bounds.begin if index == 0 else line.begin
+            finish = bounds.finish if index == len(lines) - 1 else line.finish
+            whole = begin <= line.begin and finish >= line.finish
             parts.append(
                 dataclasses.replace(
                     line,
+                    duration=line.between(begin, finish).duration,
                     curves=(curve,),
                     columns=(columns,),
                     mask=mask,
@@ -288,8 +291,8 @@ class ChordSmoother:
                     begin=0.0,
                     finish=1.0,
                     base=lines[0].base,
-                    opens=line.opens if index > 0 or bounds.begin <= line.begin else False,
-                    closes=line.closes if index < len(lines) - 1 or bounds.finish >= line.finish else False,
+                    opens=line.opens and begin <= line.begin,
+                    closes=line.closes and finish >= line.finish,
                     straight=False,
                     tolerance=line.tolerance if index == 0 and not joined else 0.0,
                     corner=None,
@@ -326,7 +329,9 @@ def _open_curve(
     if lead is not None or bounds.start == AT_REST:
         return OpenCurve(lead, list(lines), jets)
     # it begins on a line, which leads to it without a turn
-    rest = dataclasses.replace(lines[0], begin=bounds.begin, opens=False, tolerance=lines[1].tolerance)
+    rest = dataclasses.replace(
+        lines[0].between(bounds.begin, lines[0].finish), opens=False, tolerance=lines[1].tolerance
+    )
     return OpenCurve(lines[0], [rest, *lines[1:]], jets)
 
 
@@ -336,7 +341,7 @@ def _begin(line: Segment, wanted: float, chords: Chords, *, rests: bool) -> tupl
     if rests and remaining <= 2.0 * wanted:
         return line.begin, AT_REST
     whole = remaining / (line.finish - line.begin)
-    room = min(wanted, SHARE * whole, (1.0 - REST) * remaining)
+    room = min(wanted, _share(line) * whole, (1.0 - REST) * remaining)
     return line.finish - room / whole, JOINED
 
 
@@ -346,7 +351,12 @@ def _finish(line: Segment, wanted: float, chords: Chords, *, ends: bool) -> tupl
     if ends and remaining <= 2.0 * wanted:
         return line.finish, AT_REST
     whole = remaining / (line.finish - line.begin)
-    return line.begin + min(wanted, SHARE * whole) / whole, JOINED
+    return line.begin + min(wanted, _share(line) * whole) / whole, JOINED
+
+
+def _share(line: Segment) -> float:
+    """Share of a line for a curve at one of its ends; one with a T needs the rest to change speed."""
+    return SHARE if line.duration is None else TIMED_SHARE
 
 
 def _feeds(lines: list[Segment], spans: Array, slopes: Array) -> Array:

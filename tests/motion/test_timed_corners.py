@@ -1,0 +1,110 @@
+"""Bends of lines with a T of their own: passed with speed, and every T kept (D-33, D-36)."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.canonical import FeedGroup
+from tests.motion.measure import (
+    ACCELERATION_SLACK,
+    JERK_SLACK,
+    VELOCITY_SLACK,
+    acceleration_ratio,
+    farthest_from_path,
+    jerk_ratio,
+    path_missed_by,
+    velocity_ratio,
+)
+from tests.motion.support import Commit, Motion, Move, alike, at_speed, in_time, line_curve, plan
+from tests.motion.test_laws import law
+
+TOLERANCE = 1e-4
+
+
+def chain(machine: Machine, turns: list[float], times: list[float], length: float) -> list[FeedGroup]:
+    """Timed lines in a plane; each turns away from the one before by an angle [deg]."""
+    groups, position, heading = [], np.zeros(2), 0.0
+    for turn, time in zip(turns, times, strict=True):
+        heading += math.radians(turn)
+        end = position + length * np.array([math.cos(heading), math.sin(heading)])
+        groups.append(in_time(time, line_curve(machine, (0, 1), position.tolist(), end.tolist())))
+        position = end
+    return groups
+
+
+def assert_kept(motion: Motion) -> None:
+    assert velocity_ratio(motion) <= VELOCITY_SLACK
+    assert acceleration_ratio(motion) <= ACCELERATION_SLACK
+    assert jerk_ratio(motion) <= JERK_SLACK
+    assert farthest_from_path(motion) <= TOLERANCE
+    assert path_missed_by(motion) <= TOLERANCE + 1e-6
+
+
+@pytest.mark.parametrize("angle", [0.5, 6.0, 12.0, 40.0])
+def test_a_bend_of_a_timed_chain_is_passed_with_speed_and_each_line_keeps_its_time(angle: float) -> None:
+    machine = alike(2, jerk=50_000.0)
+    groups = chain(machine, [0.0, angle, -angle, angle, angle], [0.5] * 5, 0.05)
+    motion = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups])
+    assert_kept(motion)
+    for line in range(1, 6):
+        assert motion.took(line) == pytest.approx(0.5, abs=1e-9)
+    speed = np.linalg.norm(np.diff(motion.position, axis=0), axis=1) / motion.cycle
+    at_bends = [speed[round(motion.ends[line]) - 1] for line in range(1, 5)]
+    assert min(at_bends) > (0.09 if angle <= 6.0 else 0.01)
+
+
+def test_timed_chords_of_a_circle_are_one_curve_without_a_ripple_of_speed() -> None:
+    machine = alike(2, jerk=50_000.0)
+    angles = np.linspace(0.0, 4.0, 81)
+    points = 0.02 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1)
+    groups = [
+        in_time(0.02 if 0 < number < 79 else 0.2, line_curve(machine, (0, 1), a.tolist(), b.tolist()))
+        for number, (a, b) in enumerate(itertools.pairwise(points))
+    ]
+    motion = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups])
+    assert_kept(motion)
+    for line in range(8, 72):
+        assert motion.took(line) == pytest.approx(0.02, abs=1e-6)
+    speed = np.linalg.norm(np.diff(motion.position, axis=0), axis=1) / motion.cycle
+    inside = speed[round(motion.ends[8]) : round(motion.ends[72])]
+    assert inside.max() <= 1.03 * inside.min()
+
+
+@given(st.data())
+@law(25)
+def test_rounding_never_makes_a_timed_chain_later_than_its_stops_do(data: st.DataObject) -> None:
+    jerk = data.draw(st.sampled_from([20_000.0, 200_000.0]))
+    machine = alike(2, velocity=300.0, acceleration=2000.0, jerk=jerk)
+    count = data.draw(st.integers(2, 6))
+    turns = [data.draw(st.sampled_from([0.3, 3.0, 10.0, 45.0, 100.0, -6.0])) for _ in range(count)]
+    each = st.sampled_from([0.08, 0.2, 0.5])
+    times = [data.draw(each)] * count
+    most = 1.0 + 1e-6
+    if data.draw(st.booleans()):
+        # a step of speed has to be made somewhere: with a curve over the vertex there is less room for it
+        times, most = [data.draw(each) for _ in range(count)], 1.05
+    groups = chain(machine, turns, times, data.draw(st.sampled_from([0.002, 0.02, 0.05])))
+    commits = [Commit(after, 50.0) for after in range(1, count) if data.draw(st.booleans())]
+    rounded = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups], commits=commits)
+    assert_kept(rounded)
+    stopping = plan(machine, [Move(group, from_rest=True) for group in groups])
+    assert rounded.duration <= stopping.duration * most
+
+
+def test_a_timed_line_between_lines_with_a_speed_is_rounded_at_both_ends() -> None:
+    machine = alike(2, jerk=50_000.0)
+    points = [(0.0, 0.0), (0.1, 0.0), (0.2, 0.01), (0.3, 0.0)]
+    curves = [line_curve(machine, (0, 1), a, b) for a, b in itertools.pairwise(points)]
+    groups = [at_speed(0.1, curves[0]), in_time(1.0, curves[1]), at_speed(0.1, curves[2])]
+    motion = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups])
+    assert_kept(motion)
+    assert motion.took(2) == pytest.approx(1.0, abs=1e-9)
+    speed = np.linalg.norm(np.diff(motion.position, axis=0), axis=1) / motion.cycle
+    assert min(speed[round(motion.ends[line]) - 1] for line in (1, 2)) > 0.05
