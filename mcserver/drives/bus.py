@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,6 +174,38 @@ class Feedback:
             np.zeros(count, np.int64),
             np.full(count, np.nan),
         )
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """Exchanges of a simulated bus that have been computed ahead.
+
+    Attributes:
+        actual: readings of the encoders after each, shape (m, n) [m or rad]. state: the bus's own, after the
+            last.
+    """
+
+    actual: Array
+    state: Array
+
+
+@runtime_checkable
+class ForeseeingBus(Protocol):
+    """A bus of simulated drives that can compute many exchanges in one go, to the same effect."""
+
+    @property
+    def foreseeable(self) -> bool:
+        """Whether every axis follows positions or stands, and nothing changes by itself."""
+
+    def foresee(self, position: Array, velocity: Array) -> Foreseen:
+        """Compute exchanges up to the first in which a drive reaches a limit of its own.
+
+        Args:
+            position, velocity: setpoints, shape (m, n).
+        """
+
+    def arrive(self, foreseen: Foreseen) -> None:
+        """Let these exchanges have happened, all of them."""
 
 
 class BusEventKind(enum.IntEnum):

@@ -34,6 +34,7 @@ class ServoModel:
     """Constants of n servos and the step of their loops.
 
     Attributes:
+        coefficients: of the loops, see `loop_coefficients`.
         acceleration_per_torque: shape (n,) [m/s² or rad/s² per N·m]; the inertia is the motor's side.
         step_limit: shape (n,), largest change of speed in a cycle by the largest torque; inf: not limited.
         speed_limit: shape (n,). friction, braking: decelerations, shape (n,), not negative.
@@ -41,8 +42,8 @@ class ServoModel:
 
     def __init__(self, axes: Sequence[Axis], cycle_s: float) -> None:
         omega = np.array([axis.drive.bandwidth_hz * TURN for axis in axes])
-        self._coefficients = loop_coefficients(omega, cycle_s)
-        self._terms = np.empty_like(self._coefficients)
+        self.coefficients = loop_coefficients(omega, cycle_s)
+        self._terms = np.empty_like(self.coefficients)
         self.acceleration_per_torque = np.array(
             [axis.travel_per_motor_turn / TURN / max(axis.drive.inertia, 1e-12) for axis in axes]
         )
@@ -72,17 +73,18 @@ class ServoModel:
                 setpoint.
             result: shape (2, n), filled with the new tracking error and the new velocity.
         """
-        np.multiply(self._coefficients, state, out=self._terms)
+        np.multiply(self.coefficients, state, out=self._terms)
         np.add.reduce(self._terms, axis=1, out=result)
 
     def encoder(self, position: Array, out: Array) -> None:
-        """The encoders' readings of true positions, in steps of their resolutions."""
+        """The encoders' readings of true positions, shape (…, n), in steps of their resolutions."""
         if not self.quantized:
             out[:] = position
             return
         coarse = self.resolution > 0.0
         out[:] = position
-        out[coarse] = np.round(position[coarse] / self.resolution[coarse]) * self.resolution[coarse]
+        steps = np.round(position[..., coarse] / self.resolution[coarse])
+        out[..., coarse] = steps * self.resolution[coarse]
 
 
 def loop_coefficients(omega: Array, cycle_s: float) -> Array:

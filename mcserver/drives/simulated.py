@@ -9,10 +9,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.drives.bus import Array, BusEvent, DriveFault, DriveMode, DriveState, Feedback, Setpoints
+from mcserver.drives.bus import (
+    Array,
+    BusEvent,
+    DriveFault,
+    DriveMode,
+    DriveState,
+    Feedback,
+    Foreseen,
+    Setpoints,
+)
 from mcserver.drives.servo_model import ServoModel
 from mcserver.drives.simulated_marks import SimulatedMarks
 from mcserver.machine.machine_file import Axis
+from mcserver.motion.kernels.servo_loop import follow_cycles
 
 # Exchanges from the first command to energize until a drive holds.
 START_CYCLES = 2
@@ -116,6 +126,42 @@ class SimulatedBus:
 
     def close(self) -> None:
         """There is nothing to give back."""
+
+    # ------------------------------------------------------------------ many exchanges
+
+    @property
+    def foreseeable(self) -> bool:
+        """Whether every axis follows positions or stands, and nothing changes by itself."""
+        plain = not (self._any_jammed or self._any_mute or self._delay)
+        return plain and self._simple and not (self._changing or self._marks.present or self._marks.stops)
+
+    def foresee(self, position: Array, velocity: Array) -> Foreseen:
+        """Compute exchanges with these setpoints, shape (m, n) each, up to the first that meets a limit."""
+        model = self._model
+        state = np.concatenate(
+            (self._position[None], self._loop, self._change[None], self._last_position[None])
+        )
+        moved = np.empty(position.shape)
+        count = follow_cycles(
+            state,
+            model.coefficients,
+            np.array([model.step_limit, model.speed_limit]),
+            self._following,
+            np.ascontiguousarray(position),
+            np.ascontiguousarray(velocity),
+            (self._cycles, FLUSH_CYCLES, FLUSH_BELOW),
+            moved,
+        )
+        actual = np.empty((count, len(state[0])))
+        model.encoder(moved[:count], actual)
+        return Foreseen(actual, state)
+
+    def arrive(self, foreseen: Foreseen) -> None:
+        """Let exchanges that were foreseen have happened."""
+        state = foreseen.state
+        self._position[:], self._loop[:], self._change[:] = state[0], state[1:5], state[5]
+        self._last_position[:] = state[6]
+        self._cycles += len(foreseen.actual)
 
     # ------------------------------------------------------------------ faults on demand
 

@@ -12,7 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.drives.bus import BusEvent, DriveBus, DriveMode, DriveState, Feedback, Setpoints
+from mcserver.drives.bus import (
+    BusEvent,
+    DriveBus,
+    DriveMode,
+    DriveState,
+    Feedback,
+    ForeseeingBus,
+    Foreseen,
+    Setpoints,
+)
 from mcserver.executor.headroom import Array
 from mcserver.executor.shm.feedback import AxisCondition, FeedbackRow
 from mcserver.machine.machine_file import Machine
@@ -67,6 +76,29 @@ class _Port:
     index: NDArray[np.intp] | None  # None: the bus drives all columns
     setpoints: Setpoints
     feedback: Feedback
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """Exchanges of all buses that have been computed ahead.
+
+    Attributes:
+        actual: readings of the encoders after each, shape (m, K) [m or rad]. buses: of those with a lag what
+            they have foreseen, which may be more.
+    """
+
+    actual: Array
+    buses: tuple[tuple[ForeseeingBus, Foreseen], ...]
+
+    @property
+    def agreed(self) -> bool:
+        """Whether all have foreseen equally many exchanges."""
+        return all(len(foreseen.actual) == len(self.actual) for _, foreseen in self.buses)
+
+    def arrive(self) -> None:
+        """Let these exchanges have happened."""
+        for bus, foreseen in self.buses:
+            bus.arrive(foreseen)
 
 
 class AxisBank:
@@ -244,10 +276,38 @@ class AxisBank:
 
     @property
     def follows(self) -> bool:
-        """Whether axes are at their setpoints in the same exchange, and none changes its condition."""
+        """Whether axes follow their setpoints in a way that can be computed ahead, and none changes its
+        condition.
+        """
         changing = self.starting | self.resetting | self.stopping | self.failed | self.dropped
         by_itself = self.torque_mode | self.homing
-        return self.exact == self.all and not changing | by_itself and self.all_fresh
+        if changing | by_itself or not self.all_fresh:
+            return False
+        if self.exact == self.all:
+            return True
+        return not (self._shifts or self.speed) and all(
+            port.bus.follows_exactly or (isinstance(port.bus, ForeseeingBus) and port.bus.foreseeable)
+            for port in self._ports
+        )
+
+    def foresee(self, setpoint: Array, velocity: Array, actual: Array) -> Ahead:
+        """Compute exchanges with setpoints, shape (m, K) each, up to the first that meets a drive's limit.
+
+        Args:
+            actual: what drives show that follow exactly, shape (m, K).
+        """
+        count, found = len(setpoint), []
+        lagging = [port for port in self._ports if not port.bus.follows_exactly]
+        for port in lagging:
+            assert isinstance(port.bus, ForeseeingBus)
+            columns = slice(None) if port.index is None else port.index
+            ahead = port.bus.foresee(setpoint[:count, columns], velocity[:count, columns])
+            found.append((port.bus, ahead))
+            count = min(count, len(ahead.actual))
+        actual = actual[:count].copy()
+        for port, (_, ahead) in zip(lagging, found, strict=True):
+            actual[:, slice(None) if port.index is None else port.index] = ahead.actual[:count]
+        return Ahead(actual, tuple(found))
 
     def _lead_starting(self) -> None:
         """A drive that closes its loop in this exchange finds the setpoint where a coasting axis will be."""

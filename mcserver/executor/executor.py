@@ -174,7 +174,7 @@ class Executor:
     def play_stretch(self, time: float, limit: int) -> Stretch | None:
         """Play rows of the one program that runs, one a cycle, to the same effect as `cycle`.
 
-        A regular cycle has to follow. Only for drives without lag, and on a virtual clock.
+        A regular cycle has to follow. Only for simulated drives, and on a virtual clock.
 
         Args:
             time: executor time of the first cycle [s]. limit: cycles at the most.
@@ -190,6 +190,8 @@ class Executor:
             return None
         if self._cycle.estop or self._reset_wanted or self._used[0] is not running[0]:
             return None
+        if not self._supervision.quiet:
+            return None
         if self._has_io:
             limit = self._io.idle_cycles(time, limit)
             if limit < LEAST_STRETCH:
@@ -204,12 +206,24 @@ class Executor:
             return None
         setpoint = np.tile(self._row.setpoint, (len(rows), 1))
         actual = np.tile(self._row.actual, (len(rows), 1))
+        velocity = np.tile(self._row.velocity, (len(rows), 1))
         setpoint[:, driven] = actual[:, driven] = ring.position[rows][:, driven]
+        velocity[:, driven] = ring.velocity[rows][:, driven]
         for column, positions in turning.items():
             setpoint[:, column] = actual[:, column] = positions
         count = self._supervision.within_travel(setpoint)
         if count < LEAST_STRETCH:
             return None
+        lagging = self.bank.exact != self.bank.all
+        if lagging:
+            ahead = self.bank.foresee(setpoint[:count], velocity[:count], actual[:count])
+            kept = self._supervision.within_error(setpoint[: len(ahead.actual)], ahead.actual)
+            if kept < len(ahead.actual) or not ahead.agreed:
+                ahead = self.bank.foresee(setpoint[:kept], velocity[:kept], actual[:kept])
+            count, actual = len(ahead.actual), ahead.actual
+            if count < LEAST_STRETCH:
+                return None
+            ahead.arrive()
         setpoint, actual = setpoint[:count], actual[:count]
         lines = ring.row_line[rows[:count]].copy()
         slot.play_stretch(setpoint, time)

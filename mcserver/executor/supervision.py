@@ -114,6 +114,17 @@ class Supervision:
         (where,) = np.nonzero(outside)
         return int(where[0]) if len(where) else len(setpoints)
 
+    def within_error(self, setpoints: Array, actual: Array) -> int:
+        """Return how many cycles from the first on keep every axis's following error, shapes (n, K)."""
+        late = ~(np.abs(setpoints - actual) <= self._greatest_error).all(axis=1)
+        (where,) = np.nonzero(late)
+        return int(where[0]) if len(where) else len(setpoints)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing is under way that many cycles at once would leave out."""
+        return not (self._any_silent or self._delay or self._strays)
+
     # ------------------------------------------------------------------ feedback
 
     def after_exchange(self) -> None:

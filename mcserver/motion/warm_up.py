@@ -34,6 +34,7 @@ from mcserver.motion.kernels.min_time_trajectories import PHASES, min_time_traje
 from mcserver.motion.kernels.path_speed import quicker_phases
 from mcserver.motion.kernels.rate_search import warm_up_playback
 from mcserver.motion.kernels.sample_limits import run_of
+from mcserver.motion.kernels.servo_loop import follow_cycles
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.path_limits import AccelerationLimit
 from mcserver.motion.profile.setpoint_sampling import sample
@@ -190,6 +191,14 @@ def _smooth_chords(limits: AxisLimits) -> None:
     window.append_parts(curve.parts, curve.samples, joined=False)
     sample(window.plan(), 0.0, 1, 10, limits.cycle)
     _drive_quicker(limits)
+    _follow()
+
+
+def _follow() -> None:
+    """Cycles of simulated drives."""
+    pair = np.ones((2, 2))
+    cycles = (0, 256, 1e-15)
+    follow_cycles(np.ones((7, 2)), np.ones((2, 4, 2)), pair, np.ones(2, np.bool_), pair, pair, cycles, pair)
 
 
 def _drive_quicker(limits: AxisLimits) -> None:

@@ -48,13 +48,13 @@ G01 X3
 """
 
 
-def machine(drive: str, travel: str = "") -> Machine:
+def machine(kind: str, travel: str = "", drive: str = "") -> Machine:
     text = '[machine]\nname = "test"\n[motion]\npath_tolerance_mm = 0.02\n'
     for index in range(5):
-        kind = "linear" if index < 3 else "rotary"
+        moves = "linear" if index < 3 else "rotary"
         text += (
-            f'[[axis]]\nindex = {index}\ntype = "{kind}"\nmax_velocity = 300.0\nmax_acceleration = 3000.0\n'
-            f'max_jerk = 90000.0\n{travel}[axis.drive]\nkind = "{drive}"\n'
+            f'[[axis]]\nindex = {index}\ntype = "{moves}"\nmax_velocity = 300.0\nmax_acceleration = 3000.0\n'
+            f'max_jerk = 90000.0\n{travel}[axis.drive]\nkind = "{kind}"\n{drive}'
         )
     return parse_machine(text)
 
@@ -110,8 +110,25 @@ def test_a_turning_spindle_is_the_same_to_the_bit_too(monkeypatch: pytest.Monkey
     assert turned > 50.0
 
 
-def test_drives_with_a_lag_are_simulated_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, second, played = both(machine("simulated"), monkeypatch)
-    assert first.exit_code == 0
-    assert played == 0
+DRIVES = {
+    "as they are": "",
+    "with coarse encoders": "encoder_resolution = 0.003\n",
+    "too weak now and then": "max_torque = 0.0018\ninertia = 1e-6\n",
+}
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_drives_with_a_lag_are_the_same_to_the_bit_too(drive: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, played = both(machine("simulated", drive=DRIVES[drive]), monkeypatch)
+    assert_same(first, second)
+    assert second.recording is not None
+    assert played > 0.3 * len(second.recording.time_s)
+
+
+def test_a_following_error_stops_a_stretch_in_its_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+    weak = machine("simulated", "max_following_error = 0.006\n")
+    first, second, played = both(weak, monkeypatch)
+    assert [fault["code"] for fault in first.report["diagnostics"]] == ["MC407"]
+    assert first.exit_code == second.exit_code == 1
+    assert played > 0
     assert_same(first, second)

@@ -1,0 +1,72 @@
+"""Cycles of simulated servos that follow their setpoints, in one go (`mcserver.drives.servo_model`)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.kernels.compiled import compiled
+
+
+@compiled
+def follow_cycles(
+    state: Array,
+    coefficients: Array,
+    limits: Array,
+    follows: NDArray[np.bool_],
+    position: Array,
+    velocity: Array,
+    flush: tuple[int, int, float],
+    moved: Array,
+) -> int:
+    """Let n axes follow setpoints of up to m cycles, with the operations of a single cycle in their order.
+
+    Args:
+        state: shape (7, n), written: position, tracking error, velocity, old and new velocity setpoint,
+            change of the velocity in the last cycle, last position setpoint.
+        coefficients: of the loops, shape (2, 4, n). limits: largest change of a velocity in a cycle and
+            largest velocity, shape (2, n).
+        follows: shape (n,); the others stand. position, velocity: setpoints, shape (m, n).
+        flush: cycles so far, after how many tiny values are set to zero, and what is tiny.
+        moved: written: positions after each cycle, shape (m, n).
+
+    Returns:
+        How many cycles there are before one in which an axis reaches a limit.
+    """
+    count, width = len(position), len(follows)
+    done, every, tiny = flush
+    errors, speeds = np.empty(width), np.empty(width)
+    for i in range(count):
+        for k in range(width):
+            reference = position[i, k] if follows[k] else state[0, k]
+            wanted = velocity[i, k] if follows[k] else 0.0
+            away = state[0, k] - reference
+            error = coefficients[0, 0, k] * away
+            error += coefficients[0, 1, k] * state[2, k]
+            error += coefficients[0, 2, k] * state[3, k]
+            error += coefficients[0, 3, k] * wanted
+            speed = coefficients[1, 0, k] * away
+            speed += coefficients[1, 1, k] * state[2, k]
+            speed += coefficients[1, 2, k] * state[3, k]
+            speed += coefficients[1, 3, k] * wanted
+            if not (abs(speed - state[2, k]) <= limits[0, k] and abs(speed) <= limits[1, k]):
+                return i
+            errors[k], speeds[k] = error, speed
+        done += 1
+        for k in range(width):
+            reference = position[i, k] if follows[k] else state[0, k]
+            wanted = velocity[i, k] if follows[k] else 0.0
+            state[1, k] = state[0, k] - reference
+            state[5, k] = speeds[k] - state[2, k]
+            state[0, k] = reference + errors[k]
+            state[2, k] = speeds[k]
+            state[3, k] = state[4, k] = wanted
+            state[6, k] = reference
+            if done % every == 0:
+                if abs(state[2, k]) < tiny:
+                    state[2, k] = 0.0
+                if abs(state[0, k]) < tiny:
+                    state[0, k] = 0.0
+            moved[i, k] = state[0, k]
+    return count
