@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use tokio::runtime::{Handle, RuntimeFlavor};
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout, timeout_at};
 use zenoh::handlers::FifoChannel;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
@@ -25,6 +25,8 @@ const CLOSE_LIMIT: Duration = Duration::from_secs(2);
 /// How long a link may be silent: a client that freezes is noticed within it.
 const LEASE_MS: u64 = 2000;
 const REPLIES_LIMIT: usize = 256;
+/// By how much Zenoh may be late with the end of a query.
+const OVERTIME: Duration = Duration::from_secs(1);
 
 /// An answer to a query; `ok` is false for an error reply.
 #[derive(Debug)]
@@ -185,7 +187,9 @@ impl Link {
             }
         };
         let mut gathered = Vec::new();
-        while let Ok(reply) = replies.recv_async().await {
+        // Zenoh ends a query at its time-out; a wait of ours does not depend on it
+        let until = Instant::now() + limit + OVERTIME;
+        while let Ok(Ok(reply)) = timeout_at(until, replies.recv_async()).await {
             let source = reply.replier_id().map(|id| id.zid().to_string());
             if !self.believes(source.as_deref()) {
                 continue;
@@ -213,7 +217,8 @@ impl Link {
         let mut keys = Vec::new();
         match replies {
             Ok(replies) => {
-                while let Ok(reply) = replies.recv_async().await {
+                let until = Instant::now() + limit + OVERTIME;
+                while let Ok(Ok(reply)) = timeout_at(until, replies.recv_async()).await {
                     if let Ok(sample) = reply.result() {
                         keys.push(sample.key_expr().to_string());
                     }

@@ -1,6 +1,5 @@
 package org.mcserver.client;
 
-import java.io.ByteArrayOutputStream;
 import java.net.URI;
 import java.net.URLEncoder;
 import java.net.http.HttpClient;
@@ -15,7 +14,6 @@ import java.util.List;
 import java.util.Map;
 import java.util.Set;
 import java.util.concurrent.CompletableFuture;
-import java.util.concurrent.CompletionStage;
 import java.util.concurrent.Executors;
 import java.util.concurrent.ScheduledExecutorService;
 import java.util.concurrent.ScheduledFuture;
@@ -305,9 +303,9 @@ public final class Gateway implements AutoCloseable {
         String resumed = session.isEmpty() ? "" : "?session=" + URLEncoder.encode(session, StandardCharsets.UTF_8);
         WebSocket.Builder builder = http.newWebSocketBuilder().connectTimeout(CONNECT);
         CompletableFuture<WebSocket> opening = token.isEmpty()
-                ? builder.subprotocols("mc.v1").buildAsync(URI.create(uri + resumed), new Listener(number))
+                ? builder.subprotocols("mc.v1").buildAsync(URI.create(uri + resumed), listener(number))
                 : builder.subprotocols("mc.v1").header("Authorization", "Bearer " + token)
-                        .buildAsync(URI.create(uri + resumed), new Listener(number));
+                        .buildAsync(URI.create(uri + resumed), listener(number));
         opening.whenComplete((made, error) -> {
             if (error != null) {
                 onLoop(() -> lost(number, String.valueOf(error.getMessage())));
@@ -471,45 +469,23 @@ public final class Gateway implements AutoCloseable {
         ready.completeExceptionally(closedClient());
     }
 
-    /** Puts the parts of a frame together and hands it to the loop. */
-    private final class Listener implements WebSocket.Listener {
-        private final ByteArrayOutputStream parts = new ByteArrayOutputStream();
-        private final int connection;
-
-        Listener(int connection) {
-            this.connection = connection;
-        }
-
-        @Override
-        public CompletionStage<?> onBinary(WebSocket from, ByteBuffer data, boolean last) {
-            byte[] part = new byte[data.remaining()];
-            data.get(part);
-            parts.writeBytes(part);
-            if (last) {
-                byte[] whole = parts.toByteArray();
-                parts.reset();
-                onLoop(() -> receive(from, connection, whole));
+    /** What one connection says, on the loop. */
+    private FrameListener listener(int number) {
+        return new FrameListener(new FrameListener.Events() {
+            @Override
+            public void frame(WebSocket from, byte[] whole) {
+                onLoop(() -> receive(from, number, whole));
             }
-            from.request(1);
-            return null;
-        }
 
-        @Override
-        public CompletionStage<?> onPong(WebSocket from, ByteBuffer message) {
-            onLoop(() -> heardAt = System.nanoTime());
-            from.request(1);
-            return null;
-        }
+            @Override
+            public void alive() {
+                onLoop(() -> heardAt = System.nanoTime());
+            }
 
-        @Override
-        public CompletionStage<?> onClose(WebSocket from, int code, String reason) {
-            onLoop(() -> lost(connection, "closed with " + code + (reason.isEmpty() ? "" : ": " + reason)));
-            return null;
-        }
-
-        @Override
-        public void onError(WebSocket from, Throwable error) {
-            onLoop(() -> lost(connection, String.valueOf(error.getMessage())));
-        }
+            @Override
+            public void lost(String reason) {
+                onLoop(() -> Gateway.this.lost(number, reason));
+            }
+        });
     }
 }

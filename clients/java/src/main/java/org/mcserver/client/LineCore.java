@@ -5,6 +5,7 @@ import java.util.ArrayList;
 import java.util.Deque;
 import java.util.Iterator;
 import java.util.List;
+import java.util.Map;
 import java.util.Set;
 
 /**
@@ -324,5 +325,20 @@ final class LineCore {
             case "interrupted" -> new MotionException.ProgramInterrupted(extent());
             default -> new MotionException.ProgramAborted(extent());
         };
+    }
+
+    /** The line without its end; fails with MC538 where it is none, or too long. */
+    static String checked(String line, long longestLine) {
+        String text = line.replaceAll("[\\r\\n]+$", "");
+        if (text.indexOf('\n') >= 0 || text.indexOf('\r') >= 0) {
+            throw new MotionException.RequestRefused(
+                    "MC538", "a line must not hold a line end", "give each line by itself", Map.of(), List.of());
+        }
+        int length = text.codePointCount(0, text.length());
+        if (length > longestLine) {
+            throw new MotionException.RequestRefused("MC538",
+                    "the line has " + length + " characters, the server takes " + longestLine, "break it at a command", Map.of(), List.of());
+        }
+        return text;
     }
 }

@@ -161,7 +161,7 @@ public final class Machine {
             if (error == null) {
                 confirmed.complete(null);
             } else if (left.decrementAndGet() == 0) {
-                confirmed.completeExceptionally(Program.cause(error));
+                confirmed.completeExceptionally(Futures.cause(error));
             }
         };
         gateway.estop(name, reason).whenComplete(settle);

@@ -20,7 +20,6 @@ import java.util.function.BooleanSupplier;
 public final class Program implements AutoCloseable {
     private static final long FIRST_DOUBT_MS = 250;
     private static final long LONGEST_DOUBT_MS = 2000;
-    private static final int FLOW_REQUEST = 256;
 
     /** What is waited for: a condition on the core, checked at each change. */
     private record Waiter(BooleanSupplier condition, boolean pastRejection, CompletableFuture<Void> reached) {}
@@ -121,7 +120,7 @@ public final class Program implements AutoCloseable {
      */
     public CompletableFuture<Long> send(String line) {
         return inTurn(() -> {
-            String text = checked(line);
+            String text = LineCore.checked(line, longestLine);
             check(core::check);
             return until(() -> !core.pending(), false).thenCompose(accepted -> {
                 long number;
@@ -146,11 +145,11 @@ public final class Program implements AutoCloseable {
             synchronized (lock) {
                 if (error == null) {
                     core.onReply(reply);
-                } else if (cause(error) instanceof MotionException.RequestRefused refusal) {
+                } else if (Futures.cause(error) instanceof MotionException.RequestRefused refusal) {
                     MotionException meaning = core.onRefusal(refusal, number);
                     throw meaning != null ? meaning : refusal;
                 } else {
-                    throw new CompletionException(cause(error));
+                    throw new CompletionException(Futures.cause(error));
                 }
                 return core.accepted() >= number;
             }
@@ -182,9 +181,9 @@ public final class Program implements AutoCloseable {
                     while (lines.hasNext()) {
                         give(lines.next()).join();
                     }
-                    acceptedAll().whenComplete((last, error) -> settle(sent, last, error));
+                    acceptedAll().whenComplete((last, error) -> Futures.settle(sent, last, error));
                 } catch (RuntimeException error) {
-                    sent.completeExceptionally(cause(error));
+                    sent.completeExceptionally(Futures.cause(error));
                 }
             }, "mcclient-lines");
             reader.setDaemon(true);
@@ -198,52 +197,13 @@ public final class Program implements AutoCloseable {
         return inTurn(() -> {
             check(core::checkOpen);
             CompletableFuture<Long> sent = new CompletableFuture<>();
-            lines.subscribe(new Lines(sent));
+            lines.subscribe(new PublishedLines(this::give, this::acceptedAll, sent));
             return sent;
         });
     }
 
-    /** Gives each line on once there is room, and asks for more then. */
-    private final class Lines implements Flow.Subscriber<String> {
-        private final CompletableFuture<Long> sent;
-        private CompletableFuture<?> given = CompletableFuture.completedFuture(null);
-        private Flow.Subscription subscription;
-
-        Lines(CompletableFuture<Long> sent) {
-            this.sent = sent;
-        }
-
-        @Override
-        public void onSubscribe(Flow.Subscription subscription) {
-            this.subscription = subscription;
-            subscription.request(FLOW_REQUEST);
-        }
-
-        @Override
-        public void onNext(String line) {
-            given = given.thenCompose(before -> give(line)).whenComplete((number, error) -> {
-                if (error == null) {
-                    subscription.request(1);
-                } else {
-                    subscription.cancel();
-                    sent.completeExceptionally(cause(error));
-                }
-            });
-        }
-
-        @Override
-        public void onError(Throwable error) {
-            sent.completeExceptionally(error);
-        }
-
-        @Override
-        public void onComplete() {
-            given.thenCompose(all -> acceptedAll()).whenComplete((last, error) -> settle(sent, last, error));
-        }
-    }
-
     private CompletableFuture<Void> give(String line) {
-        String text = checked(line);
+        String text = LineCore.checked(line, longestLine);
         CompletableFuture<Void> room = until(core::hasRoom, false);
         return room.thenAccept(ready -> {
             boolean sendNow;
@@ -293,7 +253,7 @@ public final class Program implements AutoCloseable {
                 Map<String, Object> request = Map.of("program", id, "last", acceptedThrough());
                 return machine.ask("close", request, Messages.CloseReply.class).handle((reply, error) -> {
                     if (error != null) {
-                        return translated(cause(error));
+                        return translated(Futures.cause(error));
                     }
                     synchronized (lock) {
                         core.onClosed(reply);
@@ -311,11 +271,11 @@ public final class Program implements AutoCloseable {
             if (error == null) {
                 return CompletableFuture.<MotionException>completedFuture(null);
             }
-            if (cause(error) instanceof MotionException.ProgramRejected rejection) {
+            if (Futures.cause(error) instanceof MotionException.ProgramRejected rejection) {
                 // it fails once what is before the rejected line has run
                 return closeLines().thenApply(again -> (MotionException) rejection);
             }
-            return CompletableFuture.<MotionException>failedFuture(cause(error));
+            return CompletableFuture.<MotionException>failedFuture(Futures.cause(error));
         }).thenCompose(result -> result).thenCompose(rejection -> until(core::ended, true).thenApply(end -> {
             unsubscribe.run();
             synchronized (lock) {
@@ -413,7 +373,7 @@ public final class Program implements AutoCloseable {
                 if (over || error != null) {
                     each.remove();
                     MotionException why = error;
-                    reached.add(() -> settle(waiter.reached(), null, why));
+                    reached.add(() -> Futures.settle(waiter.reached(), null, why));
                 }
             }
             if (doubting != null) {
@@ -447,12 +407,12 @@ public final class Program implements AutoCloseable {
             synchronized (lock) {
                 if (error == null) {
                     core.onReply(reply);
-                } else if (cause(error) instanceof MotionException.RequestRefused refusal) {
+                } else if (Futures.cause(error) instanceof MotionException.RequestRefused refusal) {
                     core.onRefusal(refusal, chunk.first());
                     ended = List.of("MC503", "MC504", "MC510").contains(refusal.code());
                 } else {
                     core.onLost();
-                    onSilence(cause(error));
+                    onSilence(Futures.cause(error));
                 }
             }
             if (ended) {
@@ -474,10 +434,10 @@ public final class Program implements AutoCloseable {
                 if (error == null) {
                     heardAt = System.nanoTime();
                     core.onStatus(reply.programs().stream().filter(each -> each.program().equals(id)).findFirst().orElse(null));
-                } else if (cause(error) instanceof MotionException.RequestRefused refusal && refusal.code().equals("MC503")) {
+                } else if (Futures.cause(error) instanceof MotionException.RequestRefused refusal && refusal.code().equals("MC503")) {
                     core.onStatus(null);
                 } else {
-                    onSilence(cause(error));
+                    onSilence(Futures.cause(error));
                 }
             }
             act();
@@ -487,7 +447,7 @@ public final class Program implements AutoCloseable {
 
     /** Nobody answers: that is waited out for a while, anything else is the end of it. */
     private void onSilence(Throwable error) {
-        MotionException why = asMotion(error);
+        MotionException why = Futures.asMotion(error);
         boolean away = why instanceof MotionException.NobodyAnswers && !why.code().equals("MC539");
         if (!away || System.nanoTime() - heardAt > gateway.patience().toNanos()) {
             core.fail(why);
@@ -535,41 +495,6 @@ public final class Program implements AutoCloseable {
         }
         return result.handle((value, error) -> error == null
                 ? CompletableFuture.completedFuture(value)
-                : CompletableFuture.<T>failedFuture(cause(error))).thenCompose(each -> each);
-    }
-
-    private String checked(String line) {
-        String text = line.replaceAll("[\\r\\n]+$", "");
-        if (text.indexOf('\n') >= 0 || text.indexOf('\r') >= 0) {
-            throw new MotionException.RequestRefused(
-                    "MC538", "a line must not hold a line end", "give each line by itself", Map.of(), List.of());
-        }
-        int length = text.codePointCount(0, text.length());
-        if (length > longestLine) {
-            throw new MotionException.RequestRefused("MC538",
-                    "the line has " + length + " characters, the server takes " + longestLine, "break it at a command", Map.of(), List.of());
-        }
-        return text;
-    }
-
-    private static <T> void settle(CompletableFuture<T> future, T value, Throwable error) {
-        if (error == null) {
-            future.complete(value);
-        } else {
-            future.completeExceptionally(cause(error));
-        }
-    }
-
-    private static MotionException asMotion(Throwable error) {
-        return error instanceof MotionException motion ? motion : new MotionException.Protocol(String.valueOf(error));
-    }
-
-    /** What a future failed with, out of its wrappings. */
-    static Throwable cause(Throwable error) {
-        Throwable inner = error;
-        while (inner instanceof CompletionException && inner.getCause() != null) {
-            inner = inner.getCause();
-        }
-        return inner;
+                : CompletableFuture.<T>failedFuture(Futures.cause(error))).thenCompose(each -> each);
     }
 }

@@ -50,7 +50,7 @@ public final class Conformance {
                 default -> throw new IllegalArgumentException("no such task: " + arguments[2]);
             }
         } catch (CompletionException wrapped) {
-            if (!(Program.cause(wrapped) instanceof MotionException error)) {
+            if (!(Futures.cause(wrapped) instanceof MotionException error)) {
                 throw wrapped;
             }
             complain(error);
