@@ -25,6 +25,9 @@ from mcserver.language.agents.knowledge import TOPICS, dialect_topic, draft
 from mcserver.language.agents.server import AgentTools, build_server
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import load_machine
+from mcserver.recorder.messages import Happened, StartRecording, StopRecording
+from mcserver.service.reports import Event, LineReport
+from tests.recorder.rig import Rig
 
 CARTESIAN = load_machine("cartesian")
 OFFLINE = {"machine_info", "dialect", "check", "simulate", "explain_fault", "draft_from_points", "recordings"}
@@ -137,15 +140,40 @@ def test_every_rule_belongs_to_a_topic_or_can_be_asked_for() -> None:
 
 async def test_recordings_are_listed_and_broken_ones_said(tmp_path: Path) -> None:
     setpoint = np.array([[0.0], [5.0]])
-    np.savez(tmp_path / "a.npz", time_s=np.array([0.0, 0.5]), axes=np.array([0]), setpoint=setpoint)
+    rows = {"time_s": np.array([0.0, 0.5]), "line": np.zeros(2), "axes": np.array([0])}
+    np.savez(tmp_path / "a.npz", **rows, setpoint=setpoint, actual=setpoint)
     (tmp_path / "b.npz").write_bytes(b"no archive")
+    (tmp_path / "c.mcap").write_bytes(b"\x89MCAP")
+    np.savez(
+        tmp_path / "d.npz",
+        **{name: each[:0] for name, each in rows.items()},
+        setpoint=setpoint[:0],
+        actual=setpoint[:0],
+    )
+    (tmp_path / "e.csv").write_text("time_s,line\n")
     (tmp_path / "secret.txt").write_text("no recording")
     tools = AgentTools(CARTESIAN, "cartesian", recordings=tmp_path)
-    found = {each["name"]: each for each in await tools.recordings()}
-    assert set(found) == {"a.npz", "b.npz"}
+    found = {each["name"]: each for each in (await tools.recordings())["folder"]}
+    assert set(found) == {"a.npz", "b.npz", "c.mcap", "d.npz", "e.csv"}
     assert found["a.npz"]["duration_s"] == 0.5
     assert found["a.npz"]["axes"] == {"0": {"min": 0.0, "max": 5.0}}
-    assert "error" in found["b.npz"]
+    assert all("MC581" in found[name]["error"] for name in ("b.npz", "c.mcap", "d.npz"))
+
+
+async def test_a_recording_of_the_recorder_says_its_machine_lines_and_extents(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    rig.cycles(100)
+    rig.give(StartRecording(1, "one"))
+    rig.cycles(500)
+    line = LineReport(7, 0.2, 0.4, 0.2, 1.0)
+    rig.give(Happened([Event(1, 0.5, "inst", "lines.ended", program="p", lines=[line])]))
+    rig.give(StopRecording(2))
+    rig.settle()
+    tools = AgentTools(CARTESIAN, "cartesian", recordings=rig.folder.path)
+    (found,) = (await tools.recordings())["folder"]
+    assert (found["machine"], found["lines_ended"], found["faults"]) == ("cartesian", 1, [])
+    assert found["duration_s"] == pytest.approx(0.5, abs=0.01)
+    assert found["axes"]["0"]["max"] > found["axes"]["0"]["min"]
 
 
 async def test_a_client_over_standard_input_is_served() -> None:
@@ -204,6 +232,7 @@ async def test_from_words_to_an_armed_run_and_never_without_an_operator(running_
         assert asked["run"]["state"] == "waiting"
         assert "MC571" in refusal(await agent.call_tool("run_armed", {"text": PROGRAM}))
         # what the text says is data: nothing has moved, nothing is armed
+        assert "recordings" in told(await agent.call_tool("recordings"))["server"]
         status = told(await agent.call_tool("status"))
         assert [each["state"] for each in status["run_requests"]] == ["waiting"]
         assert status["status"]["axes"]["position"][0] == pytest.approx(0.0, abs=0.1)

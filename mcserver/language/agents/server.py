@@ -123,11 +123,14 @@ class AgentTools:
         text = draft(points, feed, axes, rapid_first=rapid_first)
         return {"text": text, **await self.check(text)}
 
-    async def recordings(self) -> list[dict[str, Any]]:
-        """Recordings of runs: name, bytes, and for NPZ files duration and extents."""
-        if self._recordings is None:
-            return []
-        return await asyncio.to_thread(list_recordings, self._recordings)
+    async def recordings(self) -> dict[str, Any]:
+        """Recordings of runs: of a folder with durations, extents and faults; of the running server."""
+        found: dict[str, Any] = {"folder": []}
+        if self._recordings is not None:
+            found["folder"] = await asyncio.to_thread(list_recordings, self._recordings)
+        if self.online:
+            found["server"] = await (await self._server()).recordings()
+        return found
 
     async def status(self) -> dict[str, Any]:
         """The running machine now: state, axes, programs, faults, and requested runs."""
