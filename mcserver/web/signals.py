@@ -21,6 +21,8 @@ def signals_of(info: Info) -> dict[str, tuple[str, str]]:
         for axis in info.axes:
             unit = _UNITS.get(quantity, "{}").format(axis.unit)
             found[f"axis {axis.index} {quantity}"] = (f"{axis_name(axis.index)} {quantity}", unit)
+    for axis in info.axes:
+        found[f"axis {axis.index} in G54"] = (f"{axis_name(axis.index)} in G54", axis.unit)
     for tool in info.tools:
         for letter in "xyzabc":
             unit = "mm" if letter in "xyz" else "deg"
@@ -63,6 +65,9 @@ def _of_axis(status: MachineStatus, axis: int, quantity: str) -> float | None:
     if axis not in axes.index:
         return None
     column = axes.index.index(axis)
+    if quantity == "in G54":
+        origin = next((each.origin for each in status.work_offsets if each.system == "G54"), {})
+        return axes.position[column] - origin.get(str(axis), 0.0)
     if quantity == "following error":
         return axes.setpoint[column] - axes.position[column]
     values: tuple[float, ...] = getattr(axes, quantity)

@@ -37,6 +37,7 @@ SECTIONS = {
     "fleet": "fleets of light machines behind routers",
     "telemetry": "telemetry of 64 axes at 1 kHz",
     "recorder": "the recorder with 64 axes at 1 kHz",
+    "page": "the operator's page",
     "sdks": "the SDKs of all languages",
 }
 

@@ -12,10 +12,6 @@ from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, position_text
 from mcserver.web.users import Role
 
-HEAD = (
-    "<tr><th>Axis</th><th class=n>Position</th><th class=n>Setpoint</th><th class=n>Velocity</th>"
-    "<th>State</th></tr>"
-)
 # Axes with a button: those with a letter.
 LETTERED = 6
 
@@ -35,11 +31,12 @@ class PositionsPanel:
 
     def update(self, status: MachineStatus, info: Info) -> None:
         lettered = tuple(axis for axis in info.axes if axis.index < LETTERED)
-        shown = lettered if self._actions.link.has_work_offsets else ()
+        link = self._actions.link
+        shown = lettered if link.has_work_offsets else ()
         if shown != self._axes:
             self._axes = shown
             self._build()
-        content = positions_html(status, info)
+        content = positions_html(status, info, work=link.has_work_offsets)
         if content != self._shown:
             self._shown = content
             self._table.set_content(content)
@@ -89,8 +86,19 @@ def system_name(system: int) -> str:
     return f"G{53 + system}" if system <= 6 else f"G59.{system - 6}"
 
 
-def positions_html(status: MachineStatus, info: Info) -> str:
-    """Return the table as HTML."""
+def work_origin(status: MachineStatus) -> dict[int, float]:
+    """Return where the axes read zero in G54, in which programs start, by axis number [mm, deg]."""
+    for offset in status.work_offsets:
+        if offset.system == system_name(1):
+            return {int(axis): at for axis, at in offset.origin.items()}
+    return {}
+
+
+def positions_html(status: MachineStatus, info: Info, *, work: bool) -> str:
+    """Return the table as HTML; ``work``: with a column of what programs read in G54."""
+    origin = work_origin(status)
+    titles = ("Position", *(("In G54",) if work else ()), "Setpoint", "Velocity")
+    head = "".join(f"<th class=n>{title}</th>" for title in titles)
     units = {axis.index: axis.unit for axis in info.axes}
     axes = status.axes
     rows = []
@@ -100,8 +108,9 @@ def positions_html(status: MachineStatus, info: Info) -> str:
         unit = units.get(index, "")
         if not homed.get(index, True):
             state = f"{state}, not homed"
+        in_work = f"<td class=n>{position_text(position - origin.get(index, 0.0))}</td>" if work else ""
         rows.append(
-            f"<tr><td>{axis_name(index)}</td><td class=n>{position_text(position)} {unit}</td>"
+            f"<tr><td>{axis_name(index)}</td><td class=n>{position_text(position)} {unit}</td>{in_work}"
             f"<td class=n>{position_text(setpoint)}</td><td class=n>{velocity:.1f} {unit}/s</td>"
             f"<td>{html.escape(state)}</td></tr>"
         )
@@ -109,5 +118,6 @@ def positions_html(status: MachineStatus, info: Info) -> str:
         place = "  ".join(
             f"{letter}{position_text(value)}" for letter, value in zip("XYZ", tool.position, strict=False)
         )
-        rows.append(f"<tr><td>T{tool.number}</td><td colspan=4>{place} mm</td></tr>")
-    return f'<table class="mc-positions"><thead>{HEAD}</thead><tbody>{"".join(rows)}</tbody></table>'
+        rows.append(f"<tr><td>T{tool.number}</td><td colspan={len(titles) + 1}>{place} mm</td></tr>")
+    head = f"<thead><tr><th>Axis</th>{head}<th>State</th></tr></thead>"
+    return f'<table class="mc-positions">{head}<tbody>{"".join(rows)}</tbody></table>'

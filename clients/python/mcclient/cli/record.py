@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import enum
 import os
 import time
 from datetime import datetime
@@ -25,6 +26,15 @@ NameArgument = Annotated[str, typer.Argument(metavar="[NAME]", help="Of the reco
 OutputOption = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to; default: its name, here.")
 ]
+
+
+class Format(enum.StrEnum):
+    """What ``mcctl record`` writes here."""
+
+    MCAP = "mcap"
+    PARQUET = "parquet"
+    CSV = "csv"
+    NPZ = "npz"
 
 
 def build_app() -> typer.Typer:
@@ -50,6 +60,10 @@ def record(
             help="Record telemetry into a file here: .mcap, .parquet, .csv or .npz; Ctrl-C ends it.",
         ),
     ] = None,
+    format: Annotated[
+        Format | None,
+        typer.Option("--format", "-f", help="Of the file; its name is MACHINE-TIME.FORMAT without --output."),
+    ] = None,
     seconds: Annotated[
         float | None, typer.Option("--seconds", "-s", min=0.0, help="How long; default: until Ctrl-C.")
     ] = None,
@@ -61,19 +75,29 @@ def record(
     """Record cycles: on the server (start, stop, save, list, get), or here with --output."""
     if context.invoked_subcommand is not None:
         return
-    if output is None:
-        raise typer.BadParameter("give --output FILE, or one of start, stop, save, list, get")
+    if output is None and format is None:
+        raise typer.BadParameter("give --output FILE or --format, or one of start, stop, save, list, get")
+    if output is not None and format is not None and output.suffix.lower() not in ("", f".{format}"):
+        raise typer.BadParameter(f"{output} is not called as a file of the format {format}")
 
     async def work() -> dict[str, Any]:
         async with Target(machine, connect, zenoh).open() as one:
-            return await _record_here(one, output, seconds)
+            return await _record_here(one, _file_name(output, format, one.name, time.time()), seconds)
 
     found = carry_out(work, json)
     if json:
         write_json({"ok": True, **found})
     else:
         lost = f", {found['lost']} lost on the way" if found["lost"] else ""
-        say(f"{output}: {found['cycles']} cycles{lost}")
+        say(f"{found['output']}: {found['cycles']} cycles{lost}")
+
+
+def _file_name(output: Path | None, format: Format | None, machine: str, now: float) -> Path:
+    """Return the file to write; ``now``: Unix time [s]."""
+    if output is None:
+        when = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(now))
+        return Path(f"{machine}-{when}.{format}")
+    return output if format is None or output.suffix else output.with_name(f"{output.name}.{format}")
 
 
 async def _record_here(machine: Machine, output: Path, seconds: float | None) -> dict[str, Any]:

@@ -1,0 +1,238 @@
+"""The operator's page: how old is what is seen, what viewers cost its process, and what the server notices.
+
+Viewers are WebSockets that do what a browser does (`tests.bench.page_viewers`). The age is measured in
+Chromium: from the moment at which an axis was at a position to a frame in which the page shows that position.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from mcclient import MotionError, sync
+
+from tests.bench.figures import Figure, NotAvailable, percentile
+from tests.bench.server import free_port, server
+from tests.bench.telemetry import cpu_share
+from tests.e2e.servers import ROOT, environment
+
+VIEWERS = (1, 10, 50)
+MACHINES = 1000
+CALLS = 300
+CALLS_S = 5.0
+FRAMES = 300
+# one long slow move after the other: something changes in every state
+PROGRAM = ["G1010", *["G01 X400 Y300 F3000", "G01 X0 Y0"] * 200]
+# the position as shown, and the wall clock, at frames some time apart
+LOOK = """async (count) => {
+  const found = [];
+  while (found.length < count) {
+    await new Promise((done) => setTimeout(done, 40 * Math.random()));
+    await new Promise(requestAnimationFrame);
+    const cell = document.querySelector('.mc-positions td.n');
+    found.push([parseFloat(cell.textContent), Date.now() / 1000]);
+  }
+  return found;
+}"""
+
+Passed = list[tuple[float, float]]
+
+
+def measure() -> list[Figure]:
+    """A machine's page with more and more viewers, then the fleet's page with many machines."""
+    load = Figure("load of this computer before", os.getloadavg()[0], "tasks")
+    return [load, *_machine_page(), *_fleet_page()]
+
+
+def _machine_page() -> list[Figure]:
+    found: list[Figure] = []
+    with (
+        server() as reached,
+        sync.Machine.connect("bench", reached.endpoint) as machine,
+        page(reached.endpoint) as (process, url),
+        moving(machine),
+    ):
+        address = f"{url}machine/bench"
+        alone, late_alone = _calls(machine)
+        found += _age(machine, address)
+        for count in VIEWERS:
+            with viewers(address, count) as holder:
+                share = cpu_share(process.pid)
+                calls, late = _calls(machine)
+                came = holder()
+            found += [
+                Figure(f"CPU of the page, {count} on a machine's page", share, "% of a core"),
+                Figure(f"messages to each of {count}", came, "a second"),
+                Figure(
+                    f"status p99 beside {count}",
+                    1e3 * percentile(calls, 0.99),
+                    "ms",
+                    1e3 * percentile(alone, 0.99),
+                    "nobody looks",
+                ),
+                Figure(f"late cycles beside {count}", late, f"in {CALLS_S:g} s", late_alone, "nobody looks"),
+            ]
+    return found
+
+
+def _fleet_page() -> list[Figure]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    found = []
+    command = [sys.executable, "-m", "mcserver", "fleet-sim", "--machines", str(MACHINES)]
+    fleet = subprocess.Popen(
+        [*command, "--listen", endpoint],
+        cwd=ROOT,
+        env=environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        with page(endpoint) as (process, url):
+            for count in (1, 10):
+                with viewers(url, count, settle_s=20.0):
+                    share = cpu_share(process.pid)
+                what = f"CPU of the page, {count} on the fleet of {MACHINES}"
+                found.append(Figure(what, share, "% of a core"))
+    finally:
+        fleet.terminate()
+        fleet.wait(30)
+    return found
+
+
+@contextmanager
+def page(endpoint: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """``mcserver web`` on a free port; its process and its address."""
+    with TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "mcserver", "web", "--port", "0", "--connect", endpoint, "--json"]
+        process = subprocess.Popen(
+            [*command, "--programs", str(Path(folder, "programs"))],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            cwd=ROOT,
+            env=environment(),
+        )
+        assert process.stdout is not None
+        try:
+            yield process, json.loads(process.stdout.readline())["url"]
+        finally:
+            process.terminate()
+            process.wait(30)
+            process.stdout.close()
+
+
+@contextmanager
+def viewers(url: str, count: int, settle_s: float = 3.0) -> Iterator[Callable[[], float]]:
+    """So many viewers; what is yielded ends them, and says how many messages each got a second."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.bench.page_viewers", url, str(count)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        env=environment(),
+    )
+    assert process.stdout is not None
+
+    def end() -> float:
+        said, _ = process.communicate("", timeout=60)
+        return float(json.loads(said.splitlines()[-1])["messages_a_second"])
+
+    try:
+        if not process.stdout.readline():
+            raise NotAvailable("the viewers could not connect")
+        time.sleep(settle_s)
+        yield end
+    finally:
+        if process.poll() is None:
+            process.terminate()
+            process.wait(30)
+
+
+@contextmanager
+def moving(machine: sync.Machine) -> Iterator[None]:
+    """Keep the machine moving meanwhile."""
+    with suppress(MotionError), machine.program("moving") as program:
+        program.send_lines(PROGRAM)
+        try:
+            yield
+        finally:
+            machine.abort()
+
+
+def _calls(machine: sync.Machine) -> tuple[list[float], int]:
+    """Seconds of status calls spread over `CALLS_S`, and the late cycles meanwhile."""
+    before, taken = machine.status().late_cycles, []
+    for _ in range(CALLS):
+        start = time.perf_counter()
+        machine.status()
+        taken.append(time.perf_counter() - start)
+        time.sleep(max(0.0, CALLS_S / CALLS - taken[-1]))
+    return taken, machine.status().late_cycles - before
+
+
+def _age(machine: sync.Machine, url: str) -> list[Figure]:
+    """Age of the position that is seen in Chromium."""
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError as error:
+        raise NotAvailable("playwright is not installed") from error
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        raise NotAvailable("chromium is not installed")
+    passed: Passed = []
+    ended = threading.Event()
+
+    def follow() -> None:
+        for status in machine.telemetry():
+            passed.append((status.wall, status.axes.position[0]))
+            if ended.is_set():
+                return
+
+    follower = threading.Thread(target=follow)
+    follower.start()
+    try:
+        with sync_playwright() as driver:
+            flags = ["--no-sandbox", "--enable-unsafe-swiftshader"]
+            browser = driver.chromium.launch(executable_path=chromium, args=flags)
+            seen = browser.new_page(viewport={"width": 1280, "height": 900})
+            seen.goto(url)
+            seen.locator("[data-jog]").first.wait_for()
+            seen.wait_for_timeout(3000)
+            frames = seen.evaluate(LOOK, FRAMES)
+            browser.close()
+    finally:
+        ended.set()
+        follower.join(10.0)
+    ages = [age for position, at in frames if (age := age_of(position, at, passed)) is not None]
+    if len(ages) < FRAMES // 2:
+        raise NotAvailable("the axis stood while the page was looked at")
+    return [
+        Figure(f"age of the position seen, p{round(100 * share)}", 1e3 * percentile(ages, share), "ms")
+        for share in (0.5, 0.99)
+    ]
+
+
+def age_of(position: float, at: float, passed: Sequence[tuple[float, float]]) -> float | None:
+    """Seconds since an axis was last at a position before ``at``; None where it was not of late.
+
+    Args:
+        passed: wall clock [s] and position of the axis, in order.
+    """
+    for (before, start), (after, end) in zip(reversed(passed[:-1]), reversed(passed[1:]), strict=True):
+        if before > at or start == end:
+            continue
+        share = (position - start) / (end - start)
+        # the page shows thousandths
+        if -0.001 <= share <= 1.001:
+            return at - (before + share * (after - before))
+    return None
