@@ -23,7 +23,7 @@ MISSED_HEARTBEATS = 3
 LEAST_SILENCE_S = 0.5
 # Telemetry of drives without a heartbeat comes at least so often [s].
 TELEMETRY_SILENCE_S = 1.0
-# Emergency messages that wait to be told; those beyond are counted.
+# Emergency messages that wait to be reported; those beyond are counted.
 MAX_EMERGENCIES = 16
 # A statusword that is older than this is shown no more [s].
 STALE_S = 1.0

@@ -143,7 +143,7 @@ class CanopenService:
 
     def _boot(self, on_progress: OnProgress, stopping: Callable[[], bool]) -> None:
         began = time.monotonic()
-        told: set[Future[None]] = set()
+        named: set[Future[None]] = set()
         under_way = {future: node for bus in self.buses for node, future in bus.boot()}
         count = len(under_way)
         failures: list[McError] = []
@@ -153,8 +153,8 @@ class CanopenService:
             failures += [error for future in done if (error := _failure(future, under_way[future]))]
             if stopping():
                 raise Stopped
-            if left != told and time.monotonic() - began > PROGRESS_S:
-                told = left
+            if left != named and time.monotonic() - began > PROGRESS_S:
+                named = left
                 names = sorted(under_way[each].settings.name for each in left)
                 if names:
                     on_progress("waiting for " + "; ".join(names))

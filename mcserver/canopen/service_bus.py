@@ -39,7 +39,7 @@ FIRST_RETRY_S = 1.0
 LONGEST_RETRY_S = 30.0
 # Nodes that are silent are asked so often whether they are there.
 SEEK_S = 1.0
-# Emergency messages of a node are told at most so often.
+# Emergency messages of a node are reported at most so often.
 EMERGENCY_S = 0.1
 JOIN_S = 2.0
 # A node that reboots while it is configured is configured again, so often at most.
@@ -257,7 +257,7 @@ class CanopenBus:
         node.tell_at = now + EMERGENCY_S
         dropped, node.emergencies_dropped = node.emergencies_dropped, 0
         emergency = node.emergencies.popleft()
-        more = f", and {dropped} more that are not told" if dropped else ""
+        more = f", and {dropped} more that are not shown" if dropped else ""
         message = f"{node.settings.name}: emergency {emergency.text}{more}"
         self._tell("drive.emergency", node, message, "" if emergency.cleared else "MC556")
 

@@ -128,5 +128,5 @@ def narrate_logs(verbose: bool) -> None:
     handler.setFormatter(logging.Formatter("%(message)s", datefmt="[%X]"))
     logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[handler], force=True)
     if not verbose:
-        # what it calls errors are single attempts, told by us where the last one fails
+        # what it calls errors are single attempts, reported by us where the last one fails
         logging.getLogger("canopen").setLevel(logging.CRITICAL)

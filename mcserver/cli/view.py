@@ -100,7 +100,7 @@ def _installed(package: str) -> bool:
 
 
 class _Address:
-    """Where the page is served, and how that is told."""
+    """Where the page is served, and how that is announced."""
 
     def __init__(self, host: str, port: int, up: str, json: bool) -> None:
         self.host, self.port, self.up, self.json = host, port, up, json

@@ -24,7 +24,7 @@ class CanInterface(msgspec.Struct, frozen=True):
     Attributes:
         state: ``ERROR-ACTIVE``, ``ERROR-WARNING``, ``ERROR-PASSIVE``, ``BUS-OFF`` or ``STOPPED``; empty for
             virtual ones.
-        tx_errors, rx_errors: the controller's error counters, None where they are not told.
+        tx_errors, rx_errors: the controller's error counters, None where unknown.
         bitrate: [bit/s], None for virtual ones.
     """
 
@@ -73,14 +73,14 @@ def _details() -> dict[str, dict[str, Any]]:
     if command is None:
         return {}
     try:
-        told = subprocess.run(
+        found = subprocess.run(
             [command, "-json", "-details", "link", "show", "type", "can"],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=5,
             check=False,
         )
-        links = msgspec.json.decode(told.stdout or b"[]", type=list[dict[str, Any]])
+        links = msgspec.json.decode(found.stdout or b"[]", type=list[dict[str, Any]])
     except (OSError, subprocess.TimeoutExpired, msgspec.DecodeError):
         return {}
     return {str(link.get("ifname", "")): link for link in links}

@@ -78,8 +78,8 @@ def _judge_connection(bus: BusFacts, can: CanFacts) -> Finding:
             fix = "check that this computer's network carries multicast"
         return missing(AREA, title, bus.refusal, fix)
     for interface in can.interfaces:
-        told = interface.name == address.channel and address.transport is Transport.SOCKETCAN
-        if told and interface.bitrate not in (None, bus.bitrate):
+        same = interface.name == address.channel and address.transport is Transport.SOCKETCAN
+        if same and interface.bitrate not in (None, bus.bitrate):
             return missing(
                 AREA,
                 title,

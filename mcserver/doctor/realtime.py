@@ -198,4 +198,4 @@ def _judge_clock(facts: RealtimeFacts) -> Finding:
             f"{facts.clock_source}: reading the time is slow",
             "boot with clocksource=tsc tsc=reliable",
         )
-    return good(AREA, title, facts.clock_source or "not told")
+    return good(AREA, title, facts.clock_source or "unknown")

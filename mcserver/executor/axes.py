@@ -1,4 +1,4 @@
-"""All axes of the machine: what their drives are told, what they report, and which of them hold.
+"""All axes of the machine: what their drives are commanded, what they report, and which of them hold.
 
 Masks are bit masks over the machine's columns. An axis that is not under position or velocity control has its
 encoder's reading as setpoint, so that capturing it is no jump (D-40).
@@ -110,13 +110,13 @@ class AxisBank:
             mode, where it is 0 unless whoever moves the axis sets it anew in each cycle.
         goal, goal_speed: shape (K,), of axes in profile position: see `mcserver.drives.bus.Setpoints`.
         all: mask of all columns. exact: columns whose drives follow exactly.
-        energized: the drive holds in the mode that it was told. starting: told to, not yet there.
+        energized: the drive holds in the commanded mode. starting: commanded to, not yet there.
         positioned: energized, or about to be, in position mode. speed, torque_mode: in these modes.
-        fault: latched. released, stopping, resetting: told so.
+        fault: latched. released, stopping, resetting: commanded.
         fresh: shape (K,), whether drives answered. states: shape (K,), `DriveState`. drive_fault,
             drive_detail: shape (K,), of the columns in ``failed``.
         delayed: columns whose feedback is behind; delay_cycles: by how many cycles at the most.
-        homing: told to home by its drive. offset: shape (K,), position minus encoder reading [m or rad]; the
+        homing: its drive homes it. offset: shape (K,), position minus encoder reading [m or rad]; the
             one place where the two differ.
         inputs, switch_at, indices, index_at: shape (K,), as of `Feedback`, in positions.
         standing_speed: shape (K,), the greatest speed that counts as standing where an axis is captured.
@@ -197,12 +197,12 @@ class AxisBank:
 
     def events(self) -> list[BusEvent]:
         """What the buses have to say since the last call."""
-        told: list[BusEvent] = []
+        events: list[BusEvent] = []
         for port in self._ports:
             said = port.bus.events()
             if said:
-                told += said
-        return told
+                events += said
+        return events
 
     @property
     def buses(self) -> list[DriveBus]:
@@ -229,15 +229,15 @@ class AxisBank:
                 self.states[:] = feedback.state
                 self.fresh[:] = feedback.fresh
             else:
-                told = port.setpoints
-                np.take(self._mode, index, out=told.mode, mode="clip")
-                np.take(self._target, index, out=told.position, mode="clip")
-                np.take(row.velocity, index, out=told.velocity, mode="clip")
-                np.take(self.torque, index, out=told.torque, mode="clip")
+                setpoints = port.setpoints
+                np.take(self._mode, index, out=setpoints.mode, mode="clip")
+                np.take(self._target, index, out=setpoints.position, mode="clip")
+                np.take(row.velocity, index, out=setpoints.velocity, mode="clip")
+                np.take(self.torque, index, out=setpoints.torque, mode="clip")
                 if self._profiled:
-                    np.take(self._goal_target, index, out=told.goal, mode="clip")
-                    np.take(self.goal_speed, index, out=told.goal_speed, mode="clip")
-                feedback = port.bus.exchange(told)
+                    np.take(self._goal_target, index, out=setpoints.goal, mode="clip")
+                    np.take(self.goal_speed, index, out=setpoints.goal_speed, mode="clip")
+                feedback = port.bus.exchange(setpoints)
                 row.actual[index] = feedback.position
                 row.actual_velocity[index] = feedback.velocity
                 row.torque[index] = feedback.torque

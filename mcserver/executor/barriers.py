@@ -13,7 +13,7 @@ from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
 from mcserver.motion.canonical import WaitMode
 
-# A drive that does not do as told within this time is at fault [s].
+# A drive that does not follow its command within this time is at fault [s].
 DRIVE_TIMEOUT_S = 5.0
 NEAR_ZERO = 1e-12
 

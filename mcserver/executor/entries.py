@@ -41,7 +41,7 @@ class ControlKind(enum.IntEnum):
     HOME = 20  # ``axes`` find their references together; u stands until they are homed
     REFERENCE = 21  # ``axes`` are at ``values`` from here on; nothing moves
     PROBE = 22  # ``axes`` go straight to ``values`` until the probe changes
-    SETTLE = 14  # u stops here until the planner was told of positions (sync): acknowledged by ``token``
+    SETTLE = 14  # u stops here until the planner has read the positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
     INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
 

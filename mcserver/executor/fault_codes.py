@@ -68,7 +68,7 @@ class FaultCode(enum.IntEnum):
     REFERENCE_MOVING = 458
 
 
-# Codes that are told and stop no program.
+# Codes that are reported and stop no program.
 WARNINGS = frozenset(
     {
         FaultCode.NO_REALTIME,
@@ -210,7 +210,7 @@ _TEXT: dict[int, tuple[str, str]] = {
         "remove the cause of the fault at the drive, then reset again with G1000 P{axis}",
     ),
     FaultCode.NOT_OFF: (
-        "the drive of axis {axis} goes on holding it although it was told to let go",
+        "the drive of axis {axis} goes on holding it although it was commanded to let go",
         "cut the drive's power, look at its enable input; then G1000 P{axis}",
     ),
     FaultCode.FOLLOWING_ERROR: ("the following error of axis {axis} is above its limit", _RESET_HINT),
@@ -267,7 +267,7 @@ _TEXT: dict[int, tuple[str, str]] = {
         "check wiring, terminators and the interface (mcserver doctor); " + _RESET_HINT,
     ),
     FaultCode.MODE_REFUSED: (
-        "the drive of axis {axis} does not show the mode of operation that it was told",
+        "the drive of axis {axis} does not show the commanded mode of operation",
         "see which modes it has (6502h); " + _RESET_HINT,
     ),
     FaultCode.MODE_NOT_CONFIGURED: (

@@ -59,7 +59,7 @@ class ExitCode(enum.IntEnum):
 
 
 class Start(msgspec.Struct, frozen=True):
-    """What the process is told on standard input, as MessagePack."""
+    """The process's configuration on standard input, as MessagePack."""
 
     machine: Machine
     descriptor: int

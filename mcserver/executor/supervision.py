@@ -21,7 +21,7 @@ from mcserver.executor.slot import ProgramSlot
 _OF_EVENT = MappingProxyType(
     {BusEventKind.MESSAGE: FaultCode.DRIVE_MESSAGE, BusEventKind.BUS_BACK: FaultCode.BUS_BACK}
 )
-# How often it is looked whether a drive holds its axis that was told to let go [cycles].
+# How often it is looked whether a drive still holds its axis after it was commanded to let go [cycles].
 STRAY_CYCLES = 64
 # A drive that has not answered for this time is lost [s].
 SILENCE_S = 0.01
@@ -174,7 +174,7 @@ class Supervision:
         np.less_equal(self._error, self._greatest_error, out=self._within)
 
     def _find_strays(self) -> None:
-        """Drives that go on holding their axes long after they were told to let go."""
+        """Drives that go on holding their axes long after they were commanded to let go."""
         bank = self._cycle.bank
         told_so = bank.energized | bank.starting | bank.stopping | bank.resetting | bank.released | bank.exact
         off = (bank.states == DriveState.OFF) | (bank.states == DriveState.FAULT)

@@ -1,6 +1,6 @@
 """``[axis.drive]`` and ``[[bus]]`` of the machine file: what they say, and what fits together.
 
-A drive on a CAN bus is told how its counts become travel in one of two ways: ``counts_per_motor_rev`` with
+How counts of a drive on a CAN bus become travel is given in one of two ways: ``counts_per_motor_rev`` with
 the axis's ``units_per_motor_rev``, or ``encoder``, ``gear`` and ``feed``, the objects 608Fh, 6091h and 6092h
 of CiA 402. Either way the section comes out with all three filled in.
 """

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Key = tuple[int, int]  # index, subindex
 
-# What a node is told to send.
+# What a node is configured to send.
 HEARTBEAT_MS = 100
 _TPDOS = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)
 _RPDOS = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)

@@ -13,7 +13,7 @@ class DefectLog:
     """Counts errors of one kind and logs at most one in `LOG_PERIOD_S`, with the number left out since.
 
     Args:
-        log: where they are told.
+        log: where they are reported.
         clock: seconds, never stepping.
 
     Attributes:

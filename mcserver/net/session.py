@@ -44,7 +44,7 @@ class MatchedPublication:
     def __init__(self, publisher: zenoh.Publisher) -> None:
         self.wanted = False
         self._publisher = publisher
-        # it is told at once of subscribers that are there already
+        # it is notified at once of subscribers that are there already
         self._listener = publisher.declare_matching_listener(
             zenoh.handlers.Callback(self._on_matching, indirect=False)
         )

@@ -410,7 +410,7 @@ class LinePlanner:
         self.reports.append(Report(ReportKind.PLANNED, line.line))
         self.motion.to_whole_cycle()
         if line.operation is not AxisOperation.CAPTURE:
-            # the last setpoint reaches the drives before they are told to let go
+            # the last setpoint reaches the drives before they are commanded to let go
             self.motion.rest(1.0)
         moving = tuple(sorted(self._independent.intersection(line.axes)))
         if moving:

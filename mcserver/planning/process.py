@@ -58,7 +58,7 @@ class SharedPlannerPort:
 
     def sink(self, slot: int) -> MotionSink:
         ring = self._parts.rings[slot]
-        # the server has told the executor where the program begins in it; only this side's notes are of the
+        # the server has set in the executor where the program begins in it; only this side's notes are of the
         # program before
         ring.restart()
         return ring

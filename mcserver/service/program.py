@@ -112,7 +112,7 @@ class Program:
         return Ack(
             program=self.program,
             accepted=self.journaled,
-            # an end is told once it is in the journal, which the program's own end is a part of
+            # an end is reported once it is in the journal, which the program's own end is a part of
             done=self.done if self.ended else min(self.done, self.recorded),
             credit=self.last_reported_credit,
             state=self.state,

@@ -148,7 +148,7 @@ class ProgramTable:
         self.probe: ProbeStatus | None = None
         self.references = References(references_file(options.journal), machine)
         self.planner = planner(self._planner_events)
-        # told of a stop that the executor has latched by itself
+        # called for a stop that the executor has latched by itself
         self.on_machine_stop: Callable[[Fault], None] = self.faults.latch
         # inputs that hold the programs now, by column
         self._holding: set[int] = set()
@@ -459,7 +459,7 @@ class ProgramTable:
                 self.on_machine_stop(fault)
             return
         if event.code == FaultCode.EMERGENCY_STOP:
-            # latched and told by whoever asked for it
+            # latched and reported by whoever asked for it
             return
         self.faults.latch(fault)
         self.events.publish(

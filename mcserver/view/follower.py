@@ -27,7 +27,7 @@ SILENT_S = 2.0
 
 
 class Follower:
-    """Shows the newest state until it is told to stop.
+    """Shows the newest state until `stop`.
 
     Args:
         window: where. states: of the server.

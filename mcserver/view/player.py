@@ -25,7 +25,7 @@ ORDERS = 64
 
 
 class Player:
-    """Plays a recording until it is told to stop.
+    """Plays a recording until `stop`.
 
     Args:
         window: where. tracks: of the recording. source_lines: the program's text.

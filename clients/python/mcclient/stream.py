@@ -38,7 +38,7 @@ class LineStream:
     """Lines of one program on their way.
 
     Attributes:
-        state: the program's, as last told.
+        state: the program's, as last reported.
         done: lines through this number have ended.
         failure: why it does not go on; None while it does.
 
@@ -184,7 +184,7 @@ class LineStream:
         if error.code in ("MC503", "MC504", "MC510"):
             await self.resynchronise()
             if error.code == "MC510" and self.state == "ending":
-                # why it ends is told once it stands still
+                # why it ends is said once it stands still
                 await self._hear_of_end(ENDING_S)
             if self.failure is not None:
                 return self.failure
@@ -231,7 +231,7 @@ class LineStream:
         if report.rejected and report.state not in ENDED:
             self._reject(report.rejected, report.accepted, report.diagnostics)
         elif report.rejected and report.state == "rejected" and report.accepted == report.rejected - 1:
-            # the program ends there; why is told with its state
+            # the program ends there; why comes with its state
             self.window.reject(report.rejected)
 
     def _reject(self, line: int, accepted: int, diagnostics: tuple[Diagnostic, ...]) -> None:
@@ -312,7 +312,7 @@ class LineStream:
             doubt_s = min(2 * doubt_s, LONGEST_DOUBT_S)
 
     def _in_doubt(self) -> bool:
-        """Whether something is awaited that a lost acknowledgement could have told."""
+        """Whether something is awaited that a lost acknowledgement could have said."""
         if (
             self.ended
             or self._judging

@@ -248,7 +248,7 @@ class Link:
         priority: zenoh.Priority = zenoh.Priority.DATA_HIGH,
         express: bool = False,
     ) -> None:
-        """Sends, blocking nobody but the caller where the link is full; what the link loses is not told."""
+        """Send, blocking only the caller where the link is full; nobody hears of what the link loses."""
 
         def send() -> None:
             try:

@@ -28,7 +28,7 @@ _ALL = (1 << 64) - 1
 
 @dataclass(frozen=True)
 class SlotOrders:
-    """What one slot is told; counters are compared with those seen before.
+    """The orders for one slot; counters are compared with those seen before.
 
     Attributes:
         unhomed: the program may move axes that are not homed.

@@ -71,14 +71,14 @@ def show_error(error: MotionError) -> None:
 
 def error_as_json(error: MotionError) -> dict[str, Any]:
     """What ``--json`` gives of an error."""
-    told: dict[str, Any] = {"code": error.code, "message": error.message, "hint": error.hint}
+    shown: dict[str, Any] = {"code": error.code, "message": error.message, "hint": error.hint}
     if error.details:
-        told["details"] = error.details
+        shown["details"] = error.details
     if error.line:
-        told["line"] = error.line
+        shown["line"] = error.line
     if isinstance(error, ProgramError):
-        told |= {"program": error.program, "accepted": error.accepted, "done": error.done}
-    return {"ok": False, "error": told, "diagnostics": as_plain(error.diagnostics)}
+        shown |= {"program": error.program, "accepted": error.accepted, "done": error.done}
+    return {"ok": False, "error": shown, "diagnostics": as_plain(error.diagnostics)}
 
 
 def exit_code_of(error: MotionError) -> int:

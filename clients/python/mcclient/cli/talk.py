@@ -29,7 +29,7 @@ class Talk:
     """Takes what is typed, one line after the other.
 
     Attributes:
-        failure: the last error told; what a script's exit code comes from.
+        failure: the last error; what a script's exit code comes from.
     """
 
     def __init__(self, machine: Machine, out: Callable[[], Console], *, axes: list[int] | None) -> None:
@@ -63,7 +63,7 @@ class Talk:
         """Takes one line; False: the conversation is over.
 
         Args:
-            wait: return only once the line has ended; else its end is told when it comes.
+            wait: return only once the line has ended; else its end is shown when it comes.
         """
         stripped = text.strip()
         if stripped in (":quit", ":q", ":exit"):
