@@ -36,7 +36,7 @@ def done_at(report: dict[str, Any], time_s: float) -> int:
 
 @pytest.mark.parametrize("override", [100.0, 50.0])
 def test_the_time_left_is_true_at_10_50_and_90_percent(report: dict[str, Any], override: float) -> None:
-    clock = RunClock(Timeline(report), 1)
+    clock = RunClock(1, Timeline(report))
     whole = report["duration_s"] * 100.0 / override
     step = 0.1
     asked = [round(whole * share / step) for share in (0.1, 0.5, 0.9)]
@@ -49,13 +49,13 @@ def test_the_time_left_is_true_at_10_50_and_90_percent(report: dict[str, Any], o
 
 
 def test_the_whole_duration_is_known_at_the_start(report: dict[str, Any]) -> None:
-    clock = RunClock(Timeline(report), 1)
+    clock = RunClock(1, Timeline(report))
     assert clock.observe(5.0, 0, 100.0, running=True) == pytest.approx(report["duration_s"], abs=0.01)
 
 
 def test_no_time_passes_while_a_program_is_held() -> None:
     report = {"duration_s": 10.0, "lines": [{"line": 1, "start_s": 0.0, "end_s": 10.0}]}
-    clock = RunClock(Timeline(report), 1)
+    clock = RunClock(1, Timeline(report))
     clock.observe(0.0, 0, 100.0, running=True)
     assert clock.observe(4.0, 0, 100.0, running=True) == pytest.approx(6.0)
     assert clock.observe(9.0, 0, 100.0, running=False) == pytest.approx(6.0)
@@ -64,21 +64,21 @@ def test_no_time_passes_while_a_program_is_held() -> None:
 
 def test_a_line_that_takes_longer_than_simulated_keeps_the_time_of_those_behind_it() -> None:
     lines = [{"line": 1, "start_s": 0.0, "end_s": 2.0}, {"line": 3, "start_s": 2.0, "end_s": 6.0}]
-    clock = RunClock(Timeline({"duration_s": 6.0, "lines": lines}), 1)
+    clock = RunClock(1, Timeline({"duration_s": 6.0, "lines": lines}))
     clock.observe(0.0, 0, 100.0, running=True)
     assert clock.observe(5.0, 0, 100.0, running=True) == pytest.approx(4.0)
 
 
 def test_a_run_from_a_later_line_has_the_time_of_the_rest() -> None:
     lines = [{"line": n, "start_s": n - 1.0, "end_s": float(n)} for n in range(1, 11)]
-    clock = RunClock(Timeline({"duration_s": 10.0, "lines": lines}), 8)
+    clock = RunClock(8, Timeline({"duration_s": 10.0, "lines": lines}))
     assert clock.total_s == pytest.approx(3.0)
     assert clock.observe(0.0, 7, 100.0, running=True) == pytest.approx(3.0)
     assert clock.fraction() == pytest.approx(0.0)
 
 
 def test_a_program_without_times_is_over_at_once() -> None:
-    clock = RunClock(Timeline({"duration_s": 0.0, "lines": []}), 1)
+    clock = RunClock(1, Timeline({"duration_s": 0.0, "lines": []}))
     assert clock.observe(0.0, 0, 0.0, running=True) == 0.0
     assert clock.fraction() == 1.0
 
@@ -96,3 +96,14 @@ def test_the_simulated_time_goes_before_every_estimate() -> None:
     assert Snapshot(**common, elapsed_s=1.0, planned_s=2.0).eta_s == pytest.approx(9.0)  # type: ignore[arg-type]
     known = Snapshot(**common, elapsed_s=1.0, planned_s=2.0, remaining_s=4.0, share=0.2)  # type: ignore[arg-type]
     assert (known.eta_s, known.fraction) == (4.0, 0.2)
+
+
+def test_a_simulation_that_comes_late_finds_the_time_that_a_long_line_has_run() -> None:
+    report = {"duration_s": 60.0, "lines": [{"line": 1, "start_s": 0.0, "end_s": 60.0}]}
+    clock = RunClock(1)
+    for second in range(13):
+        assert clock.observe(float(second), 0, 100.0, running=True) is None
+    assert clock.fraction() is None
+    clock.simulated(Timeline(report))
+    assert clock.observe(13.0, 0, 100.0, running=True) == pytest.approx(47.0)
+    assert clock.fraction() == pytest.approx(13.0 / 60.0)

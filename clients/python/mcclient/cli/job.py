@@ -86,7 +86,7 @@ class Job:
         self._display = self._choose_display()
         self._status: ProgramStatus | None = None
         self._behind = ""
-        self._clock: RunClock | None = None
+        self._clock = RunClock(options.from_line)
         self._all_accepted = False
         self._rejection_shown = False
 
@@ -276,7 +276,7 @@ class Job:
             return
         if not report["ok"]:
             return
-        self._clock = RunClock(Timeline(report), self._options.from_line)
+        self._clock.simulated(Timeline(report))
         say(f"{self._source.name}: {duration(self._clock.total_s)} at 100 %")
 
     async def _follow_telemetry(self, machine: Machine, program: str) -> None:
@@ -299,10 +299,8 @@ class Job:
         done = max(program.done_through, first - 1)
         line = max(done, status.line if status is not None else 0)
         override = status.override if status is not None else 100.0
-        remaining = None
-        if self._clock is not None:
-            running = program.state == "running"
-            remaining = self._clock.observe(time.monotonic(), done, override, running=running)
+        running = program.state == "running"
+        remaining = self._clock.observe(time.monotonic(), done, override, running=running)
         return Snapshot(
             state=program.state,
             first=first,
@@ -314,7 +312,7 @@ class Job:
             elapsed_s=time.monotonic() - self._started_at,
             planned_s=status.eta_s if status is not None else None,
             remaining_s=remaining,
-            share=None if self._clock is None else self._clock.fraction(),
+            share=self._clock.fraction(),
             behind=self._behind,
             online=online,
         )

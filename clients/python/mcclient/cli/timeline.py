@@ -49,19 +49,32 @@ class Timeline:
 class RunClock:
     """Follows a run along its timeline: time passes while the program runs, at the rate of its override.
 
+    It follows the run from its beginning, also before the timeline is there: a line may last for minutes.
+
     Args:
         first: number of the first line that runs.
     """
 
-    def __init__(self, timeline: Timeline, first: int) -> None:
+    def __init__(self, first: int, timeline: Timeline | None = None) -> None:
+        self._first = first
         self._timeline = timeline
         self._done = first - 1
         self._in_line_s = 0.0
         self._seen_at: float | None = None
-        self.total_s = timeline.duration_s - timeline.start_of(first)
 
-    def observe(self, now: float, done: int, override: float, *, running: bool) -> float:
-        """Note how far the run is; return the time until its end at this override [s].
+    def simulated(self, timeline: Timeline) -> None:
+        """Take the times of the whole program."""
+        self._timeline = timeline
+
+    @property
+    def total_s(self) -> float | None:
+        """Return the duration of the run at 100 % [s]; None: not known yet."""
+        if self._timeline is None:
+            return None
+        return self._timeline.duration_s - self._timeline.start_of(self._first)
+
+    def observe(self, now: float, done: int, override: float, *, running: bool) -> float | None:
+        """Note how far the run is; return the time until its end at this override [s], None: not known yet.
 
         Args:
             now: a clock [s]. done: the last line that has ended. override: [%].
@@ -73,14 +86,16 @@ class RunClock:
             self._done, self._in_line_s = done, 0.0
         elif running:
             self._in_line_s += passed * override / 100.0
-        return self.remaining_s() * 100.0 / max(override, 1.0)
+        remaining = self.remaining_s()
+        return None if remaining is None else remaining * 100.0 / max(override, 1.0)
 
-    def remaining_s(self) -> float:
-        """Return the time until the end at 100 % [s]."""
-        return self._timeline.remaining_s(self._done, self._in_line_s)
+    def remaining_s(self) -> float | None:
+        """Return the time until the end at 100 % [s]; None: not known yet."""
+        return None if self._timeline is None else self._timeline.remaining_s(self._done, self._in_line_s)
 
-    def fraction(self) -> float:
-        """Return the share of the run's time that has passed."""
-        if self.total_s <= 0.0:
-            return 1.0
-        return min(1.0, max(0.0, 1.0 - self.remaining_s() / self.total_s))
+    def fraction(self) -> float | None:
+        """Return the share of the run's time that has passed; None: not known yet."""
+        total, remaining = self.total_s, self.remaining_s()
+        if total is None or remaining is None:
+            return None
+        return 1.0 if total <= 0.0 else min(1.0, max(0.0, 1.0 - remaining / total))
