@@ -7,7 +7,8 @@ motors are not in a URDF that says nothing of them, and not in τ.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,7 +57,7 @@ class JointDynamics:
 
     Attributes:
         axes: axis numbers of the J joints, sorted. limits: greatest torques, infinite without one, shape (J,)
-            [N·m, N].
+            [N·m, N]. efforts: the lower ones of these and the URDF's efforts.
 
     Raises:
         ModelError: a limit without a mass to move or without an effort to take it from, or a payload that no
@@ -81,6 +82,8 @@ class JointDynamics:
             [self._limit(joint, described[joint.axis].max_torque) for joint in self._joints]
         )
         self.limits.setflags(write=False)
+        effort = np.array([robot.pinocchio_model.upperEffortLimit[joint.v] for joint in self._joints])
+        self.efforts = np.minimum(self.limits, np.where(effort > 0.0, effort, np.inf))
         self._tools = {tool.number: tool for tool in machine.tools}
         # tools that share a parent joint carry one payload at a time
         self._flange = {
@@ -132,10 +135,47 @@ class JointDynamics:
         square = self.torques(q, dq, d2q, carried) - rest
         return PathTorques(inertial, square, rest)
 
+    def live(self, carried: Sequence[int]) -> Callable[[Array, Array, Array], Array]:
+        """Return a function from q, dq and d2q, shape (J,) each, to torques (J,), for once a cycle.
+
+        It allocates little: model and buffers of these payloads are made here.
+        """
+        model, buffers = self._model(self.payloads(carried))
+        rnea = self._pinocchio.rnea
+        places = np.array([joint.v for joint in self._joints])
+        plain = [column for column, joint in enumerate(self._joints) if not joint.circle]
+        q_plain = np.array([self._joints[column].q for column in plain], dtype=np.intp)
+        circles = [(column, joint.q) for column, joint in enumerate(self._joints) if joint.circle]
+        configuration = np.asarray(self._pinocchio.neutral(model), dtype=float)
+        first, second = np.zeros(model.nv), np.zeros(model.nv)
+
+        def torques(q: Array, dq: Array, d2q: Array) -> Array:
+            configuration[q_plain] = q[plain]
+            for column, place in circles:
+                configuration[place], configuration[place + 1] = math.cos(q[column]), math.sin(q[column])
+            first[places], second[places] = dq, d2q
+            found: Array = rnea(model, buffers, configuration, first, second)[places]
+            return found
+
+        return torques
+
     def at_rest(self, q: Array, carried: Sequence[int] = ()) -> Array:
         """Return the torques that hold the joints still at positions (n, J), shape (n, J)."""
         still = np.zeros_like(q)
         return self.torques(q, still, still, carried)
+
+    def flange(self, number: int) -> int:
+        """What a tool is fixed to: tools of one flange carry one payload at a time."""
+        return self._flange[number]
+
+    def bits_of(self, carried: Iterable[int]) -> int:
+        """Return the tools chosen last on their flanges as bits, by their order of numbers."""
+        last = {self._flange[number]: number for number in carried if number in self._flange}
+        return sum(1 << index for index, number in enumerate(sorted(self._tools)) if number in last.values())
+
+    def tools_of(self, bits: int) -> tuple[int, ...]:
+        """Return the tools of `bits_of`."""
+        return tuple(number for index, number in enumerate(sorted(self._tools)) if bits >> index & 1)
 
     def payloads(self, carried: Iterable[int]) -> tuple[int, ...]:
         """Return the tools whose payloads are there, one for each flange.

@@ -383,6 +383,12 @@ def _finish(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> 
     return None
 
 
+def _payload(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
+    if slot.cycle.feed_forward is not None:
+        slot.cycle.feed_forward.choose(control.operation)
+    return None
+
+
 _Rule = Callable[["ProgramSlot", Control, float, bool], Barrier | None]
 _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
     {
@@ -405,5 +411,6 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.HOME: _home,
         ControlKind.REFERENCE: _reference,
         ControlKind.PROBE: _probe,
+        ControlKind.PAYLOAD: _payload,
     }
 )

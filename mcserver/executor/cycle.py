@@ -15,6 +15,7 @@ from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
 from mcserver.executor.profiled import ProfiledAxes
 from mcserver.executor.shm.event_ring import EventRing
+from mcserver.executor.torque_feed_forward import TorqueFeedForward
 from mcserver.machine.machine_file import Machine
 
 
@@ -25,6 +26,7 @@ class Cycle:
         time: executor time of the cycle [s].
         estop: the emergency stop is latched.
         io: inputs and outputs. profiled: axes whose drives make their profiles themselves.
+        feed_forward: torques for drives that take them along; None where none does.
         number: of the cycle.
         history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n %
             exact_stop_cycles.
@@ -49,6 +51,7 @@ class Cycle:
         self.motions = motions
         self.io = io
         self.profiled = ProfiledAxes(machine, bank, motions)
+        self.feed_forward = TorqueFeedForward.of(machine, bank)
         self.time = 0.0
         self.number = 0
         self.estop = False

@@ -41,6 +41,7 @@ class ControlKind(enum.IntEnum):
     HOME = 20  # ``axes`` find their references together; u stands until they are homed
     REFERENCE = 21  # ``axes`` are at ``values`` from here on; nothing moves
     PROBE = 22  # ``axes`` go straight to ``values`` until the probe changes
+    PAYLOAD = 23  # tools of ``operation`` are the chosen ones from u on: their payloads count in torques
     SETTLE = 14  # u stops here until the planner has read the positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
     INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
@@ -59,7 +60,7 @@ class Control(msgspec.Struct, frozen=True):
         seconds: for DWELL; for PROBE the speed along the line [m/s]; for WAIT the time-out.
         operation: for PROBE: a `ProbeKind`; for AXIS: index of the operation in ``list(AxisOperation)``; for
             FINISH: 1 where a faulty line has ended the program, whose outputs become safe; for INPUT: a
-            `WaitMode`.
+            `WaitMode`; for PAYLOAD: tools, as `mckinematics.dynamics.JointDynamics.bits_of` has them.
         token: for SETTLE: a number that the executor reports back with the positions.
         channel: for OUTPUT and INPUT: column of the machine's output or input. value: for OUTPUT.
     """

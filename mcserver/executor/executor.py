@@ -155,6 +155,8 @@ class Executor:
         profiled = cycle.profiled
         if profiled.mask:
             profiled.before_exchange()
+        if cycle.feed_forward is not None:
+            cycle.feed_forward.before_exchange()
         self.bank.exchange()
         if profiled.mask:
             profiled.after_exchange()

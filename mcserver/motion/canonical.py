@@ -55,11 +55,14 @@ class FeedGroup(msgspec.Struct, frozen=True):
 
 
 class RapidGroup(msgspec.Struct, frozen=True):
-    """G00 (``wait``) or G1020 (no wait): every axis by itself to its target [m or rad]."""
+    """G00 (``wait``) or G1020 (no wait): every axis by itself to its target [m or rad]; ``carried`` as of
+    `FeedGroup`.
+    """
 
     axes: tuple[int, ...]
     targets: tuple[float, ...]
     wait: bool
+    carried: tuple[int, ...] = ()
 
 
 class SpeedGroup(msgspec.Struct, frozen=True):

@@ -39,6 +39,7 @@ from mcserver.motion.pieces import Activation, Deactivation, LineBound, LineMark
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
 from mcserver.planning.motion_output import Output
+from mcserver.planning.payload_entries import PayloadEntries
 from mcserver.planning.planner_messages import Report, ReportKind
 
 _OPERATIONS = list(AxisOperation)
@@ -72,7 +73,7 @@ class LinePlanner:
         sink: where rows and control entries go.
         positions: of the axes at the start, by axis number [m or rad].
         energized: axes that hold a position at the start.
-        dynamics: torques of the tools' joints, for those that are limited.
+        dynamics: torques of the tools' joints.
 
     Attributes:
         motion: the lookahead window and where the plan ends.
@@ -121,6 +122,7 @@ class LinePlanner:
         # outputs by column that wait for the next motion, and those of lines whose motion is in the window
         self._due: dict[int, float] = {}
         self._at_start: dict[int, dict[int, float]] = {}
+        self._payloads = PayloadEntries(machine, dynamics)
 
     @property
     def planned_line(self) -> int:
@@ -175,6 +177,8 @@ class LinePlanner:
             self.reports.append(Report(ReportKind.BOUND, piece.line, bound_by=bound))
         elif isinstance(piece, LineMark):
             kind = ControlKind.LINE_END if piece.ends else ControlKind.LINE_START
+            for entry in () if piece.ends else self._payloads.at(piece.u, piece.line):
+                self.output.put(entry)
             self.output.put(Control(kind, piece.u, piece.line))
             if not piece.ends and self._at_start:
                 self._set_outputs(self._at_start.pop(piece.line, {}), piece.u, piece.line)
@@ -305,6 +309,7 @@ class LinePlanner:
         segment = self.motion.segment(group, line.line)
         if not segment.travels:
             return False
+        self._payloads.note(line)
         self._report(line)
         tolerance = min(self._tolerance, line.tolerance)
         self.motion.append(segment, from_rest=self._from_rest, tolerance=tolerance)
@@ -337,6 +342,9 @@ class LinePlanner:
         if any(isinstance(group, RapidGroup) for group in line.groups) or waits:
             planner.to_whole_cycle()
         start = planner.u
+        self._payloads.note(line)
+        for entry in self._payloads.at(planner.u, line.line):
+            self.output.put(entry)
         self.control(ControlKind.LINE_START, line.line)
         for group in line.groups:
             self._transmit(group, line.line)

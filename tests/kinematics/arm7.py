@@ -56,10 +56,13 @@ def machine(
     tolerance_mm: float = 0.0,
     start: Sequence[float] = START,
     gravity: str = "",
+    drive: str = 'kind = "ideal"',
+    units_per_motor_rev: float = 360.0,
 ) -> Machine:
-    """The arm with ideal drives.
+    """The arm.
 
     Args:
+        drive: keys of each axis's drive, where ``{node}`` counts from 1 and ``{bus}`` is for two axes each.
         tools: further keys of T1, T2 … torques: ``max_torque`` of the axes; None: not limited.
     """
     (folder / "arm7.urdf").write_text(urdf())
@@ -77,9 +80,11 @@ def machine(
             f'[[axis]]\nindex = {index}\ntype = "rotary"\nmax_velocity = 200.0\n'
             f"max_acceleration = {acceleration}\nmin_position = {-limit}\nmax_position = {limit}\n"
         )
+        text += f"units_per_motor_rev = {units_per_motor_rev}\n"
         text += "" if jerk is None else f"max_jerk = {jerk}\n"
         if torques is not None:
             text += f"max_torque = {json.dumps(torques[index])}\n"
-        text += f'[axis.drive]\nkind = "ideal"\ninitial_position = {start[index]}\n'
+        keys = drive.format(node=index + 1, bus=index // 2)
+        text += f"[axis.drive]\n{keys}\ninitial_position = {start[index]}\n"
     (folder / "arm7.toml").write_text(text)
     return load_machine(str(folder / "arm7.toml"))

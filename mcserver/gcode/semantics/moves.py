@@ -33,7 +33,7 @@ def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> R
     if not targets:
         return None
     axes = tuple(target.axis.index for target in targets)
-    return RapidGroup(axes, tuple(target.end for target in targets), wait)
+    return RapidGroup(axes, tuple(target.end for target in targets), wait, block.modal.carried)
 
 
 def follow_paths(block: BlockState, targets: list[Target]) -> bool:

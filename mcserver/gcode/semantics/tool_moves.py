@@ -36,7 +36,7 @@ def tool_rapid(block: BlockState, command: Command, words: Words) -> RapidGroup 
         _report(block, command, tool, error)
         return None
     _arrive(block, tool, end, tuple(joints))
-    return RapidGroup(tuple(chain), tuple(joints), wait=True)
+    return RapidGroup(tuple(chain), tuple(joints), wait=True, carried=block.modal.carried)
 
 
 def tool_feed_move(block: BlockState, command: Command, words: Words, number: int) -> FeedMove | None:
