@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import assume, given
@@ -185,3 +186,15 @@ def test_a_line_under_way_keeps_its_t_when_more_lines_come(want: float) -> None:
     for line in (2, 3):
         assert motion.took(line) == pytest.approx(1.0, abs=MICROSECOND)
     assert acceleration_ratio(motion) <= 1.01
+
+
+def test_late_timed_lines_take_no_longer_than_with_a_stop_between_them() -> None:
+    # a vertex that is passed slowly takes its part of the acceleration on all of the line behind it
+    machine = alike(2, acceleration=500.0)
+    points = [(0.0, 0.0), (3.7e-5, -1.2e-5), (0.017, -0.0043), (0.0166, -0.0046)]
+    lines = [line_curve(machine, (0, 1), *ends) for ends in pairwise(points)]
+    groups = [in_time(duration, line) for duration, line in zip((1.5e-3, 1.3e-4, 7.3e-4), lines, strict=True)]
+    flowing = plan(machine, groups)
+    stopping = plan(machine, [Move(group, from_rest=True) for group in groups])
+    assert flowing.duration <= stopping.duration * (1.0 + 1e-6)
+    assert set(flowing.bounds) == {1, 2, 3}

@@ -85,6 +85,11 @@ class _Law:
     times: Array
 
 
+def _lateness(solution: Solution) -> tuple[int, float]:
+    """Return how many timed segments are late, and the time of all [s]."""
+    return len(solution.late), float(solution.phases[:, 0].sum())
+
+
 class Lookahead:
     """Collects segments into a run and plans its velocity profile.
 
@@ -282,7 +287,7 @@ class Lookahead:
         self, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
     ) -> Solution:
         """Try stops at vertices beside timed segments that are late, where that lets more of them keep their
-        T.
+        T, or as many and all of them together take less time.
 
         A vertex that is passed with speed takes its part of the acceleration of the whole segment.
         """
@@ -297,7 +302,8 @@ class Lookahead:
                     other = attempt(trial)
                 except PlanningError:
                     continue
-                if len(other.late) < len(solution.late):
+                late, time = _lateness(solution)
+                if _lateness(other) < (late, time * (1.0 - 1e-6)):
                     solution = other
                     junction_vmax[inner] = 0.0
                     break
