@@ -129,21 +129,39 @@ class MotionPlanner:
             return
         self._window.append(segment, from_rest=from_rest)
 
-    def append_run(self, run: PlainRun, *, from_rest: bool = False) -> bool:
-        """Append a run of G01 lines whose corners stay; return False, with nothing done, where one does not
-        travel, or torques are limited.
+    def append_run(self, run: PlainRun, *, from_rest: bool = False, tolerance: float = 0.0) -> bool:
+        """Append a run of G01 lines; return False, with nothing done, where one does not travel, or torques
+        are limited.
 
         The commanded position moves on to its end.
+
+        Args:
+            from_rest: the motion stops before it. tolerance: how far the corner before it may be rounded [m].
         """
-        straight = StraightRun.of(run, self._slots, self.position)
+        straight = StraightRun.of(run, self._slots, self._linear, self.position)
         if straight is None or self._limits.torque is not None:
             return False
-        self._take_chords()
         self._active |= straight.mask
         self._plan = None
-        self._window.append_run(straight, self._active, from_rest=from_rest)
+        if run.tolerance > 0.0:
+            self._append_chords(straight, from_rest=from_rest, tolerance=tolerance)
+        else:
+            self._take_chords()
+            self._window.append_run(straight, self._active, from_rest=from_rest)
         self.position[:] = straight.points[-1]
         return True
+
+    def _append_chords(self, straight: StraightRun, *, from_rest: bool, tolerance: float) -> None:
+        first, *others = straight.segments(straight.scales.tolist(), self._active)
+        for segment in others:
+            segment.tolerance = straight.run.tolerance
+        first.tolerance = 0.0 if from_rest else tolerance
+        if first.tolerance > 0.0:
+            self._chords.append(first)
+        else:
+            self._take_chords()
+            self._append(first, from_rest=from_rest)
+        self._chords += others
 
     def _round(self, segment: Segment) -> bool:
         """Round the corner before ``segment``, if that is faster; return False where the corner stays."""

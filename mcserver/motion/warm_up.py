@@ -124,7 +124,7 @@ def _plan_lines(limits: AxisLimits) -> None:
         requested=np.array([0.1, 0.1]),
         speeds=np.array([0.1, 0.1]),
     )
-    straight = StraightRun.of(run, _SLOTS, position)
+    straight = StraightRun.of(run, _SLOTS, np.ones(2, np.bool_), position)
     assert straight is not None
     window.append_run(straight, active=straight.mask)
     window.plan()

@@ -289,15 +289,16 @@ class LinePlanner:
     def _flow_on(self, run: PlainRun) -> bool:
         """Append a run of plain lines to the window at once; False where they have to go one by one."""
         loose = not self._energized.issuperset(run.axes) or self._independent.intersection(run.axes)
-        if loose or run.exact_stop or run.tolerance > 0.0:
+        if loose or run.exact_stop:
             return False
-        if not self.motion.append_run(run, from_rest=self._from_rest):
+        tolerance = min(self._tolerance, run.tolerance)
+        if not self.motion.append_run(run, from_rest=self._from_rest, tolerance=tolerance):
             return False
         for line, requested, travel in zip(
             run.lines.tolist(), run.requested.tolist(), run.travels.tolist(), strict=True
         ):
             self.reports.append(Report(ReportKind.PLANNED, line, requested_s=requested, feed_length=travel))
-        self._tolerance = 0.0
+        self._tolerance = run.tolerance
         self._from_rest = False
         return True
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +13,8 @@ from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.pieces import Piece
 from mcserver.motion.planner import MotionPlanner
-from tests.motion.support import alike, collect, line_curve
+from tests.motion.measure import farthest_from_path
+from tests.motion.support import Move, alike, collect, line_curve
 from tests.motion.test_laws import law
 
 STEPS = st.lists(
@@ -94,3 +96,24 @@ def test_the_lines_of_a_run_are_the_lines_that_it_was_made_of() -> None:
     assert group.curves == (line_curve(machine, (0, 1), (0.1, 0.0), (0.1, 0.2)),)
     assert group.speed == 0.1
     assert group.requested == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_a_run_with_a_tolerance_is_planned_as_its_lines_are_one_by_one(timed: bool) -> None:
+    machine = alike(2, jerk=50_000.0)
+    angles = np.linspace(0.0, 2.0, 41)
+    points = 0.02 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1)
+    run = msgspec.structs.replace(run_of(points, 0.05, timed=timed), tolerance=1e-4)
+    whole, single = MotionPlanner(machine, np.zeros(2)), MotionPlanner(machine, np.zeros(2))
+    assert whole.append_run(run)
+    for line in run.motion_lines():
+        (group,) = line.groups
+        assert isinstance(group, FeedGroup)
+        single.append(single.segment(group, line.line), tolerance=0.0 if line.line == run.line else 1e-4)
+    first, second = list(whole.close()), list(single.close())
+    moves = [Move(group, tolerance=1e-4) for line in run.motion_lines() for group in line.groups]
+    one, other = (collect(machine, moves, np.zeros(2), pieces) for pieces in (first, second))
+    assert one.starts.keys() == other.starts.keys()
+    assert np.allclose(one.position, other.position, rtol=0.0, atol=1e-12)
+    assert farthest_from_path(one) <= 1e-4
+    assert farthest_from_path(one) > 1e-7

@@ -259,7 +259,8 @@ class StraightRun:
 
     Attributes:
         points: shape (n+1, K), where each segment starts and the last one ends. travels: shape (n, K).
-        scales: lengths of the travels, shape (n,). feeds: as `Segment.feed`, shape (n,).
+        scales: lengths of the travels, shape (n,). feeds: as `Segment.feed`, shape (n,). feed_columns: as of
+            `Segment`, of all.
     """
 
     run: PlainRun
@@ -268,13 +269,19 @@ class StraightRun:
     travels: Array
     scales: Array
     feeds: Array
+    feed_columns: NDArray[np.intp]
 
     @classmethod
-    def of(cls, run: PlainRun, slots: dict[int, int], position: Array) -> StraightRun | None:
+    def of(
+        cls, run: PlainRun, slots: dict[int, int], linear: NDArray[np.bool_], position: Array
+    ) -> StraightRun | None:
         """Return the segments from a ``position`` of all columns, shape (K,); None where a line does not
         travel.
+
+        Args:
+            slots, linear: as of `segment_of`.
         """
-        columns = [slots[axis] for axis in run.axes]
+        columns = np.array([slots[axis] for axis in run.axes], np.intp)
         points = np.tile(position, (len(run) + 1, 1))
         points[:, columns] = run.points
         travels = np.zeros((len(run), len(position)))
@@ -287,7 +294,9 @@ class StraightRun:
             long = run.lengths > NO_TRAVEL
             np.divide(run.speeds, run.lengths, out=feeds, where=long)
             np.divide(1.0, run.requested, out=feeds, where=~long & (run.requested > 0.0))
-        return cls(run, sum(1 << column for column in columns), points, travels, scales, feeds)
+        mask = sum(1 << column for column in columns.tolist())
+        feed_columns = columns[linear[columns]] if linear[columns].any() else columns
+        return cls(run, mask, points, travels, scales, feeds, feed_columns)
 
     @property
     def timing(self) -> Array:
@@ -301,6 +310,7 @@ class StraightRun:
         still = np.zeros(len(self.points[0]))
         requested = self.run.requested.tolist()
         timed = self.run.speeds is None
+        speeds = [math.inf] * len(requested) if self.run.speeds is None else self.run.speeds.tolist()
         for index, (line, feed, scale) in enumerate(
             zip(self.run.lines.tolist(), self.feeds.tolist(), scales, strict=True)
         ):
@@ -322,6 +332,8 @@ class StraightRun:
                 end=self.points[index + 1],
                 active=active,
                 straight=True,
+                feed_speed=speeds[index],
+                feed_columns=self.feed_columns,
             )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,8 +35,7 @@ class Spline:
         return found
 
 
-@dataclass(frozen=True)
-class SplineCurve:
+class SplineCurve(msgspec.Struct, frozen=True, eq=False):
     """The part of a spline between two parameters; s is the share of it that has been passed.
 
     Attributes:

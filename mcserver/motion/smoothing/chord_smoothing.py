@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -263,41 +262,51 @@ class ChordSmoother:
         for each in lines:
             active |= each.active
         axes = tuple(columns.tolist())
-        parts = []
-        samples, slopes = self._samples(lines, spline, t, columns)
-        feeds = _feeds(lines, np.diff(t), slopes).tolist()
-        lengths = (np.linalg.norm(jets[:, 1], axis=1)[:-1] * np.diff(t)).tolist()
-        for index, line in enumerate(lines):
-            curve = SplineCurve(axes, spline, float(t[index]), float(t[index + 1]))
-            span = curve.high - curve.low
-            begin = bounds.begin if index == 0 else line.begin
-            finish = bounds.finish if index == len(lines) - 1 else line.finish
-            whole = begin <= line.begin and finish >= line.finish
-            parts.append(
-                dataclasses.replace(
-                    line,
-                    duration=line.between(begin, finish).duration,
-                    curves=(curve,),
-                    columns=(columns,),
-                    mask=mask,
-                    active=active,
-                    feed=feeds[index],
-                    requested=line.requested if whole else 0.0,
-                    first=jets[index, 1] * span,
-                    last=jets[index + 1, 1] * span,
-                    d2q_start=jets[index, 2] * span**2,
-                    d2q_end=jets[index + 1, 2] * span**2,
-                    scale=lengths[index],
-                    begin=0.0,
-                    finish=1.0,
-                    base=lines[0].base,
-                    opens=line.opens and begin <= line.begin,
-                    closes=line.closes and finish >= line.finish,
-                    straight=False,
-                    tolerance=line.tolerance if index == 0 and not joined else 0.0,
-                    corner=None,
-                )
+        spans = np.diff(t)
+        travels, fed = _travels(lines)
+        samples, slopes = self._samples(fed, spline, t, columns)
+        feeds = _feeds(lines, travels, fed, spans, slopes).tolist()
+        lengths = (np.linalg.norm(jets[:, 1], axis=1)[:-1] * spans).tolist()
+        firsts, lasts = (list(each * spans[:, None]) for each in (jets[:-1, 1], jets[1:, 1]))
+        starts, ends = (list(each * spans[:, None] ** 2) for each in (jets[:-1, 2], jets[1:, 2]))
+        places = t.tolist()
+        parts = [
+            Segment(
+                line=line.line,
+                curves=(SplineCurve(axes, spline, places[index], places[index + 1]),),
+                columns=(columns,),
+                mask=mask,
+                duration=line.duration,
+                feed=feeds[index],
+                requested=line.requested,
+                first=firsts[index],
+                last=lasts[index],
+                d2q_start=starts[index],
+                d2q_end=ends[index],
+                scale=lengths[index],
+                base=lines[0].base,
+                end=line.end,
+                active=active,
+                opens=line.opens,
+                closes=line.closes,
+                feed_speed=line.feed_speed,
+                feed_columns=line.feed_columns,
+                carried=line.carried,
             )
+            for index, line in enumerate(lines)
+        ]
+        parts[0].tolerance = 0.0 if joined else lines[0].tolerance
+        for index, begin, finish in (
+            (0, bounds.begin, lines[0].finish if len(lines) > 1 else bounds.finish),
+            (-1, lines[-1].begin if len(lines) > 1 else bounds.begin, bounds.finish),
+        ):
+            line, part = lines[index], parts[index]
+            if begin > line.begin or finish < line.finish:
+                part.duration, part.requested = line.between(begin, finish).duration, 0.0
+                part.opens, part.closes = (
+                    line.opens and begin <= line.begin,
+                    line.closes and finish >= line.finish,
+                )
         if bounds.begin > lines[0].begin:
             # the line begins with what is left of it, without a turn
             parts[0].tolerance = 0.0
@@ -305,14 +314,11 @@ class ChordSmoother:
         return SmoothRun(parts, samples, joined, remaining)
 
     def _samples(
-        self, lines: list[Segment], spline: Spline, t: Array, columns: NDArray[np.intp]
+        self, fed: NDArray[np.bool_], spline: Spline, t: Array, columns: NDArray[np.intp]
     ) -> tuple[PartSamples, Array]:
         offset = np.empty(len(t), np.intp)
         count_samples(spline.breaks, t, offset)
-        rows, slopes = np.zeros((offset[-1], 5 * len(self._weights) + 2)), np.empty((len(lines), 2))
-        fed = np.zeros((len(lines), len(self._weights)), np.bool_)
-        for index, line in enumerate(lines):
-            fed[index, line.feed_columns] = True
+        rows, slopes = np.zeros((offset[-1], 5 * len(self._weights) + 2)), np.empty((len(fed), 2))
         sample_parts(spline.breaks, spline.spans, t, offset, columns, fed[:, columns], rows, slopes)
         return PartSamples(rows, offset, np.diff(t)), slopes
 
@@ -359,18 +365,36 @@ def _share(line: Segment) -> float:
     return SHARE if line.duration is None else TIMED_SHARE
 
 
-def _feeds(lines: list[Segment], spans: Array, slopes: Array) -> Array:
+def _travels(lines: list[Segment]) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the displacements of lines and which columns their path speeds count, shape (n, K) each."""
+    travels = np.array([each.first for each in lines])
+    rows: dict[tuple[int, ...], NDArray[np.bool_]] = {}
+    known: tuple[NDArray[np.intp], NDArray[np.bool_]] | None = None
+    fed = []
+    for line in lines:
+        if known is None or known[0] is not line.feed_columns:
+            key = tuple(line.feed_columns.tolist())
+            if key not in rows:
+                rows[key] = np.isin(np.arange(travels.shape[1]), line.feed_columns)
+            known = line.feed_columns, rows[key]
+        fed.append(known[1])
+    return travels, np.array(fed)
+
+
+def _feeds(
+    lines: list[Segment], travels: Array, fed: NDArray[np.bool_], spans: Array, slopes: Array
+) -> Array:
     """Greatest ds/dt of each part that keeps the feed rate of its line [1/s].
 
     Args:
-        spans: of the parts in the spline's parameter, shape (n,). slopes: as `sample_parts` writes them.
+        travels, fed: as of `_travels`. spans: of the parts in the spline's parameter, shape (n,). slopes: as
+            `sample_parts` writes them.
     """
-    found = np.empty(len(lines))
-    for index, line in enumerate(lines):
-        whole = float(np.linalg.norm(line.first[line.feed_columns]))
-        if math.isfinite(line.feed_speed) and whole > NO_TRAVEL:
-            found[index] = line.feed_speed / max(slopes[index, 0], 1e-300)
-        else:
-            found[index] = line.feed * float(np.linalg.norm(line.first)) / max(slopes[index, 1], 1e-300)
-    found /= spans
-    return found
+    speeds = np.array([each.feed_speed for each in lines])
+    feeds = np.array([each.feed for each in lines])
+    whole = np.linalg.norm(np.where(fed, travels, 0.0), axis=1)
+    slopes = np.maximum(slopes, 1e-300)
+    by_speed = np.isfinite(speeds) & (whole > NO_TRAVEL)
+    found = np.where(by_speed, speeds / slopes[:, 0], feeds * np.linalg.norm(travels, axis=1) / slopes[:, 1])
+    feeds_of_parts: Array = found / spans
+    return feeds_of_parts
