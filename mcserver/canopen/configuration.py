@@ -206,6 +206,8 @@ class _Writer:
                 yield known.number(index + offset, subindex, value, "profile of the drive")
             else:
                 yield from known.if_there(index + offset, subindex, value, "profile of the drive")
+        if drive.outputs:
+            yield from known.if_there(0x60FE + offset, 2, drive.outputs, "outputs that are switched")
         yield known.number(0x6060 + offset, 0, drive.mode, "mode of operation")
 
     def extra(self) -> Iterator[SdoWrite]:

@@ -79,6 +79,7 @@ _RECORDS = (
     (0x6092, "Feed constant", (_U32, _U32), "rw"),
     (0x6099, "Homing speeds", (_U32, _U32), "rw"),
     (0x60C1, "Interpolation data record", (_I32,), "rw"),
+    (0x60FE, "Digital outputs", (_U32, _U32), "rw"),
     (0x60C2, "Interpolation time period", (_U8, _I8), "rw"),
 )
 

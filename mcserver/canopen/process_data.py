@@ -42,6 +42,8 @@ TARGET_VELOCITY = MappedObject(0x60FF, 0, 32)
 TARGET_TORQUE = MappedObject(0x6071, 0, 16)
 TORQUE_OFFSET = MappedObject(0x60B2, 0, 16)
 PROFILE_VELOCITY = MappedObject(0x6081, 0, 32)
+DIGITAL_INPUTS = MappedObject(0x60FD, 0, 32)
+DIGITAL_OUTPUTS = MappedObject(0x60FE, 1, 32)
 STATUSWORD = MappedObject(0x6041, 0, 16)
 MODE_DISPLAY = MappedObject(0x6061, 0, 8)
 POSITION = MappedObject(0x6064, 0, 32)
@@ -131,10 +133,12 @@ class _Plan:
 
     def required_rpdo_objects(self) -> tuple[MappedObject, ...]:
         required = [CONTROLWORD, self._target(), *([TORQUE_OFFSET] if self._drive.torque_offset else ())]
+        required += [DIGITAL_OUTPUTS] if self._drive.outputs else []
         return tuple(self._of_axis(mapped) for mapped in required)
 
     def required_tpdo_objects(self) -> tuple[MappedObject, ...]:
-        return self._of_axis(STATUSWORD), self._of_axis(POSITION)
+        required = [STATUSWORD, POSITION, *([DIGITAL_INPUTS] if self._drive.inputs else ())]
+        return tuple(self._of_axis(mapped) for mapped in required)
 
     def wanted_rpdos(self) -> list[_Wanted]:
         target = self._target()
@@ -143,6 +147,8 @@ class _Plan:
         if self._drive.torque_offset:
             self._check_torque_offset()
             wanted.append(_Wanted((TORQUE_OFFSET,), 1))
+        if self._drive.outputs:
+            wanted.append(_Wanted((DIGITAL_OUTPUTS,), 1))
         if self._drive.mode == Mode.PROFILE_POSITION:
             speed = [_Wanted((PROFILE_VELOCITY,), 1, spare=True)] if self._can_map(PROFILE_VELOCITY) else []
             return wanted + speed
@@ -166,6 +172,8 @@ class _Plan:
     def wanted_tpdos(self) -> list[_Wanted]:
         mode = [MODE_DISPLAY] if self._can_map(MODE_DISPLAY) else []
         wanted = [_Wanted((STATUSWORD, *mode, POSITION), 1)]
+        if self._drive.inputs:
+            wanted.append(_Wanted((DIGITAL_INPUTS,), 1))
         if self._drive.torque and self._can_map(TORQUE):
             wanted.append(_Wanted((TORQUE,), SLOW_SYNCS, spare=True))
         monitored = [self._monitored(index, subindex) for index, subindex, _ in self._drive.monitor]
@@ -289,7 +297,8 @@ class _Plan:
             )
         if direction is _RPDO and self._dictionary.writable(record, 5):
             # only the first RPDO is watched: the second stays out in position mode
-            watched = not spare and self._of_axis(TORQUE_OFFSET) not in pdo.objects[:1]
+            besides = {self._of_axis(TORQUE_OFFSET), self._of_axis(DIGITAL_OUTPUTS)}
+            watched = not spare and pdo.objects[0] not in besides
             timeout = self._drive.command_timeout_ms if watched else 0
             payload = struct.pack("<H", timeout)
             yield SdoWrite(record, 5, payload, f"{name} time-out [ms]", optional=True, spare_pdo=spare)
@@ -343,6 +352,8 @@ class _Plan:
         known = {CONTROLWORD, MODE, TARGET_POSITION, INTERPOLATED, TARGET_VELOCITY, TARGET_TORQUE}
         if self._drive.mode == Mode.PROFILE_POSITION:
             known = {CONTROLWORD, MODE, TARGET_POSITION, PROFILE_VELOCITY}
+        if self._drive.outputs:
+            known.add(DIGITAL_OUTPUTS)
         ours = {self._of_axis(mapped) for mapped in known}
         return all(mapped in ours or mapped.index in _NEUTRAL for mapped in pdo.objects)
 

@@ -58,6 +58,7 @@ class DriveSettings:
         monitor: (index, subindex, name) of what telemetry shows. sdo: its times.
         listen_s: for another master on its bus. lss: identity of a node that gets its number from here.
         homing, profile: (index, subindex, value) for the drive's own homing, and its own profiles.
+        inputs: 60FDh is read in the cycle. outputs: bits of 60FEh that are written.
     """
 
     axis: int
@@ -85,6 +86,8 @@ class DriveSettings:
     lss: tuple[int, int, int, int] | None = None
     homing: tuple[tuple[int, int, int], ...] = ()
     profile: tuple[tuple[int, int, int], ...] = ()
+    inputs: bool = False
+    outputs: int = 0
 
     @property
     def offset(self) -> int:
@@ -163,7 +166,24 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
         lss=drive.lss,
         homing=homing_objects(axis),
         profile=profile_objects(axis),
+        inputs=_has_inputs(machine, axis),
+        outputs=_output_bits(machine, axis),
     )
+
+
+def _has_inputs(machine: Machine, axis: Axis) -> bool:
+    homing = axis.homing
+    by_switch = homing is not None and homing.method == "switch" and homing.input is None
+    named = any(each.source is not None and each.source.axis == axis.index for each in machine.inputs)
+    return axis.drive.kind == "cia402" and (by_switch or named)
+
+
+def _output_bits(machine: Machine, axis: Axis) -> int:
+    bits = 0
+    for each in machine.outputs:
+        if each.target is not None and each.target.axis == axis.index:
+            bits |= 1 << (each.target.bit or 0)
+    return bits
 
 
 def _monitored(text: str) -> tuple[int, int, str]:

@@ -19,6 +19,7 @@ from mcserver.can.pdo_layout import TPDO1
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
 from mcserver.drives.cia402.axes import DELAY_CYCLES, Cia402Axes
+from mcserver.drives.drive_io import DriveIo
 from mcserver.drives.io_nodes import Array, IoNodes
 from mcserver.drives.node_watch import NodeWatch, bus_back
 from mcserver.drives.servosila.axis import ServosilaAxis
@@ -83,6 +84,10 @@ class CanBus:
         ]
         io = IoNodes(machine, bus.name, self._cycle, bus.silence_cycles)
         self._io = io if io.numbers else None
+        self._drive_io: DriveIo | None = None
+        if self._servo is not None:
+            drive_io = DriveIo(machine, [axes[index] for index in servo], self._servo, bus.silence_cycles)
+            self._drive_io = drive_io if drive_io.inputs or drive_io.outputs else None
         if self._io is not None and bus.sync == "own":
             self._sends_sync = True
         self._tpdo1: dict[int, tuple[slice, int]] = {}
@@ -101,24 +106,38 @@ class CanBus:
     @property
     def inputs(self) -> tuple[int, ...]:
         """Columns of the machine's inputs on this bus."""
-        return () if self._io is None else self._io.inputs
+        own = () if self._io is None else self._io.inputs
+        return own if self._drive_io is None else own + self._drive_io.inputs
 
     @property
     def outputs(self) -> tuple[int, ...]:
         """Columns of the machine's outputs on this bus."""
-        return () if self._io is None else self._io.outputs
+        own = () if self._io is None else self._io.outputs
+        return own if self._drive_io is None else own + self._drive_io.outputs
 
     def write_outputs(self, raw: Array) -> None:
+        nodes = 0
         if self._io is not None:
-            self._io.write_outputs(raw)
+            nodes = len(self._io.outputs)
+            self._io.write_outputs(raw[:nodes])
+        if self._drive_io is not None:
+            self._drive_io.write_outputs(raw[nodes:])
 
     def read_inputs(self, raw: Array, fresh: NDArray[np.bool_]) -> None:
+        nodes = 0
         if self._io is not None:
-            self._io.read_inputs(raw, fresh)
+            nodes = len(self._io.inputs)
+            self._io.read_inputs(raw[:nodes], fresh[:nodes])
+        if self._drive_io is not None:
+            self._drive_io.read_inputs(raw[nodes:], fresh[nodes:], self._feedback)
 
     def read_outputs(self, fresh: NDArray[np.bool_]) -> None:
+        nodes = 0
         if self._io is not None:
-            self._io.read_outputs(fresh)
+            nodes = len(self._io.outputs)
+            self._io.read_outputs(fresh[:nodes])
+        if self._drive_io is not None:
+            self._drive_io.read_outputs(fresh[nodes:])
 
     @property
     def follows_exactly(self) -> bool:
@@ -132,7 +151,7 @@ class CanBus:
     def short(self) -> int:
         """PDOs that came with a wrong length; they count as not come."""
         total = sum(axis.short for _, axis in self._streamed)
-        return total + (self._servo.short if self._servo else 0)
+        return total + (self._servo.readings.short if self._servo else 0)
 
     def boot(self) -> Feedback:
         """Opens the port and lets cycles pass until every drive has answered, all of them told to be off.
@@ -147,15 +166,15 @@ class CanBus:
             for _ in range(max(20, round(BOOT_TIMEOUT_S / self._cycle))):
                 self._take(port)
                 missing -= self._answered()
-                if not missing and (self._io is None or not self._io.missing):
+                if not missing and not self._io_missing():
                     break
                 self._send_off(port)
                 self._wait(self._cycle)
             else:
                 raise self._no_answer(missing)
             if self._servo is not None:
-                self._servo.begin_here()
-                self._servo.read(self._feedback)
+                self._servo.readings.begin_here()
+                self._servo.readings.read(self._feedback)
             if self._watch is not None:
                 self._watch.forget()
                 self._watch.events.clear()
@@ -176,9 +195,9 @@ class CanBus:
             self._note_down(down)
         lost = 0
         if servo is not None and watch is not None:
-            servo.read(feedback)
+            servo.readings.read(feedback)
             watch.look()
-            if servo.silent_for >= self._limit:
+            if servo.readings.silent_for >= self._limit:
                 self._fail_silent(servo)
             servo.step(setpoints, feedback)
             lost += servo.send()
@@ -224,9 +243,10 @@ class CanBus:
         servo, watch = self._servo, self._watch
         if servo is None or watch is None:
             return
-        self._tpdo1 = servo.open(port)
+        servo.open(port)
+        self._tpdo1 = servo.readings.places()
         self._others.update(watch.handlers())
-        self._others.update(servo.handlers(self._feedback))
+        self._others.update(servo.readings.handlers(self._feedback))
 
     def _take(self, port: CanPort) -> None:
         """Everything that has come; of each kind the latest value stays."""
@@ -235,7 +255,8 @@ class CanBus:
             self._io.tick()
         servo = self._servo
         if servo is not None:
-            arena, came = servo.begin()
+            readings = servo.readings
+            arena, came = readings.begin()
             places, length = self._tpdo1, TPDO1.packing.size
             others = self._others
             for identifier, payload in frames:
@@ -246,7 +267,7 @@ class CanBus:
                         arena[where] = payload
                         came[index] = 1
                     else:
-                        servo.note_length(place[1], len(payload))
+                        readings.note_length(place[1], len(payload))
                     continue
                 handler = others.get(identifier)
                 if handler is not None:
@@ -294,10 +315,23 @@ class CanBus:
         """Axes that have answered now, as indices of this bus."""
         answered = {index for index, axis in self._streamed if axis.booted}
         if self._servo is not None:
-            answered.update(self._servo.came())
+            answered.update(self._servo.readings.answered())
         return answered
 
+    def _io_missing(self) -> bool:
+        nodes = self._io is not None and self._io.missing
+        return bool(nodes or (self._drive_io is not None and self._drive_io.missing))
+
     def _no_answer(self, missing: set[int]) -> RuntimeFault:
+        if not missing and self._drive_io is not None and self._drive_io.missing:
+            assert self._servo is not None
+            axis = self._axes[self._servo.local[self._drive_io.missing[0]]]
+            return RuntimeFault(
+                "MC444",
+                f"the drive of axis {axis.index} sends its position, but not its digital inputs (60FDh)",
+                "look at its TPDOs in its maker's tool",
+                axis=axis.index,
+            )
         if not missing:
             nodes = self._io.missing if self._io is not None else []
             return RuntimeFault(
@@ -331,9 +365,9 @@ class CanBus:
             self._events.append(bus_back(self._columns[0], self.config.name))
 
     def _fail_silent(self, servo: Cia402Axes) -> None:
-        for number, age in enumerate(servo.ages.tolist()):
+        for number, age in enumerate(servo.readings.ages.tolist()):
             if age >= self._limit:
-                servo.fail(number, DriveFault.COMMUNICATION, servo.silence_detail(number, age))
+                servo.fail(number, DriveFault.COMMUNICATION, servo.readings.silence_detail(number, age))
 
 
 _MODES = tuple(DriveMode)

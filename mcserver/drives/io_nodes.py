@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from mcserver.can.cob import Function, NmtState
 from mcserver.can.pdo import MappedPdo
 from mcserver.can.port import CanPort
+from mcserver.machine.io_object import IoObject
 from mcserver.machine.io_process_data import HEARTBEAT_MS, Key, io_process_data, nodes_on, own_objects
-from mcserver.machine.io_section import IoObject
 from mcserver.machine.machine_file import Machine
 
 Array = NDArray[np.float64]
@@ -165,7 +165,11 @@ class IoNodes:
 
 
 def _columns(objects: Sequence[IoObject | None], bus: str) -> tuple[int, ...]:
-    return tuple(column for column, each in enumerate(objects) if each is not None and each.bus == bus)
+    return tuple(
+        column
+        for column, each in enumerate(objects)
+        if each is not None and each.axis < 0 and each.bus == bus
+    )
 
 
 def _bounded(value: float, kind: str) -> float:

@@ -144,17 +144,21 @@ def bus_loads(machine: Machine) -> tuple[BusLoad, ...]:
         axes = [axis for axis in axes if axis.drive.kind in ("cia402", "servosila")]
         nodes = [io_process_data(machine, bus.name, node) for node in nodes_on(machine, bus.name)]
         if axes or nodes:
-            loads.append(load_of(bus, axes, machine.cycle_hz, nodes))
+            loads.append(load_of(bus, axes, machine.cycle_hz, nodes, _drive_io(machine, bus.name)))
     return tuple(loads)
 
 
 def load_of(
-    bus: CanBusConfig, axes: list[Axis], cycle_hz: float, nodes: Sequence[ProcessData] = ()
+    bus: CanBusConfig,
+    axes: list[Axis],
+    cycle_hz: float,
+    nodes: Sequence[ProcessData] = (),
+    besides: Sequence[Share] = (),
 ) -> BusLoad:
     """The load of one bus with these axes, all of them in velocity mode, which takes most.
 
     Args:
-        nodes: the process data of its I/O nodes.
+        nodes: the process data of its I/O nodes. besides: what its drives exchange besides motion.
     """
     servo = [axis for axis in axes if axis.drive.kind == "cia402"]
     streamed = [axis for axis in axes if axis.drive.kind == "servosila"]
@@ -164,6 +168,7 @@ def load_of(
         shares += [
             Share("SYNC", 1.0, frame_bits(0)),
             *_commands(servo),
+            *besides,
             Share("TPDO1", count, frame_bits(_bytes(TPDO1))),
             Share("TPDO2", count / SLOW_SYNCS, frame_bits(_bytes(TPDO2))),
         ]
@@ -194,6 +199,19 @@ def load_of(
             )
         )
     return BusLoad(bus.name, cycle_hz, bus.bitrate, len(axes), tuple(shares))
+
+
+def _drive_io(machine: Machine, bus: str) -> list[Share]:
+    """60FDh and 60FEh of drives, each in a PDO of its own."""
+    shares = []
+    for what, objects in (
+        ("inputs of drives", [each.source for each in machine.inputs]),
+        ("outputs of drives", [each.target for each in machine.outputs]),
+    ):
+        axes = {each.axis for each in objects if each is not None and each.axis >= 0 and each.bus == bus}
+        if axes:
+            shares.append(Share(what, float(len(axes)), frame_bits(4)))
+    return shares
 
 
 def _commands(axes: Sequence[Axis]) -> list[Share]:

@@ -220,7 +220,7 @@ def _check_method(section: HomingSection, axis: AxisLimits, bad: Callable[..., N
         )
     if section.index and method != "switch":
         bad("index", f'does not belong to method = "{method}"', 'it belongs to method = "switch"')
-    if method == "switch" and section.input is None and not simulated:
+    if method == "switch" and section.input is None and not simulated and axis.drive != "cia402":
         bad(
             "input",
             f"the home switch of a drive of kind {axis.drive!r} is not read",

@@ -12,7 +12,8 @@ from mcserver.can.cob import Function
 from mcserver.can.pdo import MappedObject, MappedPdo, ProcessData
 from mcserver.can.port import MAX_PAYLOAD
 from mcserver.machine.drive_section import Drive
-from mcserver.machine.io_section import Input, IoObject, Output
+from mcserver.machine.io_object import IoObject
+from mcserver.machine.io_section import Input, Output
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
@@ -50,7 +51,7 @@ def io_process_data(machine: Machine, bus: str, node: int) -> ProcessData:
 
 def _objects(machine: Machine) -> list[IoObject]:
     every = [*(each.source for each in machine.inputs), *(each.target for each in machine.outputs)]
-    return [each for each in every if each is not None]
+    return [each for each in every if each is not None and each.axis < 0]
 
 
 def objects_of(machine: Machine, bus: str, node: int) -> tuple[dict[Key, str], dict[Key, str]]:
@@ -65,7 +66,7 @@ def own_objects(objects: Iterable[IoObject | None], bus: str, node: int) -> dict
     return {
         (each.index, each.subindex): each.type
         for each in objects
-        if each is not None and (each.bus, each.node) == (bus, node)
+        if each is not None and each.axis < 0 and (each.bus, each.node) == (bus, node)
     }
 
 
@@ -103,14 +104,14 @@ def check_nodes(
     ):
         every = [each for _, each in objects]
         for name, each in objects:
-            if each is None:
+            if each is None or each.axis >= 0:
                 continue
             axis = of_drives.get((each.bus, each.node))
             if axis is not None:
                 mistakes.add(
                     (kind,),
                     f'"{name}" is on node {each.node} of {each.bus}, the drive of axis {axis}',
-                    "inputs and outputs of drives are not exchanged: use a CiA 401 node",
+                    f"name the drive: {{ drive = {axis}, bit = … }} is a bit of its 60FDh or 60FEh",
                 )
             if not _fits(own_objects(every, each.bus, each.node)):
                 mistakes.add(

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
-from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
+from mcserver.machine.io_object import (
+    DIGITAL_INPUTS,
+    DIGITAL_OUTPUTS,
+    IoObject,
+    IoObjectSection,
+    read_object,
+)
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
+
+if TYPE_CHECKING:
+    from mcserver.machine.drive_section import Drive
 
 # P of M62 to M66 and E of M66 to M68 have room for so many of each kind.
 MAX_CHANNELS = 64
@@ -26,36 +36,6 @@ Name = Annotated[
         description="40 letters, digits, blanks, '-', '_' or '.' at the most",
     ),
 ]
-ObjectAddress = Annotated[
-    str,
-    Meta(
-        pattern=r"^[0-9A-Fa-f]{4}h?(:[0-9A-Fa-f]{1,2})?$",
-        description="index and subindex in hexadecimal digits: '6000h:01', '60FDh:00'",
-    ),
-]
-
-# Width in bits and signedness of objects that a machine file need not describe (CiA 401, CiA 402).
-_KNOWN_TYPES = {
-    0x6000: "u8",
-    0x6100: "u16",
-    0x6120: "u32",
-    0x6200: "u8",
-    0x6300: "u16",
-    0x6320: "u32",
-    0x6400: "i8",
-    0x6401: "i16",
-    0x6402: "i32",
-    0x6403: "f32",
-    0x6410: "i8",
-    0x6411: "i16",
-    0x6412: "i32",
-    0x6413: "f32",
-    0x60FD: "u32",
-    0x60FE: "u32",
-}
-ObjectType = Literal["u8", "u16", "u32", "i8", "i16", "i32", "f32"]
-
-
 # ---------------------------------------------------------------- as written
 
 
@@ -64,16 +44,6 @@ class ScriptSection(msgspec.Struct, frozen=True):
 
     at_s: Annotated[float, Meta(ge=0.0, description="seconds from the start, 0 or more")]
     value: Level
-
-
-class IoObjectSection(msgspec.Struct, frozen=True):
-    """``source`` and ``target``: an object of a CANopen node."""
-
-    bus: Annotated[str, Meta(min_length=1, description="name a bus of this file")]
-    node: Annotated[int, Meta(ge=LEAST_NODE, le=GREATEST_NODE, description="give the node's number")]
-    object: ObjectAddress
-    bit: Annotated[int, Meta(ge=0, le=31, description="0 is the least significant bit")] | None = None
-    type: ObjectType | None = None
 
 
 class InputSection(msgspec.Struct, frozen=True):
@@ -116,28 +86,6 @@ class OutputSection(msgspec.Struct, frozen=True):
 
 
 # ---------------------------------------------------------------- the model
-
-
-class IoObject(msgspec.Struct, frozen=True):
-    """An object of a CANopen node, or one bit of it.
-
-    Attributes:
-        bus: name of the bus. bit: None where the whole object is one value.
-        type: of the whole object.
-    """
-
-    bus: str
-    node: int
-    index: int
-    subindex: int
-    type: ObjectType
-    bit: int | None = None
-
-    @property
-    def shown(self) -> str:
-        """Return it as people write it: ``can0 node 5 6000h:01 bit 3``."""
-        bit = "" if self.bit is None else f" bit {self.bit}"
-        return f"{self.bus} node {self.node} {self.index:04X}h:{self.subindex:02X}{bit}"
 
 
 class Scripted(msgspec.Struct, frozen=True):
@@ -223,12 +171,15 @@ class Output(msgspec.Struct, frozen=True):
 
 
 def read_inputs(
-    sections: Sequence[InputSection | None], buses: set[str], mistakes: Mistakes
+    sections: Sequence[InputSection | None],
+    buses: set[str],
+    mistakes: Mistakes,
+    drives: Mapping[int, Drive] = MappingProxyType({}),
 ) -> tuple[Input, ...]:
     """Return the inputs of ``[[input]]``, digital ones first, each kind by number.
 
     Args:
-        sections: None where one has a mistake. buses: names of the file's buses.
+        sections: None where one has a mistake. buses: names of the file's buses. drives: by axis.
     """
     found: list[Input] = []
     for position, section in enumerate(sections):
@@ -267,7 +218,9 @@ def read_inputs(
                 debounce=section.debounce_ms * 1e-3,
                 initial=_level(section.initial, digital, (*path, "initial"), mistakes),
                 script=script,
-                source=_read_object(section.source, digital, (*path, "source"), buses, mistakes),
+                source=read_object(
+                    section.source, digital, (*path, "source"), (buses, drives), DIGITAL_INPUTS, mistakes
+                ),
                 hold_below=_threshold(section.hold_on, False, section.hold_below, -math.inf),
                 hold_above=_threshold(section.hold_on, True, section.hold_above, math.inf),
                 stop_below=_threshold(section.stop_on, False, section.stop_below, -math.inf),
@@ -279,12 +232,17 @@ def read_inputs(
 
 
 def read_outputs(
-    sections: Sequence[OutputSection | None], inputs: Sequence[Input], buses: set[str], mistakes: Mistakes
+    sections: Sequence[OutputSection | None],
+    inputs: Sequence[Input],
+    buses: set[str],
+    mistakes: Mistakes,
+    drives: Mapping[int, Drive] = MappingProxyType({}),
 ) -> tuple[Output, ...]:
     """Return the outputs of ``[[output]]``, digital ones first, each kind by number.
 
     Args:
         sections: None where one has a mistake. inputs: whose names are taken. buses: names of the file's.
+        drives: by axis.
     """
     found: list[Output] = []
     names = {each.name for each in inputs}
@@ -329,7 +287,9 @@ def read_outputs(
                 high=high,
                 initial=initial,
                 safe=safe,
-                target=_read_object(section.target, digital, (*path, "target"), buses, mistakes),
+                target=read_object(
+                    section.target, digital, (*path, "target"), (buses, drives), DIGITAL_OUTPUTS, mistakes
+                ),
             )
         )
     _check_unique("output", found, sections, mistakes)
@@ -410,29 +370,3 @@ def _check_unique(
             )
         numbers.add((each.digital, each.number))
         names.add(each.name)
-
-
-def _read_object(
-    section: IoObjectSection | None, digital: bool, path: Path, buses: set[str], mistakes: Mistakes
-) -> IoObject | None:
-    if section is None:
-        return None
-    index_text, _, sub_text = section.object.replace("h", "").partition(":")
-    index, subindex = int(index_text, 16), int(sub_text or "0", 16)
-    if section.bus not in buses:
-        known = ", ".join(sorted(buses)) or "none"
-        mistakes.add(
-            (*path, "bus"), f'the file has no bus "{section.bus}"', f"add a [[bus]]; there is {known}"
-        )
-    kind = section.type or _KNOWN_TYPES.get(index)
-    if kind is None:
-        mistakes.add((*path, "object"), "is not an object whose type is known", 'add its type = "u16"')
-        kind = "u32"
-    width = int(kind[1:])
-    if digital and section.bit is None:
-        mistakes.add(path, "a digital one is a bit of its object", "add bit = 0")
-    elif not digital and section.bit is not None:
-        mistakes.add((*path, "bit"), "belongs to a digital one", "leave it out")
-    elif section.bit is not None and (section.bit >= width or kind == "f32"):
-        mistakes.add((*path, "bit"), f"{section.bit} is no bit of an object of type {kind}", "")
-    return IoObject(section.bus, section.node, index, subindex, kind, section.bit)  # type: ignore[arg-type]

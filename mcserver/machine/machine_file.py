@@ -236,8 +236,9 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
                 )
     numbers = axes if sound else range(MAX_AXES)
     names = {bus.name for bus in buses}
-    inputs = read_inputs(file.get("input") or (), names, mistakes)
-    outputs = read_outputs(file.get("output") or (), inputs, names, mistakes)
+    by_axis = {axis: drive for _, axis, drive in drives}
+    inputs = read_inputs(file.get("input") or (), names, mistakes, by_axis)
+    outputs = read_outputs(file.get("output") or (), inputs, names, mistakes, by_axis)
     dialect = read_dialect(
         file.get("dialect"),
         file.get("cutter") or [],

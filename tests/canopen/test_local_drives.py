@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mcserver.canopen.canopen_errors import DriveError
@@ -157,6 +159,43 @@ def test_a_local_drive_that_acknowledges_nothing_is_a_fault_and_does_not_move(
         cycle.run(DriveMode.POSITION, DriveState.FAULT)
         assert int(cycle.feedback.fault[0]) == DriveFault.SETPOINT
         assert drive.position[0] == 777
+    finally:
+        cycle.close()
+
+
+PINS = entry(0x60FD, "Digital inputs", U32) + (
+    "[60FE]\nParameterName=Digital outputs\nObjectType=0x9\n[60FEsub0]\nParameterName=Count\nDataType=5\n"
+    "AccessType=ro\nDefaultValue=2\n[60FEsub1]\nParameterName=Physical outputs\nDataType=7\nAccessType=rww\n"
+    "DefaultValue=0\nPDOMapping=1\n[60FEsub2]\nParameterName=Bit mask\nDataType=7\nAccessType=rw\n"
+    "DefaultValue=0\n"
+)
+
+
+def test_inputs_and_outputs_of_a_drive_are_the_machines(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    drive = make(eds(more=PINS))
+    channels = (
+        '[[input]]\nnumber = 0\nname = "guard"\nsource = { drive = 0, bit = 17 }\n'
+        '[[output]]\nnumber = 0\nname = "brake"\ntarget = { drive = 0, bit = 16 }\n'
+    )
+    bus = "silence_cycles = 1000"
+    machine = machine_on(hub.address(), [1], keys(tmp_path, channels), bus=bus)
+    cycle = Cycle(watched.start(machine), machine, [drive])
+    raw, fresh = np.zeros(1), np.zeros(1, np.bool_)
+    try:
+        assert (cycle.bus.inputs, cycle.bus.outputs) == ((0,), (0,))
+        assert drive.value(0x60FE, 2) == 1 << 16
+        drive.local.data_store.setdefault(0x60FD, {})[0] = struct.pack("<I", 1 << 17)
+        cycle.bus.write_outputs(np.ones(1))
+
+        def seen() -> bool:
+            cycle.bus.exchange(cycle.setpoints)
+            cycle.bus.read_inputs(raw, fresh)
+            return raw[0] == 1.0 and drive.value(0x60FE, 1) == 1 << 16
+
+        until(seen, "input and output")
+        assert fresh[0]
     finally:
         cycle.close()
 

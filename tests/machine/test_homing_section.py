@@ -61,7 +61,7 @@ def test_an_absolute_encoder_keeps_a_reference_of_any_method() -> None:
         ('method = "switch"', "", "", "MC031", "travel"),
         ('method = "switch"\nthen_move_to = 91.0', LIMITS, "", "MC032", "then_move_to"),
         ('method = "switch"\ninput = 3', LIMITS, "", "MC033", "input"),
-        ('method = "switch"', LIMITS, 'kind = "cia402"\nbus = "can0"\nnode = 5', "MC033", "input"),
+        ('method = "switch"', LIMITS, 'kind = "servosila"\nbus = "can0"\nnode = 5', "MC033", "input"),
         ('method = "manual"\ninput = 3', LIMITS, "", "MC030", "input"),
         ('method = "manual"\nthen_move_to = 3.0', LIMITS, "", "MC030", "then_move_to"),
         ('method = "hard-stop"', LIMITS, "", "MC030", "torque"),

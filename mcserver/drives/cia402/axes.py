@@ -8,14 +8,13 @@ statusword, a mode or a command has changed.
 from __future__ import annotations
 
 import math
-import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, Mode
+from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, Mode
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import (
     Array,
@@ -26,31 +25,26 @@ from mcserver.drives.bus import (
     Setpoints,
     drives_mode,
 )
-from mcserver.drives.cia402.frames import IncomingPdo, OutgoingPdo, frames_of
+from mcserver.drives.cia402.frames import OutgoingPdo, frames_of
 from mcserver.drives.cia402.power_stage import PowerStage
 from mcserver.drives.cia402.profile_position import ProfilePosition, Refusal
-from mcserver.drives.cia402.scaling import TORQUE_LIMIT, PositionTracker, Scaling, wrapped
+from mcserver.drives.cia402.readings import AxisReadings
+from mcserver.drives.cia402.scaling import TORQUE_LIMIT, Scaling, wrapped
 from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS, Controlword
 from mcserver.machine.machine_file import Axis
 
-# Cycles over which a velocity is taken from positions.
-VELOCITY_CYCLES = 4
 # Counts in `VELOCITY_CYCLES` at which a motor counts as standing.
 STANDING_COUNTS = 2
 # Cycles from a setpoint to the reading of an axis that follows it: RPDO and SYNC, a cycle of motion, SYNC
 # and TPDO.
 DELAY_CYCLES = 2
 INT32 = 2.0**31 - 1.0
-_PERMILLE = struct.Struct("<h")
-# When a reading is taken as it is, after its drive was switched on.
-_DONE, _NOW, _NEXT_CYCLE = range(3)
 
-_TPDO1 = np.dtype([("state", "<u2"), ("mode", "i1"), ("position", "<i4")])
 _RPDO1 = np.dtype([("controlword", "<u2"), ("mode", "i1"), ("position", "<i4")])
 _RPDO2 = np.dtype([("controlword", "<u2"), ("velocity", "<i4"), ("torque", "<i2")])
 
-# 60B2h, which is not among the usual objects
-_OFFSET_BYTES = 2
+# 60B2h and 60FEh:01, which are not among the usual objects
+_OFFSET_BYTES, _OUTPUT_BYTES = 2, 4
 
 # pieces of the arenas with their places in the buffer, and the prepared buffer
 _Send = tuple[tuple[tuple[memoryview, slice], ...], bytearray]
@@ -67,9 +61,7 @@ class Cia402Axes:
         axes: their sections. local: where each is in the arrays of the bus.
 
     Attributes:
-        stages: one an axis. ages: shape (n,), cycles since the latest TPDO1. silent_for: the greatest of
-            them.
-        short: TPDOs that came with a wrong length.
+        stages: one an axis. readings: what their TPDOs have brought. outputs: shape (n,), 60FEh:01.
     """
 
     def __init__(self, axes: Sequence[Axis], local: Sequence[int], cycle_s: float) -> None:
@@ -86,10 +78,6 @@ class Cia402Axes:
         self._counts: Array = np.array([scale.counts_per_si for scale in scales])
         self._speeds: Array = np.array([scale.velocity_per_si for scale in scales])
         self._torques: Array = np.array([scale.permille_per_nm for scale in scales])
-        self._si_per_count = 1.0 / self._counts
-        self._nm_per_permille = [
-            1.0 / scale.permille_per_nm if scale.permille_per_nm else 0.0 for scale in scales
-        ]
         self._loops = np.array([axis.drive.mode == "csv" for axis in axes])
         self._any_loop = bool(self._loops.any())
         self._fed_forward = np.array([axis.drive.torque_feed_forward for axis in axes])
@@ -102,8 +90,7 @@ class Cia402Axes:
         self._zero: Array = np.array([axis.drive.zero_offset * axis.type.si_per_unit for axis in axes])
         self._frames = [frames_of(axis) for axis in axes]
         self._shows_mode = [frames.shows_mode for frames in self._frames]
-        self._answers = [0] * count
-        self._wrong_lengths: dict[int, int] = {}
+        self.readings = AxisReadings(axes, self.local, self._where, self._frames, scales, self._zero, cycle_s)
         self._speed_limit: Array = np.array([axis.max_velocity for axis in axes]) * 1.2
         self.stages = [_stage_of(axis, cycle_s) for axis in axes]
         self._profiles = {
@@ -116,23 +103,15 @@ class Cia402Axes:
         self._arrays(count)
 
     def _arrays(self, count: int) -> None:
-        self.ages = np.zeros(count, np.int64)
-        self.silent_for = 0
-        self.short = 0
-        self._came = bytearray(count)
-        self._all_came = bytes([1]) * count
-        self._none_came = bytes(count)
-        self._fresh: NDArray[np.bool_] = np.frombuffer(self._came, np.bool_)
-        self._in = bytearray(TPDO1.packing.size * count)
+        readings = self.readings
+        self._came, self._all_came = readings.came, readings.all_came
+        self._status, self._shown, self._position = readings.status, readings.shown, readings.counts
+        self._reading = readings.position
         self._out1 = bytearray(RPDO1.packing.size * count)
         self._out2 = bytearray(RPDO2.packing.size * count)
         self._out3 = bytearray(_OFFSET_BYTES * count)
-        incoming: Any = np.frombuffer(self._in, _TPDO1)
-        self._status, self._shown, self._position = (
-            incoming["state"],
-            incoming["mode"],
-            incoming["position"],
-        )
+        self._out4 = bytearray(_OUTPUT_BYTES * count)
+        self.outputs: NDArray[np.uint32] = np.frombuffer(self._out4, "<u4")
         first: Any = np.frombuffer(self._out1, _RPDO1)
         second: Any = np.frombuffer(self._out2, _RPDO2)
         self._controlword1, self._mode, self._target = (
@@ -146,11 +125,6 @@ class Cia402Axes:
             second["torque"],
         )
         self._torque_offset: NDArray[np.int16] = np.frombuffer(self._out3, "<i2")
-        self._tracker = PositionTracker(count)
-        self._restart = [_NOW] * count
-        self._any_restart = True
-        self._moved = np.zeros(count, np.int64)
-        self._past = np.zeros((VELOCITY_CYCLES, count), np.int64)
         self._told = np.zeros(count, np.int8)
         self._bits = np.zeros(count, np.uint16)
         self._key: tuple[bytes, bytes, bytes] = (b"", b"", b"")
@@ -165,12 +139,11 @@ class Cia402Axes:
         self._setpoint: Array = np.zeros(count)
         self._velocity: Array = np.zeros(count)
         self._nm: Array = np.zeros(count)
-        self._reading: Array = np.zeros(count)
         self._earlier: Array = np.zeros((DELAY_CYCLES + 1, count))
         self._sends: list[list[_Send]] = [[] for _ in range(self._refresh)]
 
-    def open(self, port: CanPort) -> dict[int, tuple[slice, int]]:
-        """Prepares the frames; returns for each TPDO1's COB-ID the place of its payload, and the axis."""
+    def open(self, port: CanPort) -> None:
+        """Prepare the frames."""
         self._outgoing = [
             [
                 (pdo, self._pieces(index, pdo, port.payload_offset), port.prepare(pdo.cob_id, pdo.length))
@@ -179,19 +152,19 @@ class Cia402Axes:
             for index, frames in enumerate(self._frames)
         ]
         self._send = port.send_prepared
-        size = TPDO1.packing.size
-        return {
-            frames.tpdos[0].cob_id: (slice(index * size, (index + 1) * size), index)
-            for index, frames in enumerate(self._frames)
-            if frames.usual
-        }
+
+    def restart(self, index: int) -> None:
+        """The drive has been switched on again: its next reading is taken as it is."""
+        self.readings.restart(index)
 
     def _pieces(self, index: int, pdo: OutgoingPdo, offset: int) -> tuple[tuple[memoryview, slice], ...]:
-        arenas = {1: memoryview(self._out1), 2: memoryview(self._out2), 3: memoryview(self._out3)}
+        out = (self._out1, self._out2, self._out3, self._out4)
+        arenas = {number: memoryview(arena) for number, arena in enumerate(out, 1)}
         starts = {
             1: index * RPDO1.packing.size,
             2: index * RPDO2.packing.size,
             3: index * _OFFSET_BYTES,
+            4: index * _OUTPUT_BYTES,
         }
         return tuple(
             (
@@ -200,118 +173,6 @@ class Cia402Axes:
             )
             for piece in pdo.pieces
         )
-
-    def handlers(self, feedback: Feedback) -> dict[int, Callable[[bytes], None]]:
-        """What to call for the COB-IDs of the other TPDOs."""
-        handlers = {}
-        for index, frames in enumerate(self._frames):
-            essential = sum(1 << bit for bit, pdo in enumerate(frames.tpdos) if pdo.essential)
-            for bit, pdo in enumerate(frames.tpdos):
-                if not (frames.usual and bit == 0):
-                    handlers[pdo.cob_id] = self._taker(index, pdo, bit, essential, feedback)
-        return handlers
-
-    def _taker(
-        self, index: int, pdo: IncomingPdo, bit: int, essential: int, feedback: Feedback
-    ) -> Callable[[bytes], None]:
-        start = index * TPDO1.packing.size
-        pieces = [
-            (
-                slice(start + piece.first, start + piece.first + piece.length),
-                piece.at,
-                piece.at + piece.length,
-            )
-            for piece in pdo.pieces
-        ]
-
-        def take(payload: bytes) -> None:
-            if len(payload) != pdo.length:
-                self.note_length(index, len(payload))
-                return
-            for where, first, end in pieces:
-                self._in[where] = payload[first:end]
-            if pdo.torque_at is not None:
-                (torque,) = _PERMILLE.unpack_from(payload, pdo.torque_at)
-                feedback.torque[self.local[index]] = torque * self._nm_per_permille[index]
-            if pdo.essential:
-                # an axis has answered once all of it has come
-                self._answers[index] |= 1 << bit
-                if self._answers[index] & essential == essential:
-                    self._answers[index] = 0
-                    self._came[index] = 1
-
-        return take
-
-    def note_length(self, index: int, length: int) -> None:
-        """Process data of another length than was mapped: they count as not come."""
-        self.short += 1
-        self._wrong_lengths[index] = length
-
-    def silence_detail(self, index: int, age: int) -> int:
-        """Why an axis does not answer: cycles, or below 0 the length of process data that were not taken."""
-        length = self._wrong_lengths.pop(index, None)
-        return age if length is None else -length - 1
-
-    # ------------------------------------------------------------------ what has come
-
-    def begin(self) -> tuple[bytearray, bytearray]:
-        """The arena for TPDO1s, and one flag an axis for those that came, cleared."""
-        self._came[:] = self._none_came
-        return self._in, self._came
-
-    def came(self) -> list[int]:
-        """Whose TPDO1 has come since `begin`, as indices of the bus."""
-        return [self.local[index] for index, flag in enumerate(self._came) if flag]
-
-    def begin_here(self) -> None:
-        """Takes the latest reading of every axis as it is: all of them have answered once."""
-        for index, position in enumerate(self._position.tolist()):
-            self._tracker.restart(index, position)
-        self._past[:] = self._tracker.counts
-        self._restart = [_DONE] * len(self.stages)
-        self._any_restart = False
-
-    def restart(self, index: int) -> None:
-        """The drive has been switched on again: its next reading is taken as it is."""
-        self._restart[index] = _NEXT_CYCLE
-        self._any_restart = True
-
-    def read(self, feedback: Feedback) -> None:
-        """Positions, velocities and ages from the TPDOs that came."""
-        came = self._came
-        whole = came == self._all_came
-        if not whole:
-            self.ages += 1
-            self.ages[self._fresh] = 0
-            self.silent_for = int(self.ages.max())
-        elif self.silent_for:
-            self.ages[:] = 0
-            self.silent_for = 0
-        tracker = self._tracker
-        if self._any_restart:
-            self._restart_tracked()
-        tracker.follow(self._position)
-        row = self._past[self._number % VELOCITY_CYCLES]
-        np.multiply(tracker.counts, self._si_per_count, out=self._reading)
-        self._reading += self._zero
-        moved = tracker.counts - row
-        row[:] = tracker.counts
-        self._moved = moved
-        local = self._where
-        feedback.position[local] = self._reading
-        feedback.velocity[local] = moved * (self._si_per_count / (VELOCITY_CYCLES * self._cycle))
-        feedback.fresh[local] = True if whole else self._fresh
-
-    def _restart_tracked(self) -> None:
-        for index, wanted in enumerate(self._restart):
-            if wanted == _NEXT_CYCLE:
-                # what came together with the boot-up is of the time before
-                self._restart[index] = _NOW
-            elif wanted == _NOW and self._came[index]:
-                self._restart[index] = _DONE
-                self._tracker.restart(index, int(self._position[index]))
-                self._past[:, index] = self._tracker.counts[index]
-        self._any_restart = any(self._restart)
 
     # ------------------------------------------------------------------ states and setpoints
 
@@ -386,7 +247,7 @@ class Cia402Axes:
         capturing, wanted = self._capturing, self._setpoint
         coasting = capturing & (self._velocity != 0.0) & (self._told >= DriveMode.POSITION)
         if coasting.any():
-            led = self._reading + self._velocity * ((DELAY_CYCLES + self.ages) * self._cycle)
+            led = self._reading + self._velocity * ((DELAY_CYCLES + self.readings.ages) * self._cycle)
             np.copyto(wanted, led, where=coasting)
             arrived = coasting & (self._states == DriveState.ENERGIZED)
             feedback.position[self._where] = np.where(arrived, led, self._reading)
@@ -429,7 +290,7 @@ class Cia402Axes:
     def _step_stages(self, setpoints: Setpoints) -> None:
         told, bits, shown = self._told.tolist(), self._bits.tolist(), self._shown.tolist()
         words = self._status.tolist()
-        standing = (np.abs(self._moved) <= STANDING_COUNTS).tolist()
+        standing = (np.abs(self.readings.moved) <= STANDING_COUNTS).tolist()
         busy = False
         captured = self._any_capturing
         before = self._capturing.copy() if captured else self._capturing

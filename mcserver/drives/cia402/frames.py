@@ -1,8 +1,8 @@
 """Where the process data of one axis stand in the arenas of its bus, whatever PDOs they come and go in.
 
 An arena holds what the cycle exchanges in one form: RPDO1 and TPDO1 of 7 bytes, RPDO2 of 8 (see
-`mcserver.can.pdo_layout`), and a third one of 2 bytes for torque offsets. A PDO of another mapping is put
-together from pieces of an arena, and taken apart into pieces.
+`mcserver.can.pdo_layout`), a third one of 2 bytes for torque offsets and a fourth of 4 for outputs.
+A PDO of another mapping is put together from pieces of an arena, and taken apart into pieces.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ AXIS_OFFSET = 0x800
 CONTROLWORD, MODE, TARGET_POSITION, INTERPOLATED = 0x6040, 0x6060, 0x607A, 0x60C1
 TARGET_VELOCITY, TARGET_TORQUE, TORQUE_OFFSET = 0x60FF, 0x6071, 0x60B2
 PROFILE_VELOCITY = 0x6081
+DIGITAL_INPUTS, DIGITAL_OUTPUTS = 0x60FD, 0x60FE
 STATUSWORD, MODE_DISPLAY, POSITION, TORQUE = 0x6041, 0x6061, 0x6064, 0x6077
 
 # object → (which outgoing arena, first byte, bytes)
@@ -30,6 +31,7 @@ _OUT = {
     PROFILE_VELOCITY: (2, 2, 4),  # no axis has both speeds
     TARGET_TORQUE: (2, 6, 2),
     TORQUE_OFFSET: (3, 0, 2),
+    DIGITAL_OUTPUTS: (4, 0, 4),
 }
 # object → (first byte, bytes) of the incoming arena
 _IN = {STATUSWORD: (0, 2), MODE_DISPLAY: (2, 1), POSITION: (3, 4)}
@@ -61,12 +63,13 @@ class OutgoingPdo:
 
 @dataclass(frozen=True)
 class IncomingPdo:
-    """One TPDO: its pieces, where torque stands in it, and whether an axis has answered only with it."""
+    """One TPDO: its pieces, where torque and digital inputs stand, whether it belongs to an answer."""
 
     cob_id: int
     length: int
     pieces: tuple[Piece, ...]
     torque_at: int | None
+    inputs_at: int | None
     essential: bool
 
 
@@ -92,7 +95,7 @@ def frames_of(axis: Axis) -> AxisFrames:
     drive = axis.drive
     data = drive.process_data or usual_process_data(drive.node, torque_offset=drive.torque_feed_forward)
     offset = AXIS_OFFSET * drive.node_axis
-    always = frozenset({TORQUE_OFFSET} if drive.torque_feed_forward else ())
+    always = frozenset({TORQUE_OFFSET, DIGITAL_OUTPUTS} if drive.torque_feed_forward else {DIGITAL_OUTPUTS})
     rpdos = tuple(_outgoing(pdo, offset, always) for pdo in data.rpdos)
     tpdos = tuple(_incoming(pdo, offset) for pdo in data.tpdos)
     first = tpdos[0]
@@ -143,7 +146,7 @@ def _outgoing(pdo: MappedPdo, offset: int, always: frozenset[int]) -> OutgoingPd
 
 def _incoming(pdo: MappedPdo, offset: int) -> IncomingPdo:
     pieces: list[Piece] = []
-    torque_at = None
+    torque_at = inputs_at = None
     at = 0
     indices = {_plain(mapped, offset) for mapped in pdo.objects}
     for mapped in pdo.objects:
@@ -153,8 +156,11 @@ def _incoming(pdo: MappedPdo, offset: int) -> IncomingPdo:
             pieces.append(Piece(0, place[0], place[1], at))
         elif index == TORQUE:
             torque_at = at
+        elif index == DIGITAL_INPUTS:
+            inputs_at = at
         at += mapped.bits // 8
-    return IncomingPdo(pdo.cob_id, at, _joined(pieces), torque_at, bool(indices & _ESSENTIAL))
+    essential = bool(indices & _ESSENTIAL)
+    return IncomingPdo(pdo.cob_id, at, _joined(pieces), torque_at, inputs_at, essential)
 
 
 def _joined(pieces: list[Piece]) -> tuple[Piece, ...]:
