@@ -79,14 +79,15 @@ def _structure(machine: Machine) -> dict[str, Expression]:
         seq(Ref("dwell-code"), Ref("seconds")),
     ]
     rules: dict[str, Expression] = {
-        "before": many(Ref("setting")),
+        # one tolerance in a line: its word is P
+        "before": seq(many(Ref("setting")), opt(Ref("rounding"), many(Ref("setting")))),
         "straight-words": choice(
             seq(Ref("feed"), opt(Ref("axes"))), seq(Ref("axes"), opt(Ref("feed")), *spindle)
         ),
         "axes": _axes(machine),
     }
     if profile == "robot" and machine.tools:
-        rules["before"] = seq(many(Ref("setting")), opt(Ref("tool"), many(Ref("setting"))))
+        rules["before"] = seq(rules["before"], opt(Ref("tool"), many(Ref("setting"))))
     if linear:
         blocks.append(seq(Ref("before"), Ref("arc-code"), Ref("arc-words")))
         rules |= _arcs(linear, [axis for axis in _lettered(machine) if axis in linear])
@@ -152,10 +153,15 @@ def _special_blocks(machine: Machine) -> list[Expression]:
             seq(opt(Ref("straight-code")), Ref("length-code"), opt(Ref("axes")), Ref("length-number"))
         )
     if "G81" in acting:
-        # P stands before R, or behind Q
-        pause = opt(Ref("seconds"))
-        words = seq(pause, opt(Ref("radius")), opt(Ref("peck")), pause, opt(Ref("times")), opt(Ref("feed")))
-        blocks.append(seq(Ref("before"), Ref("cycle-code"), opt(Ref("axes")), words))
+        # P stands before R, or behind Q, and not beside a tolerance, whose word it is too
+        depths = (opt(Ref("radius")), opt(Ref("peck")))
+        words = choice(seq(Ref("seconds"), *depths), seq(*depths, opt(Ref("seconds"))))
+        blocks.append(
+            seq(
+                *(many(Ref("setting")), Ref("cycle-code"), opt(Ref("axes")), words),
+                *(opt(Ref("times")), opt(Ref("feed"))),
+            )
+        )
     if "G10" in acting:
         blocks.append(
             seq(
@@ -219,11 +225,8 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
             seq(char("("), many(outer), char(")")),
             seq(char("("), many(choice(all_but("();\r\n"), inner)), char(")")),
         ),
-        # the longer one first: some readers take the first alternative that fits
-        "setting": choice(
-            seq(_codes({"G64"}), opt(Ref("tolerance"))),
-            _codes((settings - acting | (_WORDLESS & acting)) - {"G64"}),
-        ),
+        "setting": _codes((settings - acting | (_WORDLESS & acting)) | {"G64"}),
+        "rounding": seq(_codes({"G64"}), Ref("tolerance")),
         "straight-code": _codes({"G0", "G1"}),
         "arc-code": _codes({"G2", "G3"}),
         "program-code": _codes({"M0", "M1", "M2", "M30", "M60"}),
