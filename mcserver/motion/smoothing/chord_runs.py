@@ -3,7 +3,8 @@
 A vertex between two lines that turns by δ is missed by about 0.22 d δ if it is rounded from d before it to
 d behind it: the tolerance ε asks for d = ε / 0.22 δ. A line is a *chord* where that is more than its half at
 both of its vertices, so that their roundings would meet: neither the line nor its vertices are meant, but the
-curve that they stand for. Where d is shorter, the bend is larger than its neighbours suggest: a corner.
+curve that they stand for. Where d is shorter, the bend is larger than its neighbours suggest: a corner. But
+where both vertices turn alike and the same way, as in the tightest bend of a curve, d may be shorter.
 """
 
 from __future__ import annotations
@@ -22,6 +23,12 @@ SHARE = 0.49
 MISS = 0.22
 # Vertices that turn by more are corners [length of the difference of the unit tangents].
 SHARPEST = 0.6
+# How much shorter d may be than half a line between vertices that turn alike: the curve is then fitted more
+# closely to the vertices, which still takes no stop. Longer lines are polygons that are meant.
+EVEN_BEND = 3.0
+# Vertices turn alike where the smaller turn is this share of the larger one, and the cosine of the angle
+# between their directions is no less than this.
+ALIKE, SAME_WAY = 0.5, 0.5
 # Turns below are rounding.
 STRAIGHT = 1e-9
 
@@ -31,12 +38,14 @@ class Chords:
     """Lines on end in tolerance metric: metres, a degree counting as a millimetre.
 
     Attributes:
-        lengths: shape (n,). turns, tolerances: at the vertices between them, shape (n-1,).
+        lengths: shape (n,). turns, tolerances: at the vertices between them, shape (n-1,). even: of the inner
+            lines, whether the vertices at both ends turn alike, shape (n-2,).
     """
 
     lengths: Array
     turns: Array
     tolerances: Array
+    even: NDArray[np.bool_]
 
     @classmethod
     def of(cls, lines: list[Segment], weights: Array) -> Chords:
@@ -44,9 +53,13 @@ class Chords:
         travels = np.array([each.first for each in lines]) * weights
         lengths = np.sqrt(np.einsum("ij,ij->i", travels, travels))
         tangents = travels / lengths[:, None]
-        turns = np.linalg.norm(np.diff(tangents, axis=0), axis=1)
+        bends = np.diff(tangents, axis=0)
+        turns = np.sqrt(np.einsum("ij,ij->i", bends, bends))
+        one, other = turns[:-1], turns[1:]
+        even = np.minimum(one, other) >= ALIKE * np.maximum(one, other)
+        even &= np.einsum("ij,ij->i", bends[:-1], bends[1:]) >= SAME_WAY * one * other
         remaining = np.array([each.finish - each.begin for each in lines])
-        return cls(lengths * remaining, turns, np.array([each.tolerance for each in lines[1:]]))
+        return cls(lengths * remaining, turns, np.array([each.tolerance for each in lines[1:]]), even)
 
     def bends(self, vertex: int) -> bool:
         """Return whether a curve may pass a vertex."""
@@ -64,7 +77,9 @@ class Chords:
         may = (self.turns <= SHARPEST) & (self.tolerances > 0.0)
         with np.errstate(divide="ignore"):
             distance = np.where(may, self.tolerances / (MISS * self.turns), 0.0)
-        inner: NDArray[np.bool_] = SHARE * self.lengths[1:-1] < np.minimum(distance[:-1], distance[1:])
+        nearer = np.minimum(distance[:-1], distance[1:])
+        nearer[self.even] *= EVEN_BEND
+        inner: NDArray[np.bool_] = SHARE * self.lengths[1:-1] < nearer
         if linked is not None:
             inner[:linked] = True
         found: list[tuple[int, int]] = []
