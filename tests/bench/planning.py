@@ -51,6 +51,7 @@ def measure() -> list[Figure]:
                 "≤ 0.15 ms" if jerk else "",
             ),
         ]
+    figures.append(_with_tolerance(polyline))
     text = ARCS.read_text("utf-8")
     cartesian = load_machine("cartesian")
     motion = simulate(text, cartesian).report["duration_s"]
@@ -59,6 +60,23 @@ def measure() -> list[Figure]:
         Figure("simulating examples/arcs.gcode", 1.0 / speed, "s", motion, "the motion itself", "far below 1")
     )
     return figures
+
+
+def _with_tolerance(polyline: list[str]) -> Figure:
+    """The same lines as one curve within 0.05 mm."""
+    machine = ideal(axes=6, jerk=50_000.0, tolerance_mm=0.05)
+    parsed = seconds(lambda: canonical(polyline, machine), runs=3)
+    lines = canonical(polyline, machine)
+    setpoints(lines, machine)
+    planned = seconds(lambda: setpoints(lines, machine), runs=3)
+    return Figure(
+        "text → setpoints, with jerk and a tolerance of 0.05 mm",
+        LINES / (parsed + planned),
+        "lines/s",
+        LINES / parsed,
+        "parse and interpret alone",
+        "50 k",
+    )
 
 
 def canonical(lines: list[str], machine: Machine) -> list[MotionLine | PlainRun]:
@@ -88,9 +106,9 @@ def setpoints(lines: list[MotionLine | PlainRun], machine: Machine) -> None:
         if planner.full:
             list(planner.commit() or ())
         if isinstance(line, PlainRun):
-            assert planner.append_run(line)
+            assert planner.append_run(line, tolerance=line.tolerance)
             continue
         group = line.groups[0]
         assert isinstance(group, FeedGroup)
-        planner.append(planner.segment(group, line.line))
+        planner.append(planner.segment(group, line.line), tolerance=line.tolerance)
     list(planner.close())

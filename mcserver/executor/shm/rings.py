@@ -10,6 +10,7 @@ overwritten.
 from __future__ import annotations
 
 import struct
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,6 +27,8 @@ _ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ = range(4)
 # number of the row after those that come with it; kind, u, line, axes, seconds, operation, token, channel,
 # value, whether values follow
 _CONTROL = struct.Struct("<qqdqQdqqqdq")
+# By number: asked for twice a line, where calling the enumeration takes longer than all the rest.
+_KINDS = MappingProxyType({kind.value: kind for kind in ControlKind})
 
 Buffer = bytearray | memoryview
 _Scalar = TypeVar("_Scalar", bound=np.generic)
@@ -218,4 +221,4 @@ class ProgramRing:
             self._buffer, self._controls_at + at * _CONTROL.size
         )
         values = tuple(self._values[at].tolist()) if has_values else None
-        return Control(ControlKind(kind), u, line, axes, values, seconds, operation, token, channel, value)
+        return Control(_KINDS[kind], u, line, axes, values, seconds, operation, token, channel, value)
