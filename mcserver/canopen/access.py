@@ -11,13 +11,14 @@ from typing import TypeVar
 from canopen.objectdictionary import ODVariable
 
 from mcserver.can.cob import NmtState
+from mcserver.canopen.bus_scan import scan_bus
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.configuration import PDO_OBJECTS
 from mcserver.canopen.node import Node, NodeAxis, Phase
 from mcserver.canopen.service import CanopenService
 from mcserver.canopen.settings import AXIS_OFFSET, NO_AXIS, DriveSettings
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
-from mcserver.canopen.views import DriveInfo, MonitoredValue, SdoTarget, SdoValue
+from mcserver.canopen.views import BusScan, DriveInfo, MonitoredValue, SdoTarget, SdoValue
 from mcserver.drives.cia402.state import power_state
 from mcserver.drives.servosila.codec import fault_bits_text
 
@@ -74,6 +75,18 @@ class OperatorAccess:
         nodes = [node for node in self._service.nodes if node.settings.axis != NO_AXIS]
         views = [_view(node, axis, now) for node in nodes for axis in node.axes]
         return sorted(views, key=lambda view: view.axis)
+
+    async def scan(self, bus: str) -> list[BusScan]:
+        """Ask every node number of a bus, or of all, who is there.
+
+        Raises:
+            DriveError: MC559 no such bus. RuntimeFault: MC424 a bus cannot be opened.
+        """
+        wanted = [each for each in self._service.buses if bus in ("", each.name)]
+        if not wanted:
+            names = ", ".join(each.name for each in self._service.buses)
+            raise DriveError("MC559", f"there is no bus {bus!r}", f"there is {names}")
+        return await self._in_thread(lambda: [scan_bus(each, "machine") for each in wanted])
 
     async def sdo_read(self, target: SdoTarget, kind: str | None) -> SdoValue:
         """Reads an object.

@@ -85,6 +85,28 @@ def sections_of(text: str, source: str) -> dict[str, Section]:
     return sections
 
 
+def device_of(raw: bytes) -> tuple[int, int] | None:
+    """Return vendor and product of a file's beginning ([DeviceInfo]); None where it does not say."""
+    found: dict[str, int] = {}
+    inside = False
+    for line in decode(raw).splitlines():
+        text = line.strip()
+        if text.startswith("["):
+            inside = _plain(text[1:].partition("]")[0]) == "deviceinfo"
+            continue
+        key, equals, value = text.partition("=")
+        name = key.strip().lower()
+        if not inside or not equals or name not in ("vendornumber", "productnumber"):
+            continue
+        try:
+            found.setdefault(name, number_of(_without_comment("", value), 0))
+        except ValueError:
+            continue
+    if len(found) < 2 or not all(found.values()):
+        return None
+    return found["vendornumber"], found["productnumber"]
+
+
 def _plain(name: str) -> str:
     return re.sub(r"\s+", "", name).lower()
 

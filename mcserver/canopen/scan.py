@@ -5,14 +5,14 @@ Nothing is configured, reset or started; a node that moves goes on.
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable
-
-import msgspec
+from collections.abc import Callable, Collection
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE, Function
 from mcserver.can.port import CanPort
 from mcserver.canopen.configuration import MODE_BITS, USABLE_MODES
+from mcserver.canopen.views import ScannedNode
 
 ROUND_S = 0.005
 ANSWER_S = 0.3
@@ -24,26 +24,13 @@ _PROFILES = {401: "inputs and outputs", 402: "drive", 404: "measuring device", 4
 Wait = Callable[[float], None]
 
 
-class ScannedNode(msgspec.Struct, frozen=True):
-    """One node.
+def scan(port: CanPort, wait: Wait = time.sleep, without: Collection[int] = ()) -> list[ScannedNode]:
+    """Ask every node number for 1000h, and those that answer for identity and modes; takes about a second.
 
-    Attributes:
-        profile: of 1000h. modes: of 6502h. vendor_id … serial: 1018h; None: it does not say.
+    Args:
+        without: numbers that are not asked: somebody else has a transfer with them.
     """
-
-    node: int
-    profile: int
-    what: str
-    vendor_id: int | None = None
-    product_code: int | None = None
-    revision: int | None = None
-    serial: int | None = None
-    modes: tuple[str, ...] = ()
-
-
-def scan(port: CanPort, wait: Wait = time.sleep) -> list[ScannedNode]:
-    """Ask every node number for 1000h, and those that answer for identity and modes; takes about a second."""
-    every = range(LEAST_NODE, GREATEST_NODE + 1)
+    every = [node for node in range(LEAST_NODE, GREATEST_NODE + 1) if node not in without]
     types = _ask(port, [(node, 0x1000, 0) for node in every], wait)
     there = sorted(node for node, _, _ in types)
     wanted = [(node, 0x1018, subindex) for node in there for subindex in (1, 2, 3, 4)]
@@ -56,10 +43,19 @@ def scan(port: CanPort, wait: Wait = time.sleep) -> list[ScannedNode]:
         vendor, product, revision, serial = (
             answers.get((node, 0x1018, subindex)) for subindex in (1, 2, 3, 4)
         )
-        modes = tuple(short for bit, (short, _) in MODE_BITS.items() if supported >> bit & 1)
-        what = _PROFILES.get(profile, f"profile {profile}")
-        found.append(ScannedNode(node, profile, what, vendor, product, revision, serial, modes))
+        identity = (vendor, product, revision, serial)
+        found.append(ScannedNode(node, profile, what_of(profile), *identity, modes=modes_of(supported)))
     return found
+
+
+def what_of(profile: int) -> str:
+    """Return what a device profile (1000h) is, in words."""
+    return _PROFILES.get(profile, f"profile {profile}")
+
+
+def modes_of(supported: int) -> list[str]:
+    """Return the modes that 6502h names, in short."""
+    return [short for bit, (short, _) in MODE_BITS.items() if supported >> bit & 1]
 
 
 def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
@@ -97,7 +93,11 @@ def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
             lines.append(f"vendor_id = 0x{node.vendor_id:08X}")
         if node.product_code is not None:
             lines.append(f"product_code = 0x{node.product_code:08X}")
-        lines.append('# eds = "drive.eds"            # whose VendorNumber and ProductNumber are these')
+        lines.append(
+            f"eds = {json.dumps(node.eds)}"
+            if node.eds
+            else '# eds = "drive.eds"            # whose VendorNumber and ProductNumber are these'
+        )
     return "\n".join(lines) + "\n"
 
 

@@ -56,6 +56,36 @@ class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     monitor: list[MonitoredValue] = []
 
 
+class ScannedNode(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One node that answers on a bus.
+
+    Attributes:
+        profile: of 1000h; what: the same in words. modes: of 6502h.
+        vendor_id … serial: 1018h; None: it does not say.
+        axis: of the running machine, whose drive it is. eds: a file that is its by vendor and product.
+    """
+
+    node: int
+    profile: int
+    what: str
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+    modes: list[str] = []
+    axis: int | None = None
+    eds: str = ""
+
+
+class BusScan(msgspec.Struct, frozen=True):
+    """Who is on one bus; ``machine_file``: one to start from."""
+
+    bus: str
+    address: str
+    nodes: list[ScannedNode]
+    machine_file: str
+
+
 @dataclass(frozen=True)
 class SdoTarget:
     """An object of one drive, named by its axis, or by node (and bus, where the number is on several)."""
@@ -87,6 +117,9 @@ class DriveAccess(Protocol):
     def drives(self) -> list[DriveInfo]:
         """Every drive on a CAN bus, by axis."""
 
+    async def scan(self, bus: str, /) -> list[BusScan]:
+        """Asks every node number of a bus, or of all, who is there."""
+
     async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoValue:
         """Reads an object; ``kind`` None: by the drive's dictionary."""
 
@@ -99,6 +132,9 @@ class NoDrives:
 
     def drives(self) -> list[DriveInfo]:
         return []
+
+    async def scan(self, _bus: str, /) -> list[BusScan]:
+        raise self._refusal()
 
     async def sdo_read(self, _target: SdoTarget, _kind: str | None, /) -> SdoValue:
         raise self._refusal()

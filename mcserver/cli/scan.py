@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -23,10 +24,14 @@ def scan(
     take_over: Annotated[
         bool, typer.Option("--take-over", help="Ask the nodes even where another master is heard.")
     ] = False,
+    eds: Annotated[
+        Path | None, typer.Option("--eds", metavar="FOLDER", help="Where to look for the drives' EDS files.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Look who is on a CAN bus: identity and modes of every node. Nothing is configured, reset or started."""
     from mcserver.can.open import open_port
+    from mcserver.canopen.bus_scan import with_eds
     from mcserver.canopen.listening import Listening, refuse_other_masters
     from mcserver.canopen.scan import machine_file as file_of
     from mcserver.canopen.scan import scan as look
@@ -38,6 +43,8 @@ def scan(
         nodes = look(port)
     finally:
         port.close()
+    if eds is not None:
+        nodes = with_eds(nodes, [eds])
     if json:
         typer.echo(msgspec.json.encode({"bus": address, "nodes": nodes}).decode())
     elif machine_file:
@@ -55,7 +62,7 @@ LISTEN_S = 0.25
 def table_of(nodes: Sequence[object]) -> Table:
     """One row a node."""
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("node", "what", "vendor", "product", "revision", "serial", "modes"):
+    for title in ("node", "what", "vendor", "product", "revision", "serial", "modes", "EDS"):
         table.add_column(title)
     for node in nodes:
         shown = msgspec.structs.asdict(node)  # type: ignore[arg-type]
@@ -65,5 +72,6 @@ def table_of(nodes: Sequence[object]) -> Table:
             shown["what"],
             *("–" if number is None else f"0x{number:08X}" for number in numbers),
             ", ".join(shown["modes"]) or "–",
+            Path(shown["eds"]).name or "–",
         )
     return table

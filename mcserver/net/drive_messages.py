@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from mcserver.canopen.views import DriveInfo
+from mcserver.canopen.views import BusScan, DriveInfo
 from mcserver.canopen.views import MonitoredValue as MonitoredValue
+from mcserver.canopen.views import ScannedNode as ScannedNode
 from mcserver.net.messages import AxisIndex, Request
 
 NodeNumber = Annotated[int, Meta(ge=1, le=127)]
@@ -57,6 +58,18 @@ class SdoWriteRequest(SdoReadRequest, frozen=True, kw_only=True):
     """Writes an object; ``value`` may be text: a number such as ``0x10``, or hexadecimal for ``bytes``."""
 
     value: bool | int | float | Annotated[str, Meta(max_length=65_536)]
+
+
+class DrivesScanRequest(Request, frozen=True, kw_only=True):
+    """Asks every node number of a bus who is there; ``bus`` empty: of all buses."""
+
+    bus: Annotated[str, Meta(max_length=200)] = ""
+
+
+class DrivesScanReply(msgspec.Struct, frozen=True):
+    """By bus; each with a machine file to start from."""
+
+    buses: list[BusScan]
 
 
 class DrivesReply(msgspec.Struct, frozen=True):

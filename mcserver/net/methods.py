@@ -101,6 +101,7 @@ class Methods:
             "check": (wire.CheckRequest, self.check),
             "simulate": (wire.SimulateRequest, self.simulate),
             "drives": (drive_wire.DrivesRequest, self.drives),
+            "drives_scan": (drive_wire.DrivesScanRequest, self.drives_scan),
             "run_preview": (arming_wire.RunPreviewRequest, self._arming.preview),
             "run_requests": (arming_wire.RunRequestsRequest, self._arming.requests),
             "sdo_read": (drive_wire.SdoReadRequest, self.sdo_read),
@@ -253,6 +254,11 @@ class Methods:
 
     def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
         return drive_wire.DrivesReply(self._drives.drives())
+
+    async def drives_scan(
+        self, _client: str, request: drive_wire.DrivesScanRequest
+    ) -> drive_wire.DrivesScanReply:
+        return drive_wire.DrivesScanReply(await self._drives.scan(request.bus))
 
     async def sdo_read(self, _client: str, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
         return _sdo_reply(await self._drives.sdo_read(_target(request), request.type))

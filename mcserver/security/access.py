@@ -27,7 +27,7 @@ OPERATING = (
 )
 SWITCHING = ("set_output", "set_simulated_input")
 RECORDING = ("record_start", "record_stop", "record_save")
-ENGINEERING = ("sdo_write",)
+ENGINEERING = ("sdo_write", "drives_scan")
 
 METHODS: dict[Role, tuple[str, ...]] = {
     Role.OBSERVER: LOOKING + STOPPING,

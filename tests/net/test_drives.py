@@ -11,7 +11,7 @@ import pytest
 from mcserver.canopen.booted_drives import CanDrives
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.drive_events import CanopenEvent
-from mcserver.canopen.views import DriveInfo, SdoTarget, SdoValue, Value
+from mcserver.canopen.views import BusScan, DriveInfo, ScannedNode, SdoTarget, SdoValue, Value
 from mcserver.net.configuration import NetworkOptions
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
@@ -27,6 +27,10 @@ class ToldDrives:
 
     def drives(self) -> list[DriveInfo]:
         return [DriveInfo(1, "cia402", "can0", 3, "operational", statusword=0x27, status="operation enabled")]
+
+    async def scan(self, bus: str, /) -> list[BusScan]:
+        node = ScannedNode(3, 402, "drive", 0x11, 0x22, modes=["csp", "hm"], axis=1)
+        return [BusScan(bus or "can0", "can0", [node], "[machine]\n")]
 
     async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoValue:
         self.asked.append((target, kind, None))
@@ -78,6 +82,13 @@ async def test_drives_are_told_with_all_that_is_known(client: WireClient) -> Non
             "status": "operation enabled",
         }
     ]
+
+
+async def test_a_scan_brings_nodes_and_a_machine_file(client: WireClient) -> None:
+    [bus] = (await client.call("drives_scan", bus="left"))["buses"]
+    assert bus["bus"] == "left"
+    assert bus["nodes"][0]["modes"] == ["csp", "hm"]
+    assert bus["machine_file"].startswith("[machine]")
 
 
 async def test_an_object_is_read_as_asked(client: WireClient, told: ToldDrives) -> None:

@@ -34,6 +34,7 @@ from mcclient.reports import Report
 from mcclient.telemetry import Samples
 from mcclient.types import (
     AxisInfo,
+    BusScan,
     CheckResult,
     Diagnostic,
     DriveInfo,
@@ -49,12 +50,14 @@ from mcclient.types import (
     OutputInfo,
     OutputStatus,
     ProgramStatus,
+    ScannedNode,
     SdoObject,
     ToolInfo,
 )
 
 __all__ = [
     "AxisInfo",
+    "BusScan",
     "CheckResult",
     "ConfigurationError",
     "Diagnostic",
@@ -89,6 +92,7 @@ __all__ = [
     "Report",
     "RequestRefused",
     "Samples",
+    "ScannedNode",
     "SdoObject",
     "SeveralMachines",
     "ToolInfo",

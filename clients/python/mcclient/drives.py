@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mcclient.calls import Caller
-from mcclient.types import DriveInfo, SdoObject, SdoValue
+from mcclient.types import BusScan, DriveInfo, SdoObject, SdoValue
 from mcclient.wire import decode, from_wire, unpack
 
 SDO_S = 15.0
@@ -18,6 +18,15 @@ class DriveCalls:
         """Every drive on a CAN bus, by axis: its node's state, its statusword, its last emergency."""
         reply = await self._caller.call("drives")
         return [from_wire(DriveInfo, each) for each in unpack(reply)["drives"]]
+
+    async def drives_scan(self, bus: str = "") -> list[BusScan]:
+        """Ask every node number of a CAN bus, or of all, who is there; nothing is configured or started.
+
+        Raises:
+            RequestRefused: MC559 no such bus, or no drives on one.
+        """
+        reply = await self._caller.call("drives_scan", {"bus": bus}, deadline_s=SDO_S, attempt_s=SDO_S)
+        return [from_wire(BusScan, each) for each in unpack(reply)["buses"]]
 
     async def sdo_read(
         self,

@@ -26,6 +26,7 @@ from mcclient.program import ProgramResult
 from mcclient.reports import Report
 from mcclient.telemetry import Samples
 from mcclient.types import (
+    BusScan,
     CheckResult,
     DriveInfo,
     Event,
@@ -364,6 +365,10 @@ class Machine:
 
     def drives(self) -> list[DriveInfo]:
         return self._loop.run(self._machine.drives())
+
+    def drives_scan(self, bus: str = "") -> list[BusScan]:
+        """As `mcclient.drives.DriveCalls.drives_scan`."""
+        return self._loop.run(self._machine.drives_scan(bus))
 
     def sdo_read(
         self,

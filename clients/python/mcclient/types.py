@@ -337,6 +337,32 @@ class MonitoredValue:
 
 
 @dataclass(frozen=True, slots=True)
+class ScannedNode:
+    """One node that answers on a CAN bus: 1000h in words, 1018h, modes of 6502h, and whose drive it is."""
+
+    node: int
+    profile: int
+    what: str
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+    modes: tuple[str, ...] = ()
+    axis: int | None = None
+    eds: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class BusScan:
+    """Who is on one CAN bus; ``machine_file``: one to start from."""
+
+    bus: str
+    address: str
+    nodes: tuple[ScannedNode, ...]
+    machine_file: str
+
+
+@dataclass(frozen=True, slots=True)
 class DriveInfo:
     """One drive on a CAN bus.
 

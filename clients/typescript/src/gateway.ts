@@ -30,7 +30,7 @@ interface Listening { machine: string; topic: string; deliver: (message: any) =>
 const RETRY_MS = [50, 100, 200, 400, 800, 1000];
 /** What may be asked again under any circumstances: it changes nothing, or stops. */
 const REPEATABLE = new Set([
-  "info", "status", "programs", "events", "check", "simulate", "drives", "sdo_read", "run_requests", "run_preview", "abort", "hold", "machines", "subscribe", "estop",
+  "info", "status", "programs", "events", "check", "simulate", "drives", "drives_scan", "sdo_read", "run_requests", "run_preview", "abort", "hold", "machines", "subscribe", "estop",
 ]);
 /** Too many calls at once: none of them was carried out. */
 const TOO_MUCH = "MC071";

@@ -1,4 +1,4 @@
-"""Drives on CAN buses: ``drives``, ``drives watch``, ``sdo read``, ``sdo write``."""
+"""Drives on CAN buses: ``drives``, ``drives watch``, ``drives scan``, ``sdo read``, ``sdo write``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rich.text import Text
 from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
 from mcclient.cli.output import carry_out, errors_told, results, say, write_json
 from mcclient.errors import RequestRefused
-from mcclient.types import DriveInfo, SdoObject
+from mcclient.types import BusScan, DriveInfo, SdoObject
 
 AxisArgument = Annotated[int, typer.Argument(min=0, max=63, metavar="AXIS", help="Whose drive.")]
 ObjectArgument = Annotated[
@@ -42,6 +42,7 @@ def build_drives_app() -> typer.Typer:
     app = typer.Typer(invoke_without_command=True)
     app.callback()(drives)
     app.command("watch")(watch)
+    app.command("scan")(scan)
     return app
 
 
@@ -75,6 +76,52 @@ def watch(
         return looks
 
     carry_out(work, json)
+
+
+def scan(
+    bus: Annotated[str, typer.Argument(metavar="[BUS]", help="Name of a bus; left out: all of them.")] = "",
+    machine_file: Annotated[
+        bool, typer.Option("--machine-file", help="Print a machine file to start from, instead of the table.")
+    ] = False,
+    machine: MachineOption = None,
+    connect: ConnectOption = None,
+    zenoh: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Look who is on the machine's CAN buses: identity, modes, EDS file, axis; nothing is changed."""
+
+    async def work() -> list[BusScan]:
+        async with Target(machine, connect, zenoh).open() as one:
+            return await one.drives_scan(bus)
+
+    found = carry_out(work, json)
+    if json:
+        write_json(found)
+        return
+    for each in found:
+        if machine_file:
+            typer.echo(each.machine_file, nl=False)
+            continue
+        say(f"{each.bus} ({each.address})")
+        results().print(scan_table(each))
+
+
+def scan_table(found: BusScan) -> Table:
+    """One row a node."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("node", "axis", "what", "vendor", "product", "modes", "EDS"):
+        table.add_column(title)
+    for node in found.nodes:
+        table.add_row(
+            str(node.node),
+            "–" if node.axis is None else str(node.axis),
+            Text(node.what),
+            _hexadecimal(node.vendor_id),
+            _hexadecimal(node.product_code),
+            ", ".join(node.modes) or "–",
+            Text(node.eds.rpartition("/")[2] or "–"),
+        )
+    return table
 
 
 def monitor_lines(drives: list[DriveInfo]) -> list[Text]:
