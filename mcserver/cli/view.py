@@ -114,7 +114,7 @@ class _Address:
 def _play(file: str, machine: Machine, kinematics: MachineKinematics | None, address: _Address) -> None:
     from mcserver.simulation.simulation import simulate
     from mcserver.view.player import Player
-    from mcserver.view.tracks import tracks_of
+    from mcserver.view.tracks import tracks_of, work_zeros
 
     with json_answer_on_error(address.json):
         program = load_program(file)
@@ -133,6 +133,7 @@ def _play(file: str, machine: Machine, kinematics: MachineKinematics | None, add
     show_diagnostics(diagnostics, program.lines, program.name)
     tracks = tracks_of(machine, kinematics, recording)
     with _window(machine, kinematics, tracks, address) as window, _until_told() as stop:
+        window.add_zeros(work_zeros(machine, simulation.report))
         player = Player(window, machine, kinematics, recording, tracks, program.lines)
         address.tell(window.url, f"{program.name} on {machine.name}")
         player.run(stop)

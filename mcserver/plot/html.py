@@ -38,6 +38,7 @@ def _facts(scene: Scene) -> dict[str, Any]:
         "time": _short(scene.time[rows]),
         "line": scene.line[rows].tolist(),
         "paths": [_path(path) for path in scene.paths],
+        "zeros": [{"name": zero.name, "at": list(zero.at)} for zero in scene.zeros],
         "axes": [_axis(trace, scene, rows) for trace in scene.axes],
         "timed": [
             {

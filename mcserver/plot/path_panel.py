@@ -17,6 +17,7 @@ from mcserver.plot.scene import AxisTrace, PathTrace, Scene
 from mcserver.plot.side_views import draw_side_views, side_views
 from mcserver.plot.strokes import moving_strokes
 from mcserver.plot.theme import ACTUAL, FAINT_INK, INK, PAPER
+from mcserver.plot.work_zeros import draw_zeros
 
 MAX_LABELS = 24
 
@@ -28,11 +29,15 @@ def draw_path(figure: Figure, place: SubplotSpec, scene: Scene, colours: Mapping
         return
     views = side_views(scene.paths)
     if len(scene.paths[0].names) == 2:
-        _draw_plane(figure.add_subplot(place), scene.paths[0], colours)
+        plane = figure.add_subplot(place)
+        _draw_plane(plane, scene.paths[0], colours)
+        draw_zeros(plane, scene.zeros, (0, 1))
     elif views:
-        draw_side_views(figure, place, views, colours)
+        draw_side_views(figure, place, views, colours, scene.zeros)
     else:
-        _draw_space(figure.add_subplot(place, projection="3d", computed_zorder=False), scene.paths, colours)
+        space = figure.add_subplot(place, projection="3d", computed_zorder=False)
+        _draw_space(space, scene.paths, colours)
+        draw_zeros(space, scene.zeros, (0, 1, 2))
 
 
 def _draw_plane(axes: Any, path: PathTrace, colours: Mapping[int, str]) -> None:

@@ -133,8 +133,15 @@ class TimedLine(msgspec.Struct, frozen=True):
     source: str
 
 
+class WorkZero(msgspec.Struct, frozen=True):
+    """Where a work coordinate system reads zero, in the path's coordinates [mm]; ``name``: such as G54."""
+
+    name: str
+    at: tuple[float, ...]
+
+
 class Scene(msgspec.Struct, frozen=True):
-    """A run to be drawn; ``time`` and ``line`` are of shape (N,)."""
+    """A run to be drawn in the machine's coordinates; ``time`` and ``line`` are of shape (N,)."""
 
     title: str
     cycle_s: float
@@ -145,6 +152,7 @@ class Scene(msgspec.Struct, frozen=True):
     axes: tuple[AxisTrace, ...]
     paths: tuple[PathTrace, ...]
     timed_lines: tuple[TimedLine, ...]
+    zeros: tuple[WorkZero, ...] = ()
 
 
 def build_scene(
@@ -177,6 +185,17 @@ def build_scene(
         axes=tuple(traces),
         paths=paths or _axes_path(np.asarray(recording.time_s), line, traces),
         timed_lines=tuple(_timed_line(each, source_lines) for each in report["lines"]),
+        # tools have a frame of their own
+        zeros=() if paths else _work_zeros(report, traces),
+    )
+
+
+def _work_zeros(report: Mapping[str, Any], traces: Sequence[AxisTrace]) -> tuple[WorkZero, ...]:
+    """Zeros of the work coordinate systems of a run whose path is that of axes."""
+    linear = [trace for trace in traces if trace.linear][:3]
+    return tuple(
+        WorkZero(each["system"], tuple(float(each["origin"].get(str(trace.index), 0.0)) for trace in linear))
+        for each in report.get("work_offsets", ())
     )
 
 

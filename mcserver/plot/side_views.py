@@ -15,9 +15,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
-from mcserver.plot.scene import PathTrace
+from mcserver.plot.scene import PathTrace, WorkZero
 from mcserver.plot.strokes import moving_strokes
 from mcserver.plot.theme import ACTUAL, INK, PAPER
+from mcserver.plot.work_zeros import draw_zeros
 
 MAX_VIEWS = 3
 # a path this flat, as a share of the largest extent of all, counts as plane
@@ -65,9 +66,13 @@ def side_views(paths: Sequence[PathTrace]) -> tuple[SideView, ...]:
 
 
 def draw_side_views(
-    figure: Figure, place: SubplotSpec, views: Sequence[SideView], colours: Mapping[int, str]
+    figure: Figure,
+    place: SubplotSpec,
+    views: Sequence[SideView],
+    colours: Mapping[int, str],
+    zeros: Sequence[WorkZero] = (),
 ) -> None:
-    """The views one above the other, to one scale."""
+    """The views one above the other, to one scale; ``zeros``: of work coordinate systems."""
     grid = place.subgridspec(len(views), 1)
     points = np.concatenate([path.setpoint for view in views for path in view.paths])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -80,6 +85,7 @@ def draw_side_views(
         axes.update_datalim([low[seen] - margin, high[seen] + margin])
         axes.autoscale_view()
         axes.set_aspect("equal", adjustable="datalim")
+        draw_zeros(axes, zeros, (view.across, view.up))
         names = view.paths[0].names
         labels = ", ".join(path.label for path in view.paths if path.label)
         key = ": colour = line of the program, thin = encoders, ○ start" if row == 0 else ""

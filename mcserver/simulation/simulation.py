@@ -15,6 +15,7 @@ from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.text.source import split_lines
 from mcserver.machine.machine_file import Machine
@@ -169,6 +170,8 @@ class _Run:
         self._recorder = Recorder(machine, record, (row.inputs, row.outputs), sampler, moments)
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
+        # where the program's words read zero, by the name of the system
+        self._zeros = Frame(systems=machine.dialect.systems).zeros()
 
     def run(self, warnings: list[Diagnostic]) -> Simulation:
         idle = 0
@@ -227,6 +230,8 @@ class _Run:
                 self._record(report.line).planning = report.planning_s
             elif report.kind is ReportKind.BOUND:
                 self._record(report.line).bound_by = report.bound_by
+            elif report.kind is ReportKind.FRAME and report.frame is not None:
+                self._zeros.update(report.frame.zeros())
             elif report.kind is ReportKind.REJECTED:
                 self._faults += report.diagnostics
 
@@ -339,6 +344,9 @@ class _Run:
             "axes": axes,
             "diagnostics": [each.as_json() for each in (*warnings, *self._faults)],
         }
+        offsets = self._work_offsets()
+        if offsets:
+            report["work_offsets"] = offsets
         row = self._executor.executor.row
         if machine.inputs:
             report["inputs"] = {
@@ -349,3 +357,11 @@ class _Run:
                 each.name: float(value) for each, value in zip(machine.outputs, row.outputs, strict=True)
             }
         return report
+
+    def _work_offsets(self) -> list[dict[str, Any]]:
+        """Return where each system that the program used or set reads zero [mm, deg]."""
+        scale = {axis.index: axis.type.si_per_unit for axis in self._machine.axes}
+        return [
+            {"system": name, "origin": {str(axis): at / scale[axis] for axis, at in sorted(origin.items())}}
+            for name, origin in self._zeros.items()
+        ]

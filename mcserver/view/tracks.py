@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from mckinematics.solver import MachineKinematics
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.recorder import Recorded
-from mcserver.units import AxisType
+from mcserver.units import MM, AxisType
 from mcserver.view.solids import Array
 
 MOST_POINTS = 6000
@@ -44,6 +45,23 @@ def portal_axes(machine: Machine) -> tuple[int, ...]:
     """Which of the axes 0, 1, 2 are linear: X, Y and Z of a machine without tools."""
     linear = (machine.axis(index) for index in range(3))
     return tuple(axis.index for axis in linear if axis is not None and axis.type is AxisType.LINEAR)
+
+
+def work_zeros(machine: Machine, report: Mapping[str, Any]) -> dict[str, Array]:
+    """Where work coordinate systems read zero, shape (3,) [m], by name; empty for a machine with tools.
+
+    Args:
+        report: of a simulation; its ``work_offsets`` count. With any, the machine's zero is there too.
+    """
+    axes = portal_axes(machine)
+    if machine.tools or not axes or not report.get("work_offsets"):
+        return {}
+    zeros = {"machine": np.zeros(3)}
+    for each in report["work_offsets"]:
+        zeros[each["system"]] = np.zeros(3)
+        for axis in axes:
+            zeros[each["system"]][axis] = float(each["origin"].get(str(axis), 0.0)) * MM
+    return zeros
 
 
 def tip_frames(

@@ -26,6 +26,7 @@ TRAIL: Colour = (238, 102, 119)
 # axes of drawn frames and tips, as shares of what is seen
 FRAME_SIZE = 0.05
 TIP_SIZE = 0.035
+ZERO_SIZE = 0.04
 # The cameras follow once what is travelled is so many times as large as it was.
 GROWTH = 1.5
 
@@ -121,6 +122,18 @@ class Window:
         for track in tracks:
             self._points[f"path {track.label}"] = track.points
             self._tracks[track.label] = self._draw(f"/paths/{track.label or 'path'}", track.points, PATH)
+
+    def add_zeros(self, zeros: Mapping[str, Array]) -> None:
+        """Draw the zeros of coordinate systems, shape (3,) [m] by name, as small frames."""
+        scene = self._server.scene
+        for name, at in zeros.items():
+            scene.add_frame(
+                f"/zeros/{name}",
+                position=tuple(at),
+                axes_length=ZERO_SIZE * self._size,
+                axes_radius=0.05 * ZERO_SIZE * self._size,
+            )
+            scene.add_label(f"/zeros/{name}/name", name, anchor="top-center")
 
     def highlight(self, tracks: Sequence[Track], line: int, colour: Colour) -> None:
         """Draws what belongs to one line of the program in its colour, in place of the line before."""

@@ -13,7 +13,7 @@ from mcserver.view.body_of import body_of
 from mcserver.view.panel import axes_html, axis_names, line_html
 from mcserver.view.playback import Playback
 from mcserver.view.stage import stage, up_of
-from mcserver.view.tracks import portal_axes, portal_points, tip_frames, tracks_of
+from mcserver.view.tracks import portal_axes, portal_points, tip_frames, tracks_of, work_zeros
 from tests.kinematics.tool_machines import built_in
 
 ENDLESS = """[machine]
@@ -147,3 +147,14 @@ def test_an_endless_axis_has_a_dial() -> None:
     shown = axes_html(machine.axes, {3: math.pi / 2.0}, axis_names(machine, None))
     assert 'x2="12.0" y2="4.0"' in shown
     assert "90.00&nbsp;°" in shown
+
+
+def test_zeros_of_work_coordinate_systems_stand_in_the_machine_s_coordinates() -> None:
+    report = {"work_offsets": [{"system": "G55", "origin": {"0": 120.0, "2": -5.0, "3": 90.0}}]}
+    zeros = work_zeros(load_machine("cartesian"), report)
+    assert {name: at.tolist() for name, at in zeros.items()} == {
+        "machine": [0.0, 0.0, 0.0],
+        "G55": [0.12, 0.0, -0.005],
+    }
+    assert work_zeros(load_machine("cartesian"), {}) == {}
+    assert work_zeros(load_machine("robot-dog"), report) == {}

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 import msgspec
 
+from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
+
 Offsets = Mapping[int, float]
 LENGTH_AXIS = 2  # a tool's length lies along Z
 
@@ -73,3 +75,13 @@ class Frame(msgspec.Struct, frozen=True):
             total[LENGTH_AXIS] = total.get(LENGTH_AXIS, 0.0) + self.tool_length
         total = {axis: offset for axis, offset in total.items() if offset != 0.0}
         return total or None
+
+    def zeros(self) -> dict[str, Offsets]:
+        """Return where programs read zero, by system [m or rad]; without a tool's length.
+
+        The system in force has the offsets of G92 and G52 in it; systems without an origin are left out.
+        """
+        found = {name: dict(self.systems.get(number, {})) for name, number in SYSTEM_NUMBERS.items()}
+        own = next(name for name, number in SYSTEM_NUMBERS.items() if number == self.system)
+        found[own] = msgspec.structs.replace(self, tool_length=0.0).shift() or {}
+        return {name: origin for name, origin in found.items() if any(origin.values())}
