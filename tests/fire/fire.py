@@ -16,13 +16,17 @@ from pathlib import Path
 
 import msgspec
 
-from tests.e2e.servers import ROOT, ServerProcess, environment
+from mcserver.executor.process import SERVER_TIMEOUT_S
+from tests.e2e.servers import ROOT, ServerProcess, environment, wait_for_end
 from tests.fire.agreement import disagreement, read_journal
 from tests.fire.link import SERVER_ADDRESS, BadLink, Weather
 
 PORT = 17447
 CLIENT_LIMIT_S = 120.0
 REST_LIMIT_S = 60.0
+# a server that was stopped for less goes on; one whose executor has ended ends within so much
+SURVIVED_S = 0.75 * SERVER_TIMEOUT_S
+ENDS_S = 10.0
 
 
 class Fault(enum.Enum):
@@ -34,7 +38,7 @@ class Fault(enum.Enum):
     CUT = "the link is cut for 0.2 to 4 s, and comes back"
     CLIENT_STOPPED = "client stopped for 0.2 to 4 s (SIGSTOP)"
     CLIENT_KILLED = "client killed"
-    SERVER_STOPPED = "server stopped for 0.2 to 4 s"
+    SERVER_STOPPED = "server stopped for 0.2 to 4 s, started again where that ends it"
     SERVER_KILLED = "server killed, and started again"
     PLANNER_STOPPED = "planner stopped for 0.2 to 4 s"
     PLANNER_KILLED = "planner killed"
@@ -113,6 +117,8 @@ def _disturb(
             client.kill()
         case Fault.SERVER_STOPPED:
             _pause(server.pid, moment)
+            # its executor stops all axes and ends without its beat, and the server with it (MC518)
+            return moment > SURVIVED_S and wait_for_end(server.pid, ENDS_S)
         case Fault.SERVER_KILLED:
             os.kill(server.pid, signal.SIGKILL)
             return True
