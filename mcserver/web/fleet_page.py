@@ -32,6 +32,9 @@ class FleetPage:
                 self._search = (
                     ui.input("Search", on_change=self._filter).props("dense clearable").classes("grow")
                 )
+                self._group = ui.select(
+                    {"": "all groups"}, value="", label="Group", on_change=self._filter_group
+                ).classes("min-w-32")
                 ui.button("Hold selected", on_click=lambda: self._ask("hold")).props("color=warning")
                 ui.button("Stop selected", on_click=lambda: self._ask("abort")).props(
                     "color=negative outline"
@@ -47,6 +50,7 @@ class FleetPage:
                                 "sortable": True,
                                 "minWidth": 150,
                             },
+                            {"field": "group", "filter": True, "sortable": True, "minWidth": 110},
                             {"field": "state", "sortable": True, "minWidth": 130},
                             {"field": "program", "sortable": True, "minWidth": 160},
                             {"field": "percent", "headerName": "%", "sortable": True, "minWidth": 80},
@@ -86,6 +90,9 @@ class FleetPage:
             )
         if added or removed:
             self._open.set_options(sorted(rows))
+            groups = sorted({str(row["group"]) for row in rows.values()} - {""})
+            kept = self._group.value if self._group.value in groups else ""
+            self._group.set_options({"": "all groups", **{group: group for group in groups}}, value=kept)
         self._sent = rows
         online = sum(seen.online for seen in self._fleet.machines.values())
         faults = sum(row["state"] in ("fault", "EMERGENCY STOP") for row in rows.values())
@@ -93,6 +100,10 @@ class FleetPage:
 
     def _filter(self) -> None:
         self._grid.run_grid_method("setGridOption", "quickFilterText", self._search.value or "")
+
+    def _filter_group(self) -> None:
+        wanted = {"group": {"filterType": "text", "type": "equals", "filter": self._group.value}}
+        self._grid.run_grid_method("setFilterModel", wanted if self._group.value else None)
 
     def _go(self) -> None:
         if self._open.value:
@@ -120,6 +131,12 @@ class FleetPage:
             ui.notify(f"{len(names) - len(failures)} of {len(names)} machines: {order}", position="top")
 
 
+def group_of(name: str) -> str:
+    """Return a machine's group: its name before the last ``-`` or ``.``, as ``hall-2`` of ``hall-2-07``."""
+    cut = max(name.rfind("-"), name.rfind("."))
+    return name[:cut] if cut > 0 else ""
+
+
 def _row(seen: Seen) -> dict[str, Any]:
     status = seen.status
     word, _ = banner(status, seen.online)
@@ -127,6 +144,7 @@ def _row(seen: Seen) -> dict[str, Any]:
     live = program is not None and is_live(program)
     return {
         "machine": seen.name,
+        "group": group_of(seen.name),
         "state": word,
         "program": (program.name or program.program) if program is not None and live else "",
         "percent": round(100 * program.progress) if program is not None and live else None,

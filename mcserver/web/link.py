@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter, deque
+from collections.abc import Callable
 from pathlib import Path
 
 from mcclient import Event, Machine, MachineStatus, MotionError
@@ -60,6 +61,7 @@ class MachineLink:
         self.jobs = JobQueue(self, store)
         self.run_requests = RunRequests()
         self.recorded = RecordedFiles(store.folder / ".recordings")
+        self._made: dict[str, tuple[MachineStatus, str]] = {}
         self._connect = connect
         self._config_file = config_file
         self._task = asyncio.ensure_future(self._run())
@@ -68,6 +70,20 @@ class MachineLink:
     def online(self) -> bool:
         """Whether its server is there now."""
         return self.machine is not None and self.machine.online
+
+    def once(self, key: str, make: Callable[[MachineStatus], str]) -> str:
+        """Return what ``make`` gives for the newest state; made once, whoever looks.
+
+        Args:
+            key: of what is made: the same for all viewers to whom the same is shown.
+        """
+        status = self.status
+        if status is None:
+            return ""
+        known = self._made.get(key)
+        if known is None or known[0] is not status:
+            known = self._made[key] = (status, make(status))
+        return known[1]
 
     def connected(self) -> Machine:
         """The machine; raises MotionError (MC530) while there is none."""

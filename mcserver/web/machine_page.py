@@ -152,7 +152,7 @@ class MachinePage:
             self._late.set_text(self._link.failure)
             return
         self._late.set_text(f"{status.late_cycles} late cycles")
-        self._positions.update(status, machine.info)
+        self._positions.update(machine.info)
         self._jog.update(machine.info)
         self._channels.update(status, machine.info)
         self._faults.update(status)
@@ -163,6 +163,6 @@ class MachinePage:
             self._arming.update()
             self._chart.update(status, machine.info)
             self._homing.update(status, machine.info)
-            self._people.update(status, machine.info.epoch)
+            self._people.update(machine.info.epoch)
             self._events.update(machine.info.epoch)
         self._turn += 1

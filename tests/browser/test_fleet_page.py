@@ -46,7 +46,9 @@ class Answering:
             reply.ok for reply in self._session.get(f"@/{self._session.zid()}/*") if reply.ok is not None
         ][:1]
         self.endpoint: str = msgspec.json.decode(admin.payload.to_bytes())["locators"][0]
-        self._declared = [self._declare(f"cell-{number:02}") for number in range(count)]
+        self._declared = [
+            self._declare(f"{'hall' if number < 5 else 'cell'}-{number:02}") for number in range(count)
+        ]
 
     def _declare(self, name: str) -> object:
         state = "fault" if name == "cell-07" else "ready"
@@ -104,8 +106,13 @@ def test_all_machines_are_shown_searched_and_several_held_after_a_question(
 ) -> None:
     page.goto(fleet_site.url)
     expect(page.get_by_role("status")).to_have_text(f"{MACHINES} of {MACHINES} online, 1 with faults")
-    page.get_by_label("Search").fill("cell-07")
+    page.get_by_label("Group").click()
+    page.get_by_role("option", name="hall").click()
     row = page.locator(".ag-center-cols-container [role=row]")
+    expect(row).to_have_count(5)
+    page.get_by_label("Group").click()
+    page.get_by_role("option", name="all groups").click()
+    page.get_by_label("Search").fill("cell-07")
     expect(row).to_have_count(1)
     expect(row).to_contain_text("fault")
     page.locator(".ag-pinned-left-cols-container input[type=checkbox]").check()

@@ -1,3 +1,208 @@
 """What the machine's page says, from states as a server sends them."""
 
 from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from mcclient import Event, Fault, Info, MachineStatus
+from mcclient.types import (
+    AxesStatus,
+    AxisInfo,
+    InputInfo,
+    InputStatus,
+    ProgramStatus,
+    ToolInfo,
+    ToolPose,
+    WorkOffset,
+)
+
+from mcserver.machine.machine_file import load_machine
+from mcserver.recorder.reading import RecordedRun
+from mcserver.simulation.recorder import Recorded
+from mcserver.web.jobs import path_from_line
+from mcserver.web.link import MachineLink
+from mcserver.web.panels.dry_run import report_html
+from mcserver.web.panels.homing import phase_of
+from mcserver.web.panels.messages import black_box_of
+from mcserver.web.panels.people import people_html
+from mcserver.web.panels.picture import tips_of
+from mcserver.web.panels.positions import positions_html, system_name
+from mcserver.web.replay import MOST_ROWS, main, replay_of
+from mcserver.web.signals import signals_of, value_of
+
+AXES = AxesStatus(
+    index=(0, 7),
+    position=(12.0, 90.0),
+    setpoint=(12.5, 90.0),
+    velocity=(3.0, 0.0),
+    torque=(0.5, 0.0),
+    state=("moving", "off"),
+    homed=(True, False),
+)
+STATUS = MachineStatus(
+    t=5.0,
+    wall=1000.0,
+    instance="one",
+    state="ready",
+    axes=AXES,
+    tools=(ToolPose(3, (1.0, 2.0, 3.0), (10.0, 20.0, 30.0)),),
+    inputs=(InputStatus("door", 1.0),),
+    work_offsets=(WorkOffset("G54", {"0": 10.0}), WorkOffset("G55", {"0": 99.0})),
+)
+INFO = Info(
+    machine="cell-1",
+    server="0",
+    protocol=(1,),
+    instance="one",
+    epoch=0.0,
+    cycle_s=1e-3,
+    axes=(AxisInfo(0, "linear", "mm", homing="switch"), AxisInfo(7, "rotary", "deg")),
+    tools=(ToolInfo(3, "foot"),),
+    inputs=(InputInfo("door", 0, "digital"),),
+)
+
+
+def link(**values: Any) -> MachineLink:
+    """What panels read of a link."""
+    known = {
+        "name": "cell-1",
+        "machine": None,
+        "status": STATUS,
+        "events": [],
+        "clients": (),
+        "visitors": {},
+        "acts": [],
+    }
+    return cast("MachineLink", SimpleNamespace(**{**known, **values}))
+
+
+def event(kind: str, **values: Any) -> Event:
+    return Event(seq=1, t=values.pop("t", 5.0), instance="one", kind=kind, **values)
+
+
+def test_every_signal_of_a_machine_has_a_name_a_unit_and_a_value() -> None:
+    signals = signals_of(INFO)
+    values = {key: value_of(STATUS, key) for key in signals}
+    assert None not in values.values()
+    assert signals["axis 7 velocity"] == ("[7] velocity", "deg/s")
+    assert values["axis 0 following error"] == 0.5
+    assert values["axis 0 in G54"] == 2.0
+    assert (values["tool 3 y"], values["tool 3 c"], values["input door"]) == (2.0, 30.0, 1.0)
+
+
+@pytest.mark.parametrize("signal", ["axis 5 position", "tool 9 x", "input gone", "output gone", "nonsense"])
+def test_a_signal_that_a_state_does_not_have_is_a_gap(signal: str) -> None:
+    assert value_of(STATUS, signal) is None
+
+
+def test_positions_are_shown_in_the_machine_and_in_g54() -> None:
+    text = positions_html(STATUS, INFO, work=True)
+    assert "<td class=n>12.000 mm</td><td class=n>2.000</td>" in text
+    assert "off, not homed" in text
+    assert "G54" not in positions_html(STATUS, INFO, work=False)
+    assert [system_name(number) for number in (1, 6, 7, 9)] == ["G54", "G59", "G59.1", "G59.3"]
+
+
+def test_homing_says_what_it_is_at_only_while_its_program_runs() -> None:
+    searching = [event("axis.homing", axis=0, message="searching the switch", program="h1")]
+    running = MachineStatus(
+        t=5.0, wall=0.0, instance="one", state="ready", axes=AXES, programs=(ProgramStatus("h1", "running"),)
+    )
+    assert phase_of(link(events=searching, status=running), 0, homed=False) == "searching the switch"
+    assert phase_of(link(events=searching), 0, homed=False) == "not homed"
+    done = [*searching, event("axis.homed", axis=0, program="h1")]
+    assert phase_of(link(events=done, status=running), 0, homed=True) == "homed"
+
+
+def test_a_fault_leads_to_the_black_box_that_was_written_after_it() -> None:
+    status = MachineStatus(
+        t=9.0, wall=0.0, instance="one", state="fault", axes=AXES, faults=(Fault("MC407", "late", t=6.0),)
+    )
+    older = event("recording", t=3.0, message="blackbox-1-MC407")
+    asked = event("recording", t=7.0, message="mine")
+    newer = event("recording", t=8.0, message="blackbox-2-MC407")
+    assert black_box_of(link(events=[older, asked]), status) == ""
+    assert black_box_of(link(events=[older, asked, newer]), status) == "blackbox-2-MC407"
+    assert black_box_of(link(events=[newer]), STATUS) == ""
+
+
+def test_people_are_listed_with_what_they_hold_and_nobody_s_name_is_markup() -> None:
+    program = ProgramStatus("p1", "running", client="<b>eve</b>", name="a.nc", axes=(0, 7))
+    status = MachineStatus(t=5.0, wall=0.0, instance="one", state="ready", axes=AXES, programs=(program,))
+    commands = [
+        event("command", client="web-1", reason="hold"),
+        event("command", client="bob", reason="abort"),
+    ]
+    shown = link(
+        machine=SimpleNamespace(client="web-1"),
+        clients=("bob",),
+        visitors={"ada": 2},
+        acts=[(4.0, "ada", "hold")],
+        events=commands,
+    )
+    text = people_html(shown, status, epoch=0.0)
+    assert "<b>&lt;b&gt;eve&lt;/b&gt;</b>: a.nc holds X, [7] (running)" in text
+    assert "<b>web-1</b> (this page): holds no axis" in text
+    assert "ada (2)" in text
+    assert text.index("abort") < text.index("</b> hold")
+    # what was done here is named by who did it, not by the page's own client
+    assert text.count("hold</div>") == 1
+
+
+def test_tips_are_the_tools_or_the_first_axes() -> None:
+    assert tips_of(STATUS) == {"T3": [1.0, 2.0, 3.0]}
+    plain = MachineStatus(t=5.0, wall=0.0, instance="one", state="ready", axes=AXES)
+    assert tips_of(plain) == {"": [12.0, 0.0, 0.0]}
+
+
+def test_a_path_from_a_line_on_leaves_out_what_comes_before() -> None:
+    path = {"lines": [0, 2, 3, 3], "tips": [{"tool": None, "points": [[0], [1], [2], [3]]}]}
+    assert path_from_line(path, 1) is path
+    assert path_from_line(path, 3) == {"lines": [3, 3], "tips": [{"tool": None, "points": [[2], [3]]}]}
+
+
+def test_a_dry_run_says_duration_travel_slow_lines_and_faults() -> None:
+    line = {"line": 7, "stretched_by": 2.0, "bound_by": "axis 2 acceleration"}
+    report = {
+        "ok": True,
+        "duration_s": 65.0,
+        "feed_length_mm": 100.0,
+        "diagnostics": [],
+        "lines": [line, {"line": 8, "stretched_by": 1.0, "bound_by": None}],
+        "axes": {
+            "0": {"position": 5.0, "min": 0.0, "max": 10.0, "unit": "mm"},
+            "1": {"position": 0.0, "min": 0.0, "max": 0.0, "unit": "mm"},
+        },
+    }
+    text = report_html("", report)
+    assert "1:05" in text
+    assert "line 7: 2.00 × its time, axis 2 acceleration" in text
+    assert "<td>X</td>" in text
+    assert "<td>Y</td>" not in text
+    fault = {"line": 1, "message": "<no>", "code": "MC104", "hint": "h"}
+    refused = report_html("G02 R1", {**report, "ok": False, "diagnostics": [fault]})
+    assert "&lt;no&gt; [MC104]" in refused
+    assert "1:05" not in refused
+
+
+def test_a_replay_is_thinned_and_has_the_tips_of_the_machine(tmp_path: Path) -> None:
+    machine = load_machine("arm6")
+    count = 3 * MOST_ROWS
+    positions = np.zeros((count, 6))
+    positions[:, 0] = np.linspace(0.0, 90.0, count)
+    cycles = Recorded(np.arange(count) * 1e-3, np.ones(count), np.arange(6.0), positions, positions)
+    made = replay_of(RecordedRun("r", cycles, 0.0, machine, [], [], {}))
+    assert len(made["time_s"]) == len(made["position"]) == MOST_ROWS
+    (tip,) = made["tips"]
+    assert (tip["tool"], len(tip["points"])) == (1, MOST_ROWS)
+    first, last = np.array(tip["points"][0]), np.array(tip["points"][-1])
+    # a quarter turn about Z
+    assert last[:2] == pytest.approx([-first[1], first[0]], abs=0.1)
+    assert last[2] == pytest.approx(first[2], abs=0.01)
+    (tmp_path / "bad.mcap").write_bytes(b"no recording")
+    assert main(str(tmp_path / "out.json"), str(tmp_path / "bad.mcap")) == 1
+    assert not (tmp_path / "out.json").exists()

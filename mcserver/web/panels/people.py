@@ -24,8 +24,8 @@ class PeoplePanel:
             ui.html("<h2>Who is here</h2>", sanitize=False)
             self._content = ui.html("", sanitize=False).classes("w-full mc-people")
 
-    def update(self, status: MachineStatus, epoch: float) -> None:
-        content = people_html(self._link, status, epoch)
+    def update(self, epoch: float) -> None:
+        content = self._link.once("people", lambda status: people_html(self._link, status, epoch))
         if content != self._shown:
             self._shown = content
             self._content.set_content(content)

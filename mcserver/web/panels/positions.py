@@ -29,14 +29,16 @@ class PositionsPanel:
             self._table.props('tabindex=0 role=region aria-label="Positions"')
             self._zero = ui.element("div").classes("mc-buttons")
 
-    def update(self, status: MachineStatus, info: Info) -> None:
+    def update(self, info: Info) -> None:
         lettered = tuple(axis for axis in info.axes if axis.index < LETTERED)
         link = self._actions.link
         shown = lettered if link.has_work_offsets else ()
         if shown != self._axes:
             self._axes = shown
             self._build()
-        content = positions_html(status, info, work=link.has_work_offsets)
+        content = link.once(
+            "positions", lambda status: positions_html(status, info, work=link.has_work_offsets)
+        )
         if content != self._shown:
             self._shown = content
             self._table.set_content(content)
