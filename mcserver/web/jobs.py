@@ -20,6 +20,8 @@ MAX_WAITING = 100
 ENDED_KEPT = 20
 # Greater texts are judged line by line as they run.
 SIMULATED_BYTES = 8 * 1024 * 1024
+# Programs up to here are simulated when they start: the answer has each of their lines.
+AHEAD_BYTES = 512 * 1024
 # Points of a program's path that a browser draws.
 PATH_POINTS = 4000
 
@@ -195,7 +197,7 @@ class JobQueue:
     async def _estimate(self, job: Job) -> None:
         """Simulates a job for its duration and its path; without them where the server does not give them."""
         text = "\n".join(job.lines)
-        if len(text) > SIMULATED_BYTES:
+        if len(text) > AHEAD_BYTES:
             return
         points = 0 if job.start is None else PATH_POINTS
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections import Counter, deque
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,7 @@ from mcserver.web.formatting import LETTERS
 from mcserver.web.jobs import JobQueue
 from mcserver.web.recorded_files import RecordedFiles
 from mcserver.web.run_requests import RunRequests
+from mcserver.web.shared_answers import SharedAnswers
 from mcserver.web.store import ProgramStore
 
 log = logging.getLogger(__name__)
@@ -61,6 +63,7 @@ class MachineLink:
         self.jobs = JobQueue(self, store)
         self.run_requests = RunRequests()
         self.recorded = RecordedFiles(store.folder / ".recordings")
+        self.answers = SharedAnswers(time.monotonic)
         self._made: dict[str, tuple[MachineStatus, str]] = {}
         self._connect = connect
         self._config_file = config_file

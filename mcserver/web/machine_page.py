@@ -44,24 +44,40 @@ class MachinePage:
         with ui.element("main").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{link.name}</h1>", sanitize=False)
             with ui.element("div").classes("mc-grid"):
-                with ui.column().classes("w-full gap-3"):
-                    self._faults = FaultPanel(actions)
-                    self._arming = ArmingPanel(actions)
-                    self._controls()
-                    self._program = ProgramPanel(actions)
-                    self._recordings = RecordingsPanel(actions)
-                with ui.column().classes("w-full gap-3"):
-                    self._positions = PositionsPanel(actions)
-                    self._jog = JogPanel(actions)
-                    self._mdi = MdiPanel(actions)
-                    self._homing = HomingPanel(actions)
-                    self._channels = ChannelsPanel(actions)
-                    self._drives = DrivesPanel(link)
-                with ui.column().classes("w-full gap-3"):
-                    self._picture = PicturePanel(link)
-                    self._chart = ChartPanel(link)
-                    self._people = PeoplePanel(link)
-                    self._events = EventPanel(link)
+                # the numbers are the order on a narrow screen, where all of it is one column
+                with ui.element("div").classes("mc-column"):
+                    with _place(1):
+                        self._faults = FaultPanel(actions)
+                    with _place(2):
+                        self._arming = ArmingPanel(actions)
+                    with _place(3):
+                        self._controls()
+                    with _place(5):
+                        self._program = ProgramPanel(actions)
+                    with _place(11):
+                        self._recordings = RecordingsPanel(actions)
+                with ui.element("div").classes("mc-column"):
+                    with _place(4):
+                        self._positions = PositionsPanel(actions)
+                    with _place(7):
+                        self._jog = JogPanel(actions)
+                    with _place(8):
+                        self._mdi = MdiPanel(actions)
+                    with _place(9):
+                        self._homing = HomingPanel(actions)
+                    with _place(10):
+                        self._channels = ChannelsPanel(actions)
+                    with _place(13):
+                        self._drives = DrivesPanel(link)
+                with ui.element("div").classes("mc-column"):
+                    with _place(6):
+                        self._picture = PicturePanel(link)
+                    with _place(12):
+                        self._chart = ChartPanel(link)
+                    with _place(14):
+                        self._people = PeoplePanel(link)
+                    with _place(15):
+                        self._events = EventPanel(link)
         ui.on("mc_key", self._on_key)
         ui.timer(REFRESH_S, self.update)
         ui.timer(SLOW_S, self.ask)
@@ -166,3 +182,8 @@ class MachinePage:
             self._people.update(machine.info.epoch)
             self._events.update(machine.info.epoch)
         self._turn += 1
+
+
+def _place(order: int) -> ui.element:
+    """Return where a card goes."""
+    return ui.element("div").classes("mc-place").style(f"order: {order}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import re
 import shutil
 import sys
 from collections.abc import AsyncIterator
@@ -21,6 +22,8 @@ KEPT = 4
 MOST_BYTES = 1 << 30
 LIMIT_S = 300.0
 NICE = 10
+# as servers name them: nothing that leads out of the folder
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 
 
 class RecordedFiles:
@@ -53,6 +56,8 @@ class RecordedFiles:
 
     async def _made(self, machine: Machine, name: str, suffix: str, *command: str) -> Path:
         async with self._busy:
+            if _NAME.fullmatch(name) is None:
+                raise MotionError("MC585", f"{name!r} is no recording's name", "the list shows what is there")
             listed = (await machine.recordings())["recordings"]
             size = next((each["size"] for each in listed if each["name"] == name), None)
             if size is None:
@@ -104,8 +109,9 @@ async def _run(*arguments: str) -> None:
         *arguments,
         stdout=asyncio.subprocess.DEVNULL,
         stderr=asyncio.subprocess.PIPE,
-        preexec_fn=lambda: os.nice(NICE),
     )
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, process.pid, NICE)
     try:
         _, said = await asyncio.wait_for(process.communicate(), LIMIT_S)
     except TimeoutError as error:

@@ -40,7 +40,10 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
         MotionError: the machine does not answer, or its files cannot be read.
     """
     found = await machine.model()
-    kept = folder / f"{found['digest'] or 'none'}.json"
+    digest = found["digest"] or "none"
+    if not (digest.isascii() and digest.isalnum()):
+        raise MotionError("MC587", "the model's digest is none", "is the server of another version?")
+    kept = folder / f"{digest}.json"
     with contextlib.suppress(OSError):
         return kept.read_bytes()
     meshes: dict[str, Path] = {}

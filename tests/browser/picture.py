@@ -13,9 +13,9 @@ from tests.e2e.servers import ROOT, ServerProcess
 
 
 def draw(folder: Path) -> None:
-    """``web-machine.png`` while the arcs run, wide, and ``web-phone.png``, narrow."""
+    """``web-dry-run.png`` before the arcs run, ``web-machine.png`` then, and ``web-phone.png``, narrow."""
     with tempfile.TemporaryDirectory() as temporary, sync_playwright() as driver:
-        server = ServerProcess(Path(temporary), "cartesian", "cell-1")
+        server = ServerProcess(Path(temporary), "cartesian", "cell-1", recorder=True)
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         try:
             server.start()
@@ -26,7 +26,11 @@ def draw(folder: Path) -> None:
                 page.goto(f"{site.url}machine/cell-1")
                 page.locator("input[type=file]").set_input_files(ROOT / "examples" / "arcs.gcode")
                 page.get_by_text("arcs.gcode: no faults").wait_for()
-                page.get_by_role("button", name="Run", exact=True).first.click()
+                page.get_by_role("button", name="Dry run").click()
+                page.get_by_role("button", name="Run it").wait_for()
+                page.wait_for_timeout(2000)
+                page.screenshot(path=folder / "web-dry-run.png")
+                page.get_by_role("button", name="Run it").click()
                 page.get_by_text("line 13 of").wait_for()
                 page.screenshot(path=folder / "web-machine.png")
                 page.set_viewport_size({"width": 390, "height": 844})

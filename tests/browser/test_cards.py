@@ -163,7 +163,12 @@ def test_an_emergency_stop_leads_to_its_black_box(
     page: Page, site: PageProcess, machine: sync.Machine
 ) -> None:
     opened(page, site)
-    page.keyboard.press("Shift+Escape")
-    expect(page.get_by_role("status")).to_have_text("EMERGENCY STOP")
+    upload(page, "dry.gcode", "G1010\nG01 X40 F6000\n")
+    page.get_by_role("button", name="Dry run").click()
+    expect(page.get_by_role("button", name="Run it")).to_be_visible()
+    # over a dialog too
+    page.locator("[data-estop]").click()
+    expect(page.locator(".mc-state")).to_have_text("EMERGENCY STOP")
+    page.get_by_role("button", name="Close").click()
     expect(page.get_by_role("link", name="plot of the black box")).to_be_visible()
     assert machine.status().state == "estop"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import time
 
 from mcclient import DriveInfo, Info, MotionError
 from nicegui import ui
@@ -19,7 +18,6 @@ class DrivesPanel:
 
     def __init__(self, link: MachineLink) -> None:
         self._link = link
-        self._asked_at = -PERIOD_S
         self._shown = ""
         with ui.card().classes("mc-card"), ui.expansion("Drives").classes("w-full mc-fold") as self._fold:
             self._table = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
@@ -27,15 +25,14 @@ class DrivesPanel:
 
     async def update(self, info: Info) -> None:
         machine = self._link.machine
-        now = time.monotonic()
-        if not self._fold.value or machine is None or now - self._asked_at < PERIOD_S:
+        if not self._fold.value or machine is None:
             return
-        self._asked_at = now
         try:
-            drives = {drive.axis: drive for drive in await machine.drives()}
+            found = await self._link.answers.get("drives", PERIOD_S, machine.drives)
         except MotionError as error:
             self._set(f"<p>{html.escape(error.message)} [{error.code}]</p>")
             return
+        drives = {drive.axis: drive for drive in found}
         rows = [
             f"<tr><td>{axis_name(axis.index)}</td><td>{html.escape(axis.drive)}</td>"
             f"{_cells(drives.get(axis.index))}</tr>"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from functools import partial
 from typing import Any
 from urllib.parse import quote
@@ -26,7 +25,6 @@ class RecordingsPanel:
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
         self._shown: tuple[object, ...] = ()
-        self._asked_at = -PERIOD_S
         self._all = False
         with ui.card().classes("mc-card"):
             ui.html("<h2>Recordings</h2>", sanitize=False)
@@ -39,13 +37,11 @@ class RecordingsPanel:
 
     async def update(self) -> None:
         """Ask for the list now and then; a server without recorder says so."""
-        machine = self._actions.link.machine
-        now = time.monotonic()
-        if machine is None or now - self._asked_at < PERIOD_S:
+        link = self._actions.link
+        if link.machine is None:
             return
-        self._asked_at = now
         try:
-            found = await machine.recordings()
+            found = await link.answers.get("recordings", PERIOD_S, link.machine.recordings)
         except MotionError as error:
             self._state.set_text(f"{error.message} [{error.code}]")
             return
@@ -96,7 +92,6 @@ class RecordingsPanel:
 
     def _toggle(self) -> None:
         self._all = not self._all
-        self._asked_at = -PERIOD_S
 
     async def _start(self) -> None:
         name = (self._name.value or "").strip()
@@ -112,5 +107,5 @@ class RecordingsPanel:
 
     async def _do(self, name: str, action: Action) -> bool:
         done = await self._actions.do(Role.OPERATOR, name, action)
-        self._asked_at = -PERIOD_S
+        self._actions.link.answers.forget("recordings")
         return done
