@@ -19,6 +19,7 @@ class ChartPanel:
 
     def __init__(self, link: MachineLink) -> None:
         self._link = link
+        self._info: Info | None = None
         self._known: dict[str, tuple[str, str]] = {}
         self._shown: tuple[object, ...] = ()
         self._sent_until: tuple[str, float] = ("", 0.0)
@@ -37,11 +38,12 @@ class ChartPanel:
             self._chart = ui.echart({}).classes("mc-chart")
 
     def update(self, status: MachineStatus, info: Info) -> None:
-        known = signals_of(info)
-        if known != self._known:
-            self._known = known
+        if info is not self._info:
+            self._info = info
+            self._known = known = signals_of(info)
             names = {key: f"{name} [{unit}]" for key, (name, unit) in known.items()}
             self._choice.set_options(names, value=[f"axis {axis.index} velocity" for axis in info.axes[:3]])
+        known = self._known
         if self._freeze.value:
             return
         chosen = [key for key in self._choice.value if key in known][:MOST_SIGNALS]
