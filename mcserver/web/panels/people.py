@@ -67,7 +67,7 @@ def people_html(link: MachineLink, status: MachineStatus, epoch: float) -> str:
     return (
         f"<p>Clients:</p><ul>{''.join(rows) or '<li>nobody</li>'}</ul>"
         f"<p>At this page: {visitors or 'nobody'}</p>"
-        + (f'<p>Commands:</p><div class="mc-events">{lines}</div>' if lines else "")
+        + (f'<p>Commands:</p><div class="text-sm">{lines}</div>' if lines else "")
     )
 
 
