@@ -96,8 +96,8 @@ def program(
     made.end()
 
 
-def small_steps(folder: Path) -> Path:
-    return program_file(folder, HEAD + [f"G01 X{STEP_MM}"] * (LINES - len(HEAD)))
+def small_steps(folder: Path, lines: int = LINES) -> Path:
+    return program_file(folder, HEAD + [f"G01 X{STEP_MM}"] * (lines - len(HEAD)))
 
 
 def reach(machine: sync.Machine, process: subprocess.Popen[str], share: float) -> str:
@@ -158,19 +158,15 @@ def test_a_link_that_is_cut_while_lines_stream_loses_and_repeats_nothing(
     program: Conformance, machine: sync.Machine, tmp_path: Path
 ) -> None:
     link = CuttableLink(program.address)
-    process = program.start("stream", str(small_steps(tmp_path)), address=link.address)
+    # so many with Zenoh that they are not through before the link is away
+    lines = LINES if program.through == "gateway" else 10 * LINES
+    process = program.start("stream", str(small_steps(tmp_path, lines)), address=link.address)
     opened = reach(machine, process, 0.1)
-    if program.through == "zenoh":
-        # it cannot have ended before the link is away
-        machine.hold(opened)
     link.cut()
     if program.through == "gateway":
         while machine.programs(opened)[0].accepted < 0.4 * LINES:
             assert process.poll() is None, f"it has ended before: {end(process)}"
     link.cut(CUT_S)
-    if program.through == "zenoh":
-        link.wait()
-        machine.resume(opened)
     code, said = outcome(process)
     link.close()
     known = machine.programs(opened)[0]
