@@ -63,6 +63,9 @@ def test_axes_that_stand_have_no_chart_and_many_are_counted() -> None:
 
 def test_a_run_without_a_path_still_has_its_duration() -> None:
     assert "2.000 s" in run_picture(preview([]))
+    drawn = preview([[0.0, 5.0]])
+    drawn["path"] = {"time_s": [], "positions": [[]], "tools": []}
+    assert lines(run_picture(drawn)) == []
 
 
 @given(st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))

@@ -159,3 +159,18 @@ async def test_mcctl_shows_the_picture_before_it_arms(
     code, _, complaint = await mcctl(run["sha256"][:8])
     assert code != 0
     assert "MC570" in complaint
+
+
+async def test_pictures_of_what_waits_stay_and_of_what_is_over_go(
+    rig: Rig, client: WireClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = tmp_path / "mcctl" / "arm" / "bench"
+    folder.mkdir(parents=True)
+    (folder / "0123456789ab.svg").write_text("of a request that is over")
+    first = (await client.call("request_run", text=TEXT))["run"]["sha256"]
+    second = (await client.call("request_run", text=f"{TEXT}M30\n"))["run"]["sha256"]
+    options = ["--connect", rig.endpoint, "--machine", "bench", "--json"]
+    for words in ([], [first]):
+        assert await asyncio.to_thread(run_command_line, ["arm", *words, *options]) == 0
+        assert {path.stem for path in folder.iterdir()} == {first[:12], second[:12]}

@@ -50,7 +50,7 @@ def run_picture(preview: Mapping[str, Any]) -> str:
     positions = {
         int(axis): [float(value) for value in values]
         for axis, values in zip(run["axes"], path["positions"], strict=False)
-        if len(values) == len(times)
+        if len(values) == len(times) > 0
     }
     extents = {int(each["axis"]): each for each in run["extents"]}
     tracks = _tracks(positions, path["tools"], len(times))

@@ -48,16 +48,16 @@ def arm(
 
     Every run that waits is drawn as it was simulated, in a file that is named.
     """
-    folder = pictures or default_folder()
 
     async def look() -> tuple[str, list[dict[str, Any]]]:
         async with Target(machine, connect, zenoh).open() as one:
+            folder = pictures or default_folder() / one.name
             wanted = await one.run_requests()
+            if pictures is None:
+                forget_others(folder, wanted)
             if sha256 is not None:
                 wanted = [each for each in wanted if each["sha256"].startswith(sha256.lower())]
-            found = [await shown(one, each, folder) for each in wanted]
-            forget_others(folder, found)
-            return one.name, found
+            return one.name, [await shown(one, each, folder) for each in wanted]
 
     async def order(number: int | None) -> dict[str, Any]:
         async with Target(machine, connect, zenoh).open() as one:
@@ -97,7 +97,7 @@ async def shown(machine: Machine, run: dict[str, Any], folder: Path) -> dict[str
     except RequestRefused:
         # over since it was listed
         return {**run, "text": "", "picture": None}
-    file = folder / f"{preview['run']['sha256'][:SHOWN_HASH]}.svg"
+    file = folder / picture_name(run)
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         file.write_text(run_picture(preview), "utf-8")
@@ -107,19 +107,22 @@ async def shown(machine: Machine, run: dict[str, Any], folder: Path) -> dict[str
     return {**preview["run"], "text": preview["text"], "picture": str(file)}
 
 
+def picture_name(run: dict[str, Any]) -> str:
+    """The file of a request's picture."""
+    return f"{run['sha256'][:SHOWN_HASH]}.svg"
+
+
 def default_folder() -> Path:
-    """``mcctl/arm`` in the user's cache folder."""
+    """``mcctl/arm`` in the user's cache folder, which has a folder for each machine."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(base) / "mcctl" / "arm"
 
 
-def forget_others(folder: Path, found: list[dict[str, Any]]) -> None:
-    """Remove pictures of what is no longer there from the default folder, which would grow otherwise."""
-    if folder != default_folder() or not folder.is_dir():
-        return
-    kept = {each["picture"] for each in found}
-    for file in folder.glob("*.svg"):
-        if str(file) not in kept:
+def forget_others(folder: Path, wanted: list[dict[str, Any]]) -> None:
+    """Remove the pictures of requests that are over: the folder would grow otherwise."""
+    kept = {picture_name(each) for each in wanted}
+    for file in folder.glob("*.svg") if folder.is_dir() else ():
+        if file.name not in kept:
             file.unlink(missing_ok=True)
 
 
