@@ -14,6 +14,7 @@ from rich.text import Text
 
 from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
 from mcclient.cli.output import carry_out, errors_told, results, say, write_json
+from mcclient.cli.step import step
 from mcclient.errors import RequestRefused
 from mcclient.types import BusScan, DriveInfo, SdoObject
 
@@ -43,6 +44,8 @@ def build_drives_app() -> typer.Typer:
     app.callback()(drives)
     app.command("watch")(watch)
     app.command("scan")(scan)
+    # a distance may be negative
+    app.command("step", context_settings={"ignore_unknown_options": True})(step)
     return app
 
 
