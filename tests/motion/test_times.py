@@ -198,3 +198,13 @@ def test_late_timed_lines_take_no_longer_than_with_a_stop_between_them() -> None
     stopping = plan(machine, [Move(group, from_rest=True) for group in groups])
     assert flowing.duration <= stopping.duration * (1.0 + 1e-6)
     assert set(flowing.bounds) == {1, 2, 3}
+
+
+@pytest.mark.parametrize("cycles", [110, 117, 130])
+def test_the_last_row_of_a_motion_is_at_rest_to_the_last_bit(cycles: int) -> None:
+    # who holds within the last row waits for one that ends at rest, and would wait for ever
+    machine = alike(1, acceleration=1000.0, jerk=20_000.0)
+    line = line_curve(machine, (0,), (0.0,), ((cycles * 1e-3) ** 2,))
+    motion = plan(machine, [at_speed(10.0, line)])
+    assert motion.velocity[-1] == 0.0
+    assert motion.position[-1] == line.end[0]

@@ -36,6 +36,8 @@ from mcserver.motion.profile.velocity_profile import Phases, ProfileSolver, join
 SPEED_PROBES = 17
 # Late segments of one window that stops are tried for.
 MOST_STOPS = 8
+# Share of the time of all that such a stop has to come below, where it lets no more lines keep their T.
+STOP_GAIN = 0.8
 
 
 @dataclass(frozen=True)
@@ -287,11 +289,12 @@ class Lookahead:
         self, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
     ) -> Solution:
         """Try stops at vertices beside timed segments that are late, where that lets more of them keep their
-        T, or as many and all of them together take less time.
+        T, or as many and all of them together take much less time.
 
         A vertex that is passed with speed takes its part of the acceleration of the whole segment.
         """
         for group in list(solution.late)[:MOST_STOPS]:
+            best: list[int] = []
             for ends in ((group,), (group + 1,), (group, group + 1)):
                 inner = [end for end in ends if 0 < end < len(junction_vmax) - 1 and junction_vmax[end] > 0.0]
                 if len(inner) < len(ends):
@@ -303,10 +306,9 @@ class Lookahead:
                 except PlanningError:
                     continue
                 late, time = _lateness(solution)
-                if _lateness(other) < (late, time * (1.0 - 1e-6)):
-                    solution = other
-                    junction_vmax[inner] = 0.0
-                    break
+                if _lateness(other) < (late, time * STOP_GAIN):
+                    solution, best = other, inner
+            junction_vmax[best] = 0.0
         return solution
 
     def _feed_bounds(self, times: Array, bound_by: list[Bound | None]) -> None:

@@ -48,6 +48,9 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
     locate_samples(
         time, law.start, law.duration, law.rows, law.end, run.bounds, run.times, sigma, speed, index
     )
+    # a row that is at the end but for rounding is at rest: who holds there waits for nothing more
+    ended = time >= law.duration - CYCLE_ROUNDING * cycle
+    sigma[ended], speed[ended] = law.end, 0.0
     low, high = int(index[0]), int(index[-1]) + 1
     segments = run.segments[low:high]
     position = np.empty((len(u), len(segments[0].base)))
