@@ -79,7 +79,8 @@ def _torque_findings(machine: MachineDescription, robot: RobotModel, tools: list
     torques = dynamics.at_rest(np.array([[start[axis] for axis in dynamics.axes]]))[0]
     return [
         Finding(
-            f"axis {axis} needs {abs(torque):.4g} N·m to hold its start still, of {limit:.4g}",
+            f"axis {axis} needs {abs(torque):.4g} N·m to be held at its start with the heaviest payload, of"
+            f" {limit:.4g}",
             "start elsewhere, or with less payload: motion from there will be refused",
             axis=axis,
             severity="warning",

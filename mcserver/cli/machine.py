@@ -16,6 +16,7 @@ from mcserver.cli.options import JsonOption
 from mcserver.machine.bus_load import bus_loads
 from mcserver.machine.machine_file import BUILT_IN, Axis, Machine, builtin_text, load_machine
 from mcserver.machine.plausibility import axis_name, find_doubts, find_tool_faults
+from mcserver.units import AxisType
 
 
 def build_app() -> typer.Typer:
@@ -69,9 +70,10 @@ def _describe(machine: Machine) -> None:
     results().print(_table_of_axes(machine))
     for tool in machine.tools:
         chain = " ".join(axis_name(index) for index in tool.axes)
-        results().print(f"T{tool.number}: {tool.frame}, moved by {chain}")
-    for load in bus_loads(machine):
-        results().print(f"bus {load.bus}: {load.arithmetic()}")
+        load = "" if tool.payload is None else f", {tool.payload.mass:g} kg"
+        results().print(f"T{tool.number}: {tool.frame}{load}, moved by {chain}")
+    for bus_load in bus_loads(machine):
+        results().print(f"bus {bus_load.bus}: {bus_load.arithmetic()}")
     results().print(
         f"{machine.name}: {len(machine.axes)} axes, {len(machine.tools)} tools, "
         f"{machine.cycle_hz:g} cycles a second"
@@ -81,21 +83,30 @@ def _describe(machine: Machine) -> None:
 def _table_of_axes(machine: Machine) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("axis")
-    for title in ("unit", "velocity /s", "acceleration /s²", "jerk /s³", "from", "to"):
+    limited = any(axis.max_torque != math.inf for axis in machine.axes)
+    torque = ("torque",) if limited else ()
+    for title in ("unit", "velocity /s", "acceleration /s²", "jerk /s³", *torque, "from", "to"):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("drive")
     for axis in machine.axes:
-        limits = (
-            axis.max_velocity,
-            axis.max_acceleration,
-            axis.max_jerk,
-            axis.min_position,
-            axis.max_position,
-        )
+        by_time = (axis.max_velocity, axis.max_acceleration, axis.max_jerk)
         table.add_row(
-            axis_name(axis.index), axis.type.unit, *(_edge(axis, limit) for limit in limits), axis.drive.kind
+            axis_name(axis.index),
+            axis.type.unit,
+            *(_edge(axis, limit) for limit in by_time),
+            *((_torque(axis),) if limited else ()),
+            *(_edge(axis, limit) for limit in (axis.min_position, axis.max_position)),
+            axis.drive.kind,
         )
     return table
+
+
+def _torque(axis: Axis) -> str:
+    """N·m, N of a linear axis; the URDF's effort is not read here."""
+    if axis.max_torque is None:
+        return "URDF"
+    unit = "N·m" if axis.type is AxisType.ROTARY else "N"
+    return f"{axis.max_torque:g} {unit}" if math.isfinite(axis.max_torque) else "–"
 
 
 def _edge(axis: Axis, value: float) -> str:

@@ -30,13 +30,28 @@ def find_doubts(machine: Machine) -> list[Diagnostic]:
         MC021  a tolerance finer than the encoder
         MC022  a drive on a bus that lacks a part
         MC023  a tolerance wider than the allowed following error
+        MC024  feed-forward of a torque that no model gives
     """
     doubts: list[Diagnostic] = []
     for axis in machine.axes:
         doubts += _doubts_of_limits(axis, machine.cycle_s)
         doubts += _doubts_of_tolerance(axis)
         doubts += _doubts_of_bus(machine, axis)
+        doubts += _doubts_of_torque(machine, axis)
     return doubts
+
+
+def _doubts_of_torque(machine: Machine, axis: Axis) -> list[Diagnostic]:
+    if not axis.drive.torque_feed_forward or any(axis.index in tool.axes for tool in machine.tools):
+        return []
+    return [
+        _warning(
+            "MC024",
+            axis,
+            "torque_feed_forward sends 0: the axis moves no joint of a tool",
+            "name the axis in a [[tool]] of a URDF with inertias, or leave torque_feed_forward out",
+        )
+    ]
 
 
 def find_tool_faults(machine: Machine) -> list[Diagnostic]:

@@ -15,10 +15,12 @@ from mcserver.can.cob import Function
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.machine.plausibility import find_doubts
 from mcserver.motion.canonical import FeedGroup, MotionLine, RapidGroup
 from mcserver.motion.geometry.curves import Array
 from mcserver.planning.payload_entries import PayloadEntries
 from tests.drives.can_rig import CanRig
+from tests.drives.can_rig import machine as can_machine
 from tests.kinematics import arm7
 
 # a gear of 100, which takes that much of the torque
@@ -117,3 +119,10 @@ def test_a_chosen_tool_counts_from_the_start_of_its_line_and_only_where_it_chang
         [],
         [Control(ControlKind.PAYLOAD, 5.0, 5, operation=0b01)],
     ]
+
+
+def test_a_drive_that_no_model_has_a_torque_for_is_warned_of(tmp_path: Path) -> None:
+    described = arm7.machine(tmp_path, tools=TOOLS, drive=DRIVE, units_per_motor_rev=DEGREES_A_TURN)
+    assert "MC024" not in {each.code for each in find_doubts(described)}
+    plain = can_machine(1, drive="torque_feed_forward = true")
+    assert [each.axis for each in find_doubts(plain) if each.code == "MC024"] == [0]
