@@ -174,3 +174,33 @@ def test_a_move_that_nothing_energizes_is_warned_of_by_check() -> None:
 @pytest.mark.parametrize("code", ["G1010", "G1010P0", "G01010 P0", "g1010p0", "G 1010 P0"])
 def test_the_reference_s_own_codes_are_read_with_any_spacing(code: str) -> None:
     assert errors(f"{code}\nG0 X1\n", "cnc") == []
+
+
+def test_g5_1_without_a_curve_and_units_by_din_66025_are_read() -> None:
+    assert ends("G05.1 Q1\nG70\nG0 X1\nG71\nG0 Y1\nG5.1 Q0") == [25.4, 1.0, 0.0]
+    assert [each.code for each in errors("G5.1 X1 Y1 I1 J1", "cnc")] == ["MC141"]
+    assert [each.code for each in errors("G71 Q100 X5 Z-3 D1 I1 R1", "cnc")] == ["MC141"]
+
+
+def test_codes_of_printers_makers_go_without_effect() -> None:
+    assert errors("M1002 gcode_claim_action : 2\nG1 X5 E1", "printer") == []
+
+
+def test_p_of_a_dwell_stays_with_it_beside_a_motion() -> None:
+    report = run("N90 G04 P.5 G0 X10 Y5 S1000 M3\nG1 X11 F600", "cnc")
+    assert report["axes"]["0"]["position"] == pytest.approx(11.0)
+    assert report["lines"][0]["end_s"] - report["lines"][0]["start_s"] > 0.5
+
+
+def test_files_with_carriage_returns_too_many_are_read() -> None:
+    assert ends("G0 X5\r\r\nG1 Y3 F600\r\r\n\x1a") == [5.0, 3.0, 0.0]
+
+
+def test_u_v_w_are_no_increments_of_x_y_z_in_a_mill_s_program() -> None:
+    (fault,) = errors("G0 X1 U5", "cnc")
+    assert (fault.code, "letters" in fault.hint) == ("MC112", True)
+    described = (FOLDER / "cnc.toml").read_text("utf-8")
+    machine = parse_machine(described.replace('profile = "cnc"', 'profile = "cnc"\nletters = { U = 3 }'))
+    report = simulate("G0 X1 U5\nG1 U7 X2 F600", machine).report
+    assert report["ok"], report["diagnostics"]
+    assert [round(report["axes"][axis]["position"], 9) for axis in ("0", "3")] == [2.0, 7.0]

@@ -48,7 +48,10 @@ _HEAD = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?([GMT])[ \t]*([0-9]+(?:\.[0-9]+)?)"
 _REFERENCE_ONLY = re.compile(r",|G[ \t]*0*1[0-9]{3}(?![0-9])")
 _FOREIGN = re.compile(r"[DEHLOQSdehloqs]")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
-_OFFSET_LETTERS = frozenset("IJKRP")
+_GEOMETRY = re.compile(r"[XYZIJK]")
+_CYCLE_WORDS = re.compile(r"[PQUWDIR]")
+# inches and millimetres in DIN 66025, where no words of a turning cycle stand beside them
+_DIN_UNITS = {"G70": "20", "G71": "21"}
 
 _OWN_LINE = "give each a line of its own"
 COMPUTED = "the program computes: expressions, parameters and O-words are not read here"
@@ -114,7 +117,11 @@ class ProfileReader:
         if head is not None:
             name = code_name(head[1], float(head[2]))
             family = name.partition(".")[0]
-            idle = head[1] == "T" or name in self._ignored or (head[1] == "M" and family in self._ignored)
+            # M1000 and above are the makers' own
+            own = head[1] == "M" and float(head[2]) >= 1000.0
+            idle = (
+                own or head[1] == "T" or name in self._ignored or (head[1] == "M" and family in self._ignored)
+            )
             if idle and name not in self._acting and self._dialect.profile == "printer":
                 return nothing(family)
         macro = _MACRO.match(code)
@@ -159,6 +166,8 @@ class ProfileReader:
                 last = word
                 if name in SETTINGS or name == "G61.1":
                     settings.append(word if name != "G61.1" else msgspec.structs.replace(word, text="61"))
+                elif name in _DIN_UNITS and self._dialect.profile == "cnc" and not _CYCLE_WORDS.search(code):
+                    settings.append(msgspec.structs.replace(word, text=_DIN_UNITS[name]))
                 elif name in MOTIONS:
                     motions.append(word)
                 elif name in PROGRAM:
@@ -167,7 +176,8 @@ class ProfileReader:
                     machine_frame = True
                 elif name in self._acting or (name in SILENT and self._dialect.profile != "reference"):
                     codes.append(word)
-                elif name in self._ignored:
+                elif name in self._ignored or (name == "G5.1" and not _GEOMETRY.search(code)):
+                    # G5.1 Q1 is lookahead on Fanuc's controllers; with X and Y it is a spline
                     ignored.append(name)
                 else:
                     self._refuse(word, name, faults)

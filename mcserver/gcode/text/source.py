@@ -38,10 +38,10 @@ def decode(raw: bytes) -> str:
 
 
 def split_lines(text: str) -> list[str]:
-    """Split a text into lines without their ends: LF or CR LF only; a lone CR stays in its line (D-01)."""
+    """Split a text into lines without their ends: LF, CR LF or CR CR LF; a lone CR stays (D-01)."""
     pieces = text.removeprefix(BOM).split("\n")
     last = pieces.pop()
-    lines = [piece[:-1] if piece.endswith("\r") else piece for piece in pieces]
+    lines = [piece.rstrip("\r") if piece.endswith("\r") else piece for piece in pieces]
     if last:
         lines.append(last)
     return lines
