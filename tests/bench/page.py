@@ -1,19 +1,16 @@
-"""The operator's page: how old is what is seen, what viewers cost its process, and what the server notices.
+"""The operator's page: what viewers cost its process, and what the server notices of it.
 
-Viewers are WebSockets that do what a browser does (`tests.bench.page_viewers`). The age is measured in
-Chromium: from the moment at which an axis was at a position to a frame in which the page shows that position.
+Viewers are WebSockets that do what a browser does (`tests.bench.page_viewers`).
 """
 
 from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,22 +26,8 @@ VIEWERS = (1, 10, 50)
 MACHINES = 1000
 CALLS = 300
 CALLS_S = 5.0
-FRAMES = 300
 # one long slow move after the other: something changes in every state
 PROGRAM = ["G1010", *["G01 X400 Y300 F3000", "G01 X0 Y0"] * 200]
-# the position as shown, and the wall clock, at frames some time apart
-LOOK = """async (count) => {
-  const found = [];
-  while (found.length < count) {
-    await new Promise((done) => setTimeout(done, 40 * Math.random()));
-    await new Promise(requestAnimationFrame);
-    const cell = document.querySelector('.mc-positions td.n');
-    found.push([parseFloat(cell.textContent), Date.now() / 1000]);
-  }
-  return found;
-}"""
-
-Passed = list[tuple[float, float]]
 
 
 def measure() -> list[Figure]:
@@ -63,7 +46,6 @@ def _machine_page() -> list[Figure]:
     ):
         address = f"{url}machine/bench"
         alone, late_alone = _calls(machine)
-        found += _age(machine, address)
         for count in VIEWERS:
             with viewers(address, count) as holder:
                 share = cpu_share(process.pid)
@@ -178,61 +160,3 @@ def _calls(machine: sync.Machine) -> tuple[list[float], int]:
         taken.append(time.perf_counter() - start)
         time.sleep(max(0.0, CALLS_S / CALLS - taken[-1]))
     return taken, machine.status().late_cycles - before
-
-
-def _age(machine: sync.Machine, url: str) -> list[Figure]:
-    """Age of the position that is seen in Chromium."""
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError as error:
-        raise NotAvailable("playwright is not installed") from error
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    if chromium is None:
-        raise NotAvailable("chromium is not installed")
-    passed: Passed = []
-    ended = threading.Event()
-
-    def follow() -> None:
-        for status in machine.telemetry():
-            passed.append((status.wall, status.axes.position[0]))
-            if ended.is_set():
-                return
-
-    follower = threading.Thread(target=follow)
-    follower.start()
-    try:
-        with sync_playwright() as driver:
-            flags = ["--no-sandbox", "--enable-unsafe-swiftshader"]
-            browser = driver.chromium.launch(executable_path=chromium, args=flags)
-            seen = browser.new_page(viewport={"width": 1280, "height": 900})
-            seen.goto(url)
-            seen.locator("[data-jog]").first.wait_for()
-            seen.wait_for_timeout(3000)
-            frames = seen.evaluate(LOOK, FRAMES)
-            browser.close()
-    finally:
-        ended.set()
-        follower.join(10.0)
-    ages = [age for position, at in frames if (age := age_of(position, at, passed)) is not None]
-    if len(ages) < FRAMES // 2:
-        raise NotAvailable("the axis stood while the page was looked at")
-    return [
-        Figure(f"age of the position seen, p{round(100 * share)}", 1e3 * percentile(ages, share), "ms")
-        for share in (0.5, 0.99)
-    ]
-
-
-def age_of(position: float, at: float, passed: Sequence[tuple[float, float]]) -> float | None:
-    """Seconds since an axis was last at a position before ``at``; None where it was not of late.
-
-    Args:
-        passed: wall clock [s] and position of the axis, in order.
-    """
-    for (before, start), (after, end) in zip(reversed(passed[:-1]), reversed(passed[1:]), strict=True):
-        if before > at or start == end:
-            continue
-        share = (position - start) / (end - start)
-        # the page shows thousandths
-        if -0.001 <= share <= 1.001:
-            return at - (before + share * (after - before))
-    return None
