@@ -42,7 +42,7 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
     found = await machine.model()
     digest = found["digest"] or "none"
     if not (digest.isascii() and digest.isalnum()):
-        raise MotionError("MC587", "the model's digest is none", "is the server of another version?")
+        raise MotionError("MC587", "the model's digest is no digest", "is the server of another version?")
     kept = folder / f"{digest}.json"
     with contextlib.suppress(OSError):
         return kept.read_bytes()

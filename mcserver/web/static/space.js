@@ -144,8 +144,8 @@ export default {
         for (const part of this.axisParts.get(Number(axis)) ?? []) {
           const { group } = part, base = group.userData.base;
           if (part.kind === "prismatic") {
-            const way = part.axis.clone().multiplyScalar(part.ratio * value + part.offset);
-            group.position.copy(base.position).add(way.applyQuaternion(base.quaternion));
+            const shift = part.axis.clone().multiplyScalar(part.ratio * value + part.offset);
+            group.position.copy(base.position).add(shift.applyQuaternion(base.quaternion));
           } else {
             const turn = new THREE.Quaternion().setFromAxisAngle(part.axis, (part.ratio * value + part.offset) * Math.PI / 180);
             group.quaternion.copy(base.quaternion).multiply(turn);
