@@ -59,6 +59,7 @@ def burn(link: BadLink, server: ServerProcess, fault: Fault, chance: random.Rand
     """Run one program under a fault; the server runs before and after."""
     lines = chance.randrange(20, 300)
     before = _at_rest(link, server)
+    earlier = _last_program(server.journal)
     command = [
         *link.inside(1),
         sys.executable,
@@ -81,7 +82,8 @@ def burn(link: BadLink, server: ServerProcess, fault: Fault, chance: random.Rand
     recovery = time.monotonic() - gone
     said = json.loads(written) if written else {}
     program = str(said.get("program") or "") or _last_program(server.journal)
-    if not program:
+    if program == earlier:
+        # the client was killed before it had one
         return Outcome("", "never opened", 0, 0, recovery)
     if not said:
         # it was killed: nothing of what it was answered is known
