@@ -23,7 +23,7 @@ HOME_SWITCH = 4
 
 
 class DriveMode(enum.IntEnum):
-    """What a drive is told in a cycle."""
+    """What a drive is commanded to do in a cycle."""
 
     SILENT = 0  # nothing is transmitted: the drive's own heartbeat time-out acts (G1011)
     OFF = 1  # de-energize at once: the axis free-wheels or its brake closes (G1001)
@@ -39,11 +39,11 @@ class DriveState(enum.IntEnum):
     """What a drive reports."""
 
     OFF = 0
-    STARTING = 1  # told to energize, not yet there
+    STARTING = 1  # commanded to energize, not yet there
     ENERGIZED = 2
     STOPPING = 3
     FAULT = 4  # latched until RESET
-    HOMING = 5  # told to home, under way
+    HOMING = 5  # commanded to home, under way
     HOMED = 6  # it stands at its home position, which its reading shows
 
 
@@ -63,7 +63,7 @@ class DriveFault(enum.IntEnum):
     NOT_OPERATIONAL = 10  # its node has left the NMT state operational
     HEARTBEAT = 11  # its node's heartbeat has stopped
     BUS_DOWN = 12
-    MODE = 13  # it is not in the mode of operation that it was told
+    MODE = 13  # it is not in the mode of operation that was commanded
     NOT_CONFIGURED = 14  # the machine file lacks what this mode needs
     POSITION_LOST = 15  # its encoder's reading jumped
     HOMING_FAILED = 16  # its own homing ended with an error, or took too long

@@ -31,7 +31,7 @@ from mcserver.machine.machine_file import Machine
 BOOT_TIMEOUT_S = 5.0
 # Cycles in a row in which no frame could be sent: the bus is down.
 UNSENT_CYCLES = 2
-# Cycles that are told to be off before the bus is given back.
+# Cycles in which drives are commanded off before the bus is given back.
 CLOSING_CYCLES = 5
 
 Opener = Callable[[str], CanPort]
@@ -154,7 +154,7 @@ class CanBus:
         return total + (self._servo.readings.short if self._servo else 0)
 
     def boot(self) -> Feedback:
-        """Opens the port and lets cycles pass until every drive has answered, all of them told to be off.
+        """Opens the port and lets cycles pass until every drive has answered, all commanded off.
 
         Raises:
             RuntimeFault: MC424 the bus cannot be opened; MC411 a drive does not answer.
@@ -349,7 +349,7 @@ class CanBus:
         )
 
     def _note_down(self, down: bool) -> None:
-        """A bus that is away is a fault of all its axes; that it is back is told once."""
+        """A bus that is away is a fault of all its axes; that it is back is reported once."""
         if down:
             self._down = True
             if self._servo is not None:

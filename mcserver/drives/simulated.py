@@ -195,14 +195,14 @@ class SimulatedBus:
 
     # ------------------------------------------------------------------ states
 
-    def _change_states(self, told: NDArray[np.int8]) -> None:
+    def _change_states(self, commanded: NDArray[np.int8]) -> None:
         state = self._true_state
-        silent = told == DriveMode.SILENT
+        silent = commanded == DriveMode.SILENT
         self._quiet[~silent] = 0
         self._quiet[silent] += 1
         expired = silent & (self._quiet >= self._timeout)
         # a drive that hears nothing goes on with what it heard last, until its time-out
-        self._mode = np.where(silent, self._mode, told).astype(np.int8)
+        self._mode = np.where(silent, self._mode, commanded).astype(np.int8)
         self._mode[expired] = DriveMode.OFF
         mode = self._mode
         healthy = state != DriveState.FAULT
@@ -233,17 +233,17 @@ class SimulatedBus:
         ) or bool((silent & ~expired).any() or (state == DriveState.HOMING).any())
 
     def _home_by_themselves(self, mode: NDArray[np.int8]) -> None:
-        """States of drives that are told to home, or no longer told so."""
+        """States of drives that are commanded to home, or not any more."""
         state = self._true_state
-        homing, told = state >= DriveState.HOMING, mode == DriveMode.HOMING
-        if not (homing.any() or told.any()):
+        homing, commanded = state >= DriveState.HOMING, mode == DriveMode.HOMING
+        if not (homing.any() or commanded.any()):
             return
-        begins = told & (state == DriveState.ENERGIZED)
+        begins = commanded & (state == DriveState.ENERGIZED)
         self._homing[begins] = HOMING_CYCLES
         state[begins] = DriveState.HOMING
         self._homing[homing] -= 1
-        state[homing & told & (self._homing <= 0)] = DriveState.HOMED
-        state[homing & ~told & (mode >= DriveMode.POSITION)] = DriveState.ENERGIZED
+        state[homing & commanded & (self._homing <= 0)] = DriveState.HOMED
+        state[homing & ~commanded & (mode >= DriveMode.POSITION)] = DriveState.ENERGIZED
 
     def _is_simple(self) -> bool:
         """Whether every axis either follows a position that is transmitted, or stands without its drive."""

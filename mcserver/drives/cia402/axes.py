@@ -125,7 +125,7 @@ class Cia402Axes:
             second["torque"],
         )
         self._torque_offset: NDArray[np.int16] = np.frombuffer(self._out3, "<i2")
-        self._told = np.zeros(count, np.int8)
+        self._commanded = np.zeros(count, np.int8)
         self._bits = np.zeros(count, np.uint16)
         self._key: tuple[bytes, bytes, bytes] = (b"", b"", b"")
         self._busy = True
@@ -179,9 +179,9 @@ class Cia402Axes:
     def step(self, setpoints: Setpoints, feedback: Feedback) -> None:
         """States, and what the RPDOs hold."""
         local = self._where
-        self._told[:] = setpoints.mode[local]
+        self._commanded[:] = setpoints.mode[local]
         np.bitwise_and(self._status, STATE_BITS, out=self._bits)
-        key = (self._told.tobytes(), self._bits.tobytes(), self._shown.tobytes())
+        key = (self._commanded.tobytes(), self._bits.tobytes(), self._shown.tobytes())
         if self._busy or key != self._key or self._came != self._all_came:
             self._key = key
             self._step_stages(setpoints)
@@ -234,18 +234,18 @@ class Cia402Axes:
 
     def _fill_offsets(self, torque: Array) -> None:
         """60B2h: the torque that the motion needs, while the axis follows positions; [N·m], shape (n,)."""
-        follows = self._fed_forward & (self._told == DriveMode.POSITION) & ~self._capturing
+        follows = self._fed_forward & (self._commanded == DriveMode.POSITION) & ~self._capturing
         known = np.where(follows & np.isfinite(torque), torque, 0.0)
         self._torque_offset[:] = np.clip(np.rint(known * self._torques), -TORQUE_LIMIT, TORQUE_LIMIT)
 
     def _capture(self, feedback: Feedback) -> None:
         """A target is where the axis is until its loop is closed: the count itself, not a converted one.
 
-        A coasting axis is told where it will be when its drive acts. That is reported, too, in the cycle in
-        which it is found energized, so that the setpoints go on from there.
+        The target of a coasting axis is where it will be when its drive acts. That is reported, too, in the
+        cycle in which it is found energized, so that the setpoints go on from there.
         """
         capturing, wanted = self._capturing, self._setpoint
-        coasting = capturing & (self._velocity != 0.0) & (self._told >= DriveMode.POSITION)
+        coasting = capturing & (self._velocity != 0.0) & (self._commanded >= DriveMode.POSITION)
         if coasting.any():
             led = self._reading + self._velocity * ((DELAY_CYCLES + self.readings.ages) * self._cycle)
             np.copyto(wanted, led, where=coasting)
@@ -260,7 +260,7 @@ class Cia402Axes:
             velocity = self._closed(velocity)
         speed = np.clip(np.rint(velocity * self._speeds), -INT32, INT32)
         torque = np.clip(np.rint(self._nm * self._torques), -TORQUE_LIMIT, TORQUE_LIMIT)
-        torque[self._told != DriveMode.TORQUE] = 0.0
+        torque[self._commanded != DriveMode.TORQUE] = 0.0
         speed[self._capturing] = 0.0
         torque[self._capturing] = 0.0
         self._speed[:] = speed
@@ -279,7 +279,7 @@ class Cia402Axes:
         error = self._gain * (then - self._reading)
         raw = self._feed_forward * followed + error + self._integral
         closed = np.clip(raw, -self._speed_limit, self._speed_limit)
-        positioned = self._loops & (self._told == DriveMode.POSITION)
+        positioned = self._loops & (self._commanded == DriveMode.POSITION)
         if self._integral_gain.any():
             free = positioned & ~self._capturing & ((raw == closed) | (raw * error < 0.0))
             self._integral += np.where(free, self._integral_gain * error, 0.0)
@@ -288,7 +288,7 @@ class Cia402Axes:
         return result
 
     def _step_stages(self, setpoints: Setpoints) -> None:
-        told, bits, shown = self._told.tolist(), self._bits.tolist(), self._shown.tolist()
+        commanded, bits, shown = self._commanded.tolist(), self._bits.tolist(), self._shown.tolist()
         words = self._status.tolist()
         standing = (np.abs(self.readings.moved) <= STANDING_COUNTS).tolist()
         busy = False
@@ -297,7 +297,7 @@ class Cia402Axes:
         for index, stage in enumerate(self.stages):
             came = self._came[index] != 0
             state = stage.step(
-                _MODES[told[index]],
+                _MODES[commanded[index]],
                 STATE_OF_BITS[bits[index]],
                 shown[index] if self._shows_mode[index] else stage.mode,
                 fresh=came,
@@ -336,9 +336,9 @@ class Cia402Axes:
         sends: list[list[_Send]] = [[] for _ in range(self._refresh)]
         self._needs_speed = False
         for index, stage in enumerate(self.stages):
-            if stage.told is DriveMode.SILENT:
+            if stage.commanded is DriveMode.SILENT:
                 continue
-            by_speed = stage.told >= DriveMode.POSITION and stage.mode in _BY_SPEED
+            by_speed = stage.commanded >= DriveMode.POSITION and stage.mode in _BY_SPEED
             both = stage.changing or (by_speed and stage.capturing)
             for number, frames in enumerate(sends):
                 positions = not by_speed or both or number == index % self._refresh
@@ -361,7 +361,7 @@ class Cia402Axes:
 
     def silence(self) -> None:
         """All axes off: the last frames of a bus that is being closed."""
-        self._told[:] = DriveMode.OFF
+        self._commanded[:] = DriveMode.OFF
         self._controlword1[:] = 0
         self._controlword2[:] = 0
         for stage in self.stages:

@@ -57,7 +57,7 @@ class Phase(enum.IntEnum):
     SETTLING = 1  # old answers are let pass
     ENABLING = 2
     RUNNING = 3
-    LOST = 4  # de-energized by itself; nothing more until told something else
+    LOST = 4  # de-energized by itself; nothing more until another command
 
 
 class PowerStage:
@@ -84,7 +84,7 @@ class PowerStage:
         self.started = False
         self._modes = modes
         self._mode_patience = max(ANSWER_CYCLES, round(MODE_CHANGE_S / cycle_s))
-        self._told = DriveMode.OFF
+        self._commanded = DriveMode.OFF
         self._since = ANSWER_CYCLES
         self._since_command = ANSWER_CYCLES
         self._unheard = 0
@@ -100,8 +100,8 @@ class PowerStage:
         self.detail = 0
 
     @property
-    def told(self) -> DriveMode:
-        return self._told
+    def commanded(self) -> DriveMode:
+        return self._commanded
 
     @property
     def running(self) -> bool:
@@ -110,7 +110,7 @@ class PowerStage:
 
     def fail(self, fault: DriveFault, detail: int = 0) -> bool:
         """Latches a fault; False: one is latched already, or nobody commands the drive (G1011)."""
-        if self.fault is not DriveFault.NONE or self._told is DriveMode.SILENT:
+        if self.fault is not DriveFault.NONE or self._commanded is DriveMode.SILENT:
             return False
         self.fault = fault
         self.detail = detail
@@ -119,7 +119,7 @@ class PowerStage:
 
     def step(
         self,
-        told: DriveMode,
+        commanded: DriveMode,
         power: PowerState,
         shown: int,
         *,
@@ -136,32 +136,32 @@ class PowerStage:
         Returns:
             What is reported upwards; `controlword`, `mode`, `capturing` and `changing` hold what is sent.
         """
-        before = (self._phase, self._told, self.controlword, self.changing, self.fault)
-        if told is not self._told:
-            self._change(told)
+        before = (self._phase, self._commanded, self.controlword, self.changing, self.fault)
+        if commanded is not self._commanded:
+            self._change(commanded)
         else:
             self._since += 1
         self.changing = False
         self._word = word
-        if told is DriveMode.RESET:
+        if commanded is DriveMode.RESET:
             state = self._reset(power, fresh)
         else:
             if power in FAULTY and fresh:
                 self.fail(DriveFault.OTHER)
-            state = self._energize(power, shown, fresh) if told >= DriveMode.POSITION else DriveState.OFF
-            if told < DriveMode.POSITION:
+            state = self._energize(power, shown, fresh) if commanded >= DriveMode.POSITION else DriveState.OFF
+            if commanded < DriveMode.POSITION:
                 state = self._rest(power, standing)
         self._since_command = 0 if self.controlword != before[2] else self._since_command + 1
         # in the cycle in which it is found energized its reading goes upwards, and is its target, too
         self.capturing = self._phase is not Phase.RUNNING or before[0] is not Phase.RUNNING
-        if told is DriveMode.HOMING or self._was_homing:
+        if commanded is DriveMode.HOMING or self._was_homing:
             # the drive moves by itself, and what it shows afterwards is where it is
             self.capturing = True
         self.started = self._phase is Phase.RUNNING and before[0] is Phase.RUNNING and not self.changing
-        after = (self._phase, self._told, self.controlword, self.changing, self.fault)
+        after = (self._phase, self._commanded, self.controlword, self.changing, self.fault)
         steady = self._since > ANSWER_CYCLES and self._phase in (Phase.IDLE, Phase.RUNNING, Phase.LOST)
         self.settled = steady and before == after and not self.changing and fresh
-        if told in (DriveMode.STOP, DriveMode.RESET) and state is not DriveState.OFF:
+        if commanded in (DriveMode.STOP, DriveMode.RESET) and state is not DriveState.OFF:
             self.settled = False
         if (
             state is DriveState.HOMING
@@ -171,18 +171,18 @@ class PowerStage:
             self.settled = False
         return state
 
-    def _change(self, told: DriveMode) -> None:
-        energized = self._told >= DriveMode.POSITION and told >= DriveMode.POSITION
-        self._was_homing = energized and self._told is DriveMode.HOMING
+    def _change(self, commanded: DriveMode) -> None:
+        energized = self._commanded >= DriveMode.POSITION and commanded >= DriveMode.POSITION
+        self._was_homing = energized and self._commanded is DriveMode.HOMING
         self._homing_cycles = 0
-        self._told = told
+        self._commanded = commanded
         self._since = 0
-        if told < DriveMode.POSITION:
+        if commanded < DriveMode.POSITION:
             self._phase = Phase.IDLE
             return
-        mode = self._modes.get(told)
+        mode = self._modes.get(commanded)
         if mode is None:
-            self.fail(DriveFault.NOT_CONFIGURED, int(told))
+            self.fail(DriveFault.NOT_CONFIGURED, int(commanded))
             return
         if mode is not self.mode:
             self.mode = mode
@@ -209,12 +209,12 @@ class PowerStage:
         return DriveState.OFF
 
     def _rest(self, power: PowerState, standing: bool) -> DriveState:
-        """Told `OFF`, `STOP` or nothing."""
-        told = self._told
+        """Commanded `OFF`, `STOP` or `SILENT`."""
+        commanded = self._commanded
         self.controlword = (
             Controlword.DISABLE_VOLTAGE
-            if told is DriveMode.SILENT
-            else next_controlword(power, told, self.controlword, standing=standing)
+            if commanded is DriveMode.SILENT
+            else next_controlword(power, commanded, self.controlword, standing=standing)
         )
         if self.fault is not DriveFault.NONE:
             return DriveState.FAULT
@@ -258,7 +258,7 @@ class PowerStage:
         if power is PowerState.OPERATION_ENABLED and in_mode and enabling:
             self._phase = Phase.RUNNING
             return DriveState.ENERGIZED
-        wanted = next_controlword(power, self._told, self.controlword, in_mode=in_mode)
+        wanted = next_controlword(power, self._commanded, self.controlword, in_mode=in_mode)
         if not self._takes_back(wanted, power, in_mode):
             self.controlword = wanted
         return DriveState.STARTING
@@ -277,7 +277,7 @@ class PowerStage:
 
     def _run(self, power: PowerState, shown: int, fresh: bool) -> DriveState:
         if not fresh:
-            if self._told is DriveMode.HOMING:
+            if self._commanded is DriveMode.HOMING:
                 return DriveState.HOMING
             return DriveState.STARTING if self._was_homing else DriveState.ENERGIZED
         if power is not PowerState.OPERATION_ENABLED:
@@ -287,7 +287,7 @@ class PowerStage:
         self.changing = shown != self.mode
         self._switching = self._switching and self.changing
         self._unlike = self._unlike + 1 if self.changing else 0
-        if self._told is DriveMode.HOMING and not self.changing:
+        if self._commanded is DriveMode.HOMING and not self.changing:
             return self._home()
         if self._was_homing:
             self._was_homing = self.changing

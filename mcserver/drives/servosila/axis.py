@@ -69,7 +69,7 @@ class ServosilaAxis:
         self._buffer = bytearray()
         self._at = 0
         self._send: Callable[[bytearray], bool] = lambda _buffer: False
-        self._told = DriveMode.OFF
+        self._commanded = DriveMode.OFF
         self._since = ANSWER_CYCLES
         self._work_zone = 0.0
         self._known = False
@@ -132,7 +132,7 @@ class ServosilaAxis:
 
     @property
     def _resetting(self) -> bool:
-        return self._told is DriveMode.RESET or self._zeroing > 0
+        return self._commanded is DriveMode.RESET or self._zeroing > 0
 
     @property
     def booted(self) -> bool:
@@ -157,26 +157,26 @@ class ServosilaAxis:
 
     def fail(self, fault: DriveFault, detail: int = 0) -> bool:
         """Latches a fault; False: one is latched already, or nobody commands the drive (G1011)."""
-        if self.fault is not DriveFault.NONE or self._told is DriveMode.SILENT:
+        if self.fault is not DriveFault.NONE or self._commanded is DriveMode.SILENT:
             return False
         self.fault, self.detail = fault, detail
         return True
 
     # ------------------------------------------------------------------ what goes out
 
-    def step(self, told: DriveMode, position: float, velocity: float, torque: float) -> bool:
+    def step(self, commanded: DriveMode, position: float, velocity: float, torque: float) -> bool:
         """One cycle: the state, and the command; False: it found no room."""
-        if told is not self._told:
-            if self._told is DriveMode.RESET:
+        if commanded is not self._commanded:
+            if self._commanded is DriveMode.RESET:
                 self._zeroing = ANSWER_CYCLES + self._allowed
-            self._told = told
+            self._commanded = commanded
             self._since = 0
         else:
             self._since += 1
-        if told is DriveMode.SILENT:
+        if commanded is DriveMode.SILENT:
             self.state = DriveState.OFF if self.fault is DriveFault.NONE else DriveState.FAULT
             return True
-        if told is DriveMode.RESET:
+        if commanded is DriveMode.RESET:
             self._reset()
             return self._stream("reset")
         if self._bits and self._status_age <= self._allowed:
@@ -184,18 +184,18 @@ class ServosilaAxis:
         if self.fault is not DriveFault.NONE:
             self.state = DriveState.FAULT
             return self._stream("off")
-        if told is DriveMode.STOP:
+        if commanded is DriveMode.STOP:
             standing = self._since >= ANSWER_CYCLES and abs(self._hertz) <= STANDING_HZ and self.fresh
             self.state = DriveState.OFF if standing else DriveState.STOPPING
             return self._stream("stop")
-        if told is DriveMode.OFF:
+        if commanded is DriveMode.OFF:
             self.state = DriveState.OFF
             return self._stream("off")
         started = self.state is DriveState.ENERGIZED
         if not started:
             answered = self._since >= ANSWER_CYCLES + self._allowed and self.fresh
             self.state = DriveState.ENERGIZED if answered else DriveState.STARTING
-        return self._drive(told, started, position, velocity, torque)
+        return self._drive(commanded, started, position, velocity, torque)
 
     def _reset(self) -> None:
         if self.fresh and self._since >= ANSWER_CYCLES + self._allowed and not self._bits:
@@ -204,12 +204,14 @@ class ServosilaAxis:
             return
         self.state = DriveState.FAULT if self.fault is not DriveFault.NONE else DriveState.STOPPING
 
-    def _drive(self, told: DriveMode, started: bool, position: float, velocity: float, torque: float) -> bool:
-        if told is DriveMode.POSITION:
+    def _drive(
+        self, commanded: DriveMode, started: bool, position: float, velocity: float, torque: float
+    ) -> bool:
+        if commanded is DriveMode.POSITION:
             # until the axis counts as energized its target is where it is
             counts = (position - self._base) * self._counts if started else self._work_zone
             return self._stream("servo", counts)
-        if told is DriveMode.VELOCITY:
+        if commanded is DriveMode.VELOCITY:
             turns = velocity * self._turns if started else 0.0
             if "rpm" in self._codes:
                 return self._stream("rpm", turns * MINUTE)
@@ -217,7 +219,7 @@ class ServosilaAxis:
                 return self._stream("speed", turns * self._pole_pairs)
         elif self._torque:
             return self._stream("torque", torque * self._sign if started else 0.0)
-        self.fail(DriveFault.NOT_CONFIGURED, int(told))
+        self.fail(DriveFault.NOT_CONFIGURED, int(commanded))
         self.state = DriveState.FAULT
         return self._stream("off")
 
