@@ -123,8 +123,8 @@ class MotionPlanner:
         self._append(segment, from_rest=from_rest)
 
     def _append(self, segment: Segment, *, from_rest: bool = False) -> None:
-        # what was planned ends before it
-        self._plan = None
+        # what was planned ends before it, and so does a curve
+        self._plan = self._open = None
         if segment.tolerance > 0.0 and self._window.table and self._round(segment):
             return
         self._window.append(segment, from_rest=from_rest)
@@ -147,6 +147,7 @@ class MotionPlanner:
             self._append_chords(straight, from_rest=from_rest, tolerance=tolerance)
         else:
             self._take_chords()
+            self._open = None
             self._window.append_run(straight, self._active, from_rest=from_rest)
         self.position[:] = straight.points[-1]
         return True

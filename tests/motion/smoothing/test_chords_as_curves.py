@@ -248,6 +248,26 @@ def test_any_chords_keep_every_limit_at_every_cycle_and_the_tolerance(
     assert sorted(motion.starts) == sorted(motion.ends) == list(range(1, len(points)))
 
 
+@pytest.mark.parametrize("between", ["stop", "exact run"])
+def test_a_curve_that_has_ended_at_rest_does_not_go_on_behind_what_follows_it(between: str) -> None:
+    machine = alike(2, jerk=JERK)
+    points = circle(0.02, 5e-4, 0.2)
+    further = points[-1] + np.array([[0.0, 0.05], [0.05, 0.05], [0.051, 0.0501]])
+    groups = polyline(machine, np.concatenate((points, further)).tolist(), 0.1)
+    planner = MotionPlanner(machine, np.zeros(2))
+    count = len(points) - 1
+    for number, group in enumerate(groups, start=1):
+        stops = between == "stop" and number == count + 1
+        exact = between == "exact run" and number == count + 1
+        segment = planner.segment(group, number)
+        planner.append(segment, from_rest=stops, tolerance=0.0 if exact else 1e-4)
+    motion = collect(
+        machine, [Move(group, tolerance=1e-4) for group in groups], np.zeros(2), list(planner.close())
+    )
+    assert_kept(motion, 1e-4)
+    assert list(motion.starts) == list(range(1, len(groups) + 1))
+
+
 def test_a_curve_longer_than_the_window_is_driven_to_its_end_without_a_stop() -> None:
     """1500 chords of 0.1 mm, handed over as soon as the window is full."""
     machine = alike(2, jerk=JERK)
