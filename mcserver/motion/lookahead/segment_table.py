@@ -17,6 +17,11 @@ from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.lookahead.growable_array import GrowableArray
 from mcserver.motion.lookahead.path_limits import SpeedLimit
 
+# Greatest speeds of a curve's parts are lowered to steps of this ratio: those of one feed rate differ by
+# traces, and each of these would be a knot of its own.
+SPEED_STEP = 5e-4
+# What rounding may take from a step.
+STEP_ROUNDING = 1e-9
 _INTEGER_COLUMNS = frozenset(
     ("limit_column", "limit_kind", "sample_end", "vertex_before", "vertex_after", "knot_edges")
 )
@@ -212,8 +217,11 @@ class SegmentTable:
         columns.requested[:] = [each.requested for each in parts]
         columns.junction_vmax[:] = np.inf
         columns.axis_vmax[:] = vmax
-        np.minimum(vmax, columns.feed, out=columns.segment_vmax)
         columns.duration[:], columns.tolerance[:] = [_duration_of(each) for each in parts], 0.0
+        np.minimum(vmax, columns.feed, out=columns.segment_vmax)
+        steps = np.floor(np.log(columns.segment_vmax) / SPEED_STEP + STEP_ROUNDING)
+        stepped = np.minimum(np.exp(SPEED_STEP * steps), columns.segment_vmax)
+        np.copyto(columns.segment_vmax, stepped, where=np.isnan(columns.duration))
         columns.limit_column[:], columns.limit_kind[:] = by.T
         columns.sample_end[:] = self._dropped + len(self.samples) + offset[1:]
         columns.vertex_before[:] = columns.vertex_after[:] = columns.knot_edges[:] = 0
