@@ -20,6 +20,8 @@ SETTLED_GAIN = 1e-9
 # largest change of a joint in one iteration [rad, or m per metre of reach]
 LONGEST_MOVE = 0.7
 LIMIT_SLACK = 1e-9
+# as a share of the weighted normal matrix
+LEAST_DAMPING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ def search(
     unit = tool.unit
     scale = np.full(tool.rows, turn_weight)
     scale[:3] = point_weight / chain.reach
+    # with joints to spare the matrix is singular without it, to the precision that its weights leave
+    least = LEAST_DAMPING * max(point_weight, turn_weight, 1.0) ** 2
     damping = np.full(count, 1e-3)
     growth = np.full(count, 2.0)
     residual, jacobian = tool.linearise(joints, targets)
@@ -90,7 +94,7 @@ def search(
         joints[taken] = tried[better]
         residual[taken], jacobian[taken] = new_residual[better], new_jacobian[better]
         cost[taken] = new_cost[better]
-        damping[rows] = np.where(better, np.maximum(damping[rows] / 5.0, 1e-12), damping[rows] * growth[rows])
+        damping[rows] = np.where(better, np.maximum(damping[rows] / 5.0, least), damping[rows] * growth[rows])
         growth[rows] = np.where(better, 2.0, np.minimum(2.0 * growth[rows], 1e3))
         settled = (
             (cost[rows] < 1e-20) | (damping[rows] > 1e8) | (better & (gained < SETTLED_GAIN * cost[rows]))

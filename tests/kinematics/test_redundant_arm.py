@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mckinematics.errors import ModelError, Singular
+from mckinematics.errors import ModelError, Singular, Unreachable
 from mckinematics.pose import Array, Pose
 from mckinematics.solver import MachineKinematics
 
@@ -89,6 +89,17 @@ def test_a_stretched_arm_is_refused_with_the_place(tmp_path: Path) -> None:
     wanted = line(pose.position, np.add(pose.position, (-0.2, 0.0, -0.2)), pose.angles, pose.angles)
     with pytest.raises(Singular, match="singular at X"):
         kinematics.solve_path(1, wanted, straight)
+
+
+@pytest.mark.parametrize("point", [(-1.86, -0.18, -1.0), (1.08, 0.63, 0.21), (0.8, -0.49, 1.46)])
+def test_a_point_out_of_reach_is_refused_with_what_is_missing(
+    tmp_path: Path, point: tuple[float, float, float]
+) -> None:
+    kinematics = arm(tmp_path)
+    for angles in ((-0.73, -0.54, -0.32), (-0.31, 1.46, 1.96), (-1.32, -0.66, 0.94)):
+        with pytest.raises(Unreachable, match="mm are missing") as refused:
+            kinematics.solve_pose(1, Pose(point, angles), START)
+        assert refused.value.residual is not None
 
 
 @pytest.mark.parametrize(
