@@ -111,7 +111,8 @@ def test_a_tools_helix_and_circle() -> None:
 
 def test_rapid_with_a_tool_sends_the_joints_to_the_solved_target() -> None:
     line = point("T3", "G00 X1 Y1").motion("G00 X5 Z7")
-    assert line.groups == (RapidGroup((0, 1, 2), pytest.approx((0.005, 0.001, 0.007)), wait=True),)
+    targets = pytest.approx((0.005, 0.001, 0.007))
+    assert line.groups == (RapidGroup((0, 1, 2), targets, wait=True, carried=(3,)),)
     assert line.exact_stop
 
 
