@@ -189,7 +189,11 @@ def test_codes_of_printers_makers_go_without_effect() -> None:
 def test_p_of_a_dwell_stays_with_it_beside_a_motion() -> None:
     report = run("N90 G04 P.5 G0 X10 Y5 S1000 M3\nG1 X11 F600", "cnc")
     assert report["axes"]["0"]["position"] == pytest.approx(11.0)
-    assert report["lines"][0]["end_s"] - report["lines"][0]["start_s"] > 0.5
+    assert 0.5 < report["lines"][0]["end_s"] - report["lines"][0]["start_s"] < 1.0
+    assert report["axes"]["6"]["max"] > 100.0
+    assert run("S600 M3 G4 P.5\nG1 X1 F600", "cnc")["lines"][0]["end_s"] < 1.0
+    assert run("G4 X1.5\nG1 X1 F600", "cnc")["lines"][0]["requested_s"] == pytest.approx(1.5)
+    assert [each.code for each in errors("G4 G0 X10", "cnc")] == ["MC118"]
 
 
 def test_files_with_carriage_returns_too_many_are_read() -> None:

@@ -254,8 +254,10 @@ def _dwell(block: BlockState, action: Action, effects: Effects) -> None:
     words = action.words
     seconds: float | None = None
     word: ProfileWord | None = None
-    if "S" in words or "X" in words:
-        word = words.get("S") or words["X"]
+    # S is seconds for printers; elsewhere it is the spindle's
+    printer = block.setup.machine.dialect.profile == "printer"
+    if (printer and "S" in words) or "X" in words:
+        word = words["S"] if printer and "S" in words else words["X"]
         seconds = word.value
     elif "P" in words:
         word = words["P"]

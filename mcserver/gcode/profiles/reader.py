@@ -341,7 +341,8 @@ class ProfileReader:
                 axes = tuple(each for each in loose if each.axis >= 0)
                 taken.update({each.letter: each for each in loose if each.axis < 0})
                 loose.clear()
-            if name == "G4":
+            # G4 X2.5 is a dwell; beside P or a motion X is where the axis goes
+            if name == "G4" and "P" not in words and not others:
                 taken.update({each.letter: each for each in loose if each.letter == "X"})
                 loose[:] = [each for each in loose if each.letter != "X"]
             actions.append(Action(name, word.span, taken, axes))
