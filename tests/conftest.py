@@ -5,12 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 # A command that runs in the tests' process must not choose plain Python for the rest of them: it does so
 # only before the kernels are imported.
 import mcserver.motion.kernels.compiled  # noqa: F401
 
 ROOT = Path(__file__).parent
+
+# no test depends on how much of a core it gets
+settings.register_profile("without-deadline", settings(), deadline=None)
+settings.load_profile("without-deadline")
 
 # Files and folders with servers, executors or buses in real time: they mostly wait, and run few at a time.
 # All others compute, or wait for nothing but themselves: they run beside these, on all cores, at the lowest

@@ -8,6 +8,7 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic
+from mcserver.gcode.profiles.codes import SPINDLE
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.profile_words import ProfileWords
 from mcserver.gcode.text.source import split_lines
@@ -111,7 +112,11 @@ class _Survey:
         codes, outputs = list(words.ignored), self._dialect.outputs
         for action in words.actions:
             code = action.code
-            mapped = code in outputs if code != "S" else any(map(_follows_speed, outputs.values()))
+            # of M3 to M5, beside one that has outputs, the others are refused
+            same = SPINDLE if code in SPINDLE else {code}
+            mapped = (
+                bool(same & outputs.keys()) if code != "S" else any(map(_follows_speed, outputs.values()))
+            )
             idle = (
                 (code in ("M3", "M4", "M5", "S") and self._dialect.spindle is None and not mapped)
                 or (action.code == "M6" and self._dialect.tool_change == "ignore")

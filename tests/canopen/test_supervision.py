@@ -138,7 +138,7 @@ def test_a_flood_of_emergencies_is_bounded_and_counted(
     service = watched.start(machine_on(hub.address(), [1]))
     for number in range(20 * MAX_EMERGENCIES):
         drives.send(Function.EMCY + 1, bytes.fromhex("118621") + number.to_bytes(5, "little"))
-    while "more that are not told" not in watched.expect("drive.emergency").message:
+    while "more that are not shown" not in watched.expect("drive.emergency").message:
         pass
     assert len(service.nodes[0].emergencies) <= MAX_EMERGENCIES
 

@@ -76,7 +76,8 @@ def test_an_empty_program_is_sound(tmp_path: Path) -> None:
 
 def test_a_flood_of_faults_is_cut_for_people_and_whole_in_json(tmp_path: Path, capfd: Capture) -> None:
     path = tmp_path / "p.gcode"
-    path.write_text("G77\n" * 150)
+    # each of another cause: of one cause only the first line is shown
+    path.write_text("".join(f"G{number}\n" for number in range(200, 350)))
     assert run_command_line(["check", str(path), "--json"]) == 4
     shown = capfd.readouterr()
     assert len(json.loads(shown.out)["diagnostics"]) == 150

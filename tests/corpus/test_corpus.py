@@ -138,6 +138,9 @@ def test_what_has_no_effect_is_listed_once_with_its_count() -> None:
         ("G84 X1 Y1 Z-3 R2 F100", "tapping"),
         ("G86 X1 Y1 Z-3 R2 F100", "boring"),
         ("G90.1", "G91.1"),
+        ("G54.1 P1", "G59.3"),
+        ("G68.2 P1", "tilted"),
+        ("M19", "angle"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_its_reason(line: str, reason: str) -> None:
@@ -208,3 +211,35 @@ def test_u_v_w_are_no_increments_of_x_y_z_in_a_mill_s_program() -> None:
     report = simulate("G0 X1 U5\nG1 U7 X2 F600", machine).report
     assert report["ok"], report["diagnostics"]
     assert [round(report["axes"][axis]["position"], 9) for axis in ("0", "3")] == [2.0, 7.0]
+
+
+@pytest.mark.parametrize("profile", ["cnc", "robot"])
+@pytest.mark.parametrize("word", ["X1e2", "Y2E1", "X1 F1E+2", "X1 F6e-1"])
+def test_an_exponent_is_a_fault_and_never_another_number(profile: str, word: str) -> None:
+    (fault,) = errors(f"G1 F600 {word}" if "F" not in word else f"G1 {word}", profile)
+    assert fault.code == "MC102"
+
+
+@pytest.mark.parametrize("word", ["Q5", "D4", "L2", "E3", "H1"])
+def test_a_word_that_no_code_of_its_line_takes_is_a_fault(word: str) -> None:
+    for line in (f"G0 X1 {word}", f"G1 X1 F100 {word}", f"G2 X1 Y1 R5 F100 {word}", word):
+        assert [each.code for each in errors(f"G0 X0\n{line}", "cnc")] == ["MC113"], line
+
+
+@pytest.mark.parametrize(
+    "line", ["G64 P0.01 Q0.02", "G43 H1", "G43 G0 Z5 H1", "G49 H0", "G5.1 Q1", "M7 P5", "T1 M6 H1", "G4 P1"]
+)
+def test_words_stay_with_the_codes_that_take_them(line: str) -> None:
+    assert errors(line, "cnc") == []
+
+
+def test_an_extruder_that_is_not_there_is_listed_as_without_effect() -> None:
+    text = (FOLDER / "printer.toml").read_text("utf-8").replace("letters = { E = 6 }\n", "")
+    found = check_program("G1 X1 E3 F600\nG92 E0", parse_machine(text))
+    assert [(each.code, "E (1)" in each.message) for each in found] == [("MC142", True)]
+
+
+def test_an_offset_of_0_outside_the_plane_of_an_arc_says_nothing() -> None:
+    assert ends("G2 X10 Y0 I5 J0 K0.000 F600") == [10.0, 0.0, 0.0]
+    assert ends("G18 G3 X2 Z0 I1 J0 K0 F600") == [2.0, 0.0, 0.0]
+    assert [each.code for each in errors("G2 X10 Y0 I5 J0 K1 F600", "cnc")] == ["MC131"]

@@ -207,6 +207,11 @@ def test_a_mapped_code_sets_its_outputs_where_it_stands() -> None:
     assert check_program("M8\nM9", machine("cnc", mapped=COOLANT)) == []
 
 
+def test_a_spindle_code_beside_those_that_switch_outputs_is_refused() -> None:
+    (fault,) = check_program("S1000\nM4", machine("cnc", mapped=SPINDLE))
+    assert (fault.code, "M3 and M5" in fault.message) == ("MC141", True)
+
+
 def test_what_is_not_mapped_stays_without_effect() -> None:
     found = check_program("M7\nM8", machine("cnc", mapped=COOLANT))
     assert [each.code for each in found] == ["MC142"]

@@ -59,6 +59,7 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             _follow_speed(block, action, actions, effects)
         elif code in SPINDLE:
             spindle = True
+            _refuse_unmapped(block, action)
             block.frame = msgspec.structs.replace(frame, direction={"M3": 1, "M4": -1, "M5": 0}[code])
             _set_mapped(block, action, block.frame.spindle_rpm, effects)
         elif code in IO_WORDS:
@@ -126,6 +127,19 @@ def act_at_end(block: BlockState) -> list[Canonical]:
     whole = (1, len(block.parsed.text) + 1)
     done = (read_mapped(block, code, Action(code, whole, {}), 0.0) for code in ("M5", "M9"))
     return [each for each in done if each is not None]
+
+
+def _refuse_unmapped(block: BlockState, action: Action) -> None:
+    """Refuse a code of a spindle that outputs switch by others: it would go on as it was."""
+    dialect = block.setup.machine.dialect
+    mapped = sorted(SPINDLE & dialect.outputs.keys())
+    if mapped and dialect.spindle is None and action.code not in mapped:
+        block.faults.add(
+            "MC141",
+            f"{action.code} switches no output here, {' and '.join(mapped)} do{'es' * (len(mapped) == 1)}",
+            action.span,
+            f"give it one in the machine file, under [dialect.outputs]: {action.code} = {{ ... }}",
+        )
 
 
 def _set_mapped(block: BlockState, action: Action, speed: float | None, effects: Effects) -> None:

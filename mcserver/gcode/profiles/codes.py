@@ -77,6 +77,24 @@ IO_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "M68": "EQ",
     }
 )
+# Letters of the words that a code takes beside S, T and axis words; "*": any. A word that no code of its line
+# takes is a fault: left out it could change what the line does.
+OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "G4": "P",
+        "G10": "LP",
+        "G43": "H",
+        "G49": "H",
+        "G64": "Q",
+        "M6": "H",
+        "M600": "*",
+        "REPEAT": "PQL",
+        **dict.fromkeys(DRILLING, "PQL"),
+        **IO_WORDS,
+    }
+)
+# of printers: flags and the extruder's position
+PRINTER_WORDS: Final[Mapping[str, str]] = MappingProxyType({"G28": "*", "G92": "E"})
 # the state that holds here anyway: not worth a word
 SILENT: Final = frozenset({"G91.1", "G97"})
 
@@ -92,10 +110,17 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G33": "threads need a spindle whose turning is followed; none is",
         "G41": "there is no cutter compensation here; let the CAM compute the tool's own path",
         "G42": "there is no cutter compensation here; let the CAM compute the tool's own path",
+        "G50.1": "mirroring is not done here; let the CAM mirror the part",
         "G51": "scaling is not done here; let the CAM scale the part",
+        "G51.1": "mirroring is not done here; let the CAM mirror the part",
+        "G53.1": "the tool's axis is not turned here; let the CAM write the rotary axes",
+        "G54.1": "there are the systems G54 to G59.3; let the post write one of them",
+        "G54.2": "offsets do not turn with the table here; let the post write the moves out",
         "G68": "rotation is not done here; let the CAM rotate the part",
+        "G68.2": "tilted planes are not computed here; let the post write the rotary axes and the moves",
         "G76": "threads need a spindle whose turning is followed; none is",
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",
+        "M19": "the spindle is not turned to an angle here; let the post leave it out",
         "G95": "feed per revolution needs a spindle whose turning is followed; use G94",
         "G96": "constant surface speed is not kept here; use G97",
         "M62": "this machine has no outputs",

@@ -18,6 +18,8 @@ from mcserver.gcode.profiles.codes import (
     IGNORED,
     IO_WORDS,
     MOTIONS,
+    OWN_WORDS,
+    PRINTER_WORDS,
     PROBING,
     PROGRAM,
     REFUSED,
@@ -47,6 +49,9 @@ _MACRO = re.compile(r"[ \t]*([A-Z_][A-Z_]{2,}[A-Z0-9_]*)(?![0-9.+-])")
 _HEAD = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?([GMT])[ \t]*([0-9]+(?:\.[0-9]+)?)")
 _REFERENCE_ONLY = re.compile(r",|G[ \t]*0*1[0-9]{3}(?![0-9])")
 _FOREIGN = re.compile(r"[DEHLOQSdehloqs]")
+_EXPONENT = re.compile(r"E[-+]?[0-9]+")
+# take words E of their own
+_IO_CODE = re.compile(r"M[ \t]*0*6[678](?![0-9])")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
 _GEOMETRY = re.compile(r"[XYZIJK]")
 _CYCLE_WORDS = re.compile(r"[PQUWDIR]")
@@ -211,10 +216,15 @@ class ProfileReader:
         repeated = not (motions or taken) and self._repeats_cycle(codes, own, loose)
         if repeated:
             codes.append(msgspec.structs.replace(loose[0], letter="REPEAT"))
-        actions = self._actions(codes, own, loose, faults, bool(ignored or motions or tolerances))
-        dwells = any(code_name(word.letter, word.value) == "G4" for word in codes)
-        if motions and "P" not in taken and not dwells:
+        names = {code_name(word.letter, word.value) for word in (*settings, *codes)}
+        names |= {"REPEAT"} if repeated else set()
+        if motions and "P" not in taken and "G4" not in names:
+            # of an arc: the turns
             loose += [word for word in own if word.letter == "P"]
+            own = [word for word in own if word.letter != "P"]
+        if not ignored:
+            self._unused(own, names, ignored, faults)
+        actions = self._actions(codes, own, loose, faults, bool(ignored or motions or tolerances))
         ordered: list[Word] = []
         for word in settings:
             ordered.append(word)
@@ -227,8 +237,19 @@ class ProfileReader:
 
     def _words(self, code: str, faults: FaultList) -> list[Word]:
         words: list[Word] = []
+        exponents = self._dialect.profile != "printer" and "E" not in self._axes and not _IO_CODE.search(code)
         for match in _TOKEN.finditer(code):
             span = (match.start() + 1, match.end() + 1)
+            exponent = _EXPONENT.match(code, match.end()) if exponents and not match[5] else None
+            if exponent is not None:
+                shown = code[match.start() : exponent.end()]
+                faults.add(
+                    "MC102",
+                    f"numbers have no exponent here: '{shown}'",
+                    (span[0], exponent.end() + 1),
+                    "write the number out",
+                )
+                break
             if match[5] and self._dialect.profile == "printer" and match[5].isalpha():
                 # G28 X: printers' words may lack their number
                 own = match[5] not in INCREMENTAL_LETTERS or match[5] in self._dialect.letters
@@ -346,11 +367,30 @@ class ProfileReader:
                 taken.update({each.letter: each for each in loose if each.letter == "X"})
                 loose[:] = [each for each in loose if each.letter != "X"]
             actions.append(Action(name, word.span, taken, axes))
-        if not codes and not others:
-            for word in own:
-                if word.letter not in "STHDLQE":
-                    faults.add("MC113", f"{word.letter}{word.text} belongs to no command", word.span)
         return actions
+
+    def _unused(self, own: list[Word], names: set[str], ignored: list[str], faults: FaultList) -> None:
+        """Report words that no code of the line takes; an extruder that is not there has no effect."""
+        printer = self._dialect.profile == "printer"
+        taken = {"S", "T"}
+        for name in names:
+            taken.update(OWN_WORDS.get(name, ""), PRINTER_WORDS.get(name, "") if printer else "")
+            if name in self._dialect.outputs:
+                taken.add("*")
+        if "*" in taken:
+            return
+        for word in own:
+            if word.letter in taken:
+                continue
+            if printer and word.letter == "E":
+                ignored.append("E")
+                continue
+            faults.add(
+                "MC113",
+                f"{word.letter}{word.text} belongs to no command",
+                word.span,
+                "take it out, or write the code that it belongs to",
+            )
 
     def _refuse(self, word: Word, name: str, faults: FaultList) -> None:
         reason = REFUSED.get(name)

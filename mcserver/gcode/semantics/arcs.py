@@ -46,7 +46,13 @@ def find_plane(block: BlockState, command: Command, words: Words) -> tuple[int, 
     except NoPlane as fault:
         block.faults.add("MC132", fault.message, block.span(command), fault.hint)
         return None
-    outside = [offset for coordinate, offset in words.offsets.items() if coordinate not in PLANES[plane]]
+    # posts of RS-274 write I, J and K whatever the plane is: one of 0 says nothing
+    idle = block.setup.machine.dialect.profile != "reference"
+    outside = [
+        offset
+        for coordinate, offset in words.offsets.items()
+        if coordinate not in PLANES[plane] and not (idle and offset.word.value == 0.0)
+    ]
     for offset in outside:
         names = " and ".join(OFFSET_LETTERS[coordinate] for coordinate in sorted(PLANES[plane]))
         block.faults.add(
@@ -131,6 +137,8 @@ def find_arc(
     for coordinate, offset in words.offsets.items():
         if offset.word.value != offset.word.value:
             return None
+        if coordinate not in plane:
+            continue
         centre[plane.index(coordinate)] += offset.word.value * length_scale(offset.inch)
     try:
         return arc_by_centre(begin, finish, (centre[0], centre[1]), clockwise, turns)

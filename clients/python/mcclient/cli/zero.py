@@ -78,12 +78,20 @@ def zero(
 ) -> None:
     """Set the work coordinate system where the axes are: mcctl zero X Y, mcctl zero Z=1.5. Nothing moves."""
     line = zero_line(axes, system)
-    if probe:
 
-        async def look() -> ProbeStatus | None:
-            async with Target(machine, connect, zenoh).open() as one:
-                return (await one.status()).probe
+    async def look() -> ProbeStatus | None:
+        async with Target(machine, connect, zenoh).open() as one:
+            # it would wait for the axes, and set where they are when they come free
+            for program in await one.programs(ended=False):
+                raise RequestRefused(
+                    "MC512",
+                    f"{program.program} is {program.state}: zero is set where the axes stand",
+                    "wait for its end, or abort it",
+                )
+            return (await one.status()).probe if probe else None
 
-        with errors_told(json):
-            line = probed_line(axes, system, asyncio.run(look()))
+    with errors_told(json):
+        found = asyncio.run(look())
+        if probe:
+            line = probed_line(axes, system, found)
     send([line], machine=machine, connect=connect, zenoh=zenoh, json=json)
