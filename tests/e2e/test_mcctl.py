@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcclient import ProgramAborted, sync
 
 from tests.e2e.conftest import Mcctl
 from tests.e2e.servers import ServerProcess
@@ -101,6 +103,20 @@ def test_orders_of_the_operator_end_with_0(mcctl: Mcctl, target: tuple[str, ...]
     for arguments in (("override", "100"), ("abort",)):
         done = mcctl(*arguments, *target)
         assert done.returncode == 0, (arguments, done.stderr)
+
+
+def test_zero_is_not_set_behind_a_program_that_has_the_axes(
+    mcctl: Mcctl, target: tuple[str, ...], server: ServerProcess
+) -> None:
+    with (
+        sync.Machine.connect(server.name, server.endpoint) as machine,
+        contextlib.suppress(ProgramAborted),
+        machine.program("slow") as program,
+    ):
+        program.send_lines(["G1010", "G04 P60"])
+        done = mcctl("zero", "X", *target)
+        program.abort()
+    assert (done.returncode, "MC512" in done.stderr) == (1, True), done.stderr
 
 
 def test_list_names_the_machine(mcctl: Mcctl, server: ServerProcess) -> None:
