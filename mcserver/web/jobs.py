@@ -87,7 +87,8 @@ class JobQueue:
 
     Attributes:
         running, waiting, ended: the jobs. latest: the one started last.
-        stopped: whether a failure or an operator has stopped the queue.
+        stopped: whether a failure or an operator has stopped what runs and waits; once nothing of it is left,
+            the next job starts.
     """
 
     def __init__(self, link: MachineLink, store: ProgramStore) -> None:
@@ -116,6 +117,9 @@ class JobQueue:
             raise MotionError("MC062", f"{name} has no line {from_line}", f"it has {len(job.lines)} lines")
         if report is not None:
             job.take(report)
+        if self.running is None and not self.waiting:
+            # nothing is left of what was stopped: this is a new start
+            self.stopped = False
         self.waiting.append(job)
         if self.running is not None:
             self._look_ahead(job)
@@ -183,6 +187,10 @@ class JobQueue:
         self._look_ahead(job)
         if job.from_line == 1:
             await self._check(machine, job)
+        if self.stopped:
+            raise MotionError(
+                "MC062", f"{job.name} was being checked as the queue was stopped", "run it again"
+            )
         program: Program = await machine.program(
             job.name, start_line=job.from_line, before=job.lines[: job.from_line - 1]
         )

@@ -142,7 +142,16 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
 
     add_machine_files(site, sessions, fleet)
     nicegui_app.add_static_files("/mc-static", STATIC)
-    ui.run_with(site, title="Machines", dark=None, show_welcome_message=False, reconnect_timeout=10.0)
+    # a page whose link was interrupted is built anew: NiceGUI would send what was missed after what is new,
+    # and an old state would be shown until its next change
+    ui.run_with(
+        site,
+        title="Machines",
+        dark=None,
+        show_welcome_message=False,
+        reconnect_timeout=10.0,
+        message_history_length=0,
+    )
     return site
 
 

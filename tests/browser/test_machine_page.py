@@ -161,7 +161,9 @@ def test_the_emergency_stop_is_confirmed_shown_before_all_else_and_reset(
     page: Page, site: PageProcess, machine: sync.Machine
 ) -> None:
     opened(page, site)
-    upload(page, "long.gcode", LONG)
+    # away from where the tests before have left it
+    far = 0.0 if machine.status().axes.position[0] > 1000.0 else 2000.0
+    upload(page, "long.gcode", f"G1010\nG01 X{far} F2000\n")
     page.get_by_role("button", name="Run", exact=True).first.click()
     expect(page.get_by_role("status")).to_have_text("running")
     page.get_by_role("button", name="Emergency stop").click()
@@ -169,8 +171,12 @@ def test_the_emergency_stop_is_confirmed_shown_before_all_else_and_reset(
     expect(page.get_by_role("alert").filter(has_text="MC400")).to_be_visible()
     assert machine.status().state == "estop"
     wait_for(machine, page, stands)
+    expect(page.get_by_text("long.gcode · failed").first).to_be_visible()
     page.get_by_role("button", name="Reset").click()
     expect(page.get_by_role("status")).to_have_text("ready")
+    # the stop has emptied the queue: what is started now runs
+    page.get_by_role("button", name="Run", exact=True).first.click()
+    expect(page.get_by_role("status")).to_have_text("running")
 
 
 def test_a_line_typed_in_runs_and_a_wrong_one_is_shown_with_its_column(
@@ -201,6 +207,9 @@ def test_the_page_has_no_serious_accessibility_findings(page: Page, site: PagePr
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
     opened(page, site)
     expect(page.get_by_label("Choose a file")).to_be_attached()
+    # a row of a recording has links of its own
+    page.get_by_role("button", name="Save black box").click()
+    expect(page.get_by_role("link", name=re.compile("^plot ")).first).to_be_visible()
     found = axe.Axe().run(page).response["violations"]
     serious = [each for each in found if each["impact"] in ("serious", "critical")]
     assert [(each["id"], [node["html"][:200] for node in each["nodes"][:3]]) for each in serious] == []

@@ -1,0 +1,123 @@
+"""The queue of programs of the page, on a machine that answers at once."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+from mcclient import MotionError
+
+from mcserver.web.jobs import JobQueue, JobState
+from mcserver.web.link import MachineLink
+from mcserver.web.store import ProgramStore
+
+
+class Opened:
+    """A program that takes every line and ends."""
+
+    id = "p-1"
+
+    async def __aenter__(self) -> Opened:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        pass
+
+    async def send_lines(self, _lines: list[str]) -> None:
+        pass
+
+
+class Bench:
+    """A machine: which programs were opened, and a check that waits where it is asked to."""
+
+    def __init__(self) -> None:
+        self.opened: list[str] = []
+        self.checking = asyncio.Event()
+        self.may_answer = asyncio.Event()
+        self.may_answer.set()
+
+    async def status(self) -> Any:
+        return SimpleNamespace(axes=SimpleNamespace(index=(0,), setpoint=(0.0,)))
+
+    async def simulate(self, *_: object, **__: object) -> dict[str, Any]:
+        return {"ok": False}
+
+    async def check(self, *_: object) -> Any:
+        self.checking.set()
+        await self.may_answer.wait()
+        return SimpleNamespace(ok=True)
+
+    async def program(self, name: str, **_: object) -> Opened:
+        self.opened.append(name)
+        return Opened()
+
+
+def queue_of(bench: Bench, folder: Path) -> JobQueue:
+    store = ProgramStore(folder)
+    for name in ("a.gcode", "b.gcode"):
+        store.write(name, b"G01 X1 F600\n")
+    return JobQueue(cast("MachineLink", SimpleNamespace(connected=lambda: bench)), store)
+
+
+async def ended(queue: JobQueue, count: int) -> None:
+    async with asyncio.timeout(20.0):
+        while len(queue.ended) < count:
+            await asyncio.sleep(0)
+
+
+def stop(queue: JobQueue) -> None:
+    """What an emergency stop does to the queue."""
+    queue.stopped = True
+    queue.clear()
+
+
+async def test_a_program_started_after_an_emergency_stop_that_emptied_the_queue_runs(tmp_path: Path) -> None:
+    bench = Bench()
+    queue = queue_of(bench, tmp_path)
+    stop(queue)
+    queue.add("a.gcode", "ann")
+    await ended(queue, 1)
+    assert bench.opened == ["a.gcode"]
+    await queue.close()
+
+
+async def test_an_emergency_stop_during_the_check_keeps_the_program_from_starting(tmp_path: Path) -> None:
+    bench = Bench()
+    queue = queue_of(bench, tmp_path)
+    bench.may_answer.clear()
+    job = queue.add("a.gcode", "ann")
+    await bench.checking.wait()
+    stop(queue)
+    late = queue.add("b.gcode", "ann")
+    bench.may_answer.set()
+    await ended(queue, 1)
+    assert (job.state, bench.opened) == (JobState.FAILED, [])
+    # one that was started before the first had ended waits for an operator
+    assert (late.state, queue.stopped) == (JobState.WAITING, True)
+    queue.start_again()
+    await ended(queue, 2)
+    assert bench.opened == ["b.gcode"]
+    await queue.close()
+
+
+async def test_what_waits_behind_a_failure_does_not_start_because_of_one_more(tmp_path: Path) -> None:
+    bench = Bench()
+    queue = queue_of(bench, tmp_path)
+    refused = MotionError("MC104", "no such arc", "")
+    answers = [refused]
+
+    async def check(*_: object) -> Any:
+        if answers:
+            raise answers.pop()
+        return SimpleNamespace(ok=True)
+
+    bench.check = check  # type: ignore[method-assign]
+    queue.add("a.gcode", "ann")
+    queue.add("b.gcode", "ann")
+    await ended(queue, 1)
+    queue.add("a.gcode", "ann")
+    await asyncio.sleep(0)
+    assert (queue.stopped, len(queue.waiting), bench.opened) == (True, 2, [])
+    await queue.close()
