@@ -230,6 +230,39 @@ def test_rows_that_trickle_in_never_break_the_acceleration_limit(bites: list[tup
     assert np.all(np.diff(rig.setpoint[:, 0]) >= -1e-15)
 
 
+@pytest.mark.parametrize("strength", [1.2e-4, 2e-4])
+@pytest.mark.parametrize("order", ["hold", "starve"])
+def test_motion_whose_own_vertices_pass_the_jerk_limit_goes_on_after_it_stood(
+    order: str, strength: float
+) -> None:
+    # an exact path of many short lines: each change of the rate passes the limit somewhere, as the rows do
+    rig = Rig(machine(jerk=200_000.0))
+    program = rig.program
+    program.capture()
+    position, velocity = trapezoid(0.4, 0.4, 0.5 * ACCELERATION)
+    noise = np.where(np.arange(len(position)) % 2, strength, -strength)
+    noise[:60] = noise[-60:] = 0.0
+    points = np.stack([position, np.cumsum(noise) * CYCLE_S], 1)
+    slopes = np.stack([velocity, noise], 1)
+    program.control(ControlKind.BEGIN, axes=3)
+    known = 300 if order == "starve" else len(points)
+    program.rows(points[:known], slopes[:known], 3)
+    rig.step(200)
+    if order == "hold":
+        rig.executor.mailbox.set_hold(True, 0)
+        rig.step(1500)
+        rig.executor.mailbox.set_hold(False, 0)
+    else:
+        rig.step(1500)
+        assert rig.executor.feedback.slots[0].rate == 0.0
+        program.rows(points[known:], slopes[known:], 3)
+    program.control(ControlKind.END, axes=3)
+    program.finish()
+    rig.run_until(EventKind.FINISHED)
+    assert rig.setpoint[-1, 0] == pytest.approx(0.4, abs=1e-9)
+    assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION
+
+
 def test_enough_rows_ahead_are_played_without_slowing_down() -> None:
     rig = Rig(machine())
     program = rig.program

@@ -34,9 +34,12 @@ from mcserver.motion.kernels.rate_search import (
 # What differences at the cycle rate may pass the limits by, inside the 100.1 %, 101 % and 105 % that
 # velocity, acceleration and jerk are judged at; what rows do themselves is allowed in any case.
 VELOCITY_SLACK, ACCELERATION_SLACK, JERK_SLACK = 1.0005, 1.004, 1.04
-# Cycles without a change that keeps all limits, after which a stop is made with the one that passes them
-# least; in an emergency stop.
+# Cycles without a change that keeps all limits, after which the one that passes them least is made: rows
+# whose vertices pass a jerk limit let no other through, and motion would stand for good; in an emergency
+# stop.
 PATIENCE, URGENT_PATIENCE = 250, 4
+# The same while a stop before an edge has to begin: later there is room for worse ones only.
+NEAR_PATIENCE = 6
 # Rows ahead without which a stop may be near, beside the distance of the longest stop.
 NEAR_ROWS = 8.0
 
@@ -186,7 +189,10 @@ class RateControl:
             return None
         must_stop = wish.edge is not None and wish.edge - u < 2.0 * self.rate
         patience = URGENT_PATIENCE if wish.urgent else PATIENCE
-        by_any = must_stop or (target < self.rate and self._refused >= patience)
+        # a plan that is followed ends at a rate that can be kept: a faster one may be waited for
+        waits = self._plan is None or target < self.rate
+        near = self._plan is None and self.rate > 0.0 and self._is_near(u, wish.edge)
+        by_any = must_stop or (waits and self._refused >= (NEAR_PATIENCE if near else patience))
         flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any)
         edge = math.inf if wish.edge is None else wish.edge
         state = (u, self.rate, self._slope, target, edge, self._far, self._cycle, window.begun)
