@@ -205,7 +205,10 @@ def test_a_ring_that_runs_dry_holds_on_the_path_and_goes_on_by_itself() -> None:
     ]
 )
 @settings(max_examples=20, deadline=None)
-@given(bites=st.lists(st.tuples(st.integers(1, 200), st.integers(1, 200)), min_size=1, max_size=12))
+@example(bites=[(22, 133), (139, 67), (50, 102), (3, 140), (72, 91), (67, 139)])
+@example(bites=[(47, 24), (142, 66), (9, 173), (19, 22), (5, 116), (4, 194), (194, 72), (64, 69), (29, 160)])
+@example(bites=[(1062, 1062), (1, 20)])
+@given(bites=st.lists(st.tuples(st.integers(1, 200), st.integers(1, 800)), min_size=1, max_size=12))
 def test_rows_that_trickle_in_never_break_the_acceleration_limit(bites: list[tuple[int, int]]) -> None:
     rig = Rig(machine())
     program = rig.program

@@ -34,14 +34,17 @@ from mcserver.motion.kernels.rate_search import (
 # What differences at the cycle rate may pass the limits by, inside the 100.1 %, 101 % and 105 % that
 # velocity, acceleration and jerk are judged at; what rows do themselves is allowed in any case.
 VELOCITY_SLACK, ACCELERATION_SLACK, JERK_SLACK = 1.0005, 1.004, 1.04
-# Cycles without a change that keeps all limits, after which the one that passes them least is made: rows
-# whose vertices pass a jerk limit let no other through, and motion would stand for good; in an emergency
-# stop.
+# Cycles without a change that keeps all limits. Motion that stands goes on a little way after as many without
+# new rows either: the gentle change may only lack room. After twice as many the one that passes the limits
+# least is made: rows whose vertices pass a jerk limit let no other through, and motion would stand for good.
+# In an emergency stop.
 PATIENCE, URGENT_PATIENCE = 250, 4
 # The same while a stop before an edge has to begin: later there is room for worse ones only.
 NEAR_PATIENCE = 6
 # Rows ahead without which a stop may be near, beside the distance of the longest stop.
 NEAR_ROWS = 8.0
+# Share of the rows in which a stop is near, that motion goes on by where there is no room for more.
+LITTLE_WAY = 0.99
 
 
 @dataclass(frozen=True)
@@ -83,8 +86,9 @@ class RateControl:
             + (axis.max_acceleration / axis.max_jerk if math.isfinite(axis.max_jerk) else 0.0)
             for axis in machine.axes
         )
-        # rows that a stop from 100 % takes at the most, with the least share but one that it is tried with
-        self._far = 0.75 * stop / dt + NEAR_ROWS
+        # two and a half times the rows that a stop from 100 % takes: where rows brake before the edge with
+        # all that an axis has, only who was slow before that can stop on it
+        self._far = 1.25 * stop / dt + NEAR_ROWS
         # the search's own memory: nothing is allocated in a cycle
         places = 2 * ring.rows + 2
         self._places, self._at = np.zeros(places), np.zeros(places, np.int64)
@@ -97,6 +101,7 @@ class RateControl:
         self._passed = 0
         self._origin = 0.0
         self._refused = 0
+        self._edge: float | None = None
         self._tries = 0
 
     def jump(self, rate: float) -> None:
@@ -128,6 +133,10 @@ class RateControl:
         if plan is not None and abs(self._origin + before - u) > 1e-6:
             # a barrier or an edge has kept u back
             plan = self._plan = None
+        if self.rate == 0.0 and edge != self._edge:
+            # new rows are new room
+            self._refused = 0
+        self._edge = edge
         if self._is_due(u, wish):
             found = self._search(u, wish)
             if found is not None:
@@ -192,9 +201,18 @@ class RateControl:
         # a plan that is followed ends at a rate that can be kept: a faster one may be waited for
         waits = self._plan is None or target < self.rate
         near = self._plan is None and self.rate > 0.0 and self._is_near(u, wish.edge)
-        by_any = must_stop or (waits and self._refused >= (NEAR_PATIENCE if near else patience))
-        flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any)
+        stands = self._plan is None and self.rate == 0.0
         edge = math.inf if wish.edge is None else wish.edge
+        if near:
+            patience = NEAR_PATIENCE
+        elif stands and edge < math.inf:
+            # in turns: within all limits a little way, then by any change, by any a little way
+            stage = min(self._refused // PATIENCE, 3)
+            patience = 2 * PATIENCE
+            if stage in (1, 3):
+                edge = min(edge, u + LITTLE_WAY * self._far)
+        by_any = must_stop or (waits and self._refused >= patience)
+        flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any)
         state = (u, self.rate, self._slope, target, edge, self._far, self._cycle, window.begun)
         parts, end, spare_parts, spare_end, tries = search_rate(
             ring.row_u,
