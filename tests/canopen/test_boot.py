@@ -97,7 +97,7 @@ def test_an_abort_at_any_step_names_node_axis_object_and_code(
     assert f"{code >> 16:04X} {code & 0xFFFF:04X}h" in found.value.message
     assert found.value.hint
     # the other drive is left without a watch on a master that goes
-    assert drives[1].state is NmtState.PRE_OPERATIONAL
+    wait_until(lambda: drives[1].state is NmtState.PRE_OPERATIONAL, "the other drive stopped")
 
 
 def test_objects_that_a_drive_may_lack_are_remarked_only(
