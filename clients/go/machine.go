@@ -3,6 +3,7 @@ package mcclient
 import (
 	"context"
 	"errors"
+	"math/rand"
 	"reflect"
 	"time"
 
@@ -137,7 +138,9 @@ func EmergencyStop(ctx context.Context, gateway, machine, reason string, options
 }
 
 func (c *Client) stopMachine(ctx context.Context, machine, reason string) error {
-	_, err := c.request(ctx, map[string]any{"op": "estop", "machine": machine, "reason": reason}, "estop")
+	// all copies of one stop have its number: a late one does not stop again what has been reset meanwhile
+	number := int64(1)<<32 + rand.Int63n(1<<52)
+	_, err := c.request(ctx, map[string]any{"op": "estop", "machine": machine, "reason": reason, "request": number}, "estop")
 	return err
 }
 

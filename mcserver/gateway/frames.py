@@ -49,11 +49,16 @@ class Unsubscribe(msgspec.Struct, frozen=True, tag_field="op", tag="unsubscribe"
 
 
 class Estop(msgspec.Struct, frozen=True, tag_field="op", tag="estop"):
-    """Emergency stop; answered with a reply once the server has confirmed it."""
+    """Emergency stop; answered with a reply once the server has confirmed it.
+
+    Attributes:
+        request: a random number from 2^32 on that all copies of one stop have, on each connection.
+    """
 
     id: Id
     machine: Name
     reason: Annotated[str, Meta(max_length=200)] = ""
+    request: Annotated[int, Meta(ge=0, le=2**63 - 1)] | None = None
 
 
 class Machines(msgspec.Struct, frozen=True, tag_field="op", tag="machines"):

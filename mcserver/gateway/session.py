@@ -234,7 +234,7 @@ class GatewaySession:
         if isinstance(request, frames.Machines):
             return await self.machine_names()
         if isinstance(request, frames.Estop):
-            await self.emergency_stop(request.machine, request.reason)
+            await self.emergency_stop(request.machine, request.reason, request.request)
             return None
         if isinstance(request, frames.Subscribe):
             await self._subscribe(request)
@@ -276,10 +276,14 @@ class GatewaySession:
         """The machines that are there."""
         return await machines(self._link, timeout_s=CONNECT_S)
 
-    async def emergency_stop(self, machine: str, reason: str) -> None:
-        """Stops a machine; returns once it has confirmed. Whoever may look may stop."""
+    async def emergency_stop(self, machine: str, reason: str, number: int | None = None) -> None:
+        """Stops a machine; returns once it has confirmed. Whoever may look may stop.
+
+        Args:
+            number: that all copies of this stop have.
+        """
         peer = await self.peer(machine)
-        await send_until_confirmed(self._link, peer.keys, reason=reason, timeout_s=CALL_S)
+        await send_until_confirmed(self._link, peer.keys, reason=reason, timeout_s=CALL_S, number=number)
 
     async def peer(self, name: str) -> Peer:
         """One machine, looked for on first use.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import msgspec
 import zenoh
@@ -32,6 +34,7 @@ from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
 from mcserver.net.rpc import RpcServer
 from mcserver.net.session import Publication, ZenohSession
 from mcserver.net.shared_loop import SharedLoop
+from mcserver.net.stop_copies import StopCopies
 from mcserver.net.telemetry import CycleTelemetry, StateTelemetry
 from mcserver.recorder.views import RecordingAccess
 from mcserver.service.jog import Jogging
@@ -45,9 +48,22 @@ QUERIES = 2048
 STREAMED_MESSAGES = 8192
 TOKENS = 4096
 CONFIRMATIONS = 64
+# A longer stop is not read, in Zenoh's thread: it stops [bytes].
+STOP_SIZE = 4096
 # A killed server's token stays as long as its link's lease (`mcserver.net.configuration.LEASE_MS`).
 TOKEN_LOOKS, TOKEN_PAUSE_S = 10, 0.5
 NAME_REMEDY = "give one of them another name: they share the calls, and neither knows of the other's programs"
+
+
+class Stop(NamedTuple):
+    """An emergency stop that was put.
+
+    Attributes:
+        copy: of one that came a moment ago.
+    """
+
+    request: EstopRequest
+    copy: bool
 
 
 class MachineEndpoint:
@@ -172,7 +188,7 @@ class MachineEndpoint:
         queries: Inbox[zenoh.Query] = Inbox(loop, rpc.on_query, limit=QUERIES, refuse=rpc.refuse)
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
         tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)
-        stops: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stop, service), limit=64)
+        stops: Inbox[Stop] = Inbox(loop, partial(self._on_stop, service), limit=64)
         servers: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_server, service), limit=TOKENS)
         strays: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stray, service), limit=64)
 
@@ -183,11 +199,16 @@ class MachineEndpoint:
         def ask(query: zenoh.Query) -> None:
             (quick if rpc.is_quick(query) else queries).push(query)
 
+        copies = StopCopies(time.monotonic)
+
         def stop(sample: zenoh.Sample) -> None:
             # in Zenoh's thread: the executor knows before the loop comes round
             if keys.is_stop(str(sample.key_expr)):
-                service.port.emergency_stop()
-                stops.push(sample)
+                request = self._stop_request(sample.payload.to_bytes())
+                copy = copies.is_copy(request.request)
+                if not copy:
+                    service.port.emergency_stop()
+                stops.push(Stop(request, copy))
             else:
                 strays.push(sample)
 
@@ -274,16 +295,20 @@ class MachineEndpoint:
             log.error("MC528: %s", message)
             service.events.publish("warning", reason="MC528", message=message)
 
-    def _on_stop(self, service: MachineService, sample: zenoh.Sample) -> None:
-        request = EstopRequest()
-        payload = sample.payload.to_bytes()
-        if payload:
+    def _stop_request(self, payload: bytes) -> EstopRequest:
+        """Return what a stop says of itself: whatever is put there stops the machine."""
+        if 0 < len(payload) <= STOP_SIZE:
             try:
-                request = self._decode_stop(payload)
+                return self._decode_stop(payload)
             except ServiceError as error:
-                # whatever is put there stops the machine
                 self._refused.add(f"estop: {error.message}")
-        service.latch.emergency_stop(request.client, request.reason)
+        return EstopRequest()
+
+    def _on_stop(self, service: MachineService, stop: Stop) -> None:
+        if stop.copy:
+            service.latch.confirm_copy()
+        else:
+            service.latch.emergency_stop(stop.request.client, stop.request.reason)
 
 
 def _second_server(keys: Keys, token: str) -> str:

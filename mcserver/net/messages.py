@@ -234,6 +234,8 @@ class EstopRequest(Request, frozen=True, kw_only=True):
     """Emergency stop by rpc, and payload of the key ``estop`` (where it may be empty).
 
     Attributes:
+        request: on the key ``estop``, a random number from 2^32 on that all copies of one stop have: copies
+            that come within 10 s stop nothing anew, even after a reset.
         reason: for people.
         client: on the key ``estop``, who stops, as it says itself; a call has it in its key.
     """

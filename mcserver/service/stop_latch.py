@@ -38,8 +38,9 @@ class StopLatch:
         self._port = port
         self._loop = loop
         self._on_first = on_first
-        # the event of the stop that is latched
+        # the event of the stop that is latched, and of the last one
         self._event: Event | None = None
+        self._last: Event | None = None
         self._confirmed = 0.0
 
     @property
@@ -69,9 +70,15 @@ class StopLatch:
             t=self._table.now(),
         )
         self._table.faults.latch(fault)
-        self._event = self._table.events.publish("estop", reason=reason, client=client or None)
+        self._event = self._last = self._table.events.publish("estop", reason=reason, client=client or None)
         self._confirmed = self._loop.time()
         self._end_programs("emergency stop", fault)
+
+    def confirm_copy(self) -> None:
+        """Confirm a stop whose copy has come again: one that was reset meanwhile is not latched anew."""
+        self.stops += 1
+        if self._last is not None:
+            self._confirm(self._last)
 
     def stopped_by_machine(self, fault: Fault) -> None:
         """Latch a stop that the executor has latched by itself; it counts like one that was asked for."""

@@ -8,7 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from mcserver.net.stop_copies import LEAST_NUMBER
 from mcserver.service.journal_reader import read_commands
+from mcserver.service.stop_latch import CONFIRM_PERIOD_S
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 from tests.service.fakes import executed_lines
@@ -222,6 +224,41 @@ async def test_a_jog_on_a_leased_axis_is_refused(client: WireClient) -> None:
     with pytest.raises(ErrorAnswer) as refused:
         await client.call("jog", axis=1, distance=5.0)
     assert refused.value.code == "MC512"
+
+
+def press(client: WireClient, **fields: object) -> None:
+    client.session.put(f"{client.root}/estop", msgspec.msgpack.encode({"client": "panel", **fields}))
+
+
+async def test_a_late_copy_of_an_emergency_stop_confirms_and_does_not_stop_what_was_reset(
+    rig: Rig, client: WireClient
+) -> None:
+    events = client.subscribe("event")
+    await client.call("status")
+    press(client, request=LEAST_NUMBER + 5)
+    first = await events.first(lambda event: event["kind"] == "estop")
+    await client.call("reset")
+    stopped = rig.port.calls.count(("emergency_stop",))
+    await asyncio.sleep(CONFIRM_PERIOD_S)
+    press(client, request=LEAST_NUMBER + 5)
+    again = await events.first(lambda event: event["kind"] == "estop" and rig.service.latch.stops == 2)
+    assert again["seq"] == first["seq"]
+    assert rig.service.latch.state == "ready"
+    assert rig.port.calls.count(("emergency_stop",)) == stopped
+
+
+@pytest.mark.parametrize("second", [{"request": LEAST_NUMBER + 6}, {"request": 5}, {}])
+async def test_a_stop_of_its_own_latches_after_a_reset(
+    rig: Rig, client: WireClient, second: dict[str, object]
+) -> None:
+    for fields in ({"request": LEAST_NUMBER + 5}, {"request": 5}):
+        press(client, **fields)
+        while rig.service.latch.state != "estop":
+            await asyncio.sleep(0.001)
+        await client.call("reset")
+    press(client, **second)
+    while rig.service.latch.state != "estop":
+        await asyncio.sleep(0.001)
 
 
 async def test_who_ordered_what_is_in_the_journal(rig: Rig, client: WireClient) -> None:

@@ -154,6 +154,9 @@ def test_a_jog_moves_as_long_as_it_is_held(program: Conformance, machine: sync.M
 def test_an_emergency_stop_is_confirmed(program: Conformance, machine: sync.Machine) -> None:
     assert program.run("estop") == (0, [{"state": "estop"}])
     assert machine.status().state == "estop"
+    # a late copy of it, on another way, stops nothing anew
+    machine.reset()
+    to_zero(machine)
 
 
 @pytest.mark.parametrize("token", ["wrong", ""])

@@ -6,6 +6,7 @@ This is a function of a program over a network and no safety function: machines 
 from __future__ import annotations
 
 import asyncio
+import secrets
 from pathlib import Path
 
 import zenoh
@@ -18,6 +19,9 @@ from mcclient.transport import Arrived, Link, user_of
 from mcclient.wire import encode, unpack
 
 REPEAT_S = 0.05
+# Numbers of stops, which all copies of one have: no counter of requests comes to them.
+LEAST_NUMBER = 1 << 32
+MOST_NUMBER = 1 << 53
 
 
 async def emergency_stop(
@@ -48,8 +52,13 @@ async def emergency_stop(
     return name
 
 
-async def send_until_confirmed(link: Link, keys: Keys, *, reason: str, timeout_s: float) -> None:
+async def send_until_confirmed(
+    link: Link, keys: Keys, *, reason: str, timeout_s: float, number: int | None = None
+) -> None:
     """Puts the stop again and again until an event or a state says that it is latched.
+
+    Args:
+        number: of this stop, where copies of it go other ways too; a random one without.
 
     Raises:
         NoAnswerInTime: MC532 no confirmation within the time.
@@ -68,7 +77,9 @@ async def send_until_confirmed(link: Link, keys: Keys, *, reason: str, timeout_s
         link.subscribe(keys.event, on_event, limit=256),
         link.subscribe(keys.state, on_state, limit=4),
     ]
-    payload = encode({"client": keys.client, "reason": reason[:200]})
+    if number is None:
+        number = LEAST_NUMBER + secrets.randbelow(MOST_NUMBER - LEAST_NUMBER)
+    payload = encode({"request": number, "client": keys.client, "reason": reason[:200]})
     clock = asyncio.get_running_loop().time
     deadline = clock() + timeout_s
     try:

@@ -153,7 +153,7 @@ fn new_client_id(name: &str, config_file: Option<&Path>) -> Result<String> {
 }
 
 /// 64 bits that differ from process to process and call to call: they have to be unique, not secret.
-fn random() -> u64 {
+pub(crate) fn random() -> u64 {
     let mut hasher = RandomState::new().build_hasher();
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     hasher.write_u128(since.as_nanos());

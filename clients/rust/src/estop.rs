@@ -8,7 +8,7 @@ use tokio::sync::Notify;
 use tokio::time::{Instant, timeout};
 use zenoh::qos::Priority;
 
-use crate::discovery::{ConnectOptions, find_machine};
+use crate::discovery::{ConnectOptions, find_machine, random};
 use crate::error::{Error, Problem, Result};
 use crate::keys::Keys;
 use crate::link::{Link, Subscription};
@@ -17,9 +17,13 @@ use crate::wire::{decode, encode};
 
 const REPEAT: Duration = Duration::from_millis(50);
 const REASON_LENGTH: usize = 200;
+// Numbers of stops, which all copies of one have: no counter of requests comes to them.
+const LEAST_NUMBER: u64 = 1 << 32;
+const MOST_NUMBER: u64 = 1 << 53;
 
 #[derive(Serialize)]
 struct EstopRequest {
+    request: u64,
     client: String,
     reason: String,
 }
@@ -125,6 +129,7 @@ pub(crate) async fn send_until_confirmed(
         subscriptions.push(link.subscribe(&key, hear).await?);
     }
     let request = EstopRequest {
+        request: LEAST_NUMBER + random() % (MOST_NUMBER - LEAST_NUMBER),
         client: keys.client.clone(),
         reason: reason.chars().take(REASON_LENGTH).collect(),
     };

@@ -96,7 +96,9 @@ export class Gateway {
 
   /** Emergency stop, on a connection of its own beside the one that is there; resolves once the server has confirmed one of them. */
   async estop(machine: string, reason = ""): Promise<void> {
-    const stop = (gateway: Gateway): Promise<unknown> => gateway.request({ op: "estop", machine, reason });
+    // one number for both copies: the later one does not stop again what has been reset meanwhile
+    const request = 2 ** 32 + Math.floor(Math.random() * 2 ** 52);
+    const stop = (gateway: Gateway): Promise<unknown> => gateway.request({ op: "estop", machine, reason, request });
     const apart = Gateway.connect(this.url, this.options).then((own) => stop(own).finally(() => own.close()));
     try { await Promise.any([stop(this), apart]); } catch (error) { throw error instanceof AggregateError ? error.errors[0] : error; }
   }

@@ -181,9 +181,11 @@ public final class Gateway implements AutoCloseable {
         return connect(uri.toString(), token, patience);
     }
 
-    CompletableFuture<Object> estop(String machine, String reason) {
+    /** Emergency stop; all copies of one have the same random number, 2^32 or more. */
+    CompletableFuture<Object> estop(String machine, String reason, long number) {
         Map<String, Object> frame = frame("estop", machine);
         frame.put("reason", reason);
+        frame.put("request", number);
         return request(frame, DEADLINE);
     }
 

@@ -5,6 +5,7 @@ import java.util.List;
 import java.util.Map;
 import java.util.concurrent.CompletableFuture;
 import java.util.concurrent.ForkJoinPool;
+import java.util.concurrent.ThreadLocalRandom;
 import java.util.concurrent.atomic.AtomicInteger;
 import java.util.function.BiConsumer;
 import java.util.function.Predicate;
@@ -164,8 +165,9 @@ public final class Machine {
                 confirmed.completeExceptionally(Futures.cause(error));
             }
         };
-        gateway.estop(name, reason).whenComplete(settle);
-        gateway.another().thenCompose(other -> other.estop(name, reason).whenComplete((done, error) -> other.close())).whenComplete(settle);
+        long number = ThreadLocalRandom.current().nextLong(1L << 32, 1L << 53);
+        gateway.estop(name, reason, number).whenComplete(settle);
+        gateway.another().thenCompose(other -> other.estop(name, reason, number).whenComplete((done, error) -> other.close())).whenComplete(settle);
         return confirmed;
     }
 
