@@ -72,7 +72,7 @@ type Ack struct {
 	Expected    int64        `msgpack:"expected"`
 }
 
-// ProgramStatus is one program as the server knows it; Progress is the share of accepted lines that are done, EtaS may be unknown.
+// ProgramStatus is one program as the server knows it; DurationS is known once its text was simulated; Progress and EtaS are by time then.
 type ProgramStatus struct {
 	Program     string       `msgpack:"program" mc:"required"`
 	State       ProgramState `msgpack:"state" mc:"required"`
@@ -94,6 +94,7 @@ type ProgramStatus struct {
 	Diagnostics []Diagnostic `msgpack:"diagnostics"`
 	ResumeOf    *string      `msgpack:"resume_of"`
 	EndedAt     *float64     `msgpack:"ended_at"`
+	DurationS   *float64     `msgpack:"duration_s"`
 }
 
 // AxesStatus has one entry for each of Index in every slice.

@@ -69,6 +69,7 @@ class ArmingMethods:
                 path=msgspec.convert(path, RunPath),
             )
         )
+        self._service.simulated(request.text, report)
         self._publish("run.requested", client, kept)
         return wire.RunRequestReply(True, found, self._status(kept))
 
@@ -100,7 +101,7 @@ class ArmingMethods:
         busy = {axis.index for axis in service.machine.axes if service.holder(axis.index) is not None}
         run = self._arming.start(client, request.text, self._positions(), tolerance, busy)
         # from here on the arming is used up, whatever happens
-        program = await service.open(client, name=run.name, axes=run.axes)
+        program = await service.open(client, name=run.name, axes=run.axes, sha256=run.sha256)
         program.override_limit = run.override
         service.set_override(min(service.override, run.override), program.program)
         lines = split_lines(run.text)

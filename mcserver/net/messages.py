@@ -117,6 +117,7 @@ class OpenRequest(Request, frozen=True, kw_only=True):
         resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as ``before``.
         step: single line mode: a line starts only when ``step`` asks for it.
         hold: begin held; ``resume`` starts it.
+        sha256: of the whole text; once ``simulate`` was asked for it, the program's status tells its time.
     """
 
     name: Annotated[str, Meta(max_length=200)] = ""
@@ -127,6 +128,7 @@ class OpenRequest(Request, frozen=True, kw_only=True):
     resume_of: ProgramId | None = None
     step: bool = False
     hold: bool = False
+    sha256: Annotated[str, Meta(pattern="^[0-9a-f]{1,64}$")] | None = None
 
 
 class OpenReply(msgspec.Struct, frozen=True):

@@ -128,6 +128,7 @@ class Methods:
             resume_of=request.resume_of,
             step=request.step,
             hold=request.hold,
+            sha256=request.sha256,
         )
         return wire.OpenReply(
             program=program.program,
@@ -248,9 +249,11 @@ class Methods:
         positions = None
         if request.positions is not None:
             positions = self._service.positions_si(request.positions)
-        return await self._checker.simulate(
+        report = await self._checker.simulate(
             client, request.text, positions, self._service.work_systems, request.path_points
         )
+        self._service.simulated(request.text, report)
+        return report
 
     def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
         return drive_wire.DrivesReply(self._drives.drives())

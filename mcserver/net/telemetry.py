@@ -56,6 +56,9 @@ class StateTelemetry:
             if self._state.wanted:
                 state = machine_status(self._service, self._units)
                 self._publishing.put(self._state.put, self._encode(state))
+            else:
+                # the time left of programs is followed, whether anybody looks or not
+                self._service.estimate()
 
 
 class CycleTelemetry:

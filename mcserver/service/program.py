@@ -20,6 +20,7 @@ from mcserver.service.reports import (
     ProgramStatus,
     WireDiagnostic,
 )
+from mcserver.service.timeline import RunClock
 
 
 class Verdict(IntEnum):
@@ -46,6 +47,7 @@ class Program:
         resume_of: str | None,
         opened_at: float,
         queue: LineQueue,
+        sha256: str | None = None,
     ) -> None:
         self.program = program
         self.client = client
@@ -56,6 +58,9 @@ class Program:
         self.step = step
         self.resume_of = resume_of
         self.opened_at = opened_at
+        # of the whole text, if the client said it: what was simulated of it tells its time
+        self.sha256 = sha256
+        self.clock = RunClock(start_line)
         self.queue = queue
         self.state: ProgramState = "queued"
         # for the pipeline, until it begins
@@ -130,7 +135,6 @@ class Program:
         return self.queue.credit + self.queue.accepted - self.journaled
 
     def status(self) -> ProgramStatus:
-        total = self.journaled - self.start_line + 1
         return ProgramStatus(
             program=self.program,
             state=self.state,
@@ -144,8 +148,9 @@ class Program:
             credit=self.credit,
             closed=self.closed,
             override=round(100.0 * self.override, 6),
-            progress=min(1.0, max(0.0, (self.done - self.start_line + 1) / total)) if total else 0.0,
+            progress=self._share(),
             eta_s=None if self.ended else self.eta_s,
+            duration_s=self.clock.total_s,
             fault=self.fault,
             rejected=self.rejected,
             diagnostics=self.diagnostics,
@@ -153,6 +158,14 @@ class Program:
             opened_at=self.opened_at,
             ended_at=self.ended_at,
         )
+
+    def _share(self) -> float:
+        """Return the share of its time that has passed; of its accepted lines where its time is not known."""
+        by_time = self.clock.fraction()
+        if by_time is not None:
+            return 1.0 if self.state == "finished" else by_time
+        total = self.journaled - self.start_line + 1
+        return min(1.0, max(0.0, (self.done - self.start_line + 1) / total)) if total else 0.0
 
     def wait_for(self, through: int, verdict: Deferred[Verdict], *, validated: bool) -> None:
         """Give ``verdict`` once lines through this number are journaled and, if asked for, ``validated``."""

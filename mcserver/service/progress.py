@@ -29,6 +29,7 @@ class LineProgress:
     Attributes:
         started: the last line that has begun, 0 before.
         done: every line through this one has ended or needed no time.
+        ended_at: when a line last ended, executor time [s]; None: none has.
 
     Args:
         start_line: the first line that runs.
@@ -37,6 +38,7 @@ class LineProgress:
     def __init__(self, start_line: int) -> None:
         self.started = 0
         self.done = start_line - 1
+        self.ended_at: float | None = None
         self._planned_through = start_line - 1
         self._requested: dict[int, float] = {}
         self._bound_by: dict[int, str] = {}
@@ -80,6 +82,7 @@ class LineProgress:
                 bound_by=self._bound_by.pop(line, None),
             )
         )
+        self.ended_at = time_s
         self.ended(line)
 
     def ended(self, line: int) -> None:

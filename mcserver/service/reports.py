@@ -113,8 +113,10 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
     Attributes:
         line: the line under way; 0: none yet.
-        progress: share of the accepted lines that are done, 0 … 1.
-        eta_s: until the end of what is planned [s].
+        progress: share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
+        eta_s: until its end at its override [s]; where `duration_s` is not known, until the end of what is
+            planned.
+        duration_s: of the whole program at 100 %, as its text was simulated [s]; None: it was not.
         opened_at, ended_at: Unix time [s].
     """
 
@@ -138,6 +140,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     diagnostics: list[WireDiagnostic] = []
     resume_of: str | None = None
     ended_at: float | None = None
+    duration_s: float | None = None
 
 
 class AxesStatus(msgspec.Struct, frozen=True):

@@ -8,14 +8,16 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control
-from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import Planning, StepLine
+from mcserver.service.arming import hash_of
 from mcserver.service.channels import Channels
 from mcserver.service.event_log import EventLog
+from mcserver.service.forecasts import Forecasts
 from mcserver.service.journal_reader import check_known, read_lines_before, read_programs
 from mcserver.service.line_intake import LineIntake
 from mcserver.service.line_queue import LineQueue
@@ -88,6 +90,7 @@ class MachineService:
         self.lines = LineIntake(self._table, self._loop)
         self.latch = StopLatch(self._table, port, self._loop, self._journal_stop)
         self._table.on_machine_stop = self.latch.stopped_by_machine
+        self.forecasts = Forecasts(port, machine.cycle_s)
         self._counter = 0
         self._stopping = False
         self._all_axes = tuple(axis.index for axis in machine.axes)
@@ -172,11 +175,13 @@ class MachineService:
         hold: bool = False,
         unhomed: bool = False,
         controls: Sequence[Control] = (),
+        sha256: str | None = None,
     ) -> Program:
         """Opens a program and queues it for its axes.
 
         Args:
             unhomed: it may move axes that are not homed. controls: all of a program that needs no planner.
+            sha256: of its whole text, so that a simulation of the text tells how long it takes.
 
         Raises:
             ServiceError: MC503 no program ``resume_of``, MC507 no such axis, MC508 too many programs, MC509 a
@@ -219,7 +224,9 @@ class MachineService:
             resume_of=resume_of,
             opened_at=self.options.clock(),
             queue=LineQueue(start_line),
+            sha256=sha256,
         )
+        self.forecasts.begin(program)
         program.modal = modal
         program.held = hold
         program.unhomed = unhomed
@@ -383,7 +390,7 @@ class MachineService:
     def current(self) -> list[Program]:
         """Programs that have not ended, and those that ended a moment ago."""
         since = self.options.clock() - SHOWN_ENDED_S
-        self._estimate()
+        self.estimate()
         return [
             program
             for program in self._table.programs.values()
@@ -392,7 +399,7 @@ class MachineService:
 
     async def known(self, *, program_id: str | None, ended: bool, limit: int) -> list[ProgramStatus]:
         """Programs of this start and, from the journal, of earlier ones; newest first."""
-        self._estimate()
+        self.estimate()
         mine = {key: program for key, program in self._table.programs.items() if program_id in (None, key)}
         found = [program.status() for program in reversed(mine.values()) if ended or not program.ended]
         if ended and len(found) < limit:
@@ -403,6 +410,14 @@ class MachineService:
         if program_id is not None and not found and program_id not in mine:
             find_program(self._table.programs, program_id)
         return found[:limit]
+
+    def simulated(self, text: str, report: Mapping[str, Any]) -> None:
+        """Take the times of a text from a simulation: programs that run it tell their time left by them."""
+        self.forecasts.take(hash_of(text), report, self._table.programs.values())
+
+    def estimate(self) -> None:
+        """Follow the programs that run, so that their time left is true; asked for now and then."""
+        self.forecasts.estimate(self._table.programs.values(), self.now())
 
     # ------------------------------------------------------------ inside
 
@@ -443,19 +458,6 @@ class MachineService:
         # the newest first, so that none is given the axes of one before it
         for program in reversed(open_programs(self._table.programs, None)):
             self._table.stop(program, "faulted", fault.message, fault)
-
-    def _estimate(self) -> None:
-        """Estimate the time left of what is planned, at the override in force; waits and dwells come on
-        top."""
-        slots: Sequence[SlotView] | None = None
-        for program in self._table.programs.values():
-            if program.ended or program.slot is None or program.planned_end_u is None:
-                continue
-            # only read where something runs: it is half of what a call of an idle machine costs
-            slots = slots or self.port.slots()
-            left = max(0.0, program.planned_end_u - slots[program.slot].u) * self.machine.cycle_s
-            pace = min(1.0, program.override) if program.override > 0.0 else 1.0
-            program.eta_s = left / pace
 
     def _ready(self) -> None:
         if self._stopping:

@@ -192,7 +192,10 @@ class JobQueue:
                 "MC062", f"{job.name} was being checked as the queue was stopped", "run it again"
             )
         program: Program = await machine.program(
-            job.name, start_line=job.from_line, before=job.lines[: job.from_line - 1]
+            job.name,
+            start_line=job.from_line,
+            before=job.lines[: job.from_line - 1],
+            text="\n".join(job.lines),
         )
         job.program, job.state = program.id, JobState.RUNNING
         async with program:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import weakref
 from collections.abc import Mapping, Sequence
@@ -207,6 +208,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         before: Sequence[str] = (),
         step: bool = False,
         hold: bool = False,
+        text: str | None = None,
     ) -> Starting[Program]:
         """Opens a program: ``async with machine.program() as program``.
 
@@ -221,8 +223,10 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
             before: the lines 1 … start_line - 1, read for their modal state only.
             step: a line starts only when `Program.step` asks for it.
             hold: begin held.
+            text: all of it, if known: once `simulate` was called with it, before or after, the program's
+                status tells how long it takes. It has to be sent all the same.
         """
-        request = {
+        request: dict[str, Any] = {
             "name": name[:200],
             "axes": None if axes is None else list(axes),
             "on_disconnect": on_disconnect,
@@ -231,6 +235,8 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
             "step": step,
             "hold": hold,
         }
+        if text is not None:
+            request["sha256"] = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
         return Starting(lambda: self._open_program(request))
 
     def resume_program(

@@ -81,7 +81,12 @@ class Ack:
 
 @dataclass(frozen=True, slots=True)
 class ProgramStatus:
-    """One program; ``progress`` is the share of accepted lines that are done, ``eta_s`` may be unknown."""
+    """One program.
+
+    ``duration_s`` is known once its text was simulated; then ``progress`` is the share of its time and
+    ``eta_s`` the time to its end. Without it they are the share of its lines and the time to the end of what
+    is planned.
+    """
 
     program: str
     state: str
@@ -103,6 +108,7 @@ class ProgramStatus:
     resume_of: str | None = None
     opened_at: float = 0.0
     ended_at: float | None = None
+    duration_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

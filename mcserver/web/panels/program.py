@@ -72,11 +72,10 @@ class ProgramPanel:
                 self._show_ended(ended[0])
             return
         total = len(job.lines) if job is not None else program.accepted
-        duration = job.duration_s if job is not None else None
         line = program.line or program.done
         share = min(1.0, line / total) if total else 0.0
-        if duration and program.eta_s is not None and program.closed:
-            share = max(0.0, min(1.0, 1.0 - program.eta_s / duration))
+        if program.duration_s is not None:
+            share = program.progress
         self._title.set_text(
             f"{program.name or program.program} · {program.state}"
             + (f" · by {job.user}" if job else f" · by {program.client}")

@@ -18,7 +18,6 @@ from mcclient.cli.output import as_plain, error_as_json, exit_code_of, narration
 from mcclient.cli.progress import Display, LiveDisplay, NoDisplay, PlainDisplay, Snapshot, duration
 from mcclient.cli.source import ProgramSource
 from mcclient.cli.tables import axes_text
-from mcclient.cli.timeline import RunClock, Timeline
 from mcclient.errors import (
     MotionError,
     NobodyAnswers,
@@ -34,6 +33,8 @@ from mcclient.recording import Recorder
 from mcclient.types import ENDED, MachineStatus, OnDisconnect, ProgramStatus
 
 CHECKED_BYTES = 2 * 1024 * 1024
+# how long the start may wait for the simulation that tells the program's times
+FORESIGHT_S = 3.0
 REFRESH_S = 0.1
 REJECTED = 4
 EMERGENCY_STOP = "MC400"
@@ -86,7 +87,9 @@ class Job:
         self._display = self._choose_display()
         self._status: ProgramStatus | None = None
         self._behind = ""
-        self._clock = RunClock(options.from_line)
+        # the whole text and where the axes stood before it; None: they are not known
+        self._text: str | None = None
+        self._standing: dict[int, float] | None = None
         self._all_accepted = False
         self._rejection_shown = False
 
@@ -105,11 +108,12 @@ class Job:
         async with self._options.target.open() as machine:
             await self._refuse_under_emergency_stop(machine)
             before = self._source.take(self._options.from_line - 1)
-            if self._options.check and not await self._is_sound(machine):
+            if not await self._is_sound(machine):
                 return REJECTED
             recorder = await self._start_recording(machine)
             try:
-                return await self._run_on(machine, before, recorder)
+                async with self._foreseen(machine):
+                    return await self._run_on(machine, before, recorder)
             finally:
                 if recorder is not None:
                     await recorder.close()
@@ -129,22 +133,18 @@ class Job:
 
     async def _is_sound(self, machine: Machine) -> bool:
         """Whether the whole text has no fault; a text that cannot be known beforehand counts as sound."""
-        path = Path(self._source.path)
-        if self._source.total is None or self._options.from_line > 1 or path.stat().st_size > CHECKED_BYTES:
+        text = self._text = self._source.whole_text(CHECKED_BYTES)
+        if text is None:
             return True
         status = await machine.status()
+        self._standing = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
+        if not self._options.check or self._options.from_line > 1:
+            return True
         if any(program.state not in ENDED for program in status.programs):
             # where the axes will be when this one begins is not known yet
             return True
         try:
-            text = path.read_bytes().decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise RequestRefused(
-                "MC511", f"{self._source.name} is no UTF-8", "save the file as UTF-8"
-            ) from error
-        positions = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
-        try:
-            found = await machine.check(text, positions)
+            found = await machine.check(text, self._standing)
         except RequestRefused as error:
             if error.code in NO_CHECK:
                 return True
@@ -183,6 +183,7 @@ class Job:
             start_line=options.from_line,
             before=before,
             step=options.step,
+            text=self._text,
         )
         if recorder is not None:
             recorder.follow(program)
@@ -254,30 +255,40 @@ class Job:
         """Shows progress inside the block."""
         telemetry = asyncio.create_task(self._follow_telemetry(machine, program.id))
         shown = asyncio.create_task(self._show(machine, program))
-        simulated = asyncio.create_task(self._simulate_ahead(machine))
         self._display.start()
         try:
             yield
         finally:
-            for task in (telemetry, shown, simulated):
+            for task in (telemetry, shown):
                 task.cancel()
-            await asyncio.gather(telemetry, shown, simulated, return_exceptions=True)
+            await asyncio.gather(telemetry, shown, return_exceptions=True)
             self._display.stop()
 
-    async def _simulate_ahead(self, machine: Machine) -> None:
-        """Learn the times of the whole program from the server's simulation while it begins to run."""
-        path = Path(self._source.path)
-        if self._source.total is None or self._options.step or path.stat().st_size > CHECKED_BYTES:
+    @asynccontextmanager
+    async def _foreseen(self, machine: Machine) -> AsyncIterator[None]:
+        """Let the server simulate the text: a short one before anything moves, a long one while it runs.
+
+        With the times of its lines the program's status tells its whole duration and the true time left.
+        """
+        if self._text is None or self._options.step:
+            yield
             return
+        simulating = asyncio.create_task(self._simulate_ahead(machine, self._text))
         try:
-            report = await machine.simulate(path.read_bytes().decode("utf-8"))
-        except (MotionError, UnicodeDecodeError):
+            await asyncio.wait([simulating], timeout=FORESIGHT_S)
+            yield
+        finally:
+            simulating.cancel()
+            await asyncio.gather(simulating, return_exceptions=True)
+
+    async def _simulate_ahead(self, machine: Machine, text: str) -> None:
+        try:
+            report = await machine.simulate(text, self._standing)
+        except MotionError:
             # the run tells its own faults; the time left is estimated from the lines then
             return
-        if not report["ok"]:
-            return
-        self._clock.simulated(Timeline(report))
-        say(f"{self._source.name}: {duration(self._clock.total_s)} at 100 %")
+        if report["ok"] and self._options.from_line == 1:
+            say(f"{self._source.name}: {duration(report['duration_s'])} at 100 %")
 
     async def _follow_telemetry(self, machine: Machine, program: str) -> None:
         status: MachineStatus
@@ -299,8 +310,7 @@ class Job:
         done = max(program.done_through, first - 1)
         line = max(done, status.line if status is not None else 0)
         override = status.override if status is not None else 100.0
-        running = program.state == "running"
-        remaining = self._clock.observe(time.monotonic(), done, override, running=running)
+        foreseen = status if status is not None and status.duration_s is not None else None
         return Snapshot(
             state=program.state,
             first=first,
@@ -311,8 +321,8 @@ class Job:
             override=override,
             elapsed_s=time.monotonic() - self._started_at,
             planned_s=status.eta_s if status is not None else None,
-            remaining_s=remaining,
-            share=self._clock.fraction(),
+            remaining_s=None if foreseen is None else foreseen.eta_s,
+            share=None if foreseen is None else foreseen.progress,
             behind=self._behind,
             online=online,
         )

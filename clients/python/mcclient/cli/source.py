@@ -47,6 +47,21 @@ class ProgramSource:
     def is_stdin(self) -> bool:
         return self.path == "-"
 
+    def whole_text(self, limit: int) -> str | None:
+        """Return all of a file of at most ``limit`` bytes; None: it is longer, or cannot be read twice.
+
+        Raises:
+            RequestRefused: MC511 it is no UTF-8.
+        """
+        if self.total is None or os.path.getsize(self.path) > limit:
+            return None
+        with open(self.path, "rb") as file:
+            content = file.read()
+        try:
+            return content.decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise RequestRefused("MC511", f"{self.name} is no UTF-8", "save the file as UTF-8") from error
+
     def lines(self) -> Iterator[str]:
         """The lines from where reading stands, without line ends; keeps them until `forget`.
 

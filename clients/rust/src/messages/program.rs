@@ -224,10 +224,10 @@ pub struct ProgramStatus {
     /// Feed override [%].
     #[serde(default = "hundred", rename = "override")]
     pub override_percent: f64,
-    /// Share of the accepted lines that are done, 0 … 1.
+    /// Share of its time that has passed, 0 … 1; without `duration_s` of its accepted lines.
     #[serde(default)]
     pub progress: f64,
-    /// Time to the end of what is planned, at 100 % [s].
+    /// Time to its end at its override [s]; without `duration_s` to the end of what is planned.
     #[serde(default)]
     pub eta_s: Option<f64>,
     /// What stopped it.
@@ -248,6 +248,9 @@ pub struct ProgramStatus {
     /// Unix time [s].
     #[serde(default)]
     pub ended_at: Option<f64>,
+    /// Of the whole program at 100 %, as its text was simulated [s].
+    #[serde(default)]
+    pub duration_s: Option<f64>,
 }
 
 /// Reply of `open`.

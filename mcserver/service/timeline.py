@@ -1,4 +1,4 @@
-"""When each line of a program ends, as the server simulates it, and so how long a run still takes."""
+"""When each line of a program ends, as it was simulated, and so how long a run still takes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Mapping
 from itertools import accumulate
 from typing import Any
+
+# an override of 0 would make the time left infinite
+LEAST_OVERRIDE = 0.01
 
 
 class Timeline:
@@ -15,7 +18,7 @@ class Timeline:
         report: the answer of the method ``simulate``, ``ok`` true.
 
     Attributes:
-        duration_s: of the whole program [s].
+        duration_s: of the whole program [s]. size: how many lines it has times of.
     """
 
     def __init__(self, report: Mapping[str, Any]) -> None:
@@ -26,6 +29,7 @@ class Timeline:
         self._starts = [start for _, start, _ in timed]
         self._ends = list(accumulate((end for _, _, end in timed), max))
         self.duration_s = float(report["duration_s"])
+        self.size = len(timed)
 
     def remaining_s(self, done: int, in_line_s: float = 0.0) -> float:
         """Return the time from here to the program's end at 100 % [s].
@@ -47,7 +51,7 @@ class Timeline:
 
 
 class RunClock:
-    """Follows a run along its timeline: time passes while the program runs, at the rate of its override.
+    """Follows a run along its timeline: time passes while lines run, at the rate of the override.
 
     It follows the run from its beginning, also before the timeline is there: a line may last for minutes.
 
@@ -73,21 +77,25 @@ class RunClock:
             return None
         return self._timeline.duration_s - self._timeline.start_of(self._first)
 
-    def observe(self, now: float, done: int, override: float, *, running: bool) -> float | None:
+    def observe(
+        self, now: float, done: int, override: float, *, running: bool, done_at: float | None = None
+    ) -> float | None:
         """Note how far the run is; return the time until its end at this override [s], None: not known yet.
 
         Args:
-            now: a clock [s]. done: the last line that has ended. override: [%].
-            running: False while it is held, paused or queued.
+            now: a clock [s]. done: the last line that has ended. override: 1 is 100 %.
+            running: False while it is held, paused or queued, and before its first line.
+            done_at: when the line ``done`` ended, by the same clock; None: just now.
         """
-        passed = 0.0 if self._seen_at is None else max(0.0, now - self._seen_at)
+        seen_at = now if self._seen_at is None else self._seen_at
         self._seen_at = now
         if done > self._done:
             self._done, self._in_line_s = done, 0.0
-        elif running:
-            self._in_line_s += passed * override / 100.0
+            seen_at = now if done_at is None else max(seen_at, done_at)
+        if running:
+            self._in_line_s += max(0.0, now - seen_at) * override
         remaining = self.remaining_s()
-        return None if remaining is None else remaining * 100.0 / max(override, 1.0)
+        return None if remaining is None else remaining / max(override, LEAST_OVERRIDE)
 
     def remaining_s(self) -> float | None:
         """Return the time until the end at 100 % [s]; None: not known yet."""

@@ -6,11 +6,14 @@ from typing import Any
 
 import pytest
 from mcclient.cli.progress import Snapshot
-from mcclient.cli.timeline import RunClock, Timeline
 
 from mcserver.machine.machine_file import builtin_text, parse_machine
+from mcserver.service import forecasts
+from mcserver.service.arming import hash_of
+from mcserver.service.timeline import RunClock, Timeline
 from mcserver.simulation.simulation import simulate
 from tests.cli.command import EXAMPLES
+from tests.service.conftest import Bench
 
 IDEAL = parse_machine(builtin_text("cartesian").replace('kind = "simulated"', 'kind = "ideal"'))
 PROGRAMS = {
@@ -34,15 +37,15 @@ def done_at(report: dict[str, Any], time_s: float) -> int:
     return max((each["line"] for each in report["lines"] if each["end_s"] <= time_s), default=0)
 
 
-@pytest.mark.parametrize("override", [100.0, 50.0])
+@pytest.mark.parametrize("override", [1.0, 0.5])
 def test_the_time_left_is_true_at_10_50_and_90_percent(report: dict[str, Any], override: float) -> None:
     clock = RunClock(1, Timeline(report))
-    whole = report["duration_s"] * 100.0 / override
+    whole = report["duration_s"] / override
     step = 0.1
     asked = [round(whole * share / step) for share in (0.1, 0.5, 0.9)]
     for count in range(asked[-1] + 1):
         now = count * step
-        left = clock.observe(now, done_at(report, now * override / 100.0), override, running=True)
+        left = clock.observe(now, done_at(report, now * override), override, running=True)
         if count in asked:
             assert left == pytest.approx(whole - now, abs=0.02 * whole)
             assert clock.fraction() == pytest.approx(now / whole, abs=0.02)
@@ -50,30 +53,30 @@ def test_the_time_left_is_true_at_10_50_and_90_percent(report: dict[str, Any], o
 
 def test_the_whole_duration_is_known_at_the_start(report: dict[str, Any]) -> None:
     clock = RunClock(1, Timeline(report))
-    assert clock.observe(5.0, 0, 100.0, running=True) == pytest.approx(report["duration_s"], abs=0.01)
+    assert clock.observe(5.0, 0, 1.0, running=True) == pytest.approx(report["duration_s"], abs=0.01)
 
 
 def test_no_time_passes_while_a_program_is_held() -> None:
     report = {"duration_s": 10.0, "lines": [{"line": 1, "start_s": 0.0, "end_s": 10.0}]}
     clock = RunClock(1, Timeline(report))
-    clock.observe(0.0, 0, 100.0, running=True)
-    assert clock.observe(4.0, 0, 100.0, running=True) == pytest.approx(6.0)
-    assert clock.observe(9.0, 0, 100.0, running=False) == pytest.approx(6.0)
-    assert clock.observe(10.0, 0, 50.0, running=True) == pytest.approx(11.0)
+    clock.observe(0.0, 0, 1.0, running=True)
+    assert clock.observe(4.0, 0, 1.0, running=True) == pytest.approx(6.0)
+    assert clock.observe(9.0, 0, 1.0, running=False) == pytest.approx(6.0)
+    assert clock.observe(10.0, 0, 0.5, running=True) == pytest.approx(11.0)
 
 
 def test_a_line_that_takes_longer_than_simulated_keeps_the_time_of_those_behind_it() -> None:
     lines = [{"line": 1, "start_s": 0.0, "end_s": 2.0}, {"line": 3, "start_s": 2.0, "end_s": 6.0}]
     clock = RunClock(1, Timeline({"duration_s": 6.0, "lines": lines}))
-    clock.observe(0.0, 0, 100.0, running=True)
-    assert clock.observe(5.0, 0, 100.0, running=True) == pytest.approx(4.0)
+    clock.observe(0.0, 0, 1.0, running=True)
+    assert clock.observe(5.0, 0, 1.0, running=True) == pytest.approx(4.0)
 
 
 def test_a_run_from_a_later_line_has_the_time_of_the_rest() -> None:
     lines = [{"line": n, "start_s": n - 1.0, "end_s": float(n)} for n in range(1, 11)]
     clock = RunClock(8, Timeline({"duration_s": 10.0, "lines": lines}))
     assert clock.total_s == pytest.approx(3.0)
-    assert clock.observe(0.0, 7, 100.0, running=True) == pytest.approx(3.0)
+    assert clock.observe(0.0, 7, 1.0, running=True) == pytest.approx(3.0)
     assert clock.fraction() == pytest.approx(0.0)
 
 
@@ -102,8 +105,48 @@ def test_a_simulation_that_comes_late_finds_the_time_that_a_long_line_has_run() 
     report = {"duration_s": 60.0, "lines": [{"line": 1, "start_s": 0.0, "end_s": 60.0}]}
     clock = RunClock(1)
     for second in range(13):
-        assert clock.observe(float(second), 0, 100.0, running=True) is None
+        assert clock.observe(float(second), 0, 1.0, running=True) is None
     assert clock.fraction() is None
     clock.simulated(Timeline(report))
-    assert clock.observe(13.0, 0, 100.0, running=True) == pytest.approx(47.0)
+    assert clock.observe(13.0, 0, 1.0, running=True) == pytest.approx(47.0)
     assert clock.fraction() == pytest.approx(13.0 / 60.0)
+
+
+def test_a_line_counts_from_where_the_one_before_it_ended_though_nobody_looked() -> None:
+    lines = [{"line": 1, "start_s": 0.0, "end_s": 2.0}, {"line": 2, "start_s": 2.0, "end_s": 12.0}]
+    clock = RunClock(1, Timeline({"duration_s": 12.0, "lines": lines}))
+    clock.observe(0.0, 0, 1.0, running=True)
+    assert clock.observe(9.0, 1, 1.0, running=True, done_at=2.0) == pytest.approx(3.0)
+
+
+TIMES = {"ok": True, "duration_s": 12.0, "lines": [{"line": 1, "start_s": 0.0, "end_s": 12.0}]}
+
+
+@pytest.mark.parametrize("early", [True, False])
+async def test_a_simulation_of_the_text_tells_the_time_of_its_program(bench: Bench, early: bool) -> None:
+    service = bench.service
+    if early:
+        service.simulated("move", TIMES)
+    program = await service.open("hmi", sha256=hash_of("move"))
+    other = await service.open("hmi", sha256=hash_of("another text"))
+    if not early:
+        assert program.status().duration_s is None
+        service.simulated("move", TIMES)
+    service.estimate()
+    found = {each.program: each for each in await service.known(program_id=None, ended=False, limit=9)}
+    status = found[program.program]
+    assert (status.duration_s, status.eta_s, status.progress) == (12.0, 12.0, 0.0)
+    assert found[other.program].duration_s is None
+
+
+async def test_a_simulation_with_faults_tells_no_time(bench: Bench) -> None:
+    bench.service.simulated("move", {**TIMES, "ok": False})
+    program = await bench.service.open("hmi", sha256=hash_of("move"))
+    assert program.status().duration_s is None
+
+
+async def test_of_many_simulations_the_newest_are_kept(bench: Bench) -> None:
+    for number in range(forecasts.TEXTS + 1):
+        bench.service.simulated(f"text {number}", TIMES)
+    first, second = [await bench.service.open("hmi", sha256=hash_of(f"text {n}")) for n in (0, 1)]
+    assert (first.status().duration_s, second.status().duration_s) == (None, 12.0)
