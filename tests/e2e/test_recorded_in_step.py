@@ -14,42 +14,23 @@ import pytest
 from mcclient import Event, Machine
 
 from tests.e2e.conftest import connected, served
+from tests.e2e.homed_axis import HOMED_AXIS
 from tests.e2e.servers import ServerProcess
 from tests.recorder.rig import column, decoded
 
 LIMIT_S = 60.0
-MACHINE = """
+MACHINE = f"""
 [machine]
 name = "cell"
 [[input]]
 number = 0
 name = "door"
 hold_on = true
-[[input]]
-number = 4
-name = "touch"
 [[output]]
 number = 0
 name = "laser"
-[probe]
-input = 4
-simulated_at = { X = 10.0 }
-[[axis]]
-index = 0
-type = "linear"
-max_velocity = 200.0
-max_acceleration = 2000.0
-min_position = 0.0
-max_position = 300.0
-[axis.homing]
-method = "switch"
-velocity = 50.0
-latch_velocity = 5.0
-position = -2.0
-then_move_to = 5.0
-[axis.drive]
+{HOMED_AXIS}
 initial_position = 0.0
-home_switch = [-1000.0, -10.0]
 """
 PROGRAM = [
     "G1010",

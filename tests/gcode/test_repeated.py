@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import mcclient.cli.repeated
-import pytest
-from mcclient.types import Diagnostic as WireDiagnostic
+import inspect
 
+import mcclient.cli.repeated
+
+import mcserver.gcode.repeated
 from mcserver.errors import Diagnostic
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.repeated import by_cause, further_lines
@@ -43,26 +44,16 @@ def test_a_line_with_two_faults_of_one_cause_is_counted_once() -> None:
     assert [(first.line, lines) for first, lines in by_cause(found)] == [(1, [2])]
 
 
-def test_a_long_file_with_one_mistake_on_each_line_is_told_once() -> None:
+def test_a_long_file_with_one_mistake_on_each_line_has_one_cause() -> None:
     found = check_program("G1 X1 Y1 F100\nG1 XO\n" * 300, load_machine("cartesian"))
     assert len(found) >= 300
     assert len(by_cause(found)) == 1
 
 
-@pytest.mark.parametrize("lines", [[], [4], [4, 5, 6, 7, 8]])
-def test_the_client_says_the_same(lines: list[int]) -> None:
-    assert mcclient.cli.repeated.further_lines(lines) == further_lines(lines)
-    found = [
-        WireDiagnostic(
-            code="MC101",
-            severity="error",
-            message=f"at {line} mm",
-            line=line,
-            column=0,
-            end_column=0,
-            hint="",
-        )
-        for line in [2, *lines]
-    ]
-    ((first, further),) = mcclient.cli.repeated.by_cause(found)
-    assert (first.line, further) == (2, lines)
+def test_the_client_counts_causes_by_the_same_code() -> None:
+    """Each is installed without the other, so each has a file of its own."""
+    server, client = (
+        inspect.getsource(module).replace("mcclient.types", "mcserver.errors")
+        for module in (mcserver.gcode.repeated, mcclient.cli.repeated)
+    )
+    assert client == server
