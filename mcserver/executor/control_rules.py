@@ -24,8 +24,8 @@ from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import hold_position
 from mcserver.executor.homing import Homes, Refers
-from mcserver.executor.independent import TrajectoryError
 from mcserver.executor.probing import Probes
+from mcserver.executor.trajectories import TrajectoryError
 from mcserver.motion.canonical import AxisOperation, WaitMode
 
 if TYPE_CHECKING:

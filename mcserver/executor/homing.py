@@ -17,7 +17,7 @@ from mcserver.executor.barriers import DRIVE_TIMEOUT_S, BarrierFault
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.independent import MotionLimits, TrajectoryError
+from mcserver.executor.trajectories import MotionLimits, TrajectoryError
 from mcserver.machine.homing_section import Homing
 
 # An axis counts as blocked while it is slower than this share of its setpoint's speed …

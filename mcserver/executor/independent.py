@@ -9,124 +9,17 @@ keeps velocity, acceleration and jerk. Speed commands and stops follow neither.
 from __future__ import annotations
 
 import contextlib
-import enum
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
-from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Trajectory
+from ruckig import Trajectory
 
+from mcserver.executor.axis_motion import Motion, MotionKind
 from mcserver.executor.headroom import Array
 from mcserver.executor.shm.feedback import FeedbackRow
-from mcserver.machine.machine_file import Axis, Machine
-
-State = tuple[float, float, float]
-Followers = Mapping[int, tuple[float, float]]
-
-# Shares of a way, or of a change of speed, that are tried one after the other.
-_NEARBY = (1.0, 1.0 + 1e-9, 1.0 - 1e-9, 1.0 + 1e-7, 1.0 - 1e-7)
-
-
-class TrajectoryError(ValueError):
-    """Ruckig finds no motion; ``column`` is the axis's."""
-
-    def __init__(self, column: int) -> None:
-        super().__init__(f"no trajectory for column {column}")
-        self.column = column
-
-
-@dataclass(frozen=True)
-class MotionLimits:
-    """Limits of one motion, not above those of its axis; a jerk of inf: not limited."""
-
-    max_velocity: float
-    max_acceleration: float
-    max_jerk: float
-
-    @classmethod
-    def of(cls, axis: Axis, velocity: float = math.inf) -> MotionLimits:
-        """Those of an axis, with its speed bounded by ``velocity``."""
-        return cls(min(axis.max_velocity, velocity), axis.max_acceleration, axis.max_jerk)
-
-
-class MotionKind(enum.Enum):
-    """What ends an independent motion."""
-
-    POSITION = enum.auto()  # at its target
-    SPEED = enum.auto()  # never: the speed is held
-    HALT = enum.auto()  # at standstill
-
-
-class Motion:
-    """One axis under way by itself.
-
-    Attributes:
-        slot: whose rate applies, -1: the machine's. elapsed: time on the trajectory [s].
-        origin: position at which the trajectory starts. final: position and velocity at its end.
-        limits: that it keeps. followers: columns that go along: column → (position, share) where it is that
-            position + share · (this one's - anchor). lost: its own column takes no part any more.
-        target: of a position motion. rate: share of the axis's speed that it is planned with; 0: it is held.
-    """
-
-    __slots__ = (
-        "anchor",
-        "column",
-        "duration",
-        "elapsed",
-        "final",
-        "followers",
-        "kind",
-        "limits",
-        "lost",
-        "origin",
-        "rate",
-        "slot",
-        "target",
-        "trajectory",
-    )
-
-    def __init__(
-        self,
-        column: int,
-        slot: int,
-        kind: MotionKind,
-        trajectory: Trajectory,
-        origin: float,
-        final: tuple[float, float],
-        limits: MotionLimits,
-    ) -> None:
-        self.column = column
-        self.slot = slot
-        self.kind = kind
-        self.trajectory = trajectory
-        self.duration: float = trajectory.duration
-        self.elapsed = 0.0
-        self.origin = origin
-        self.final = final
-        self.limits = limits
-        self.followers: Followers = {}
-        self.anchor = origin
-        self.lost = False
-        self.target = final[0]
-        self.rate = 1.0
-
-    def follow(self, other: Motion) -> None:
-        """Take along the columns of the motion that this one supersedes."""
-        self.followers, self.anchor, self.lost = other.followers, other.anchor, other.lost
-
-    @property
-    def held(self) -> bool:
-        """Whether it is a position motion that stands in feed hold."""
-        return self.kind is MotionKind.POSITION and self.rate <= 0.0 and self.elapsed >= self.duration
-
-    def at(self, elapsed: float) -> State:
-        """Position, velocity and acceleration on the trajectory."""
-        if elapsed >= self.duration:
-            position, velocity = self.final
-            return position + velocity * (elapsed - self.duration), velocity, 0.0
-        position, velocity, acceleration = self.trajectory.at_time(max(elapsed, 0.0))
-        return self.origin + position[0], velocity[0], acceleration[0]
+from mcserver.executor.trajectories import MotionLimits, State, TrajectoryError, TrajectorySolver
+from mcserver.machine.machine_file import Machine
 
 
 class IndependentMotions:
@@ -151,7 +44,7 @@ class IndependentMotions:
         self.goals: dict[int, tuple[float, float]] = {}
         self.pending = 0
         self._profiled = sum(1 << column for column, axis in enumerate(machine.axes) if axis.profiled)
-        self._ruckig = Ruckig(1)
+        self._solver = TrajectorySolver()
         self._motions: dict[int, Motion] = {}
         self._left: dict[int, float] = {}
         self.mask = 0
@@ -211,7 +104,7 @@ class IndependentMotions:
         velocity = max(-top, min(top, velocity))
         state = self.state(column, left)
         limits = self._limits[column]
-        trajectory = self._to_velocity(column, state, velocity, limits, jerk=True)
+        trajectory = self._solver.to_velocity(column, state, velocity, limits, jerk=True)
         self._start(column, slot, MotionKind.SPEED, trajectory, state[0], velocity, limits)
         self._guard(self._motions[column])
         self._pass(self._motions[column], left)
@@ -231,7 +124,7 @@ class IndependentMotions:
     def _halt(
         self, column: int, slot: int, state: State, left: float, limits: MotionLimits, *, jerk: bool
     ) -> None:
-        trajectory = self._to_velocity(column, state, 0.0, limits, jerk=jerk)
+        trajectory = self._solver.to_velocity(column, state, 0.0, limits, jerk=jerk)
         self._start(column, slot, MotionKind.HALT, trajectory, state[0], 0.0, limits)
         self.pending |= self._profiled & 1 << column
         self._pass(self._motions[column], left)
@@ -284,7 +177,7 @@ class IndependentMotions:
         mask = 0
         for motion in self._motions.values():
             if motion.slot == slot:
-                mask |= _columns_of(motion)
+                mask |= motion.columns
         return mask
 
     # ------------------------------------------------------------------ stretches
@@ -344,10 +237,10 @@ class IndependentMotions:
     ) -> None:
         """Start a position motion from a state with a share of its speed; 0: to a stop on the way."""
         if rate > 0.0:
-            trajectory = self._to_position(column, state, target, limits, rate)
+            trajectory = self._solver.to_position(column, state, target, limits, rate)
             self._start(column, slot, MotionKind.POSITION, trajectory, state[0], target, limits)
         else:
-            trajectory = self._to_velocity(column, state, 0.0, limits, jerk=True)
+            trajectory = self._solver.to_velocity(column, state, 0.0, limits, jerk=True)
             rest = state[0] + trajectory.at_time(trajectory.duration)[0][0]
             self._start(column, slot, MotionKind.POSITION, trajectory, state[0], rest, limits)
         self._motions[column].target = target
@@ -369,7 +262,7 @@ class IndependentMotions:
                 return
             over = (motion.elapsed - motion.duration) / self._cycle
             del self._motions[column]
-            self.ended |= _columns_of(motion)
+            self.ended |= motion.columns
             for each in (column, *motion.followers):
                 self._left[each] = min(over, share)
             self._remask()
@@ -413,62 +306,12 @@ class IndependentMotions:
     def _remask(self) -> None:
         self.mask = self.speeding = self.halting = 0
         for motion in self._motions.values():
-            bit = _columns_of(motion)
+            bit = motion.columns
             self.mask |= bit
             if motion.kind is MotionKind.SPEED:
                 self.speeding |= bit
             elif motion.kind is MotionKind.HALT:
                 self.halting |= bit
-
-    # ------------------------------------------------------------------ trajectories
-
-    def _input(self, axis: MotionLimits, state: State, jerk: bool) -> InputParameter:
-        """The start of a trajectory, in coordinates that have their origin there: rounding is least then."""
-        wanted = InputParameter(1)
-        wanted.current_position = [0.0]
-        wanted.current_velocity = [state[1]]
-        wanted.max_velocity = [axis.max_velocity]
-        wanted.max_acceleration = [axis.max_acceleration]
-        limited = jerk and math.isfinite(axis.max_jerk)
-        wanted.max_jerk = [axis.max_jerk if limited else math.inf]
-        # without a limit of jerk the acceleration of the start does not bind
-        wanted.current_acceleration = [_bounded_acceleration(axis, state) if limited else 0.0]
-        return wanted
-
-    def _calculated(self, wanted: InputParameter) -> Trajectory | None:
-        trajectory = Trajectory(1)
-        try:
-            result = self._ruckig.calculate(wanted, trajectory)
-        except RuckigError:
-            return None
-        return trajectory if result in (Result.Working, Result.Finished) else None
-
-    def _to_position(
-        self, column: int, state: State, target: float, limits: MotionLimits, rate: float = 1.0
-    ) -> Trajectory:
-        wanted = self._input(limits, state, jerk=True)
-        wanted.max_velocity = [limits.max_velocity * rate]
-        way = target - state[0]
-        # where two shapes of profile meet, rounding may find neither: a way next to it has one
-        for share in _NEARBY:
-            wanted.target_position = [way * share]
-            trajectory = self._calculated(wanted)
-            if trajectory is not None:
-                return trajectory
-        raise TrajectoryError(column)
-
-    def _to_velocity(
-        self, column: int, state: State, velocity: float, limits: MotionLimits, *, jerk: bool
-    ) -> Trajectory:
-        wanted = self._input(limits, state, jerk)
-        wanted.control_interface = ControlInterface.Velocity
-        for share in _NEARBY:
-            wanted.target_velocity = [velocity * share]
-            wanted.current_velocity = [state[1] * share]
-            trajectory = self._calculated(wanted)
-            if trajectory is not None:
-                return trajectory
-        raise TrajectoryError(column)
 
     def _guard(self, motion: Motion) -> None:
         """Lets an axis that holds a speed stop on its soft limit, while it still can."""
@@ -481,28 +324,11 @@ class IndependentMotions:
         limit = axis.max_position if direction > 0.0 else axis.min_position
         if not math.isfinite(limit) or (ahead[1] == 0.0 and motion.final[1] == 0.0):
             return
-        stop = self._to_velocity(motion.column, ahead, 0.0, motion.limits, jerk=True)
+        stop = self._solver.to_velocity(motion.column, ahead, 0.0, motion.limits, jerk=True)
         rest = ahead[0] + stop.at_time(stop.duration)[0][0]
         if (rest - limit) * direction <= 0.0:
             return
         self.limited.append(motion.column)
-        trajectory = self._to_position(motion.column, state, limit, motion.limits)
+        trajectory = self._solver.to_position(motion.column, state, limit, motion.limits)
         self._start(motion.column, motion.slot, MotionKind.HALT, trajectory, state[0], 0.0, motion.limits)
         self._motions[motion.column].final = (limit, 0.0)
-
-
-def _columns_of(motion: Motion) -> int:
-    mask = 0 if motion.lost else 1 << motion.column
-    for column in motion.followers:
-        mask |= 1 << column
-    return mask
-
-
-def _bounded_acceleration(axis: MotionLimits, state: State) -> float:
-    """Return the acceleration of a state, bounded so that it can be taken back within the axis's speed."""
-    _, velocity, acceleration = state
-    bound = axis.max_acceleration
-    if velocity * acceleration > 0.0:
-        room = max(0.0, axis.max_velocity - abs(velocity))
-        bound = min(bound, math.sqrt(2.0 * axis.max_jerk * room))
-    return max(-bound, min(bound, acceleration))

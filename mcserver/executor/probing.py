@@ -16,7 +16,7 @@ from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Control, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
-from mcserver.executor.independent import MotionLimits, TrajectoryError
+from mcserver.executor.trajectories import MotionLimits, TrajectoryError
 from mcserver.motion.canonical import ProbeKind
 
 

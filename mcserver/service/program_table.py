@@ -11,14 +11,12 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import msgspec
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
-from mcserver.executor.homing import HomingPhase
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import (
     Begin,
@@ -39,6 +37,7 @@ from mcserver.planning.planner_messages import (
     Validated,
 )
 from mcserver.service.acknowledgements import AckSender
+from mcserver.service.axis_reports import AxisReports
 from mcserver.service.event_log import EventLog
 from mcserver.service.fault_latch import FaultLatch, fault_of
 from mcserver.service.heartbeat import Heartbeat
@@ -48,32 +47,17 @@ from mcserver.service.journal_file import JournalConnection, open_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
+from mcserver.service.progress_reports import ProgressReports
 from mcserver.service.references import References, references_file
-from mcserver.service.reports import Ack, Event, Fault, ProbeStatus, ProgramState, wire_diagnostic
+from mcserver.service.reports import Ack, Event, Fault, LineReport, ProgramState, wire_diagnostic
 from mcserver.service.reports import EventKind as Kind
 from mcserver.service.work_offsets import WorkOffsets
 
 log = logging.getLogger(__name__)
 
 ENDED_PROGRAMS = 100
-TICK_S = 0.02
-
-# What an axis does while it is homed, for people.
-PHASES = MappingProxyType(
-    {
-        HomingPhase.START: "off the switch, the search begins",
-        HomingPhase.RELEASE: "the switch is active: off it first",
-        HomingPhase.APPROACH: "searching",
-        HomingPhase.BACK_OFF: "found, backing off",
-        HomingPhase.LATCH: "slowly to it again",
-        HomingPhase.INDEX: "on to the index",
-        HomingPhase.REFERENCE: "found, coming to rest",
-        HomingPhase.DEPART: "homed, going to its place",
-        HomingPhase.DRIVE: "the drive homes itself",
-        HomingPhase.HOLD: "the drive is at home",
-        HomingPhase.DONE: "done",
-    }
-)
+# Between two looks whether the programs of a planner that has ended are at rest.
+AT_REST_S = 0.02
 
 
 class ServiceOptions(msgspec.Struct, frozen=True):
@@ -100,7 +84,7 @@ class ProgramTable:
         programs: open ones and the last `ENDED_PROGRAMS` that have ended, oldest first.
         faults: latched until a reset.
         offsets: work coordinate systems, which outlive programs and the server.
-        references: of axes, which outlive the server. probe: how the last probing move ended.
+        references: of axes, which outlive the server. axis_reports: of homing and probing.
         journal_damage: of the journal as it was found at this start; None: it is sound.
         journal_failure: why the journal cannot be written now; empty: it can.
     """
@@ -127,9 +111,7 @@ class ProgramTable:
         self.events = EventLog(options.instance, self.now, on_event)
         self.acks = AckSender(on_ack)
         self._loop = asyncio.get_running_loop()
-        # in order, so that a run can be repeated
-        self._moved: dict[str, None] = {}
-        self._tick_scheduled = False
+        self._progress = ProgressReports(self._loop, self.publish, self._journal_progress)
         self._lock = JournalLock(options.journal)
         try:
             self.journal_damage = repair_journal(options.journal)
@@ -144,9 +126,8 @@ class ProgramTable:
             self._lock.release()
             raise
         self.offsets = WorkOffsets(options.journal.with_name(f"{options.journal.name}.offsets.json"))
-        self._axes = machine.axes
-        self.probe: ProbeStatus | None = None
         self.references = References(references_file(options.journal), machine)
+        self.axis_reports = AxisReports(machine.axes, self.references, self.events)
         self.planner = planner(self._planner_events)
         # called for a stop that the executor has latched by itself
         self.on_machine_stop: Callable[[Fault], None] = self.faults.latch
@@ -258,7 +239,7 @@ class ProgramTable:
     def _end(self, program: Program, state: ProgramState) -> None:
         if program.ended:
             return
-        self._flush_lines(program)
+        self._progress.report(program)
         program.state = state
         program.closed = True
         program.ended_at = self.options.clock()
@@ -322,7 +303,7 @@ class ProgramTable:
             if not program.ended:
                 # what it did meanwhile is not in there yet
                 program.last_reported_done = -1
-                self._has_moved(program)
+                self._progress.moved(program)
 
     # ------------------------------------------------------------ from the planner
 
@@ -377,7 +358,7 @@ class ProgramTable:
             if program.slot is not None and self.port.ended(program.slot):
                 self._end(program, program.ended_as)
         if ending:
-            self._loop.call_later(TICK_S, self._end_at_rest)
+            self._loop.call_later(AT_REST_S, self._end_at_rest)
 
     def _consumed(self, program: Program, event: Consumed) -> None:
         if event.through > program.queue.accepted:
@@ -393,7 +374,7 @@ class ProgramTable:
         program.planned_end_u = event.end_u
         program.progress.planned_through(event.through)
         program.settle()
-        self._has_moved(program)
+        self._progress.moved(program)
 
     def _line_rejected(self, program: Program, event: LineRejected) -> None:
         if event.epoch != program.epoch:
@@ -414,24 +395,20 @@ class ProgramTable:
         if event.kind is EventKind.FAULT:
             self._fault(event, program)
             return
-        if event.kind is EventKind.PROBED:
-            self._probed(event, program)
-            return
-        if event.kind in (EventKind.HOMING, EventKind.HOMED, EventKind.UNHOMED):
-            self._homing(event, program)
+        if self.axis_reports.handle(event, None if program is None else program.program):
             return
         if program is None or event.time < program.begun:
             # of the program that was in the slot before, whose end was seen without this
             return
         if event.kind is EventKind.LINE_START:
             program.progress.line_started(event.line, event.time)
-            self._has_moved(program)
+            self._progress.moved(program)
         elif event.kind is EventKind.LINE_END:
             program.progress.line_ended(event.line, event.time)
-            self._has_moved(program)
+            self._progress.moved(program)
         elif event.kind is EventKind.AXIS_DONE:
             program.progress.ended(event.line)
-            self._has_moved(program)
+            self._progress.moved(program)
         elif event.kind is EventKind.INPUT:
             name = self._inputs[event.token] if event.token < len(self._inputs) else ""
             value, waited = event.values
@@ -490,33 +467,6 @@ class ProgramTable:
         program = self._in_slot(slot)
         return None if program is None else program.program
 
-    def _probed(self, event: ExecutorEvent, program: Program | None) -> None:
-        """A probing move has ended."""
-        positions = {
-            str(axis.index): value / axis.type.si_per_unit
-            for axis, value in zip(self._axes, event.values, strict=True)
-        }
-        name = "" if program is None else program.program
-        self.probe = ProbeStatus(name, event.line, bool(event.token), positions, event.time)
-        self.events.publish("probe", program=name or None, line=event.line, probe=self.probe)
-
-    def _homing(self, event: ExecutorEvent, program: Program | None) -> None:
-        """An axis goes on with its homing, has its reference, or has lost it."""
-        where = {"axis": event.axis, "program": None if program is None else program.program}
-        if event.kind is EventKind.HOMING:
-            self.events.publish("axis.homing", message=PHASES[HomingPhase(event.token)], **where)
-            return
-        if event.kind is EventKind.HOMED:
-            offset, reading = event.values
-            self.references.keep(event.axis, offset, reading)
-            self.events.publish("axis.homed", message="", **where)
-        else:
-            self.references.forget(event.axis)
-            reason = f"MC{event.code}" if event.code else ""
-            self.events.publish("axis.unhomed", reason=reason, message="", **where)
-        if self.references.failure:
-            self.events.publish("warning", reason="MC459", message=self.references.failure)
-
     def _record(self, fault: Fault) -> None:
         self.journal.fault(fault, self.options.clock())
 
@@ -534,35 +484,9 @@ class ProgramTable:
             kind, program=program.program, client=program.client, state=program.state, **values
         )
 
-    def _has_moved(self, program: Program) -> None:
-        self._moved[program.program] = None
-        if not self._tick_scheduled:
-            self._tick_scheduled = True
-            self._loop.call_later(TICK_S, self._tick)
-
-    def _tick(self) -> None:
-        self._tick_scheduled = False
-        moved, self._moved = self._moved, {}
-        for key in moved:
-            program = self.programs.get(key)
-            if program is not None and not program.ended:
-                self._flush_lines(program)
-
-    def _flush_lines(self, program: Program) -> None:
-        """Tells, at most once a tick, which lines have begun and ended."""
-        progress = program.progress
-        ended = progress.take_ended()
-        begun = progress.started > program.last_reported_started
-        done = program.done != program.last_reported_done
-        if not (ended or begun or done):
-            return
-        if begun:
-            self.publish("lines.started", program, line=progress.started)
-        if ended:
-            self.publish("lines.ended", program, lines=ended)
-        program.last_reported_started, program.last_reported_done = progress.started, program.done
+    def _journal_progress(self, program: Program, ended: Sequence[LineReport]) -> None:
         if self.journal_failure:
             # what gathers before a journal that cannot be written is bounded; the next progress says it all
             return
         committed = partial(self._progress_committed, program, program.done)
-        self.journal.progress(program.program, progress.started, program.done, ended, committed)
+        self.journal.progress(program.program, program.progress.started, program.done, ended, committed)

@@ -24,7 +24,8 @@ from mcserver.service.line_queue import LineQueue
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, open_programs, owned_program
-from mcserver.service.program_table import TICK_S, ProgramTable, ServiceOptions
+from mcserver.service.program_table import ProgramTable, ServiceOptions
+from mcserver.service.progress_reports import TICK_S
 from mcserver.service.reports import (
     Ack,
     Event,
@@ -144,7 +145,7 @@ class MachineService:
     @property
     def probe(self) -> ProbeStatus | None:
         """How the last probing move ended."""
-        return self._table.probe
+        return self._table.axis_reports.probe
 
     def record_command(self, client: str, method: str, program: str | None = None, detail: str = "") -> None:
         """Keep in the journal who did what, and publish it; a journal that fails keeps nobody from acting."""

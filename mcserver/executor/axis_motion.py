@@ -1,0 +1,99 @@
+"""One axis under way by itself on a trajectory, with those that follow it on a line."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+
+from ruckig import Trajectory
+
+from mcserver.executor.trajectories import MotionLimits, State
+
+Followers = Mapping[int, tuple[float, float]]
+
+
+class MotionKind(enum.Enum):
+    """What ends an independent motion."""
+
+    POSITION = enum.auto()  # at its target
+    SPEED = enum.auto()  # never: the speed is held
+    HALT = enum.auto()  # at standstill
+
+
+class Motion:
+    """One axis under way by itself.
+
+    Attributes:
+        slot: whose rate applies, -1: the machine's. elapsed: time on the trajectory [s].
+        origin: position at which the trajectory starts. final: position and velocity at its end.
+        limits: that it keeps. followers: columns that go along: column → (position, share) where it is that
+            position + share · (this one's - anchor). lost: its own column takes no part any more.
+        target: of a position motion. rate: share of the axis's speed that it is planned with; 0: it is held.
+    """
+
+    __slots__ = (
+        "anchor",
+        "column",
+        "duration",
+        "elapsed",
+        "final",
+        "followers",
+        "kind",
+        "limits",
+        "lost",
+        "origin",
+        "rate",
+        "slot",
+        "target",
+        "trajectory",
+    )
+
+    def __init__(
+        self,
+        column: int,
+        slot: int,
+        kind: MotionKind,
+        trajectory: Trajectory,
+        origin: float,
+        final: tuple[float, float],
+        limits: MotionLimits,
+    ) -> None:
+        self.column = column
+        self.slot = slot
+        self.kind = kind
+        self.trajectory = trajectory
+        self.duration: float = trajectory.duration
+        self.elapsed = 0.0
+        self.origin = origin
+        self.final = final
+        self.limits = limits
+        self.followers: Followers = {}
+        self.anchor = origin
+        self.lost = False
+        self.target = final[0]
+        self.rate = 1.0
+
+    @property
+    def columns(self) -> int:
+        """Mask of the columns that it moves."""
+        mask = 0 if self.lost else 1 << self.column
+        for column in self.followers:
+            mask |= 1 << column
+        return mask
+
+    def follow(self, other: Motion) -> None:
+        """Take along the columns of the motion that this one supersedes."""
+        self.followers, self.anchor, self.lost = other.followers, other.anchor, other.lost
+
+    @property
+    def held(self) -> bool:
+        """Whether it is a position motion that stands in feed hold."""
+        return self.kind is MotionKind.POSITION and self.rate <= 0.0 and self.elapsed >= self.duration
+
+    def at(self, elapsed: float) -> State:
+        """Position, velocity and acceleration on the trajectory."""
+        if elapsed >= self.duration:
+            position, velocity = self.final
+            return position + velocity * (elapsed - self.duration), velocity, 0.0
+        position, velocity, acceleration = self.trajectory.at_time(max(elapsed, 0.0))
+        return self.origin + position[0], velocity[0], acceleration[0]

@@ -1,0 +1,85 @@
+"""Homing and probing in the machine's events: which axes are homed, and what a probe has met."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import MappingProxyType
+
+from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.homing import HomingPhase
+from mcserver.machine.machine_file import Axis
+from mcserver.service.event_log import EventLog
+from mcserver.service.references import References
+from mcserver.service.reports import ProbeStatus
+
+# What an axis does while it is homed, for people.
+PHASES = MappingProxyType(
+    {
+        HomingPhase.START: "off the switch, the search begins",
+        HomingPhase.RELEASE: "the switch is active: off it first",
+        HomingPhase.APPROACH: "searching",
+        HomingPhase.BACK_OFF: "found, backing off",
+        HomingPhase.LATCH: "slowly to it again",
+        HomingPhase.INDEX: "on to the index",
+        HomingPhase.REFERENCE: "found, coming to rest",
+        HomingPhase.DEPART: "homed, going to its place",
+        HomingPhase.DRIVE: "the drive homes itself",
+        HomingPhase.HOLD: "the drive is at home",
+        HomingPhase.DONE: "done",
+    }
+)
+
+
+class AxisReports:
+    """Publish how axes are homed and what a probe has met.
+
+    Args:
+        axes: of the machine, in the order of its columns. references: are kept when an axis is homed. events:
+            published to.
+
+    Attributes:
+        probe: how the last probing move ended; None: there was no such move.
+    """
+
+    def __init__(self, axes: Sequence[Axis], references: References, events: EventLog) -> None:
+        self._axes = axes
+        self._references = references
+        self._events = events
+        self.probe: ProbeStatus | None = None
+
+    def handle(self, event: ExecutorEvent, program: str | None) -> bool:
+        """Take an event of an axis by itself; False where it is of another kind.
+
+        Args:
+            program: the id of the program that the event belongs to.
+        """
+        if event.kind is EventKind.PROBED:
+            self._probed(event, program)
+        elif event.kind is EventKind.HOMING:
+            phase = PHASES[HomingPhase(event.token)]
+            self._events.publish("axis.homing", message=phase, axis=event.axis, program=program)
+        elif event.kind is EventKind.HOMED:
+            offset, reading = event.values
+            self._references.keep(event.axis, offset, reading)
+            self._events.publish("axis.homed", message="", axis=event.axis, program=program)
+            self._warn()
+        elif event.kind is EventKind.UNHOMED:
+            self._references.forget(event.axis)
+            reason = f"MC{event.code}" if event.code else ""
+            self._events.publish("axis.unhomed", reason=reason, message="", axis=event.axis, program=program)
+            self._warn()
+        else:
+            return False
+        return True
+
+    def _probed(self, event: ExecutorEvent, program: str | None) -> None:
+        positions = {
+            str(axis.index): value / axis.type.si_per_unit
+            for axis, value in zip(self._axes, event.values, strict=True)
+        }
+        self.probe = ProbeStatus(program or "", event.line, bool(event.token), positions, event.time)
+        self._events.publish("probe", program=program, line=event.line, probe=self.probe)
+
+    def _warn(self) -> None:
+        if self._references.failure:
+            self._events.publish("warning", reason="MC459", message=self._references.failure)

@@ -1,0 +1,111 @@
+"""A machine whose axes do not know where they are, on a virtual executor with simulated drives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcserver.drives.simulated import SimulatedBus
+from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent
+from mcserver.executor.homed import StoredReference
+from mcserver.executor.homing import HomingPhase
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.executor.rig import Array, Program
+
+MM = 1e-3
+SWITCH = 'method = "switch"\nvelocity = 50.0\nlatch_velocity = 2.0\nback_off = 3.0\n'
+
+
+def machine(*axes: tuple[str, str], travel: float | None = 100.0, jerk: str = "") -> Machine:
+    """Linear axes [mm], each with the lines of its drive and of its homing (none: no section)."""
+    text = '[machine]\nname = "rig"\n'
+    for index, (drive, homing) in enumerate(axes):
+        text += (
+            f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
+        )
+        text += jerk
+        text += "" if travel is None else f"min_position = {-travel}\nmax_position = {travel}\n"
+        text += f'units_per_motor_rev = 5.0\n[axis.drive]\nkind = "simulated"\n{drive}\n'
+        text += f"[axis.homing]\n{homing}\n" if homing else ""
+    return parse_machine(text)
+
+
+class Cell:
+    """A virtual executor whose axes do not know where they are."""
+
+    def __init__(
+        self, made: Machine, *, references: dict[int, StoredReference] | None = None, unhomed: bool = False
+    ) -> None:
+        self.machine = made
+        self.executor = VirtualExecutor(made, homed=False, references=references, recorder=self._record)
+        self.unhomed = unhomed
+        self.events: list[ExecutorEvent] = []
+        self.setpoints: list[Array] = []
+        self.drive_setpoints: list[Array] = []
+        self.errors: list[Array] = []
+        (self.bus,) = self.executor.buses
+        assert isinstance(self.bus, SimulatedBus)
+
+    def _record(self, _time: float, _line: int, setpoint: Array, actual: Array) -> None:
+        self.setpoints.append(setpoint.copy())
+        self.drive_setpoints.append(setpoint - self.executor.executor.bank.offset)
+        self.errors.append(setpoint - actual)
+
+    def program(self, *, unhomed: bool = False) -> Program:
+        ring = self.executor.open_slot(0, unhomed=unhomed)
+        program = Program(ring, len(self.machine.axes))
+        program.position = self.executor.executor.row.setpoint.copy()
+        return program
+
+    def home(self, *axes: int) -> Program:
+        program = self.program()
+        program.capture()
+        program.control(ControlKind.HOME, axes=sum(1 << axis for axis in axes))
+        program.finish()
+        return program
+
+    def step(self, cycles: int = 1) -> None:
+        self.executor.step(cycles)
+        self.events += self.executor.events()
+
+    def run(self, limit: int = 60000) -> None:
+        for _ in range(limit):
+            self.step()
+            if self.executor.at_rest:
+                return
+        raise AssertionError(f"not at rest after {limit} cycles")
+
+    def run_to_phase(self, phase: HomingPhase, axis: int = 0, limit: int = 60000) -> None:
+        for _ in range(limit):
+            self.step()
+            if any(each.axis == axis and each.token == phase for each in self.of(EventKind.HOMING)):
+                return
+        raise AssertionError(f"no {phase!r}: {self.events}")
+
+    def of(self, kind: EventKind) -> list[ExecutorEvent]:
+        return [event for event in self.events if event.kind is kind]
+
+    @property
+    def faults(self) -> list[int]:
+        return [event.code for event in self.of(EventKind.FAULT)]
+
+    @property
+    def homed(self) -> int:
+        return self.executor.feedback.homed
+
+    @property
+    def offset(self) -> Array:
+        return self.executor.executor.bank.offset / MM
+
+    def phases(self, axis: int = 0) -> list[HomingPhase]:
+        return [HomingPhase(each.token) for each in self.of(EventKind.HOMING) if each.axis == axis]
+
+    def check_limits(self) -> None:
+        """No jump: the drives' setpoints keep the axes' speed and acceleration in every cycle."""
+        drive = np.array(self.drive_setpoints)
+        cycle = self.machine.cycle_s
+        for column, axis in enumerate(self.machine.axes):
+            speed = np.abs(np.diff(drive[:, column])) / cycle
+            assert speed.max() <= axis.max_velocity * (1 + 1e-6)
+            acceleration = np.abs(np.diff(drive[:, column], 2)) / cycle**2
+            assert acceleration.max() <= axis.max_acceleration * (1 + 1e-6)
