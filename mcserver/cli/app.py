@@ -10,36 +10,15 @@ import errno
 import os
 import sys
 import traceback
+from collections.abc import Mapping
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from types import MappingProxyType
 from typing import Annotated
 
 import typer
 from mckinematics.errors import KinematicsError
 
-from mcserver.cli import (
-    benchmark,
-    check,
-    doctor,
-    drive_sim,
-    examples,
-    fix,
-    fleet_sim,
-    gateway,
-    grammar,
-    history,
-    lsp,
-    machine,
-    mcp,
-    plot,
-    recordings,
-    run,
-    scan,
-    security,
-    simulate,
-    view,
-    web,
-    webhooks,
-)
 from mcserver.cli.console import show_error
 from mcserver.cli.exit_codes import ExitCode, OutputFault, exit_code_of
 from mcserver.errors import McError
@@ -56,8 +35,43 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def build_app() -> typer.Typer:
-    """The command tree."""
+# Module and function of each command, and of each group of commands, in the order of the help.
+COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "run": ("run", "run"),
+        "check": ("check", "check"),
+        "fix": ("fix", "fix"),
+        "format": ("fix", "format_file"),
+        "grammar": ("grammar", "grammar"),
+        "lsp": ("lsp", "lsp"),
+        "mcp": ("mcp", "mcp"),
+        "benchmark": ("benchmark", "benchmark"),
+        "simulate": ("simulate", "simulate_program"),
+        "plot": ("plot", "plot"),
+        "view": ("view", "view"),
+        "web": ("web", "web"),
+        "webhooks": ("webhooks", "webhooks"),
+        "history": ("history", "history"),
+        "scan": ("scan", "scan"),
+        "gateway": ("gateway", "gateway"),
+        "examples": ("examples", "examples"),
+        "doctor": ("doctor", "doctor"),
+        "drive-sim": ("drive_sim", "drive_sim"),
+        "fleet-sim": ("fleet_sim", "fleet_sim"),
+    }
+)
+GROUPS: Mapping[str, str] = MappingProxyType(
+    {"machine": "machine", "recordings": "recordings", "security": "security"}
+)
+
+
+def build_app(only: str | None = None) -> typer.Typer:
+    """Build the command tree.
+
+    Args:
+        only: the command that is called, so that no other's modules are imported; None: all, as help and
+            completion need them.
+    """
     app = typer.Typer(
         name="mcserver",
         help="An open motion server: G-code over Zenoh to moving axes.",
@@ -76,29 +90,12 @@ def build_app() -> typer.Typer:
     ) -> None:
         """An open motion server: G-code over Zenoh to moving axes."""
 
-    app.command("run")(run.run)
-    app.command("check")(check.check)
-    app.command("fix")(fix.fix)
-    app.command("format")(fix.format_file)
-    app.command("grammar")(grammar.grammar)
-    app.command("lsp")(lsp.lsp)
-    app.command("mcp")(mcp.mcp)
-    app.command("benchmark")(benchmark.benchmark)
-    app.command("simulate")(simulate.simulate_program)
-    app.command("plot")(plot.plot)
-    app.command("view")(view.view)
-    app.command("web")(web.web)
-    app.command("webhooks")(webhooks.webhooks)
-    app.command("history")(history.history)
-    app.command("scan")(scan.scan)
-    app.command("gateway")(gateway.gateway)
-    app.command("examples")(examples.examples)
-    app.command("doctor")(doctor.doctor)
-    app.command("drive-sim")(drive_sim.drive_sim)
-    app.command("fleet-sim")(fleet_sim.fleet_sim)
-    app.add_typer(machine.build_app(), name="machine")
-    app.add_typer(recordings.build_app(), name="recordings")
-    app.add_typer(security.build_app(), name="security")
+    for name, (module, function) in COMMANDS.items():
+        if only in (None, name):
+            app.command(name)(getattr(import_module(f"mcserver.cli.{module}"), function))
+    for name, module in GROUPS.items():
+        if only in (None, name):
+            app.add_typer(import_module(f"mcserver.cli.{module}").build_app(), name=name)
     return app
 
 
@@ -131,8 +128,10 @@ def run_command_line(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str] | None) -> int:
     code: object = 0
+    words = sys.argv[1:] if arguments is None else arguments
+    called = words[0] if words and (words[0] in COMMANDS or words[0] in GROUPS) else None
     try:
-        build_app()(args=arguments, prog_name="mcserver")
+        build_app(called)(args=arguments, prog_name="mcserver")
     except SystemExit as done:
         code = done.code
     if sys.stdout is not None:

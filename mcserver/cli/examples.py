@@ -46,7 +46,11 @@ def examples(
         if name is not None:
             wanted = name.removesuffix(".gcode")
             if wanted not in programs:
-                raise UsageFault("MC017", f"there is no example {name!r}", f"there are {', '.join(programs)}")
+                raise UsageFault(
+                    "MC017",
+                    f"there is no example {name!r}",
+                    f"there are {', '.join(programs)}; -o FOLDER writes all",
+                )
             programs = {wanted: programs[wanted]}
         texts = {each: file.read_bytes() for each, file in programs.items()}
         written = write_all(output, texts) if output is not None else {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
-from mcserver.errors import UsageFault
+from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import load_machine
 
 
@@ -13,7 +13,7 @@ def lsp(machine: MachineOption = DEFAULT_MACHINE) -> None:
     try:
         from mcserver.language.lsp.server import build_server
     except ImportError as error:
-        raise UsageFault(
+        raise ConfigurationError(
             "MC016",
             f"the language server needs {error.name}",
             "install the extra: pip install 'mcserver[lsp]'",

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from mcserver.cli.options import DEFAULT_MACHINE, CertificateOption, KeyOption, MachineOption
-from mcserver.errors import UsageFault
+from mcserver.errors import ConfigurationError, UsageFault
 from mcserver.machine.machine_file import load_machine
 
 
@@ -60,7 +60,7 @@ def mcp(
         from mcserver.language.agents.http import HttpAddress, read_token, serve
         from mcserver.language.agents.server import AgentTools, build_server
     except ImportError as error:
-        raise UsageFault(
+        raise ConfigurationError(
             "MC016",
             f"the agents' server needs {error.name}",
             "install the extra: pip install 'mcserver[mcp]'",

@@ -22,7 +22,6 @@ from mcserver.drives.bus import (
 from mcserver.drives.servo_model import ServoModel
 from mcserver.drives.simulated_marks import SimulatedMarks
 from mcserver.machine.machine_file import Axis
-from mcserver.motion.kernels.servo_loop import follow_cycles
 
 # Exchanges from the first command to energize until a drive holds.
 START_CYCLES = 2
@@ -137,6 +136,9 @@ class SimulatedBus:
 
     def foresee(self, position: Array, velocity: Array) -> Foreseen:
         """Compute exchanges with these setpoints, shape (m, n) each, up to the first that meets a limit."""
+        # the server makes buses to check a machine, and needs no compiled code for it
+        from mcserver.motion.kernels.servo_loop import follow_cycles
+
         model = self._model
         state = np.concatenate(
             (self._position[None], self._loop, self._change[None], self._last_position[None])

@@ -11,7 +11,7 @@ from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.homed import StoredReference
-from mcserver.executor.process import ExitCode, ProcessState, Start
+from mcserver.executor.process_start import ExitCode, ProcessState, Start
 from mcserver.executor.realtime import PRIORITY
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox

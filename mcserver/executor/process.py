@@ -6,7 +6,6 @@ counted and the missed cycles are left out, so motion is delayed by them and nev
 
 from __future__ import annotations
 
-import enum
 import gc
 import os
 import signal
@@ -21,11 +20,10 @@ from mcserver.drives.registry import create_buses
 from mcserver.errors import McError
 from mcserver.executor.executor import Executor
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.homed import StoredReference
-from mcserver.executor.realtime import PRIORITY, MonotonicClock, lock_memory, take_realtime_priority
+from mcserver.executor.process_start import ExitCode, ProcessState, Start
+from mcserver.executor.realtime import MonotonicClock, lock_memory, take_realtime_priority
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
-from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.rate_search import warm_up_playback
 
 # Without a beat of the server for this time motion is stopped [s]. A server that has died is noticed sooner,
@@ -38,35 +36,6 @@ HOLD_AFTER_STOP_S = 1.0
 STOP_TIMEOUT_S = 10.0
 # How often it is looked whether the parent process is still there [cycles].
 PARENT_CYCLES = 64
-
-
-class ProcessState(enum.IntEnum):
-    """State of the executor's process, in the mailbox."""
-
-    STARTING = 0
-    RUNNING = 1
-    SERVER_LOST = 2
-    ENDED = 3
-
-
-class ExitCode(enum.IntEnum):
-    """How the process ends by itself."""
-
-    ASKED = 0
-    BROKEN = 1
-    SERVER_LOST = 3
-    DRIVES = 4
-
-
-class Start(msgspec.Struct, frozen=True):
-    """The process's configuration on standard input, as MessagePack."""
-
-    machine: Machine
-    descriptor: int
-    slots: int
-    parent: int
-    priority: int = PRIORITY
-    references: dict[int, StoredReference] = {}
 
 
 class Clock(Protocol):

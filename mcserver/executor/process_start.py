@@ -1,0 +1,40 @@
+"""How the executor's process is started, and what it says of itself: all that the server needs of it."""
+
+from __future__ import annotations
+
+import enum
+
+import msgspec
+
+from mcserver.executor.homed import StoredReference
+from mcserver.executor.realtime import PRIORITY
+from mcserver.machine.machine_file import Machine
+
+
+class ProcessState(enum.IntEnum):
+    """State of the executor's process, in the mailbox."""
+
+    STARTING = 0
+    RUNNING = 1
+    SERVER_LOST = 2
+    ENDED = 3
+
+
+class ExitCode(enum.IntEnum):
+    """How the process ends by itself."""
+
+    ASKED = 0
+    BROKEN = 1
+    SERVER_LOST = 3
+    DRIVES = 4
+
+
+class Start(msgspec.Struct, frozen=True):
+    """The process's configuration on standard input, as MessagePack."""
+
+    machine: Machine
+    descriptor: int
+    slots: int
+    parent: int
+    priority: int = PRIORITY
+    references: dict[int, StoredReference] = {}
