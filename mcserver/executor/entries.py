@@ -93,6 +93,7 @@ class MotionSink(Protocol):
         velocity: Array,
         axes: NDArray[np.uint64],
         line: NDArray[np.int64],
+        torque: Array | None = None,
     ) -> None:
         """Rows at u = first_u, first_u + 1, …
 
@@ -101,6 +102,7 @@ class MotionSink(Protocol):
             position, velocity: shape (n, K) [m, rad; per second]; read only where the mask says.
             axes: shape (n,), bit mask of the columns that the row drives.
             line: shape (n,), the line that each row belongs to.
+            torque: shape (n, 3, J), what the rows ask of limited joints (`row_torques`); None: not known.
         """
 
     def put_control(self, control: Control, rows: int = 0) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.machine.machine_file import Machine
+from mcserver.motion.kernels.row_torques import steady_rates
 
 Array = NDArray[np.float64]
 
@@ -29,8 +30,8 @@ class AxisLimits:
     """Limits of all axes, shape (K,) [SI]; infinite where there is none.
 
     Attributes:
-        rate: greatest playback rate. Torques are known at 100 % and less: there inertia asks for less than
-            was planned, above it for its square more.
+        rate: greatest playback rate of rows that come without torques: where these are limited, they are
+            known to be kept at 100 % and less.
     """
 
     velocity: Array
@@ -66,11 +67,16 @@ class HeadroomWriter:
         self._velocity = np.zeros(count)
         self._acceleration = np.zeros(count)
 
-    def of(self, first_u: int, velocity: Array, masks: NDArray[np.uint64]) -> Array:
+    def of(
+        self, first_u: int, velocity: Array, masks: NDArray[np.uint64], torque: Array | None = None
+    ) -> Array:
         """Return the greatest rates of rows that follow those of the calls before, 1 to the limits', shape
         (n,).
 
         The rate of a row is about the motion from the row before to it.
+
+        Args:
+            torque: of the rows, shape (n, 3, J), see `row_torques`; None: not known.
         """
         limits = self._limits
         count = len(velocity)
@@ -92,7 +98,9 @@ class HeadroomWriter:
             np.minimum(limits.velocity / speed, np.sqrt(limits.acceleration / magnitude)),
             np.cbrt(limits.jerk / (jerk + 1e-30)),
         ).min(axis=1)
-        rates: Array = np.clip(cap, 1.0, limits.rate)
+        if torque is not None:
+            cap = np.minimum(cap, steady_rates(torque))
+        rates: Array = np.clip(cap, 1.0, limits.rate if torque is None else RATE_MAX)
         if not joined:
             # no motion leads to this row
             rates[0] = RATE_MAX
@@ -103,16 +111,24 @@ class HeadroomWriter:
         return rates
 
 
-def stopping_rows(machine: Machine) -> int:
+def torque_axes(machine: Machine) -> int:
+    """Return how many axes have a greatest torque."""
+    return sum(axis.max_torque != math.inf for axis in machine.axes)
+
+
+def stopping_rows(machine: Machine, by_torque: int = 0) -> int:
     """Rows ahead with which playback at 100 % never slows down: the longest stop of any axis from its top
     speed.
 
     Playback can always stop before the last row it has, unless that row is at rest. A planner that hands over
     fewer rows of a motion under way is played more slowly; one that hands over a motion's whole stop is not.
+
+    Args:
+        by_torque: the longest stop that torques ask for [cycles].
     """
     longest = max(
         axis.max_velocity / axis.max_acceleration
         + (axis.max_acceleration / axis.max_jerk if math.isfinite(axis.max_jerk) else 0.0)
         for axis in machine.axes
     )
-    return math.ceil(0.5 * STOPS_AHEAD * longest / machine.cycle_s) + 16
+    return math.ceil(0.5 * STOPS_AHEAD * max(longest / machine.cycle_s, by_torque)) + 16

@@ -28,7 +28,8 @@ from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample, whole_cycle
+from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows, first_row, sample, whole_cycle
+from mcserver.motion.profile.torque_of_rows import TorqueOfRows
 from mcserver.motion.profile.velocity_profile import Phases
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
 from mcserver.units import AxisType
@@ -69,6 +70,13 @@ class MotionPlanner:
         self._open: OpenCurve | None = None
         self._active = 0
         self._announced = 0
+        torque = self._limits.torque
+        self._torques = None if torque is None else TorqueOfRows(torque, machine.cycle_s)
+
+    @property
+    def torque_stop(self) -> int:
+        """The longest stop that the torques of what has been committed ask for [cycles]."""
+        return 0 if self._torques is None else self._torques.longest_stop
 
     @property
     def pending(self) -> int:
@@ -400,11 +408,21 @@ class MotionPlanner:
                 # rows drive no column before its activation, which may stand a rounding error behind a row
                 early = max(math.floor(activation.u + CYCLE_ROUNDING) - low + 1, 0)
                 rows.axes[:early] &= np.uint64(~activation.mask & _ALL)
-            yield rows
+            yield self._with_torques(rows, plan, origin)
             low = high + 1
         while mark is not None:
             yield mark[1]
             mark = next(marks, None)
+
+    def _with_torques(self, rows: Rows, plan: PlannedRun, origin: float) -> Rows:
+        """Return rows of a plan with what they ask of joints whose torques are limited."""
+        if self._torques is None:
+            return rows
+        time = (rows.first + np.arange(len(rows.line)) - origin) * self._cycle
+        index = np.searchsorted(plan.times, time - CYCLE_ROUNDING * self._cycle) - 1
+        carried = [plan.segments[i].carried for i in np.clip(index, 0, len(plan.segments) - 1).tolist()]
+        torque = self._torques.of(rows.first, rows.position, rows.velocity, carried)
+        return dataclasses.replace(rows, torque=torque)
 
     def _marks(
         self, plan: PlannedRun, origin: float, until: float, latest: float
@@ -523,7 +541,20 @@ class MotionPlanner:
             origin + max((run.phases.duration for run in runs if run is not None), default=0.0) / self._cycle
         )
         self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
-        return sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle), runs, end
+        pieces = sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle)
+        if self._torques is not None:
+            pieces = self._parallel_torques(pieces, segments[0].carried)
+        return pieces, runs, end
+
+    def _parallel_torques(self, pieces: Iterator[Piece], carried: tuple[int, ...]) -> Iterator[Piece]:
+        assert self._torques is not None
+        for piece in pieces:
+            if isinstance(piece, Rows):
+                tools = [carried] * len(piece.line)
+                torque = self._torques.of(piece.first, piece.position, piece.velocity, tools)
+                yield dataclasses.replace(piece, torque=torque)
+            else:
+                yield piece
 
 
 def _is_knot(phases: Phases, index: int) -> bool:

@@ -62,7 +62,7 @@ class Output:
             if count < 1:
                 return moved
             part = _head(rows, count)
-            self._sink.put_rows(part.first, part.position, part.velocity, part.axes, part.line)
+            self._sink.put_rows(part.first, part.position, part.velocity, part.axes, part.line, part.torque)
             self.last_u = max(self.last_u, part.first + count - 1)
             moved = True
             if count < len(rows.line):
@@ -89,11 +89,21 @@ class Output:
 
 def _head(rows: Rows, count: int) -> Rows:
     return Rows(
-        rows.first, rows.position[:count], rows.velocity[:count], rows.axes[:count], rows.line[:count]
+        rows.first,
+        rows.position[:count],
+        rows.velocity[:count],
+        rows.axes[:count],
+        rows.line[:count],
+        None if rows.torque is None else rows.torque[:count],
     )
 
 
 def _tail(rows: Rows, count: int) -> Rows:
     return Rows(
-        rows.first + count, rows.position[count:], rows.velocity[count:], rows.axes[count:], rows.line[count:]
+        rows.first + count,
+        rows.position[count:],
+        rows.velocity[count:],
+        rows.axes[count:],
+        rows.line[count:],
+        None if rows.torque is None else rows.torque[count:],
     )

@@ -100,7 +100,8 @@ class Pipeline:
         )
         self._frame = self._interpreter.frame
         # the executor begins to stop when fewer rows are left than a stop takes
-        self._stop = min(stopping_rows(machine), LONGEST_STOP)
+        self._machine = machine
+        self._of_axes = stopping_rows(machine)
         # read, but not interpreted before the executor has reported positions
         self._held: ParsedLine | None = None
         self._phase = Phase.PLANNING
@@ -108,6 +109,13 @@ class Pipeline:
         self._broken = False
 
     # ------------------------------------------------------------------ state
+
+    @property
+    def _stop(self) -> int:
+        """Rows ahead with which playback does not slow down."""
+        by_torque = self._plan.motion.torque_stop
+        rows = stopping_rows(self._machine, by_torque) if by_torque else self._of_axes
+        return min(rows, LONGEST_STOP)
 
     def abort(self) -> None:
         """Drop all that has not been handed over: the program was stopped."""

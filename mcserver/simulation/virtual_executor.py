@@ -14,7 +14,7 @@ from mcserver.drives.bus import DriveBus
 from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.executor import Executor
-from mcserver.executor.headroom import Array, AxisLimits
+from mcserver.executor.headroom import Array, AxisLimits, torque_axes
 from mcserver.executor.homed import StoredReference
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
@@ -60,13 +60,13 @@ class VirtualExecutor:
         references: Mapping[int, StoredReference] | None = None,
     ) -> None:
         axes = len(machine.axes)
-        limits = AxisLimits.of(machine)
+        limits, torques = AxisLimits.of(machine), torque_axes(machine)
         self.machine = machine
         inputs, outputs = len(machine.inputs), len(machine.outputs)
         self.mailbox = CommandMailbox(None, slots, inputs=inputs, outputs=outputs)
         self.mailbox.initialise()
         self.recorder = recorder
-        self._rings = tuple(ProgramRing(None, rows, controls, axes, limits) for _ in range(slots))
+        self._rings = tuple(ProgramRing(None, rows, controls, axes, limits, torques) for _ in range(slots))
         self._events = EventRing(None, axes)
         self._feedback = FeedbackRing(None, axes, slots, inputs=inputs, outputs=outputs)
         self.buses = list(create_buses(machine, VIRTUAL_FACTORIES) if buses is None else buses)

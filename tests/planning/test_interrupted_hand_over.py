@@ -41,9 +41,10 @@ class InterruptedSink:
         velocity: NDArray[np.float64],
         axes: NDArray[np.uint64],
         line: NDArray[np.int64],
+        torque: NDArray[np.float64] | None = None,
     ) -> None:
         self._pause()
-        self._ring.put_rows(first_u, position, velocity, axes, line)
+        self._ring.put_rows(first_u, position, velocity, axes, line, torque)
 
 
 @settings(max_examples=25, deadline=None)

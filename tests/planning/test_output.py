@@ -27,8 +27,9 @@ class NarrowSink:
     def control_room(self) -> int:
         return self.controls_free
 
-    def put_rows(self, first_u: int, *columns: np.ndarray[Any, Any]) -> None:
-        count = len(columns[-1])
+    def put_rows(self, first_u: int, *columns: np.ndarray[Any, Any] | None) -> None:
+        assert columns[0] is not None
+        count = len(columns[0])
         assert 0 < count <= self.rows_free
         self.rows_free -= count
         self.taken += [("row", float(first_u + index)) for index in range(count)]

@@ -3,9 +3,9 @@
 With the path Q(u) of the rows, setpoints are Q(u_k) for the cycles k. A change of rate is an s-curve of r,
 tried on the very setpoints that it would give (`motion/kernels/rate_search.py`, a bounded number of them a
 cycle): only one whose first, second and third differences keep the velocity, acceleration and jerk of every
-axis is followed. Each plan ends at a steady rate of 100 % or less,
-or at rest, from where rows can always be played on. So a plan can be followed to its end whatever comes; a
-new order replaces it as soon as a change is found that keeps all limits.
+axis, and whose torques keep those of every joint, is followed. Each plan ends at a steady rate of 100 % or
+less, or at rest, from where rows can always be played on. So a plan can be followed to its end whatever
+comes; a new order replaces it as soon as a change is found that keeps all limits.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.rate_changes import MOST_PHASES, SAME_RATE
 from mcserver.motion.kernels.rate_search import (
     CRUISE,
-    SCRATCH,
-    SETTLING,
     TRIES,
     WORTH,
     headroom_ahead,
     search_rate,
 )
+from mcserver.motion.kernels.rate_trial import SETTLING
+from mcserver.motion.kernels.rate_window import SCRATCH
+from mcserver.motion.kernels.row_torques import NUMBERS
 
 # What differences at the cycle rate may pass the limits by, inside the 100.1 %, 101 % and 105 % that
 # velocity, acceleration and jerk are judged at; what rows do themselves is allowed in any case.
@@ -88,7 +89,11 @@ class RateControl:
         )
         # two and a half times the rows that a stop from 100 % takes: where rows brake before the edge with
         # all that an axis has, only who was slow before that can stop on it
-        self._far = 1.25 * stop / dt + NEAR_ROWS
+        self._stop = stop / dt
+        self._torques = ring.torque
+        # where nothing is to be looked at
+        self._no_torques = np.zeros((ring.rows, NUMBERS, 0))
+        self._has_torques = self._torques.shape[2] > 0
         # the search's own memory: nothing is allocated in a cycle
         places = 2 * ring.rows + 2
         self._places, self._at = np.zeros(places), np.zeros(places, np.int64)
@@ -103,6 +108,7 @@ class RateControl:
         self._refused = 0
         self._edge: float | None = None
         self._tries = 0
+        self._last_u = math.nan
 
     def jump(self, rate: float) -> None:
         """Set the rate at once: nothing moves by it."""
@@ -110,6 +116,13 @@ class RateControl:
         self._slope = 0.0
         self._plan = None
         self._refused = self._tries = 0
+        self._last_u = math.nan
+
+    @property
+    def _far(self) -> float:
+        """Rows before an edge from which on a stop there is thought of."""
+        stop = max(self._stop, self._ring.torque_stop) if self._has_torques else self._stop
+        return 1.25 * stop + NEAR_ROWS
 
     @property
     def steady(self) -> bool:
@@ -129,6 +142,10 @@ class RateControl:
         """
         wish = _Wish(target, edge, urgent)
         plan = self._plan
+        passed, self._last_u = u - self._last_u, u
+        if not 0.0 <= passed <= RATE_MAX + SAME_RATE:
+            # the motion has begun, or has been kept back
+            passed = self.rate
         before = 0.0 if plan is None or self._passed == 0 else plan.at(self._passed)[0]
         if plan is not None and abs(self._origin + before - u) > 1e-6:
             # a barrier or an edge has kept u back
@@ -138,13 +155,13 @@ class RateControl:
             self._refused = 0
         self._edge = edge
         if self._is_due(u, wish):
-            found = self._search(u, wish)
+            found = self._search(u, wish, passed)
             if found is not None:
                 self._plan = plan = found
                 self._wish = wish
                 self._passed, self._origin, self._refused, self._tries = 0, u, 0, 0
                 before = 0.0
-            else:
+            elif not self._is_partial(wish):
                 self._refused += 1
         if plan is None:
             self._slope = 0.0
@@ -168,12 +185,21 @@ class RateControl:
         assert had is not None
         if wish.target != had.target or wish.urgent != had.urgent:
             return True
+        if self._is_partial(wish) and self._passed % CRUISE == 0:
+            return True
         if wish.target > 1.0:
             # what is left of the plan is the way back to 100 %
             return (len(plan) - self._passed) % CRUISE == 0 or self._passed == CRUISE
         if wish.edge != had.edge and (near or plan.target < wish.target):
             return True
         return self._refused > 0
+
+    def _is_partial(self, wish: _Wish) -> bool:
+        """Return whether a plan is followed that goes only a part of what is wished for, by torques."""
+        plan, had = self._plan, self._wish
+        if plan is None or had is None or not self._has_torques or had.target != wish.target:
+            return False
+        return had.urgent == wish.urgent and wish.target <= 1.0 and plan.target not in (wish.target, 0.0)
 
     def _is_near(self, u: float, edge: float | None) -> bool:
         """Return whether a stop before an edge may have to begin soon."""
@@ -188,7 +214,7 @@ class RateControl:
 
     # ------------------------------------------------------------------ what
 
-    def _search(self, u: float, wish: _Wish) -> RatePlan | None:
+    def _search(self, u: float, wish: _Wish, passed: float) -> RatePlan | None:
         """Return the fastest plan found that keeps all limits."""
         playback, ring = self._playback, self._ring
         target = min(wish.target, RATE_MAX)
@@ -213,11 +239,12 @@ class RateControl:
                 edge = min(edge, u + LITTLE_WAY * self._far)
         by_any = must_stop or (waits and self._refused >= patience)
         flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any)
-        state = (u, self.rate, self._slope, target, edge, self._far, self._cycle, window.begun)
+        state = (u, self.rate, self._slope, target, edge, self._far, self._cycle, window.begun, passed)
         parts, end, spare_parts, spare_end, tries = search_rate(
             ring.row_u,
             ring.position,
             ring.velocity,
+            self._no_torques if wish.urgent else self._torques,
             ring.headroom,
             np.array(window.numbers),
             np.array(flags),

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from mcserver.executor.entries import Array, Control, ControlKind
 from mcserver.executor.headroom import RATE_MAX, AxisLimits, HeadroomWriter
+from mcserver.motion.kernels.row_torques import NUMBERS, stop_cycles
 
 ROWS = 4096
 CONTROLS = 4096
 
 _HEADER_WORDS = 8
-_ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ = range(4)
+_ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ, _TORQUE_STOP = range(5)
 # number of the row after those that come with it; kind, u, line, axes, seconds, operation, token, channel,
 # value, whether values follow
 _CONTROL = struct.Struct("<qqdqQdqqqdq")
@@ -40,9 +41,9 @@ def scalar_view(array: NDArray[Any]) -> Any:
     return view
 
 
-def program_ring_size(rows: int, controls: int, axes: int) -> int:
+def program_ring_size(rows: int, controls: int, axes: int, torques: int = 0) -> int:
     """Bytes that a ring takes."""
-    words = _HEADER_WORDS + rows * (4 + 2 * axes) + controls * (_CONTROL.size // 8 + axes)
+    words = _HEADER_WORDS + rows * (4 + 2 * axes + NUMBERS * torques) + controls * (_CONTROL.size // 8 + axes)
     return 8 * words
 
 
@@ -52,12 +53,14 @@ class ProgramRing:
     Args:
         buffer: at least `program_ring_size` bytes, zeroed; None: memory of this process.
         axes: K, columns of the machine.
+        torques: J, joints whose torques are limited.
         limits: what rows are weighed against for overrides above 100 %; only the writer needs it. None: rows
             may be played at any rate.
 
     Attributes:
-        row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); headroom: (rows,). Row
-            number n of the program stands at n % rows. The reader's view.
+        row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); headroom: (rows,);
+            torque: (rows, 3, J), see `row_torques`, 0 where it is not known. Row number n of the program
+            stands at n % rows. The reader's view.
     """
 
     def __init__(
@@ -67,8 +70,9 @@ class ProgramRing:
         controls: int = CONTROLS,
         axes: int = 1,
         limits: AxisLimits | None = None,
+        torques: int = 0,
     ) -> None:
-        size = program_ring_size(rows, controls, axes)
+        size = program_ring_size(rows, controls, axes, torques)
         if buffer is None:
             buffer = bytearray(size)
         if len(buffer) < size:
@@ -85,6 +89,7 @@ class ProgramRing:
         self.position: Array = self._words(np.float64, rows * axes).reshape(rows, axes)
         self.velocity: Array = self._words(np.float64, rows * axes).reshape(rows, axes)
         self.headroom: Array = self._words(np.float64, rows)
+        self.torque: Array = self._words(np.float64, rows * NUMBERS * torques).reshape(rows, NUMBERS, torques)
         self._values: Array = self._words(np.float64, controls * axes).reshape(controls, axes)
         self._controls_at = self._offset
         self._control_words = self._buffer[self._offset : self._offset + controls * _CONTROL.size].cast("q")
@@ -107,6 +112,7 @@ class ProgramRing:
         """
         self._last_u = -1
         self._last_control_u = 0.0
+        self._counters[_TORQUE_STOP] = 0
         if self._weigh is not None:
             self._weigh.restart()
         return self._counters[_ROWS_WRITTEN], self._counters[_CONTROLS_WRITTEN]
@@ -126,6 +132,7 @@ class ProgramRing:
         velocity: Array,
         axes: NDArray[np.uint64],
         line: NDArray[np.int64],
+        torque: Array | None = None,
     ) -> None:
         """Rows at u = first_u, first_u + 1, … (see `MotionSink`).
 
@@ -140,7 +147,9 @@ class ProgramRing:
             raise OverflowError(f"{count} rows do not fit, there is room for {self.row_room()}")
         if first_u <= self._last_u:
             raise ValueError(f"row {first_u} comes after row {self._last_u}")
-        headroom = None if self._weigh is None else self._weigh.of(first_u, velocity, axes)
+        headroom = None if self._weigh is None else self._weigh.of(first_u, velocity, axes, torque)
+        if torque is not None:
+            self._counters[_TORQUE_STOP] = max(self._counters[_TORQUE_STOP], stop_cycles(torque))
         written = self._counters[_ROWS_WRITTEN]
         done = 0
         while done < count:
@@ -152,6 +161,7 @@ class ProgramRing:
             self.row_line[target] = line[source]
             self.position[target] = position[source]
             self.velocity[target] = velocity[source]
+            self.torque[target] = 0.0 if torque is None else torque[source]
             self.headroom[target] = RATE_MAX if headroom is None else headroom[source]
             done += part
         self._last_u = first_u + count - 1
@@ -191,6 +201,11 @@ class ProgramRing:
         self._counters[_CONTROLS_WRITTEN] = written + 1
 
     # ------------------------------------------------------------------ the reader
+
+    @property
+    def torque_stop(self) -> int:
+        """The longest stop that the torques of this program's rows ask for [cycles]."""
+        return self._counters[_TORQUE_STOP]
 
     @property
     def rows_written(self) -> int:

@@ -10,7 +10,7 @@ import mmap
 import os
 from dataclasses import dataclass
 
-from mcserver.executor.headroom import AxisLimits
+from mcserver.executor.headroom import AxisLimits, torque_axes
 from mcserver.executor.shm.event_ring import EventRing, event_ring_size
 from mcserver.executor.shm.feedback import FeedbackRing, feedback_ring_size
 from mcserver.executor.shm.mailbox import CommandMailbox, mailbox_size
@@ -38,7 +38,7 @@ def _sizes(machine: Machine, slots: int) -> list[int]:
         feedback_ring_size(axes, slots, inputs=inputs, outputs=outputs),
         event_ring_size(axes),
     ]
-    sizes += [program_ring_size(ROWS, CONTROLS, axes)] * slots
+    sizes += [program_ring_size(ROWS, CONTROLS, axes, torque_axes(machine))] * slots
     return [-(-size // _ALIGNMENT) * _ALIGNMENT for size in sizes]
 
 
@@ -73,7 +73,7 @@ def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
         CommandMailbox(parts[0], slots, inputs=inputs, outputs=outputs),
         FeedbackRing(parts[1], axes, slots, inputs=inputs, outputs=outputs),
         EventRing(parts[2], axes),
-        tuple(ProgramRing(part, ROWS, CONTROLS, axes, limits) for part in parts[3:]),
+        tuple(ProgramRing(part, ROWS, CONTROLS, axes, limits, torque_axes(machine)) for part in parts[3:]),
     )
 
 

@@ -76,6 +76,21 @@ class TorqueLimits:
         left = self.share * np.maximum(self.limits - rest, LEAST_LEFT * self.limits)
         return np.abs(found.inertial[:, self.limited]) / left, np.abs(found.square[:, self.limited]) / left
 
+    def of_rows(self, q: Array, dq: Array, d2q: Array, change: Array, carried: tuple[int, ...]) -> Array:
+        """Return torques of rows in shares of the limits, shape (n, 3, J): at rest, beside it of the motion,
+        and of accelerations that a change of the playback rate by 1 a cycle adds.
+
+        Args:
+            q, dq, d2q, change: positions, velocities and accelerations of all columns by time, shape (n, K).
+        """
+        where, torques = self.columns, self.dynamics.torques
+        place, still = q[:, where], np.zeros((len(q), len(where)))
+        rest = torques(place, still, still, carried)
+        motion = torques(place, dq[:, where], d2q[:, where], carried) - rest
+        added = torques(place, still, change[:, where], carried) - rest
+        stacked: Array = np.stack([rest, motion, added], axis=1)
+        return stacked[:, :, self.limited] / self.limits
+
     def load(self, q: Array, dq: Array, d2q: Array, carried: tuple[int, ...]) -> float:
         """Return the greatest share of a limit that a motion (n, K) by time takes."""
         where = self.columns

@@ -20,13 +20,16 @@ CYCLE_ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows at u = first, first + 1, …: positions and velocities (n, K), masks and lines (n,)."""
+    """Rows at u = first, first + 1, …: positions and velocities (n, K), masks and lines (n,), and what they
+    ask of joints whose torques are limited (n, 3, J), see `row_torques`; None without limits.
+    """
 
     first: int
     position: Array
     velocity: Array
     axes: NDArray[np.uint64]
     line: NDArray[np.int64]
+    torque: Array | None = None
 
 
 def whole_cycle(u: float) -> int:

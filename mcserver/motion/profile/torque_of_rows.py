@@ -1,0 +1,54 @@
+"""What setpoint rows ask of joints whose torques are limited, for changes of the playback rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+
+import numpy as np
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.torque_limits import TorqueLimits
+from mcserver.motion.kernels.row_torques import NUMBERS, stop_cycles
+
+
+class TorqueOfRows:
+    """Torques of a program's rows, piece by piece.
+
+    Args:
+        cycle: between rows [s].
+
+    Attributes:
+        longest_stop: the longest stop that the torques so far ask for [cycles].
+    """
+
+    def __init__(self, limits: TorqueLimits, cycle: float) -> None:
+        self._limits = limits
+        self._cycle = cycle
+        self._u: int | None = None
+        self._velocity: Array = np.zeros(0)
+        self.longest_stop = 0
+
+    def of(self, first_u: int, position: Array, velocity: Array, carried: Sequence[tuple[int, ...]]) -> Array:
+        """Return the torques of rows that follow those of the calls before, shape (n, 3, J), in shares of the
+        limits, by the numbers of `mcserver.motion.kernels.row_torques`.
+
+        Args:
+            position, velocity: shape (n, K). carried: tools that were chosen by then, of each row.
+        """
+        joined = first_u - 1 == self._u
+        before = self._velocity if joined else np.zeros_like(velocity[0])
+        earlier = np.vstack([before[None], velocity[:-1]])
+        mean, acceleration = 0.5 * (earlier + velocity), (velocity - earlier) / self._cycle
+        self._u, self._velocity = first_u + len(position) - 1, velocity[-1].copy()
+        limits = self._limits
+        found = np.empty((len(position), NUMBERS, len(limits.limits)))
+        start = 0
+        for tools, rows in groupby(carried):
+            part = slice(start, start + len(list(rows)))
+            found[part] = limits.of_rows(
+                position[part], mean[part], acceleration[part], velocity[part] / self._cycle, tools
+            )
+            start = part.stop
+        self.longest_stop = max(self.longest_stop, stop_cycles(found))
+        return found
