@@ -17,11 +17,11 @@ from mcserver.cli.output_file import write_atomically
 from mcserver.errors import UsageFault
 from mcserver.language.benchmark.answers import Answer, AnsweringCommand, read_answer
 from mcserver.language.benchmark.baselines import Baseline, answer_by
-from mcserver.language.benchmark.judge import Check, Finding, Verdict
 from mcserver.language.benchmark.judge_process import JudgeProcess
 from mcserver.language.benchmark.prompt import write_prompt
 from mcserver.language.benchmark.scores import as_json, by_category, score
 from mcserver.language.benchmark.tasks import Task, load_tasks, shipped_tasks
+from mcserver.language.benchmark.verdict import Check, Finding, Verdict
 
 Numbered = Sequence[tuple[int, Task]]
 Answerer = Callable[[int, Task], Answer]

@@ -12,9 +12,8 @@ import json, sys
 from mcserver.cli.app import COMMANDS, GROUPS, build_app
 found = {}
 for name in [*COMMANDS, *GROUPS]:
-    if name != "benchmark":
-        build_app(name)
-        found[name] = [each for each in ("mcserver.motion.kernels.compiled", "numba") if each in sys.modules]
+    build_app(name)
+    found[name] = [each for each in ("mcserver.motion.kernels.compiled", "numba") if each in sys.modules]
 import mcserver.server
 print(json.dumps({"commands": found, "server": "numba" in sys.modules}))
 """

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import enum
 import functools
 from collections.abc import Iterator, Mapping
 
-import msgspec
 from mckinematics.errors import KinematicsError
 from mckinematics.solver import MachineKinematics
 
@@ -17,6 +15,7 @@ from mcserver.gcode.text.source import split_lines
 from mcserver.language.benchmark.motion_record import MotionRecord, UnknownCoordinate, axis_number
 from mcserver.language.benchmark.path_check import PathMismatch, enters, follow, leaves
 from mcserver.language.benchmark.tasks import Expectation, Range, Task
+from mcserver.language.benchmark.verdict import Check, Finding, Verdict
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.simulation.program_checker import starting_at
@@ -24,40 +23,6 @@ from mcserver.simulation.simulation import Simulation, simulate
 
 MAX_ANSWER = 64 * 1024  # characters
 MAX_LINES = 2000
-
-
-class Check(enum.StrEnum):
-    """What of an answer a finding is about."""
-
-    ANSWER = "answer"  # there is none, or it is too long
-    REJECTED = "rejected"  # `mcserver check` refuses it
-    FAULT = "fault"  # it fails while running
-    ENDLESS = "endless"  # it takes longer than the task allows
-    PATH = "path"
-    END = "end"
-    DURATION = "duration"
-    ZONE = "zone"
-    CODES = "codes"
-    AXES = "axes"
-
-
-class Finding(msgspec.Struct, frozen=True):
-    """One reason why an answer fails."""
-
-    check: Check
-    message: str
-
-
-class Verdict(msgspec.Struct, frozen=True):
-    """What the judge says of an answer: it passes if there is no finding."""
-
-    task: str
-    category: str
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def passed(self) -> bool:
-        return not self.findings
 
 
 class _Endless(Exception):

@@ -9,8 +9,8 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 
 from mcserver.errors import McError
-from mcserver.language.benchmark.judge import Check, Finding, Verdict, judge
 from mcserver.language.benchmark.tasks import Task
+from mcserver.language.benchmark.verdict import Check, Finding, Verdict
 from mcserver.simulation.program_checker import end_with_parent
 
 # Longest time for one answer, compiling and loading of the machine included [s].
@@ -83,6 +83,9 @@ class JudgeProcess:
 
 def _serve(pipe: Connection) -> None:
     """Answer with verdicts, with the fields of an error of the machine, or with a traceback's last line."""
+    # the command that starts this process needs none of what simulates
+    from mcserver.language.benchmark.judge import judge
+
     end_with_parent()
     while True:
         try:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 
 from mcserver.language.benchmark.baselines import Baseline, answer_by
-from mcserver.language.benchmark.judge import MAX_ANSWER, Check, codes_of, judge
+from mcserver.language.benchmark.judge import MAX_ANSWER, codes_of, judge
 from mcserver.language.benchmark.judge_process import JudgeProcess
 from mcserver.language.benchmark.scores import as_json, by_category, score
 from mcserver.language.benchmark.tasks import Expectation, Leg, Task, shipped_tasks
+from mcserver.language.benchmark.verdict import Check
 
 
 def task(expect: Expectation, machine: str = "cartesian", limit_s: float = 2.0) -> Task:
