@@ -145,7 +145,7 @@ func (c *Client) read(ctx context.Context, conn *websocket.Conn) {
 		}
 		frame, err := readFrame(payload)
 		if err != nil {
-			// a gateway that writes what is no frame is none
+			// a peer that writes what is no frame is not a gateway
 			break
 		}
 		c.take(frame)

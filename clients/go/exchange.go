@@ -124,7 +124,7 @@ func (p *Program) submit(ctx context.Context, first int64, lines []string, judge
 			return err
 		}
 	}
-	if p.look(func(s *stream) int64 { return asNumber(s.doubtful) }) > 0 {
+	if p.look(func(s *stream) int64 { return asNumber(s.stale) }) > 0 {
 		return p.ask(ctx, nil)
 	}
 	return nil
@@ -150,9 +150,9 @@ func (p *Program) until(ctx context.Context, holds func(*stream) bool) error {
 			p.mu.Unlock()
 			return nil
 		}
-		changed, doubtful := p.changed, p.stream.doubtful
+		changed, stale := p.changed, p.stream.stale
 		p.mu.Unlock()
-		if doubtful {
+		if stale {
 			if err := p.ask(ctx, nil); err != nil {
 				return err
 			}
@@ -183,7 +183,7 @@ func (p *Program) ask(ctx context.Context, away error) error {
 	if errors.As(err, new(*UnreachableError)) && Code(err) != CodeClientClosed {
 		p.mu.Lock()
 		silence, accepted, done := time.Since(p.heard), p.stream.accepted, p.stream.done
-		p.stream.doubtful = true
+		p.stream.stale = true
 		p.mu.Unlock()
 		if silence < p.patience {
 			return sleep(ctx, askPause)

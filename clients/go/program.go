@@ -71,7 +71,7 @@ func (m *Machine) Program(ctx context.Context, options *OpenOptions) (*Program, 
 				program.hear(func(s *stream) { s.acknowledged(ack) })
 			}
 		},
-		resumed: func() { program.change(func(s *stream) { s.doubtful = true }) },
+		resumed: func() { program.change(func(s *stream) { s.stale = true }) },
 		ended: func(err error) {
 			program.change(func(s *stream) {
 				if s.failure == nil && !s.state.Ended() {
@@ -211,7 +211,7 @@ func (p *Program) Close(ctx context.Context) (failure error) {
 	p.hear(func(s *stream) {
 		s.numbers(reply.Accepted, reply.Done, 0)
 		// why it has ended is not in this reply
-		s.doubtful = s.doubtful || reply.State.Ended()
+		s.stale = s.stale || reply.State.Ended()
 	})
 	return nil
 }

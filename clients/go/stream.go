@@ -29,7 +29,7 @@ type stream struct {
 	// the line that was found faulty last, until it has been accepted anew: late acknowledgements still name it
 	rejected int64
 	// an acknowledgement could not be placed: the server has to be asked
-	doubtful bool
+	stale bool
 	// lines were given up while it was not known whether they had arrived: the server's number is the right one
 	adrift     bool
 	chunkLines int
@@ -55,7 +55,7 @@ func (s *stream) give(line string) int64 {
 	return s.given()
 }
 
-// forgive clears a rejection that the program outlives, once the application has been told of it and of nothing less: lines that were given in
+// forgive clears a rejection that the program outlives, once the application has heard of it and of nothing less: lines that were given in
 // ignorance of it would take other numbers.
 func (s *stream) forgive() {
 	var rejected *RejectedError
@@ -64,7 +64,7 @@ func (s *stream) forgive() {
 	}
 }
 
-// next returns the message to send now, within the credit; nil where there is none, or one is under way.
+// next returns the message to send now, within the credit; nil where nothing waits, or one is under way.
 func (s *stream) next() (first int64, lines []string) {
 	if s.underWay > 0 || s.failure != nil || s.state.Ended() {
 		return 0, nil
@@ -106,7 +106,7 @@ func (s *stream) refused(refusal *RefusedError) error {
 	case cause.Code == "MC505":
 		// a line before was rejected, which an acknowledgement says or has said
 		if s.failure == nil {
-			s.doubtful = true
+			s.stale = true
 		}
 	case cause.Code == "MC503":
 		s.unknown()
@@ -138,7 +138,7 @@ func (s *stream) acknowledged(ack *Ack) {
 
 // asked takes what the server says when it is asked; nil: it knows no such program. Nothing is under way any more.
 func (s *stream) asked(status *ProgramStatus) {
-	s.underWay, s.doubtful = 0, false
+	s.underWay, s.stale = 0, false
 	if status == nil {
 		s.unknown()
 		return
@@ -185,10 +185,10 @@ func (s *stream) rejection(line, accepted int64, state ProgramState, diagnostics
 		return
 	case line == s.rejected:
 		// an old one, or the corrected line is faulty too
-		s.doubtful = s.doubtful || s.underWay > 0
+		s.stale = s.stale || s.underWay > 0
 	case s.underWay > 0 && line > s.accepted:
 		// within the message under way: its reply says so too, or the server is asked
-		s.doubtful = true
+		s.stale = true
 	case state.Ended():
 		s.cut(line)
 	default:
@@ -246,7 +246,7 @@ func (s *stream) ended(state ProgramState, fault *Fault, diagnostics []Diagnosti
 // abandon gives up the lines that wait. Those under way may arrive all the same.
 func (s *stream) abandon() {
 	if s.underWay > 0 {
-		s.adrift, s.doubtful = true, true
+		s.adrift, s.stale = true, true
 	}
 	s.waiting, s.underWay = nil, 0
 }

@@ -199,7 +199,7 @@ func TestAfterLinesWereGivenUpOnTheirWayTheServersNumberHolds(t *testing.T) {
 	s.give("second")
 	s.next()
 	s.abandon()
-	if !s.doubtful {
+	if !s.stale {
 		t.Fatal("the server is not asked")
 	}
 	s.asked(&ProgramStatus{Program: "p-1", State: Running, Accepted: 2, Credit: 8})
@@ -229,7 +229,7 @@ func TestALateAcknowledgementOfARejectionDoesNotRejectTheCorrectedLine(t *testin
 	s.give("G01")
 	s.next()
 	s.acknowledged(old)
-	if s.failure != nil || !s.doubtful {
-		t.Fatalf("failure %v, doubtful %v", s.failure, s.doubtful)
+	if s.failure != nil || !s.stale {
+		t.Fatalf("failure %v, stale %v", s.failure, s.stale)
 	}
 }

@@ -72,12 +72,12 @@ def run(kernel: Kernel, guest: Guest, cache: Path, output: BinaryIO) -> int:
             running.stdout.close()
         if code is not None:
             return code
-        told = log.read_text("utf-8", "replace").splitlines()[-LOG_LINES_SHOWN:] if log.exists() else []
+        shown = log.read_text("utf-8", "replace").splitlines()[-LOG_LINES_SHOWN:] if log.exists() else []
     if not ended:
         output.write(f"\nrig: not done after {guest.limit_s:g} s\n".encode())
         output.flush()
         return TOO_LATE
-    raise RigError("the machine ended before the command:\n" + "\n".join(told), "see its console above")
+    raise RigError("the machine ended before the command:\n" + "\n".join(shown), "see its console above")
 
 
 def initrd_of(kernel: Kernel, busybox: bytes, command: str) -> bytes:

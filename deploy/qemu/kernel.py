@@ -111,25 +111,25 @@ def download(folder: Path) -> Path:
         raise RigError("there is no apt-get here", "the rig takes its kernel from Debian's archive")
     for old in folder.glob("linux-image-*.deb"):
         old.unlink()
-    told = ""
+    answer = ""
     for renew in (False, True):
         if renew and os.geteuid() == 0:
             _call(["apt-get", "update", "-qq"], folder)
         package = kernel_package(_call(["apt-cache", "depends", META_PACKAGE], folder)[1])
         if package is not None:
-            code, told = _call(["apt-get", "download", "-qq", package], folder)
+            code, answer = _call(["apt-get", "download", "-qq", package], folder)
             found = list(folder.glob("linux-image-*.deb"))
             if code == 0 and found:
                 return found[0]
-    raise RigError(f"Debian's kernel cannot be fetched: {told.strip() or 'no ' + META_PACKAGE}", UPDATE)
+    raise RigError(f"Debian's kernel cannot be fetched: {answer.strip() or 'no ' + META_PACKAGE}", UPDATE)
 
 
 UPDATE = "apt-get update, as root, and try again"
 
 
-def kernel_package(told: str) -> str | None:
+def kernel_package(answer: str) -> str | None:
     """The package behind the meta package, in what ``apt-cache depends`` has said."""
-    found = re.search(r"Depends: (linux-image-\S+)", told)
+    found = re.search(r"Depends: (linux-image-\S+)", answer)
     return found[1] if found else None
 
 

@@ -30,7 +30,7 @@ class Chain:
         directions: shape (K, 3), unit vectors of the joints' axes, all joints at zero, in the base frame.
         points: shape (K, 3), a point on each turning joint's axis [m].
         tip_rotation, tip_position: shapes (3, 3) and (3,), the tool with all joints at zero [m].
-        lower, upper: shape (K,), joint limits, infinite where there is none [rad or m].
+        lower, upper: shape (K,), joint limits, infinite where a joint has no limit [rad or m].
         reach: sum of the distances from joint to joint to tool; the chain's length scale [m].
         steps: shape (K + 1, 4, 4), from the base to the first joint's frame, from frame to frame, and from
             the last one to the tool, all joints at zero; each frame's z is its joint's axis.

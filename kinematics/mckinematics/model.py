@@ -178,7 +178,7 @@ def frame_id(pinocchio: Any, robot: RobotModel, tool: ToolDescription) -> int:
     """Return the index of a tool's frame.
 
     Raises:
-        ModelError: there is none of that name.
+        ModelError: no frame has that name.
     """
     # a link and a joint may share a name: the link is meant
     model = robot.pinocchio_model

@@ -1,4 +1,4 @@
-"""A whole tool path: the joint path that keeps the tool on it, or why there is none (D-53, D-54)."""
+"""A whole tool path: the joint path that keeps the tool on it, or why no such path exists (D-53, D-54)."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ def load_machine_model(machine: MachineDescription) -> RobotModel:
     """The machine's URDF.
 
     Raises:
-        ModelError: there is none, or it cannot be read.
+        ModelError: the model is missing, or cannot be read.
     """
     if machine.urdf is None:
         raise ModelError("the machine has tools but no URDF", "name it in [kinematics] urdf")

@@ -181,7 +181,7 @@ def build_tool(
     """A tool over its chain; ``tolerance`` [m] and ``tolerance_angle`` [rad] as in D-54.
 
     Raises:
-        ModelError: the chain cannot move the tool at all, or its posture is none that it can take.
+        ModelError: the chain cannot move the tool at all, or it cannot take the posture.
     """
     seeds = _seeds(chain)
     rows = 6 if orientation else 3

@@ -125,7 +125,7 @@ def interpolation_period(cycle_s: float) -> tuple[int, int]:
     """60C2h: (mantissa 1 … 255, exponent) with mantissa · 10^exponent = cycle [s] (CiA 402).
 
     Raises:
-        ConfigurationError: MC552 there is none.
+        ConfigurationError: MC552 no such pair gives the cycle.
     """
     for exponent in range(0, -7, -1):
         mantissa = round(cycle_s * 10.0**-exponent)

@@ -70,7 +70,7 @@ class DriveDictionary:
         return variable is not None and variable.writable
 
     def default(self, index: int, subindex: int = 0) -> int | None:
-        """Return the value that the EDS gives, or the DCF; None where there is none."""
+        """Return the value that the EDS gives, or the DCF; None where neither has one."""
         variable = self.variable(index, subindex)
         if variable is None:
             return None

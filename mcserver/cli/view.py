@@ -132,7 +132,7 @@ def _play(file: str, machine: Machine, kinematics: MachineKinematics | None, add
         reject(diagnostics, program)
     show_diagnostics(diagnostics, program.lines, program.name)
     tracks = tracks_of(machine, kinematics, recording)
-    with _window(machine, kinematics, tracks, address) as window, _until_told() as stop:
+    with _window(machine, kinematics, tracks, address) as window, _until_stopped() as stop:
         window.add_zeros(work_zeros(machine, simulation.report))
         player = Player(window, machine, kinematics, recording, tracks, program.lines)
         address.tell(window.url, f"{program.name} on {machine.name}")
@@ -155,7 +155,7 @@ def _play_recording(file: str, machine: str, address: _Address) -> None:
             )
     tracks = tracks_of(described, opened.kinematics, run.cycles)
     text = [run.text.get(number, "") for number in range(1, max(run.text, default=0) + 1)]
-    with _window(described, opened.kinematics, tracks, address) as window, _until_told() as stop:
+    with _window(described, opened.kinematics, tracks, address) as window, _until_stopped() as stop:
         player = Player(window, described, opened.kinematics, run.cycles, tracks, text)
         address.tell(window.url, f"{run.name} on {described.name}")
         player.run(stop)
@@ -167,7 +167,7 @@ def _follow(endpoint: str, machine: Machine, kinematics: MachineKinematics | Non
 
     with json_answer_on_error(address.json):
         states = LiveStates(machine.name, endpoint)
-    with states, _window(machine, kinematics, (), address) as window, _until_told() as stop:
+    with states, _window(machine, kinematics, (), address) as window, _until_stopped() as stop:
         follower = Follower(window, machine, kinematics, states)
         address.tell(window.url, machine.name)
         follower.run(stop)
@@ -213,7 +213,7 @@ def _package_roots() -> list[Path]:
 
 
 @contextmanager
-def _until_told() -> Iterator[threading.Event]:
+def _until_stopped() -> Iterator[threading.Event]:
     """An event that Ctrl-C and SIGTERM set."""
     stop = threading.Event()
     kept = {

@@ -254,7 +254,7 @@ class Script:
 
 
 def lines(count: int, *, start: int = 1) -> Sequence[str]:
-    """Lines that can be told apart."""
+    """Lines that can be distinguished."""
     return [f"G01 X{number}" for number in range(start, start + count)]
 
 

@@ -14,7 +14,7 @@ def read_text(path: str | Path) -> str | None:
 
 
 def read_int(path: str | Path) -> int | None:
-    """The whole number in a file; None where there is none."""
+    """The whole number in a file; None where the file holds no number."""
     text = read_text(path)
     try:
         return None if text is None else int(text)

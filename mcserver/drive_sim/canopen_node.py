@@ -111,7 +111,7 @@ class CanopenNode:
             wake = min(wake, again)
         wake = min(wake, self.tick(now))
         if self.nmt.operational:
-            # behind the application, whose changes are told at once
+            # behind the application, whose changes are sent at once
             wake = min(wake, self._poll_pdos(now))
         self.wake = wake
 
@@ -137,7 +137,7 @@ class CanopenNode:
             if rpdo.valid and rpdo.identifier == identifier:
                 changed, code = rpdo.receive(payload, now)
                 if code:
-                    # an error of a moment: told, and over
+                    # an error of a moment: reported, and over
                     self.emergencies.raise_error(code)
                     self.emergencies.end_error(code)
                 else:

@@ -145,7 +145,7 @@ class Cia402Node(CanopenNode):
         }
 
     def raise_fault(self, code: int, fatal: bool = True) -> None:
-        """An error of the device: told by EMCY, and where ``fatal`` the drive goes to FAULT."""
+        """An error of the device: reported by EMCY, and where ``fatal`` the drive goes to FAULT."""
         self.emergencies.raise_error(code)
         if fatal:
             self._error_code.value = code

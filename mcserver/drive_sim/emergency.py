@@ -28,7 +28,7 @@ class Emergencies:
         self._active: set[int] = set()
 
     def raise_error(self, code: int, vendor: bytes = b"") -> None:
-        """An error has come up; told once, until `clear`."""
+        """An error has come up; sent once, until `clear`."""
         if code in self._active:
             return
         self._active.add(code)
@@ -40,7 +40,7 @@ class Emergencies:
         self._tell(code, vendor)
 
     def end_error(self, code: int) -> None:
-        """One error is over; told where it was the last one."""
+        """One error is over; sent where it was the last one."""
         if code in self._active:
             self._active.discard(code)
             if self._active:
@@ -52,14 +52,14 @@ class Emergencies:
                 self._tell(NO_ERROR, b"")
 
     def clear(self) -> None:
-        """No error is left: told where there was one."""
+        """No error is left: sent where there was one."""
         if self._active or self._register.value:
             self._active.clear()
             self._register.value = 0
             self._tell(NO_ERROR, b"")
 
     def forget(self) -> None:
-        """As after switching on: nothing is told."""
+        """As after switching on: nothing is sent."""
         self._active.clear()
         self._register.value = 0
 

@@ -256,7 +256,7 @@ class Motion:
             return goal
         return self._demand + step
 
-    # ------------------------------------------------------------------ what is told
+    # ------------------------------------------------------------------ what is reported
 
     def rest(self, dt: float) -> None:
         """One step of a drive that is off: the shaft runs out."""
@@ -266,19 +266,19 @@ class Motion:
 
     def report(self, dt: float) -> None:
         """Writes actual and demand values into the dictionary."""
-        motor, told = self.motor, self._reported
+        motor, objects = self.motor, self._reported
         actual = round(motor.position * self._units_per_turn)
         demand = round(self._demand * self._units_per_turn)
-        told["actual"].value = (actual + HALF_WRAP) % WRAP - HALF_WRAP
-        told["demand"].value = (demand + HALF_WRAP) % WRAP - HALF_WRAP
+        objects["actual"].value = (actual + HALF_WRAP) % WRAP - HALF_WRAP
+        objects["demand"].value = (demand + HALF_WRAP) % WRAP - HALF_WRAP
         internal = round(motor.position * motor.hardware.increments_per_turn)
-        told["internal"].value = (internal + HALF_WRAP) % WRAP - HALF_WRAP
-        told["error"].value = _clip(demand - actual, INT32)
-        told["velocity"].value = _clip(round(motor.velocity * self._velocity_per_turn), INT32)
-        told["velocity_demand"].value = _clip(round(self._velocity * self._velocity_per_turn), INT32)
+        objects["internal"].value = (internal + HALF_WRAP) % WRAP - HALF_WRAP
+        objects["error"].value = _clip(demand - actual, INT32)
+        objects["velocity"].value = _clip(round(motor.velocity * self._velocity_per_turn), INT32)
+        objects["velocity_demand"].value = _clip(round(self._velocity * self._velocity_per_turn), INT32)
         permille = 1e6 / self._rated.value
-        told["torque"].value = _clip(round(motor.torque * permille), INT16)
-        told["torque_demand"].value = _clip(round(self._torque * permille), INT16)
+        objects["torque"].value = _clip(round(motor.torque * permille), INT16)
+        objects["torque_demand"].value = _clip(round(self._torque * permille), INT16)
         if self.mode == Mode.PROFILE_POSITION and dt:
             self._look_for_target(demand, actual, dt)
 

@@ -138,7 +138,7 @@ class Pdo:
         """The entry that a mapping parameter means.
 
         Raises:
-            SdoAbort: there is none, it cannot be mapped in this direction, or has another length.
+            SdoAbort: the object does not exist, cannot be mapped in this direction, or has another length.
         """
         index, subindex, bits = mapped >> 16, mapped >> 8 & 0xFF, mapped & 0xFF
         if index in FORMATS and self._incoming and subindex == 0:
@@ -223,7 +223,7 @@ class Tpdo(Pdo):
         self._state = Outgoing()
 
     def start(self) -> None:
-        """The node becomes operational: event-driven data are told at once."""
+        """The node becomes operational: event-driven data are sent at once."""
         self._state = Outgoing()
 
     def payload(self) -> bytes:

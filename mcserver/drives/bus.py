@@ -139,7 +139,7 @@ class Feedback:
         position, velocity: of the encoder [m, rad; per second].
         torque: [N·m].
         state: values of `DriveState`. fault: values of `DriveFault`. detail: the vendor's or the standard's
-            number for that fault, such as an emergency message's code; 0 where there is none.
+            number for that fault, such as an emergency message's code; 0 where it has no number.
         fresh: whether the drive has answered in this cycle; where not, the other values are old.
         inputs: of the drive, bits as in 60FDh: `HOME_SWITCH`. switch_at: where the home switch last changed
             [m, rad], NaN where the drive does not latch that.
@@ -221,7 +221,7 @@ class BusEvent:
 
     Attributes:
         column: which axis of the machine; the first one of the bus where all are meant.
-        code: the vendor's or the standard's number, 0 where there is none.
+        code: the vendor's or the standard's number, 0 where it has no number.
     """
 
     column: int

@@ -29,8 +29,8 @@ class IdealBus:
     """actual = setpoint where the drive is energized in position or velocity mode; else the axis stands
     still.
 
-    In torque mode an axis has no setpoint to be at: it stands, and shows the torque. Told to home by itself,
-    it is at home where it stands.
+    In torque mode an axis has no setpoint to be at: it stands, and shows the torque. Commanded to home
+    by itself, it is at home where it stands.
     """
 
     def __init__(self, axes: Sequence[Axis], columns: Sequence[int]) -> None:

@@ -27,7 +27,7 @@ class SimulatedMarks:
         self.low: Array = np.array([min(each) for each in stops]) * scales
         self.high: Array = np.array([max(each) for each in stops]) * scales
         self.stops = any(drive.hard_stops is not None for drive in drives)
-        # row 0: from where the switch is active, row 1: to where; NaN: there is none
+        # row 0: from where the switch is active, row 1: to where; NaN: no switch
         ranges = [sorted(drive.home_switch or (np.nan, np.nan)) for drive in drives]
         self._switch: Array = np.array(ranges).reshape(-1, 2).T * scales
         self._index: Array = np.array(

@@ -75,7 +75,7 @@ class ControlQueue:
     def decode(self, u: float) -> None:
         """Take new entries out of the ring and note where motion has to be able to end.
 
-        An entry whose rows have not come is none yet: without them u would run on past a motion that begins.
+        An entry whose rows have not come does not count yet: u would run on past a motion that begins.
         """
         ring, playback = self._ring, self._playback
         playback.look()

@@ -27,7 +27,7 @@ STOPS_AHEAD = 3.2
 
 @dataclass(frozen=True)
 class AxisLimits:
-    """Limits of all axes, shape (K,) [SI]; infinite where there is none.
+    """Limits of all axes, shape (K,) [SI]; infinite where an axis has none.
 
     Attributes:
         rate: greatest playback rate of rows that come without torques: where these are limited, they are

@@ -46,7 +46,7 @@ class Supervision:
         self._above = np.ones(count, np.bool_)
         self._silent = np.zeros(count, np.int64)
         self._any_silent = False
-        self._strays = self._told_strays = 0
+        self._strays = self._reported_strays = 0
         self._stray_cycles = np.zeros(count, np.int64)
         # feedback that is behind is compared with the setpoints of that time, too
         self._delay = cycle.bank.delay_cycles
@@ -176,18 +176,20 @@ class Supervision:
     def _find_strays(self) -> None:
         """Drives that go on holding their axes long after they were commanded to let go."""
         bank = self._cycle.bank
-        told_so = bank.energized | bank.starting | bank.stopping | bank.resetting | bank.released | bank.exact
+        commanded = (
+            bank.energized | bank.starting | bank.stopping | bank.resetting | bank.released | bank.exact
+        )
         off = (bank.states == DriveState.OFF) | (bank.states == DriveState.FAULT)
-        stray = mask_of(~off & bank.fresh) & ~told_so
+        stray = mask_of(~off & bank.fresh) & ~commanded
         for column in bank.masks.columns(stray & self._strays):
             self._stray_cycles[column] += STRAY_CYCLES
             seconds = float(self._stray_cycles[column]) * self._cycle.cycle_s
-            if seconds > DRIVE_TIMEOUT_S and not self._told_strays >> column & 1:
-                self._told_strays |= 1 << column
+            if seconds > DRIVE_TIMEOUT_S and not self._reported_strays >> column & 1:
+                self._reported_strays |= 1 << column
                 self._latch(column, FaultCode.NOT_OFF, (seconds, DRIVE_TIMEOUT_S))
         self._stray_cycles[bank.masks.bools(bank.all & ~stray)] = 0
         self._strays = stray
-        self._told_strays &= stray
+        self._reported_strays &= stray
 
     def report_events(self) -> None:
         """What buses tell besides: it stops nothing."""

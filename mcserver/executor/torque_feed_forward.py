@@ -72,7 +72,7 @@ class TorqueFeedForward:
         acceleration = (velocity - self._before) / self._cycle
         self._before = velocity
         torque = self._torques(q, velocity, acceleration)
-        # a model may be wrong by any amount, and a torque that is no number is none
+        # a model may be wrong by any amount, and a torque that is not finite is left out
         torque = np.clip(np.nan_to_num(torque, nan=0.0), -self._most, self._most)
         fed = held & self._fed
         if fed.any():

@@ -79,7 +79,7 @@ def read_dialect(
     """Return the dialect of ``[dialect]`` and ``[[cutter]]``.
 
     Args:
-        section: None where there is none, or one with a mistake. cutters: None where one has a mistake.
+        section: None where it is missing or has a mistake. cutters: None where one has a mistake.
         axes: numbers of the machine's axes. outputs: of the machine. channels: it has inputs or outputs.
     """
     lengths: dict[int, float] = {}

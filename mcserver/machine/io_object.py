@@ -119,7 +119,7 @@ def read_object(
     of_drives: tuple[int, int],
     mistakes: Mistakes,
 ) -> IoObject | None:
-    """Return the object of a source or target in the model; None after a mistake, and where there is none.
+    """Return the object of a source or target in the model; None after a mistake, or if none is named.
 
     Args:
         known: names of the file's buses; drives by axis. of_drives: index and subindex of a drive's.

@@ -297,7 +297,7 @@ def read_outputs(
 
 
 def find_channel(channels: Sequence[Input | Output], number: int, *, digital: bool) -> int | None:
-    """Return the column of a channel by its number and kind; None if there is none."""
+    """Return the column of a channel by its number and kind; None if the machine has no such channel."""
     for column, each in enumerate(channels):
         if each.number == number and each.digital is digital:
             return column

@@ -191,7 +191,7 @@ def builtin_text(name: str) -> str:
     """Return the TOML text of a built-in machine.
 
     Raises:
-        ConfigurationError: MC001 there is none of that name.
+        ConfigurationError: MC001 no machine has that name.
     """
     if name not in BUILT_IN:
         near = difflib.get_close_matches(name, BUILT_IN, n=1)

@@ -272,7 +272,7 @@ class MotionPlanner:
         """Return the velocity profile of all that is in the window.
 
         Raises:
-            PlanningError: there is none, and lines have come since the last one was found.
+            PlanningError: no plan exists, and lines have come since the last one was found.
         """
         if self._plan is None:
             try:
@@ -344,7 +344,7 @@ class MotionPlanner:
         """Commit the stop that was planned before the last segments came; they go on from there.
 
         Raises:
-            PlanningError: there is none: the motion stands, and its first segment cannot be planned.
+            PlanningError: no plan exists: the motion stands, and its first segment cannot be planned.
         """
         plan = self._reserve
         if plan is None:

@@ -165,7 +165,7 @@ class MachineEndpoint:
     def publish_event(self, event: Event) -> None:
         payload = self._encode(event)
         if event.kind == "estop":
-            # the confirmation of a stop must not be dropped: once more, waiting for room where there is none
+            # the confirmation of a stop must not be dropped: once more, waiting until there is room
             self._confirming.put(self._confirmations.put, payload)
         self._publishing.put(self._events.put, payload)
 

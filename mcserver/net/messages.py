@@ -272,7 +272,7 @@ class SimulateRequest(Request, frozen=True, kw_only=True):
 
     Attributes:
         positions: start the axes there [mm, deg]; None: where the machine file lets simulated drives start.
-        path_points: the reply's `path` has so many points at most; 0: there is none.
+        path_points: the reply's `path` has so many points at most; 0: no path.
     """
 
     text: str

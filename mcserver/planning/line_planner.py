@@ -137,7 +137,7 @@ class LinePlanner:
         self.drop_outputs()
 
     def drop_outputs(self) -> None:
-        """Drop outputs that wait for the next motion: there is none."""
+        """Drop outputs that wait for the next motion: the program has no more."""
         self._due.clear()
 
     def finish(self, *, broken: bool) -> None:

@@ -13,7 +13,7 @@ PAPER = "#ffffff"
 LIMIT = "#c2334d"
 ACTUAL = "#1c2733"
 
-# Paul Tol's "bright" and "muted" hues, told apart by colour-blind readers too
+# Paul Tol's "bright" and "muted" hues, distinguishable by colour-blind readers too
 LINE_COLOURS = (
     "#4477aa",
     "#ee6677",
@@ -61,7 +61,7 @@ STYLE: Mapping[str, Any] = MappingProxyType(
 
 
 def colours_of(lines: Sequence[int]) -> dict[int, str]:
-    """A colour for each line of the program, neighbours told apart; 0 (no line runs) is faint."""
+    """A colour for each line of the program, neighbours distinguishable; 0 (no line runs) is faint."""
     colours = {
         number: LINE_COLOURS[order % len(LINE_COLOURS)]
         for order, number in enumerate(sorted(set(lines) - {0}))

@@ -113,7 +113,7 @@ class RecordingFolder:
         """Part of a finished recording.
 
         Raises:
-            ServiceError: MC585 there is none of that name, or it cannot be read.
+            ServiceError: MC585 no recording has that name, or it cannot be read.
         """
         path = self.finished(name)
         try:

@@ -44,7 +44,7 @@ class ProgramsSeen:
 
 
 def text_chunk(journal: Path, programs: list[tuple[str, int]], at_ns: int) -> Chunk | None:
-    """A chunk with the text of some programs around the line that each was at; None where there is none.
+    """A chunk with the text of some programs around the line that each was at; None where no program runs.
 
     A journal that cannot be read costs the text, not the recording.
     """

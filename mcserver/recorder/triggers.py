@@ -22,7 +22,7 @@ class FaultEdges:
         self._before: NDArray[np.bool_] | None = None
 
     def first(self, rows: NDArray[np.float64]) -> tuple[float, str] | None:
-        """Executor time [s] and word of the first edge in some rows; None where there is none.
+        """Executor time [s] and word of the first edge in some rows; None where nothing triggers.
 
         What is latched in the very first row has no seconds before, and is no edge.
         """

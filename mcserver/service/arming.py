@@ -166,7 +166,7 @@ class Arming:
             sha256: of the text, or at least its first 8 digits.
 
         Raises:
-            ServiceError: MC570 there is none, or more than one.
+            ServiceError: MC570 no request matches, or more than one.
         """
         return _only(self._matching(sha256), sha256)
 

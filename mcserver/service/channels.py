@@ -75,7 +75,7 @@ class Channels:
         """Set an output.
 
         Raises:
-            ServiceError: MC445 there is none of that name, or it cannot have this value; MC446 a running
+            ServiceError: MC445 no channel has that name, or it cannot have this value; MC446 a running
                 program has set it.
         """
         column, output = self._find(self._machine.outputs, name, "output")
@@ -103,7 +103,7 @@ class Channels:
         """Set a simulated input.
 
         Raises:
-            ServiceError: MC445 there is none of that name, or it cannot have this value; MC446 it is real.
+            ServiceError: MC445 no channel has that name, or it cannot have this value; MC446 it is real.
         """
         column, channel = self._find(self._machine.inputs, name, "input")
         level = _level(channel, value)

@@ -12,7 +12,7 @@ def find_program(programs: Mapping[str, Program], program_id: str) -> Program:
     """Return a program of this start of the server.
 
     Raises:
-        ServiceError: MC503 there is none.
+        ServiceError: MC503 the program does not exist.
     """
     program = programs.get(program_id)
     if program is None:
@@ -26,7 +26,7 @@ def owned_program(programs: Mapping[str, Program], client: str, program_id: str)
     """Return a program that belongs to ``client``.
 
     Raises:
-        ServiceError: MC503 there is none, MC504 it is another client's.
+        ServiceError: MC503 the program does not exist, MC504 it is another client's.
     """
     program = find_program(programs, program_id)
     if program.client != client:
@@ -44,7 +44,7 @@ def open_programs(programs: Mapping[str, Program], program_id: str | None) -> li
     """Return one program, or all that have not ended, the oldest first.
 
     Raises:
-        ServiceError: MC503 there is none of that id, MC517 it has ended.
+        ServiceError: MC503 no program has that id, MC517 it has ended.
     """
     if program_id is None:
         return [program for program in programs.values() if not program.ended]

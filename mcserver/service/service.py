@@ -339,7 +339,7 @@ class MachineService:
         """Return a program of this start.
 
         Raises:
-            ServiceError: MC503 there is none.
+            ServiceError: MC503 the program does not exist.
         """
         return find_program(self._table.programs, program_id)
 

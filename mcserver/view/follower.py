@@ -45,7 +45,7 @@ class Follower:
         self._names = axis_names(machine, kinematics)
         self._trails: dict[str, deque[Array]] = {}
         self._count = 0
-        self._said = self._told = ""
+        self._said = self._shown = ""
         self._moved: set[str] = set()
         gui = window.gui
         self._status = gui.add_html("")
@@ -94,8 +94,8 @@ class Follower:
         if self._count % PANEL_EVERY == 1:
             self._say(_status(state))
             values = axes_html(self._machine.axes, positions, self._names)
-            if values != self._told:
-                self._told = self._values.content = values
+            if values != self._shown:
+                self._shown = self._values.content = values
 
     def _say(self, content: str) -> None:
         if content != self._said:

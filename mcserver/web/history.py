@@ -159,7 +159,7 @@ class HistoryFolder:
     """Writes rows; Parquet files appear whole, under ``TABLE/machine=M/day=D/``.
 
     Args:
-        folder: made where there is none. clock: Unix time [s]. period_s: between two writings of Parquet.
+        folder: made if missing. clock: Unix time [s]. period_s: between two writings of Parquet.
 
     Raises:
         ServiceError: MC069 the folder cannot be written, or another one writes there.

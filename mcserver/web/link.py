@@ -89,7 +89,7 @@ class MachineLink:
         return known[1]
 
     def connected(self) -> Machine:
-        """The machine; raises MotionError (MC530) while there is none."""
+        """The machine; raises MotionError (MC530) while it is not connected."""
         if self.machine is None:
             raise MotionError(
                 "MC530", f"{self.name} is not connected: {self.failure}", "is its server running?"

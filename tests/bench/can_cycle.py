@@ -106,7 +106,7 @@ class DatagramPort:
 
 
 class Answers:
-    """Drives that are where they were told to be: their TPDOs, prepared before the clock runs."""
+    """Drives that are where they were commanded to be: their TPDOs, prepared before the clock runs."""
 
     def __init__(self, axes: int, other: socket.socket) -> None:
         self._other = other

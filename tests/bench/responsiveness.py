@@ -50,12 +50,12 @@ def measure() -> list[Figure]:
                 busy += latencies(reached.session, key, [b""] * 200)
                 raw_busy += latencies(raw, RAW_KEY, [b""] * 200)
             assert client.stderr is not None
-            told = client.stderr.read().decode()
+            output = client.stderr.read().decode()
         finally:
             client.kill()
             client.communicate()
         if client.returncode != 0:
-            raise NotAvailable(f"mcctl run ended with {client.returncode}: {told.strip()[-200:]}")
+            raise NotAvailable(f"mcctl run ended with {client.returncode}: {output.strip()[-200:]}")
     meanwhile = f"while {LINES:,} lines are planned".replace(",", "\u2009")
     return [
         Figure(

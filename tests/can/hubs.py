@@ -57,7 +57,7 @@ def wait_until(condition: Callable[[], object], what: str) -> None:
 
 
 class RawClient:
-    """A client of the hub that says what it is told to, and nothing else."""
+    """A client of the hub that says what it is given, and nothing else."""
 
     def __init__(self, hub: Hub, receive_buffer: int | None = None) -> None:
         self.socket = socket.socket()

@@ -78,7 +78,7 @@ async def test_a_long_value_is_written_in_segments(access: OperatorAccess, drive
     assert drives[1].objects[0x2001, 0] == text.encode()
 
 
-async def test_a_long_value_that_is_refused_is_told_and_leaves_nothing_behind(
+async def test_a_long_value_that_is_refused_is_reported_and_leaves_nothing_behind(
     access: OperatorAccess, drives: FakeDrives
 ) -> None:
     drives[1].aborts[0x2001, 0] = 0x0601_0002

@@ -37,7 +37,7 @@ def test_several_nodes_are_configured_and_operational(
     assert "3 drives are up" in watched.sentences[-1]
 
 
-def test_a_drive_is_never_told_a_controlword(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
+def test_a_drive_is_never_sent_a_controlword(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
     drives = make_drives(1)
     watched.start(machine_on(hub.address(), [1]))
     assert [write for write in drives[1].written if write[0] == 0x6040] == []
@@ -133,7 +133,7 @@ def test_a_missing_node_is_named_with_the_remedy(
         watched.start(machine_on(hub.address(), [1, 9]))
 
 
-def test_all_that_fail_are_told_at_once(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
+def test_all_that_fail_are_reported_at_once(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
     drives = make_drives(1, 2)
     drives[1].aborts[0x6060, 0] = 0x0800_0022
     drives[2].objects[0x1000, 0] = b"\x91\x01\x00\x00"
@@ -200,13 +200,13 @@ def test_a_node_without_boot_up_message_is_found_by_sdo(
     assert drives[1].state is NmtState.OPERATIONAL
 
 
-def test_a_node_that_does_not_start_is_told(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
+def test_a_node_that_does_not_start_is_reported(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
     make_drives(1)[1].starts = False
     with pytest.raises(DriveError, match=r"MC555: axis 0, node 1 on left: .*pre-operational"):
         watched.start(machine_on(hub.address(), [1]))
 
 
-def test_a_bus_that_is_not_there_is_told(watched: Watched) -> None:
+def test_a_bus_that_is_not_there_is_reported(watched: Watched) -> None:
     with pytest.raises(RuntimeFault, match="MC424"):
         watched.start(machine_on("socketcand:127.0.0.1:9/can0", [1]))
 

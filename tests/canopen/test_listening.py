@@ -1,4 +1,4 @@
-"""Another master on the bus: listened for before anything is sent, and told while it is there."""
+"""Another master on the bus: listened for before anything is sent, and reported while it is there."""
 
 from __future__ import annotations
 

@@ -268,7 +268,7 @@ def _shown(access: object) -> object:
     return shown.value
 
 
-def test_an_emergency_is_told_of_its_sender_although_a_dcf_gives_it_another_s_cob_id(
+def test_an_emergency_is_reported_for_its_sender_although_a_dcf_gives_it_another_s_cob_id(
     hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
 ) -> None:
     text = eds(changes={0x1014: {"ParameterValue": "0x82"}, 0x1017: {"ParameterValue": "77"}})

@@ -106,7 +106,7 @@ def test_a_node_of_another_identity_is_left_alone(network: PortNetwork, node: Un
     assert node.number == 0xFF
 
 
-def test_a_node_that_refuses_the_number_is_told(network: PortNetwork, node: Unnumbered) -> None:
+def test_a_node_that_refuses_the_number_is_reported(network: PortNetwork, node: Unnumbered) -> None:
     node.refuses = True
     assert assign_node_number(network, IDENTITY, 7) is LssOutcome.REFUSED
     assert identity_text(IDENTITY) == "vendor 0x11, product 0x22, revision 0x1, serial 0x5"

@@ -54,7 +54,7 @@ def test_an_eds_without_a_needed_object_is_an_error(tmp_path: Path) -> None:
     assert codes(machine_on(NOWHERE, [1], f'eds = "{file}"')) == [("MC552", "error")]
 
 
-def test_a_cycle_that_drives_cannot_be_told_is_an_error() -> None:
+def test_a_cycle_that_drives_cannot_be_given_is_an_error() -> None:
     machine = msgspec.structs.replace(machine_on(NOWHERE, [1]), cycle_hz=240.0)
     assert codes(machine) == [("MC552", "error")]
 
@@ -80,12 +80,12 @@ def test_machine_check_exits_3_for_an_eds_that_cannot_be_read(tmp_path: Path, ca
         'counts_per_motor_rev = 1000\neds = "none.eds"\n'
     )
     assert run_command_line(["machine", "check", str(file)]) == 3
-    told = capfd.readouterr()
-    assert "error[MC008]" in told.err
-    assert f"{tmp_path}/none.eds" in told.err
+    shown = capfd.readouterr()
+    assert "error[MC008]" in shown.err
+    assert f"{tmp_path}/none.eds" in shown.err
 
 
-def test_the_load_of_each_bus_is_told_with_its_arithmetic() -> None:
+def test_the_load_of_each_bus_is_shown_with_its_arithmetic() -> None:
     machine = machine_on(NOWHERE, [1, 2, 3])
     load, connection = judge_buses(machine, [BusFacts("left", NOWHERE, 1_000_000)], NO_CAN)
     assert (load.state, load.title) == (State.OK, "left: load")
@@ -153,7 +153,9 @@ def test_a_machine_without_can_needs_none_of_its_packages() -> None:
     assert done.stdout == "set()\n"
 
 
-def test_missing_packages_are_told_with_the_command_that_brings_them(hub: RunningHub, tmp_path: Path) -> None:
+def test_missing_packages_are_named_with_the_command_that_brings_them(
+    hub: RunningHub, tmp_path: Path
+) -> None:
     file = tmp_path / "machine.toml"
     file.write_text(
         '[machine]\nname = "m"\ncycle_hz = 100\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1\n'

@@ -138,7 +138,7 @@ def test_a_rebooted_drive_comes_back_without_energy(
     assert (state["nmt"], state["power"]) == ("OPERATIONAL", "SWITCH_ON_DISABLED")
 
 
-def test_a_heartbeat_that_stops_is_told(simulation: Simulation, start: Start, watched: Watched) -> None:
+def test_a_heartbeat_that_stops_is_reported(simulation: Simulation, start: Start, watched: Watched) -> None:
     start()
     simulation.control.fault(3, "heartbeat_stop")
     assert watched.expect("drive.lost").axis == 2
@@ -146,7 +146,7 @@ def test_a_heartbeat_that_stops_is_told(simulation: Simulation, start: Start, wa
     assert watched.expect("drive.back").axis == 2
 
 
-def test_an_emergency_is_told(simulation: Simulation, start: Start, watched: Watched) -> None:
+def test_an_emergency_is_reported(simulation: Simulation, start: Start, watched: Watched) -> None:
     start()
     simulation.control.fault(1, "emcy", code=0x8611)
     assert "8611h following error" in watched.expect("drive.emergency").message
@@ -159,7 +159,7 @@ def test_an_abort_on_demand_is_named(simulation: Simulation, start: Start, index
         start()
 
 
-def test_answers_that_are_too_late_are_told(simulation: Simulation, start: Start) -> None:
+def test_answers_that_are_too_late_are_reported(simulation: Simulation, start: Start) -> None:
     simulation.control.fault(2, "sdo_delay", seconds=2.0)
     with pytest.raises(DriveError, match=r"MC554: axis 1, node 2 on can: 1000h:00"):
         start(ServiceTimes(SdoTimes(response_s=0.2, attempts=2), TIMES.boot))

@@ -59,7 +59,7 @@ def test_a_node_that_cannot_be_configured_again_is_tried_again(
     assert service.nodes[0].failure == ""
 
 
-def test_a_heartbeat_that_stays_out_is_told_once_and_its_return_too(
+def test_a_heartbeat_that_stays_out_is_reported_once_and_its_return_too(
     hub: RunningHub, make_drives: Make, watched: Watched
 ) -> None:
     drives = make_drives(1, 2)
@@ -117,7 +117,9 @@ def test_a_node_that_another_master_stopped_is_started_again(
     watched.expect("drive.started")
 
 
-def test_an_emergency_message_is_told_in_words(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
+def test_an_emergency_message_is_reported_in_words(
+    hub: RunningHub, make_drives: Make, watched: Watched
+) -> None:
     drives = make_drives(1)
     service = watched.start(machine_on(hub.address(), [1]))
     drives.send(Function.EMCY + 1, bytes.fromhex("1186210000000000"))

@@ -13,7 +13,7 @@ from mcserver.canopen.emergency_text import decode_emergency
 from mcserver.canopen.values import TYPES, decode_value, encode_value, type_name
 
 
-def test_an_abort_code_is_told_as_the_standard_writes_it() -> None:
+def test_an_abort_code_is_shown_as_the_standard_writes_it() -> None:
     assert abort_text(0x06020000) == "abort 0602 0000h, object does not exist"
     assert "manual" in abort_text(0x12345678)
     assert "G1001" in abort_remedy(0x08000022)

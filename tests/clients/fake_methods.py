@@ -138,21 +138,21 @@ class FakeMethods:
         program = self._program(request)
         if program.ended or program.closed or program.state == "ending":
             raise Refusal("MC510", "takes no more lines", details={"state": program.state})
-        told = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
+        state = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
         if request["first"] > program.accepted + 1:
-            raise Refusal("MC505", "a gap", details={"expected": program.accepted + 1, **told})
+            raise Refusal("MC505", "a gap", details={"expected": program.accepted + 1, **state})
         before = program.rejected
         self._take(program, request["first"], request["lines"])
         self._acknowledge(program)
-        told = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
+        state = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
         if program.rejected and (program.rejected != before or program.accepted < request["first"]):
             raise Refusal(
                 program.diagnostics[0]["code"],
                 program.diagnostics[0]["message"],
-                details={"expected": program.accepted + 1, **told},
+                details={"expected": program.accepted + 1, **state},
                 diagnostics=program.diagnostics,
             )
-        return {"program": program.program, **told}
+        return {"program": program.program, **state}
 
     def _do_close(self, request: dict[str, Any]) -> dict[str, Any]:
         program = self._program(request)
@@ -231,12 +231,12 @@ class FakeMethods:
         return {"ok": True, "duration_s": 1.0, "lines": [], "diagnostics": []}
 
     def _do_events(self, request: dict[str, Any]) -> dict[str, Any]:
-        told = [event for event in self.events if event["seq"] >= request["since"]][: request["limit"]]
+        newer = [event for event in self.events if event["seq"] >= request["since"]][: request["limit"]]
         return {
             "instance": self.instance,
             "oldest": self.events[0]["seq"] if self.events else 0,
             "newest": self.events[-1]["seq"] if self.events else 0,
-            "events": told,
+            "events": newer,
         }
 
     def _do_drives(self, _: dict[str, Any]) -> dict[str, Any]:

@@ -33,8 +33,8 @@ def mcctl(server: FakeServer, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 
     def run(*arguments: str) -> tuple[int, str, str]:
         code = run_command_line(list(arguments))
-        told = capsys.readouterr()
-        return code, told.out, told.err
+        shown = capsys.readouterr()
+        return code, shown.out, shown.err
 
     return run
 
@@ -127,8 +127,8 @@ def test_run_streams_a_file_and_says_how_it_went_on_standard_error(
 
 def test_run_gives_one_json_object(mcctl: Run, tmp_path: Path) -> None:
     code, out, _ = mcctl("run", write(tmp_path, "G01 X1"), "--json", "--axes", "0-1")
-    told = json.loads(out)
-    assert (code, told["ok"], told["state"], told["done"]) == (0, True, "finished", 1)
+    answer = json.loads(out)
+    assert (code, answer["ok"], answer["state"], answer["done"]) == (0, True, "finished", 1)
 
 
 def test_run_looks_for_faults_first_and_moves_nothing(mcctl: Run, server: FakeServer, tmp_path: Path) -> None:

@@ -22,8 +22,8 @@ def mcctl(server: FakeServer, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 
     def run(*arguments: str) -> tuple[int, str, str]:
         code = run_command_line(list(arguments))
-        told = capsys.readouterr()
-        return code, told.out, told.err
+        shown = capsys.readouterr()
+        return code, shown.out, shown.err
 
     return run
 

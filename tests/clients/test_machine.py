@@ -28,7 +28,7 @@ async def test_the_only_machine_is_found_without_a_name(server: FakeServer) -> N
         assert [axis.unit for axis in machine.info.axes] == ["mm", "mm", "mm"]
 
 
-async def test_several_machines_are_told_apart_by_name(make_server: MakeServer) -> None:
+async def test_several_machines_are_distinguished_by_name(make_server: MakeServer) -> None:
     server = make_server("one")
     server.declare_another("two")
     with pytest.raises(SeveralMachines) as caught:
@@ -58,13 +58,13 @@ async def test_all_machines_are_listed_those_that_do_not_answer_too(make_server:
     assert isinstance(found["two"], NobodyAnswers)
 
 
-async def test_no_server_is_told_with_the_endpoint_and_a_remedy() -> None:
+async def test_no_server_is_reported_with_the_endpoint_and_a_remedy() -> None:
     with pytest.raises(NobodyAnswers, match=r"tcp/127\.0\.0\.1:9") as caught:
         await Machine.connect(connect="tcp/127.0.0.1:9", timeout_s=0.2)
     assert "mcserver run" in caught.value.hint
 
 
-async def test_a_wrong_name_is_told_with_those_that_are_there(server: FakeServer) -> None:
+async def test_a_wrong_name_is_reported_with_those_that_are_there(server: FakeServer) -> None:
     with pytest.raises(NobodyAnswers, match="those that are: cell"):
         await Machine.connect("cel", server.endpoint, timeout_s=0.2)
 

@@ -39,7 +39,7 @@ async def test_done_waits_for_the_lines_end_and_not_only_for_acceptance(server: 
         assert program.done_through == 2
 
 
-async def test_a_rejected_line_is_told_with_its_place_and_can_be_mended(server: FakeServer) -> None:
+async def test_a_rejected_line_is_reported_with_its_place_and_can_be_corrected(server: FakeServer) -> None:
     async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
         await program.send("G01 X1")
         with pytest.raises(ProgramRejected) as caught:
@@ -61,7 +61,7 @@ async def test_a_rejected_line_of_a_stream_ends_the_stream_and_its_number_is_use
     assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2", "G01 X3"]
 
 
-async def test_a_line_found_faulty_after_its_acceptance_is_told_by_done(server: FakeServer) -> None:
+async def test_a_line_found_faulty_after_its_acceptance_is_reported_by_done(server: FakeServer) -> None:
     server.runs_by_itself = False
     async with Machine.connect(connect=server.endpoint) as machine:
         program = await machine.program()
@@ -124,7 +124,9 @@ async def test_an_operators_abort_is_raised_with_what_was_done(server: FakeServe
             await program.send("G01 X3")
 
 
-async def test_a_line_sent_while_the_program_is_being_aborted_is_told_why(server: FakeServer) -> None:
+async def test_a_line_sent_while_the_program_is_being_aborted_is_refused_with_the_reason(
+    server: FakeServer,
+) -> None:
     server.runs_by_itself = False
     async with Machine.connect(connect=server.endpoint) as machine:
         program = await machine.program()

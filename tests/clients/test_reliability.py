@@ -92,7 +92,7 @@ async def test_a_line_under_way_when_the_server_restarts_is_reported_as_interrup
     assert numbers(server) == [1]
 
 
-async def test_a_server_that_stays_away_is_told_with_what_was_accepted(server: FakeServer) -> None:
+async def test_a_server_that_stays_away_is_reported_with_what_was_accepted(server: FakeServer) -> None:
     server.runs_by_itself = False
     async with Machine.connect(connect=server.endpoint, patience_s=0.3) as machine:
         program = await machine.program()
@@ -115,7 +115,7 @@ async def test_a_request_made_while_the_server_is_away_is_carried_out_once_when_
         assert server.calls["override"] == 1
 
 
-async def test_a_server_that_answers_nothing_is_told_as_a_missing_answer(server: FakeServer) -> None:
+async def test_a_server_that_answers_nothing_is_reported_as_a_missing_answer(server: FakeServer) -> None:
     server.lose["query:status"] = 10**6
     async with Machine.connect(connect=server.endpoint) as machine:
         with pytest.raises(NoAnswerInTime, match="has not answered status"):

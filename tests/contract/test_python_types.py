@@ -1,4 +1,4 @@
-"""The Python SDK reads the contract's messages, and refuses what is none."""
+"""The Python SDK reads the contract's messages, and refuses anything else."""
 
 from __future__ import annotations
 

@@ -59,16 +59,16 @@ def test_a_module_says_what_it_needs() -> None:
 
 
 def test_the_kernel_behind_the_meta_package_is_found() -> None:
-    told = "linux-image-amd64\n  Depends: linux-image-6.1.0-56-amd64\n"
-    assert kernel_package(told) == "linux-image-6.1.0-56-amd64"
+    text = "linux-image-amd64\n  Depends: linux-image-6.1.0-56-amd64\n"
+    assert kernel_package(text) == "linux-image-6.1.0-56-amd64"
     assert kernel_package("N: Unable to locate package\n") is None
 
 
 @pytest.mark.parametrize("size", [1, 3, 7, 1000])
 def test_output_is_the_commands_and_the_exit_code_is_behind_the_mark(size: int) -> None:
-    told = b"rig-01 is no mark\n3 passed in 1 s\nri" + MARK + b" 5.\n"
+    text = b"rig-01 is no mark\n3 passed in 1 s\nri" + MARK + b" 5.\n"
     output = io.BytesIO()
-    code = follow((told[at : at + size] for at in range(0, len(told), size)), MARK, output)
+    code = follow((text[at : at + size] for at in range(0, len(text), size)), MARK, output)
     assert code == 5
     assert output.getvalue() == b"rig-01 is no mark\n3 passed in 1 s\nri"
 

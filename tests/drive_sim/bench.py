@@ -1,4 +1,4 @@
-"""A simulated drive on a bench: a master's end of the bus, and a clock that only moves when it is told to."""
+"""A simulated drive on a bench: a master's end of the bus, and a clock that only moves when it is stepped."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class Bench:
     def cycle(self, controlword: int | None = None, target: int | None = None) -> tuple[int, int, int]:
         """One cycle of a master: RPDO1, SYNC; gives statusword, mode and position of TPDO1.
 
-        Without a target the drive is told to stay where the last one was, at first where it is.
+        Without a target the drive is commanded to stay where the last one was, at first where it is.
         """
         if controlword is not None:
             self.controlword = controlword

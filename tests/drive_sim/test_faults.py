@@ -68,7 +68,7 @@ def test_late_tpdos_come_so_many_syncs_late_with_what_they_had(bench: Bench) -> 
         bench.receive(Function.RPDO1 + NODE, struct.pack("<Hbi", ENABLE, 8, (bench.target or 0) + 100 * step))
         bench.receive(SYNC)
         moved.append(struct.unpack_from("<i", bench.taken(TPDO1)[0], 3)[0])
-    # applied at the SYNC, reached at the next one, told two later
+    # applied at the SYNC, reached at the next one, reported two later
     assert moved[:3] == [bench.target] * 3
     assert moved[4] == pytest.approx((bench.target or 0) + 200, abs=30)
     ask(bench, "clear")
@@ -84,7 +84,7 @@ def test_short_tpdos_lack_a_byte(bench: Bench) -> None:
     assert [len(payload) for payload in bench.taken(TPDO1)] == [7]
 
 
-def test_an_emergency_takes_the_drive_into_fault_unless_it_is_only_told(bench: Bench) -> None:
+def test_an_emergency_takes_the_drive_into_fault_unless_it_is_only_reported(bench: Bench) -> None:
     ask(bench, "emcy", code=0x4210, fatal=0)
     assert bench.emergencies() == [0x4210]
     assert bench.cycles(20, ENABLE) & STATE_MASK == ENABLED

@@ -317,9 +317,9 @@ def test_the_second_tpdo_tells_speed_and_torque_at_every_tenth_sync(bench: Bench
     bench.enable()
     bench.taken()
     drive(bench, 100, velocity=70_000)
-    told = bench.taken(Function.TPDO2 + NODE)
-    assert len(told) == 10
-    velocity, _ = TPDO2.packing.unpack(told[-1])
+    received = bench.taken(Function.TPDO2 + NODE)
+    assert len(received) == 10
+    velocity, _ = TPDO2.packing.unpack(received[-1])
     assert velocity == pytest.approx(70_000, rel=0.01)
 
 

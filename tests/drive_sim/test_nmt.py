@@ -142,7 +142,7 @@ def test_leaving_operational_acts_by_6007h(option: int, state: int) -> None:
     assert bench.state == state
 
 
-def test_an_emergency_is_told_registered_and_remembered() -> None:
+def test_an_emergency_is_sent_registered_and_remembered() -> None:
     bench = Bench().operate().enable()
     bench.node.request("emcy", {"code": 0x4310}, bench.now)
     (payload,) = bench.taken(Function.EMCY + NODE)
@@ -152,7 +152,7 @@ def test_an_emergency_is_told_registered_and_remembered() -> None:
     assert (bench.read(0x1003, 0, "B"), bench.read(0x1003, 1, "I")) == (1, 0x4310)
 
 
-def test_the_end_of_all_errors_is_told_and_the_history_stays_until_0_is_written() -> None:
+def test_the_end_of_all_errors_is_sent_and_the_history_stays_until_0_is_written() -> None:
     bench = Bench().operate().enable()
     for code in (0x3210, 0x4310):
         bench.node.request("emcy", {"code": code}, bench.now)

@@ -88,7 +88,7 @@ def test_what_cannot_be_mapped_into_a_tpdo_is_refused(bench: Bench, mapped: int,
     assert abort_of(bench, 0x1A01, 1, "I", mapped) == code
 
 
-def test_a_value_that_is_only_told_cannot_be_received(bench: Bench) -> None:
+def test_a_value_that_is_only_reported_cannot_be_received(bench: Bench) -> None:
     bench.write(0x1601, 0, "B", 0)
     assert abort_of(bench, 0x1601, 1, "I", STATUSWORD) == 0x06040041
 
@@ -214,7 +214,7 @@ def test_event_driven_values_act_at_once(bench: Bench) -> None:
     assert bench.state == 0x21
 
 
-def test_a_pdo_that_is_too_short_is_not_processed_and_told() -> None:
+def test_a_pdo_that_is_too_short_is_not_processed_and_reported() -> None:
     bench = Bench().operate()
     bench.receive(Function.RPDO1 + NODE, struct.pack("<Hbi", 0, 8, 77)[:-1])
     bench.receive(SYNC)
@@ -222,7 +222,7 @@ def test_a_pdo_that_is_too_short_is_not_processed_and_told() -> None:
     assert bench.read(0x607A, 0, "i") == 0
 
 
-def test_a_pdo_that_is_too_long_is_processed_and_told() -> None:
+def test_a_pdo_that_is_too_long_is_processed_and_reported() -> None:
     bench = Bench().operate()
     bench.receive(Function.RPDO1 + NODE, struct.pack("<Hbi", 0, 8, 77) + b"\x01")
     bench.receive(SYNC)
@@ -248,7 +248,7 @@ def test_a_silent_master_is_noticed_by_the_event_timer(option: int, states: set[
     assert bench.state in states
 
 
-def test_the_end_of_the_silence_is_told() -> None:
+def test_the_end_of_the_silence_is_reported() -> None:
     bench = Bench().operate()
     bench.write(0x1400, 5, "H", 50)
     bench.write(0x6007, 0, "h", 2)

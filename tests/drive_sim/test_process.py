@@ -135,7 +135,7 @@ def test_drives_in_a_process_are_nodes_that_canopen_can_master(tmp_path: Path) -
         with Control("127.0.0.1", number) as control:
             assert control.state(2)["power"] == "OPERATION_ENABLED"
             control.fault(2, "emcy", code=0x4310)
-            wait_until(lambda: [told.code for told in node.emcy.log] == [0x4310], "the emergency came")
+            wait_until(lambda: [each.code for each in node.emcy.log] == [0x4310], "the emergency came")
             wait_until(lambda: control.state(2)["power"] == "FAULT", "the drive is in fault")
 
 

@@ -19,6 +19,6 @@ def test_a_bus_that_cannot_be_opened_ends_the_process_with_its_reason(
         process.start()
     assert refused.value.code == "MC422"
     assert f"ended with code {int(ExitCode.DRIVES)}" in refused.value.message
-    told = capfd.readouterr().err
-    assert told.startswith("MC424: ")
-    assert "Traceback" not in told
+    shown = capfd.readouterr().err
+    assert shown.startswith("MC424: ")
+    assert "Traceback" not in shown

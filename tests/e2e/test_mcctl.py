@@ -41,9 +41,9 @@ def test_run_json_tells_the_end_on_standard_output(
 ) -> None:
     file = written(tmp_path, "G1010\nG94 F30000 G01 X10\n")
     done = mcctl("run", file, *target, "--json")
-    told = json.loads(done.stdout)
-    assert (done.returncode, told["ok"], told["state"]) == (0, True, "finished")
-    assert (told["accepted"], told["done"]) == (2, 2)
+    answer = json.loads(done.stdout)
+    assert (done.returncode, answer["ok"], answer["state"]) == (0, True, "finished")
+    assert (answer["accepted"], answer["done"]) == (2, 2)
 
 
 def test_run_records_the_path_really_taken(mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path) -> None:

@@ -129,10 +129,10 @@ async def test_a_killed_executor_is_reported_and_ends_the_server(own_server: Ser
         own_server.start()
         found = await known(machine, program.id)
         assert found.state in ("faulted", "interrupted")
-        with pytest.raises(MotionError) as told:
+        with pytest.raises(MotionError) as error:
             async with asyncio.timeout(LIMIT_S):
                 await program.finish()
-        assert told.value.code in ("MC518", "MC534")
+        assert error.value.code in ("MC518", "MC534")
         assert set((await machine.status()).axes.state) == {"off"}
 
 
@@ -150,11 +150,11 @@ async def test_a_killed_planner_stops_its_programs_on_their_paths_and_another_go
             (planner,) = own_server.planners()
             os.kill(planner, signal.SIGKILL)
             for lost in (program, waiting):
-                with pytest.raises(MotionError) as told:
+                with pytest.raises(MotionError) as error:
                     async with asyncio.timeout(LIMIT_S):
                         await lost.finish()
-                assert told.value.code == "MC516"
-                assert "ended by signal 9" in told.value.message
+                assert error.value.code == "MC516"
+                assert "ended by signal 9" in error.value.message
             status = await machine.status()
         assert [each for each in status.axes.state if each != "off"] == ["standstill"]
         assert 0.0 < status.axes.setpoint[0] < 500.0

@@ -79,9 +79,9 @@ def slices(frames: Sequence[Logged], bus: int) -> list[Slice]:
 
 
 def targets(parts: Sequence[Slice], node: int) -> list[int | None]:
-    """What a node was told to follow in each slice [counts]."""
-    told = [part.payloads(Function.RPDO1 + node) for part in parts]
-    return [RPDO1.packing.unpack(each[-1])[2] if each else None for each in told]
+    """What a node was commanded to follow in each slice [counts]."""
+    commands = [part.payloads(Function.RPDO1 + node) for part in parts]
+    return [RPDO1.packing.unpack(each[-1])[2] if each else None for each in commands]
 
 
 def first_cycle(parts: Sequence[Slice], rows: Rows, node: int, column: int, per_mm: float) -> int:
@@ -113,7 +113,7 @@ def first_with(parts: Sequence[Slice], begin: int, condition: Callable[[Slice], 
 
 
 def jumps(frames: Sequence[Logged], node: int) -> list[int]:
-    """Each time that a node was told to enable operation: target less actual position then [counts]."""
+    """Each time that a node was commanded to enable operation: target less actual position then [counts]."""
     found: list[int] = []
     actual: int | None = None
     enabled = False

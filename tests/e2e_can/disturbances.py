@@ -18,11 +18,11 @@ from tests.e2e_can.signs import (
     InFrames,
     NoFrames,
     Sign,
+    commanded_otherwise,
     has,
     lacks_answer,
     lacks_heartbeat,
     short_answer,
-    told_otherwise,
 )
 
 # defaults of the machine file
@@ -49,7 +49,7 @@ class Disturbance:
     Attributes:
         name: in the table.
         inject, undo: in another thread than the loop's. sign: None where the motion goes on to its end.
-        meanwhile: what a client does then; gives what it was told.
+        meanwhile: what a client does then; gives what it was answered.
         concerned: axes that have the fault.
         returns: kind of the event that says that the drive can be energized again; empty: at once.
         at_rest: it shows only when the drive is energized.
@@ -132,7 +132,7 @@ def disturbances(cycle_hz: float = CYCLE_HZ) -> tuple[Disturbance, ...]:
             "controlword ignored",
             ask("stuck"),
             CLEAR,
-            InFrames(lambda: told_otherwise(NODE)),
+            InFrames(lambda: commanded_otherwise(NODE)),
             at_rest=True,
         ),
         Disturbance("SDO aborted", ask("sdo_abort", index=STATUSWORD), CLEAR, None, meanwhile=read_an_object),

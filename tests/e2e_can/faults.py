@@ -143,17 +143,17 @@ async def disturb(made: Bench, disturbance: Disturbance) -> Outcome:
 
 async def pass_over(made: Bench, disturbance: Disturbance) -> Outcome:
     """A row of what stops nothing: the motion ends where it was to end."""
-    told = ""
+    message = ""
     async with made.moving() as moving:
         await asyncio.to_thread(disturbance.inject, made.cell)
         if disturbance.meanwhile is not None:
-            told = await disturbance.meanwhile(made.machine)
+            message = await disturbance.meanwhile(made.machine)
         async with asyncio.timeout(LIMIT_S):
             await moving.program.finish()
         status = await made.until("at rest")
     await asyncio.to_thread(disturbance.undo, made.cell)
     there = np.abs(np.array(status.axes.setpoint[: len(END)]) - END).max() < 1e-3
-    return Outcome(disturbance.name, told, recovered=bool(there))
+    return Outcome(disturbance.name, message, recovered=bool(there))
 
 
 async def measure(
@@ -166,7 +166,7 @@ async def measure(
         for _ in range(repeat):
             for disturbance in chosen:
                 outcome = await disturb(made, disturbance)
-                sys.stderr.write(f"{disturbance.name}: {outcome.told or 'motion ended well'}\n")
+                sys.stderr.write(f"{disturbance.name}: {outcome.message or 'motion ended well'}\n")
                 outcomes.append(outcome)
     return outcomes
 

@@ -16,7 +16,7 @@ class Outcome:
     """One row of the table. Cycles count from the first one in which the fault can be seen.
 
     Attributes:
-        fault: its name. code, axis, line: as reported, of the first report. told: its message.
+        fault: its name. code, axis, line: as reported, of the first report. message: of the report.
         reported: cycle of the report. braked: first cycle whose setpoints are slower. rested: first cycle
             in which the group's other axes stand.
         latch: the code with which a motion was refused before G1000.
@@ -28,7 +28,7 @@ class Outcome:
     code: str = ""
     axis: int | None = None
     line: int = 0
-    told: str = ""
+    message: str = ""
     reported: int | None = None
     braked: int | None = None
     rested: int | None = None

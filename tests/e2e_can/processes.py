@@ -42,11 +42,11 @@ class ReadyProcess:
             env=environment(),
             cwd=ROOT,
         )
-        told: queue.Queue[str | None] = queue.Queue()
-        self._reader = threading.Thread(target=self._read, args=(told,), daemon=True)
+        lines: queue.Queue[str | None] = queue.Queue()
+        self._reader = threading.Thread(target=self._read, args=(lines,), daemon=True)
         self._reader.start()
         try:
-            ready = told.get(timeout=READY_LIMIT_S)
+            ready = lines.get(timeout=READY_LIMIT_S)
         except queue.Empty:
             ready = None
         if ready is None:
@@ -57,15 +57,15 @@ class ReadyProcess:
         with contextlib.suppress(OSError):
             os.sched_setscheduler(self.pid, os.SCHED_FIFO, os.sched_param(PRIORITY))
 
-    def _read(self, told: queue.Queue[str | None]) -> None:
+    def _read(self, lines: queue.Queue[str | None]) -> None:
         assert self._process.stdout is not None
         with self._process.stdout:
             for line in self._process.stdout:
                 if len(self.said) < SAID_LINES:
                     self.said.append(line)
                 if line.startswith("READY"):
-                    told.put(line.removeprefix("READY").strip())
-        told.put(None)
+                    lines.put(line.removeprefix("READY").strip())
+        lines.put(None)
 
     @property
     def pid(self) -> int:

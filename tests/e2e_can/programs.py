@@ -121,10 +121,10 @@ def assert_as_ideal(real: Walked, perfect: Walked, *, within: float, lag: float)
         within: of the path, for setpoints: those of a slowed cycle lie between rows [mm, deg].
         lag: of the path, for encoders [mm, deg].
     """
-    told, wanted = moving(real.setpoint), moving(perfect.setpoint)
-    assert distance(told, wanted).max() <= within, "setpoints leave the ideal path"
+    commanded, wanted = moving(real.setpoint), moving(perfect.setpoint)
+    assert distance(commanded, wanted).max() <= within, "setpoints leave the ideal path"
     # a busy computer loses telemetry, and chords bridge what is lost
-    covered = np.quantile(distance(wanted, told), IN_TIME)
+    covered = np.quantile(distance(wanted, commanded), IN_TIME)
     assert covered <= within, "setpoints leave out some of the ideal path"
     # a reading that comes too late for its cycle is shown a cycle later than those of the other axes
     away = distance(moving(real.actual), wanted)

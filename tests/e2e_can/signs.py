@@ -125,7 +125,7 @@ def lacks_heartbeat(node: int, cycles: int) -> Condition:
     return overdue
 
 
-def told_otherwise(node: int) -> Condition:
+def commanded_otherwise(node: int) -> Condition:
     """A controlword that was not the one before."""
     last: int | None = None
 

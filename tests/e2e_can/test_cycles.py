@@ -16,11 +16,11 @@ from tests.e2e_can.signs import (
     InFrames,
     NoFrames,
     Witness,
+    commanded_otherwise,
     has,
     lacks_answer,
     lacks_heartbeat,
     short_answer,
-    told_otherwise,
 )
 
 NODE, WITNESS = 2, 1
@@ -98,7 +98,7 @@ def test_a_heartbeat_is_overdue_and_a_controlword_is_new_in_the_slice_that_shows
         False,
         False,
     ]
-    changed = told_otherwise(NODE)
+    changed = commanded_otherwise(NODE)
     assert [changed(part) for part in (word(6), none, word(6), word(7), word(7))] == [False] * 3 + [
         True,
         False,

@@ -22,7 +22,7 @@ PATIENCE_S = 20.0
 
 
 class Beating:
-    """A server that beats until it is told to stop."""
+    """A server that beats until it is stopped."""
 
     def __init__(self, process: ExecutorProcess) -> None:
         self._process = process

@@ -60,7 +60,7 @@ def test_what_follows_the_end_is_not_read() -> None:
     assert check("M30", "GO1 X--1") == []
 
 
-def test_progress_is_told_up_to_the_last_line() -> None:
+def test_progress_is_reported_up_to_the_last_line() -> None:
     seen: list[tuple[int, int]] = []
     check_program("F100\nG01 X1\n" * 1500, CARTESIAN, progress=lambda done, total: seen.append((done, total)))
     assert seen == [(1000, 3000), (2000, 3000), (3000, 3000), (3000, 3000)]

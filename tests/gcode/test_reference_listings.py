@@ -1,4 +1,4 @@
-"""Every listing of the reference, its scanning errors mended, gives what the dialect's table says."""
+"""Every listing of the reference, its scanning errors corrected, gives what the dialect's table says."""
 
 import math
 

@@ -53,7 +53,7 @@ def test_an_arc_that_leaves_the_reach_between_its_ends_is_refused() -> None:
     assert diagnostic["tool"] == 3
 
 
-def test_a_joint_past_its_limit_is_told_with_its_axis() -> None:
+def test_a_joint_past_its_limit_is_reported_with_its_axis() -> None:
     diagnostic = refused(load_machine("robot-dog"), "G01 T3 Y-697 Z400")
     assert diagnostic["code"] == "MC303"
     assert (diagnostic["tool"], diagnostic["axis"]) == (3, 2)

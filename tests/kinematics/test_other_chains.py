@@ -108,7 +108,7 @@ def test_five_axes_follow_a_tilt_that_they_can_do(tmp_path: Path) -> None:
     assert ends_at(path)[4] == pytest.approx(0.7, abs=1e-9)
 
 
-def test_a_gantry_moves_as_it_is_told(tmp_path: Path) -> None:
+def test_a_gantry_moves_as_it_is_commanded(tmp_path: Path) -> None:
     gantry = MachineKinematics(chain_machine(tmp_path, GANTRY, tip="0 0 0", offset="[0.0, 0.0, -120.0]"))
     joints = dict.fromkeys(range(3), 0.0)
     path = gantry.solve_path(1, line((0.0, 0.0, -0.12), (0.3, -0.2, 0.1)), joints)

@@ -117,7 +117,7 @@ class _Builder:
         return [line_curve(self.machine, axes, start.tolist(), (start + length * direction).tolist())]
 
     def back(self) -> list[Curve]:
-        """The line before, reversed; a line where there is none."""
+        """The line before, reversed; a line where it is the first."""
         if not self.moves:
             return self.line()
         before = tangent(self.machine, self.moves[-1].group, 1.0)

@@ -62,7 +62,7 @@ def test_kernels_that_run_as_python_plan_the_same() -> None:
     answers = []
     for disabled in ("0", "1"):
         environment = dict(os.environ, NUMBA_DISABLE_JIT=disabled, PYTHONPATH=os.pathsep.join(sys.path))
-        told = subprocess.run(
+        done = subprocess.run(
             [sys.executable, "-c", PLAN],
             env=environment,
             cwd=Path(__file__).parents[2],
@@ -71,13 +71,13 @@ def test_kernels_that_run_as_python_plan_the_same() -> None:
             timeout=300,
             check=True,
         )
-        answers.append([float(number) for number in told.stdout.split()])
+        answers.append([float(number) for number in done.stdout.split()])
     assert answers[0] == pytest.approx(answers[1], abs=1e-9)
 
 
 def everything(**environment: str) -> dict[str, Any]:
     """What the programs report, run in a process of its own, where nothing else has called a kernel yet."""
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", EVERYTHING],
         env={**os.environ, "NUMBA_DISABLE_JIT": "0", "PYTHONPATH": os.pathsep.join(sys.path), **environment},
         cwd=Path(__file__).parents[2],
@@ -86,8 +86,8 @@ def everything(**environment: str) -> dict[str, Any]:
         timeout=400,
         check=False,
     )
-    assert told.returncode == 0, told.stderr
-    report: dict[str, Any] = json.loads(told.stdout)
+    assert done.returncode == 0, done.stderr
+    report: dict[str, Any] = json.loads(done.stdout)
     assert report["kernels"] > 20
     return report
 

@@ -175,7 +175,7 @@ def test_the_reachable_speed_is_reached_in_the_distance_and_no_more(
         assert beyond >= distance * (1.0 - 1e-6)
 
 
-LADDERS = st.sampled_from(
+LIMIT_TABLES = st.sampled_from(
     [
         [AccelerationLimit(0.2, 2.0, math.inf)],
         [
@@ -211,9 +211,11 @@ def test_round_numbers_at_the_borders_between_kinds_of_profiles_are_solved(
         assert sum(part.positions[-1] for part in made) == pytest.approx(distance, rel=1e-9)
 
 
-@given(LADDERS, DISTANCES)
+@given(LIMIT_TABLES, DISTANCES)
 @law(60)
-def test_a_ladder_is_climbed_within_its_rungs(limit_table: list[AccelerationLimit], distance: float) -> None:
+def test_a_limit_table_is_followed_within_its_rows(
+    limit_table: list[AccelerationLimit], distance: float
+) -> None:
     made = min_time_profiles(distance, 0.0, 0.0, limit_table)
     assert made is not None
     assert sum(part.positions[-1] for part in made) == pytest.approx(distance, rel=1e-9)
@@ -224,9 +226,9 @@ def test_a_ladder_is_climbed_within_its_rungs(limit_table: list[AccelerationLimi
         assert after.velocities[0] == pytest.approx(before.velocities[-1], rel=1e-9)
 
 
-@given(LADDERS, DISTANCES, st.sampled_from([1.0, 1.001, 1.2, 3.0, 50.0]))
+@given(LIMIT_TABLES, DISTANCES, st.sampled_from([1.0, 1.001, 1.2, 3.0, 50.0]))
 @law(60)
-def test_a_ladder_keeps_every_duration_from_the_quickest_on(
+def test_a_limit_table_keeps_every_duration_from_the_quickest_on(
     limit_table: list[AccelerationLimit], distance: float, slower: float
 ) -> None:
     quickest = min_time_profiles(distance, 0.0, 0.0, limit_table)

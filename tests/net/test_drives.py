@@ -1,4 +1,4 @@
-"""Calls about drives, over the wire, with drives that are only told of."""
+"""Calls about drives, over the wire, with drives that are known by their answers alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.net.client import ErrorAnswer, WireClient
 from tests.service.fakes import FakePipelines, FakePort, three_axes
 
 
-class ToldDrives:
+class AnsweringDrives:
     """Drives that remember what was asked."""
 
     def __init__(self) -> None:
@@ -44,18 +44,20 @@ class ToldDrives:
 
 
 @pytest.fixture
-def told() -> ToldDrives:
-    return ToldDrives()
+def answering() -> AnsweringDrives:
+    return AnsweringDrives()
 
 
 @pytest.fixture
-async def served(told: ToldDrives, tmp_path: Path) -> AsyncIterator[tuple[MachineService, CanDrives, str]]:
+async def served(
+    answering: AnsweringDrives, tmp_path: Path
+) -> AsyncIterator[tuple[MachineService, CanDrives, str]]:
     machine = three_axes()
     options = ServerOptions(
         network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
     )
     drives = CanDrives(asyncio.get_running_loop())
-    drives.access = told
+    drives.access = answering
     drives.on_event(CanopenEvent("drive.lost", "before the service was there", 1, "MC557"))
     port = FakePort(machine)
     async with running(machine, options, port, FakePipelines(port), drives) as (service, face):
@@ -69,7 +71,7 @@ async def client(served: tuple[MachineService, CanDrives, str]) -> AsyncIterator
     await made.close()
 
 
-async def test_drives_are_told_with_all_that_is_known(client: WireClient) -> None:
+async def test_drives_are_reported_with_all_that_is_known(client: WireClient) -> None:
     reply = await client.call("drives")
     assert reply["drives"] == [
         {
@@ -91,7 +93,7 @@ async def test_a_scan_brings_nodes_and_a_machine_file(client: WireClient) -> Non
     assert bus["machine_file"].startswith("[machine]")
 
 
-async def test_an_object_is_read_as_asked(client: WireClient, told: ToldDrives) -> None:
+async def test_an_object_is_read_as_asked(client: WireClient, answering: AnsweringDrives) -> None:
     reply = await client.call("sdo_read", axis=1, index=0x6064)
     assert reply == {
         "axis": 1,
@@ -104,7 +106,7 @@ async def test_an_object_is_read_as_asked(client: WireClient, told: ToldDrives) 
         "raw": b"\xf9\xff\xff\xff",
     }
     await client.call("sdo_read", node=3, bus="can0", index=0x1018, subindex=2, type="u32")
-    assert told.asked == [
+    assert answering.asked == [
         (SdoTarget(0x6064, axis=1), None, None),
         (SdoTarget(0x1018, 2, node=3, bus="can0"), "u32", None),
     ]
@@ -112,13 +114,13 @@ async def test_an_object_is_read_as_asked(client: WireClient, told: ToldDrives) 
 
 @pytest.mark.parametrize("value", [5, -1, 1.5, True, "0x10"])
 async def test_a_value_is_written_once_however_often_it_is_asked(
-    client: WireClient, told: ToldDrives, value: Value
+    client: WireClient, answering: AnsweringDrives, value: Value
 ) -> None:
     for _ in range(2):
         reply = await client.call("sdo_write", request=9, axis=1, index=0x6065, value=value)
         assert reply["value"] == value
         assert type(reply["value"]) is type(value)
-    assert told.asked == [(SdoTarget(0x6065, axis=1), None, value)]
+    assert answering.asked == [(SdoTarget(0x6065, axis=1), None, value)]
 
 
 @pytest.mark.parametrize(
@@ -133,12 +135,12 @@ async def test_a_value_is_written_once_however_often_it_is_asked(
     ],
 )
 async def test_requests_that_name_no_object_of_one_drive_are_refused(
-    client: WireClient, told: ToldDrives, fields: dict[str, object], code: str
+    client: WireClient, answering: AnsweringDrives, fields: dict[str, object], code: str
 ) -> None:
     with pytest.raises(ErrorAnswer) as refused:
         await client.call("sdo_read", **fields)
     assert refused.value.code == code
-    assert told.asked == []
+    assert answering.asked == []
 
 
 async def test_a_drive_s_abort_code_is_in_the_details(client: WireClient) -> None:
@@ -148,11 +150,11 @@ async def test_a_drive_s_abort_code_is_in_the_details(client: WireClient) -> Non
     assert refused.value.body["details"] == {"abort_code": 0x0602_0000}
 
 
-async def test_a_write_takes_no_wildcard(client: WireClient, told: ToldDrives) -> None:
+async def test_a_write_takes_no_wildcard(client: WireClient, answering: AnsweringDrives) -> None:
     with pytest.raises(ErrorAnswer) as refused:
         await client.ask("mc/@v1/*/@rpc/t/sdo_write", {"request": 1, "axis": 1, "index": 1, "value": 1})
     assert refused.value.code == "MC502"
-    assert told.asked == []
+    assert answering.asked == []
 
 
 async def test_events_of_drives_are_published_those_before_the_start_too(

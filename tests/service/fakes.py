@@ -63,7 +63,7 @@ def three_axes(name: str = "bench") -> Machine:
 
 
 class FakePort:
-    """Remembers what it was told, and reports what pipelines and tests make happen."""
+    """Remembers what it was given, and reports what pipelines and tests make happen."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
@@ -190,7 +190,7 @@ class FakeSink:
 class FakePipeline:
     """Lines of text with a meaning of their own.
 
-    ``move`` runs at once, ``wait`` when the gate opens; ``bad`` is faulty and can be mended; ``fatal`` is
+    ``move`` runs at once, ``wait`` when the gate opens; ``bad`` is faulty and can be corrected; ``fatal`` is
     found faulty while planning and ends the program; ``crash`` is a defect; anything else takes no time.
     """
 

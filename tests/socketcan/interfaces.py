@@ -44,8 +44,8 @@ def required() -> bool:
 def set_up(interface: str, up: bool) -> None:
     """As ``ip link set INTERFACE up`` or ``down``."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
-        told = fcntl.ioctl(control, SIOCGIFFLAGS, IFREQ.pack(interface.encode(), 0))
-        flags = IFREQ.unpack(told)[1]
+        answer = fcntl.ioctl(control, SIOCGIFFLAGS, IFREQ.pack(interface.encode(), 0))
+        flags = IFREQ.unpack(answer)[1]
         changed = flags | IFF_UP if up else flags & ~IFF_UP
         fcntl.ioctl(control, SIOCSIFFLAGS, IFREQ.pack(interface.encode(), changed))
 

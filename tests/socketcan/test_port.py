@@ -18,7 +18,7 @@ FRAME = struct.Struct("=IB3x8s")
 
 @pytest.fixture
 def stranger(socketcan: None) -> Iterator[socket.socket]:  # noqa: ARG001 - skips first where there is no CAN
-    """A socket that sends whatever it is told to."""
+    """A socket that sends whatever it is given."""
     with socket.socket(PF_CAN, socket.SOCK_RAW, CAN_RAW) as opened:
         opened.bind(("vcan0",))
         yield opened

@@ -35,7 +35,7 @@ FLAGS = (
 
 
 def find_chromium() -> str | None:
-    """Chromium's command, None where there is none."""
+    """Chromium's command, None where it is not installed."""
     return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 

@@ -17,7 +17,7 @@ from tests.view.chromium import Page, find_chromium
 SIZE = (1280, 720)
 # the scene fades in with its frames, of which software rendering draws few
 OPAQUE = "getComputedStyle(document.querySelector('canvas')).opacity === '1'"
-TOLD = "document.querySelector('.mantine-Notification-closeButton') !== null"
+NOTIFIED = "document.querySelector('.mantine-Notification-closeButton') !== null"
 TELL_OFF = "document.querySelectorAll('.mantine-Notification-closeButton').forEach(button => button.click())"
 # so many looks in a row, as it is opaque for a moment before it fades in
 LOOKS = 12
@@ -40,7 +40,7 @@ def draw(program: Path, machine_name: str, time_s: float, output: Path) -> None:
         player.show()
         with Page(window.url, SIZE) as page:
             page.wait_for("document.querySelector('canvas') !== null")
-            page.wait_for(TOLD)
+            page.wait_for(NOTIFIED)
             page.evaluate(TELL_OFF)
             _until_opaque(page)
             output.write_bytes(page.picture())

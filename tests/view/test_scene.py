@@ -86,7 +86,7 @@ def test_a_machine_of_several_tools_stands_on_them() -> None:
     np.testing.assert_array_equal(up_of("auto", tips, hips), (0.0, 1.0, 0.0))
 
 
-def test_a_machine_of_one_tool_has_z_up_unless_told_otherwise() -> None:
+def test_a_machine_of_one_tool_has_z_up_unless_configured_otherwise() -> None:
     point = [np.array([0.4, 0.0, 0.6])]
     np.testing.assert_array_equal(up_of("auto", point, [np.zeros(3)]), (0.0, 0.0, 1.0))
     np.testing.assert_array_equal(up_of("-x", point, [np.zeros(3)]), (-1.0, 0.0, 0.0))

@@ -79,7 +79,7 @@ def test_a_port_that_is_taken_is_refused_with_a_remedy() -> None:
     assert "--port 0" in caught.value.hint
 
 
-def test_a_player_shows_the_row_that_it_is_told(window: Window) -> None:
+def test_a_player_shows_the_row_that_it_is_given(window: Window) -> None:
     text = (ROOT / "examples" / "robot-dog.gcode").read_text("utf-8")
     recording = simulate(text, DOG, kinematics=KINEMATICS, record=True).recording
     assert recording is not None
@@ -133,7 +133,7 @@ def test_where_nobody_listens_nobody_answers() -> None:
     assert caught.value.code == "MC530"
 
 
-def test_the_command_serves_a_program_until_it_is_told_to_end() -> None:
+def test_the_command_serves_a_program_until_it_is_signalled_to_end() -> None:
     process = subprocess.Popen(
         [
             sys.executable,

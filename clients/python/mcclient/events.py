@@ -57,7 +57,7 @@ class EventOrder:
         return self._in_order()
 
     def fill(self, page: EventPage) -> list[Event]:
-        """What may be passed on now that the server has told its events again."""
+        """What may be passed on now that the server has repeated its events."""
         if self._instance is None:
             self._instance = page.instance
         if page.instance != self._instance:

@@ -76,7 +76,7 @@ class Program:
 
     @property
     def state(self) -> str:
-        """As last told: queued, running, held, paused, ending, or how it ended."""
+        """As last reported: queued, running, held, paused, ending, or how it ended."""
         return self._stream.state
 
     @property
@@ -194,12 +194,12 @@ class Program:
             except RequestRefused as error:
                 raise await self._stream.translated(error) from error
             self._stream.closed = True
-            told: dict[str, Any] = unpack(reply)
-            if str(told["state"]) in ENDED:
+            answer: dict[str, Any] = unpack(reply)
+            if str(answer["state"]) in ENDED:
                 # the reply does not say why it ended
                 await self._stream.resynchronise()
             else:
-                self._stream.progress(str(told["state"]), int(told["done"]))
+                self._stream.progress(str(answer["state"]), int(answer["done"]))
 
     async def finish(self) -> ProgramResult:
         """`close`, then waits until the program has ended; raises as `done`, once it has ended."""
@@ -207,7 +207,7 @@ class Program:
         try:
             await self.close()
         except ProgramRejected as error:
-            # told once what is before the rejected line has run
+            # reported once what is before the rejected line has run
             rejection = error
             await self.close()
         await self._stream.until(lambda: self.ended, past_rejection=True)

@@ -47,7 +47,7 @@ class RecordingCalls:
         """The file of a recording piece by piece: bytes, and the size of the whole.
 
         Raises:
-            RequestRefused: MC585 there is none of that name. ProtocolError: MC533 it has changed meanwhile.
+            RequestRefused: MC585 no recording has that name. ProtocolError: MC533 it has changed meanwhile.
         """
         offset, size = 0, None
         while size is None or offset < size:

@@ -42,7 +42,7 @@ def open_sample_file(path: Path, info: Info) -> SampleFile:
     """A file for samples, by its suffix; the path has the file once it is finished.
 
     Raises:
-        RequestRefused: MC511 the suffix is none of these, or what writes it is not installed.
+        RequestRefused: MC511 the suffix is not one of these, or what writes it is not installed.
     """
     kinds: dict[str, tuple[tuple[str, ...], Callable[[Path, Info], SampleFile]]] = {
         ".mcap": (("mcap", "google.protobuf"), McapSamples),

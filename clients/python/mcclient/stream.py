@@ -55,7 +55,7 @@ class LineStream:
         self.done = opened.expected - 1
         self.closed = False
         self.failure: MotionError | None = None
-        self._told = False
+        self._reported = False
         # a line under judgement by `submit`: its reply tells of a rejection, not the acknowledgements
         self._judging = False
         # lines were rejected, and puts of theirs may be on their way
@@ -123,9 +123,9 @@ class LineStream:
         """
         if self.failure is None:
             return
-        if self._told and isinstance(self.failure, ProgramRejected) and self.state != "rejected":
+        if self._reported and isinstance(self.failure, ProgramRejected) and self.state != "rejected":
             return
-        self._told = True
+        self._reported = True
         raise self.failure
 
     async def submit(self, text: str) -> int:
@@ -244,7 +244,7 @@ class LineStream:
 
     def _fail(self, failure: MotionError | None) -> None:
         self.failure = failure
-        self._told = False
+        self._reported = False
         self._changed.set()
 
     # ------------------------------------------------------------ sending

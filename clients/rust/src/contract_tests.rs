@@ -26,7 +26,7 @@ use crate::window::Bounds;
 use crate::wire::decode;
 
 const NOW: Duration = Duration::ZERO;
-/// These decide about lines and places: a client refuses what is none of them, and has each of their fields.
+/// These decide about lines and places: a client refuses any other value, and has each of their fields.
 const DECISIVE: [&str; 6] = [
     "Ack",
     "OpenReply",

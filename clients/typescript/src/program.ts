@@ -48,7 +48,7 @@ export class Program {
     }));
     const program = new Program(machine, opened.program, opened, options.patienceMs ?? PATIENCE_MS);
     try {
-      const stop = await gateway.listen(machine.name, `ack/${program.id}`, (message: unknown) => program.#onAck(message), () => program.#change((window) => { window.doubtful = true; }));
+      const stop = await gateway.listen(machine.name, `ack/${program.id}`, (message: unknown) => program.#onAck(message), () => program.#change((window) => { window.stale = true; }));
       program.#change(() => { program.#stop = stop; });
     } catch (error) {
       await program.abort().catch(() => undefined);
@@ -93,7 +93,7 @@ export class Program {
       try {
         const reply = await this.machine.call<{ state: ProgramState }>("close", { program: this.id, last: this.accepted });
         // why it has ended is not in this reply
-        this.#hear((window) => { window.doubtful ||= reply.state !== "running"; });
+        this.#hear((window) => { window.stale ||= reply.state !== "running"; });
       } catch (error) {
         // the likely reason is the program's end, or a line that was found faulty
         await this.#ask(error);
@@ -164,7 +164,7 @@ export class Program {
       this.#hear((window) => { left = window.refused(error); });
       if (left) throw left;
     }
-    if (this.#window.doubtful) await this.#ask();
+    if (this.#window.stale) await this.#ask();
   }
 
   /** Asks what the server has; while it is away, until the patience is over. */
@@ -176,7 +176,7 @@ export class Program {
     } catch (error) {
       if (error instanceof RequestRefused && error.code === "MC503") this.#hear((window) => window.asked(null));
       else if (error instanceof NobodyAnswers && error.code !== "MC539" && Date.now() - this.#heard < this.patienceMs) {
-        this.#window.doubtful = true;
+        this.#window.stale = true;
         await new Promise((resolve) => setTimeout(resolve, ASK_MS));
       } else throw away instanceof NobodyAnswers ? away : error;
     }
@@ -186,7 +186,7 @@ export class Program {
   async #until(holds: (window: LineWindow) => boolean, signal?: AbortSignal): Promise<void> {
     while (!holds(this.#window)) {
       signal?.throwIfAborted();
-      if (this.#window.doubtful || !(await this.#news(signal))) await this.#ask();
+      if (this.#window.stale || !(await this.#news(signal))) await this.#ask();
     }
   }
 

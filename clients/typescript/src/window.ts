@@ -17,7 +17,7 @@ export class LineWindow {
   state: ProgramState;
   failure: MotionError | null = null;
   /** Something could not be placed: the server has to be asked before anything is sent. */
-  doubtful = false;
+  stale = false;
   readonly #program: string;
   readonly #chunkLines: number;
   /** Lines given that are not known to be accepted: accepted + 1, accepted + 2, … */
@@ -47,10 +47,10 @@ export class LineWindow {
 
   give(line: string): number { this.#waiting.push(line); return this.given; }
 
-  /** Clears a rejection that the program outlives, once the application has been told of it. */
+  /** Clears a rejection that the program outlives, once the application has heard of it. */
   forgive(): void { if (this.failure instanceof ProgramRejected && !this.ended) this.failure = null; }
 
-  /** The message to send now, within the credit; null where there is none, or one is under way. */
+  /** The message to send now, within the credit; null where nothing waits, or one is under way. */
   next(): { first: number; lines: string[] } | null {
     if (this.#underWay > 0 || this.failure || this.ended) return null;
     let count = Math.min(this.#waiting.length, Math.max(0, this.credit), this.#chunkLines);
@@ -78,7 +78,7 @@ export class LineWindow {
     this.credit = wholeNumber(refusal.details["credit"], this.credit);
     this.done = Math.max(this.done, wholeNumber(refusal.details["done"], 0));
     if (refusal.diagnostics.length) this.#reject(wholeNumber(refusal.details["expected"], this.accepted + 1), refusal.diagnostics);
-    else if (refusal.code === "MC505") this.doubtful ||= !this.failure;
+    else if (refusal.code === "MC505") this.stale ||= !this.failure;
     else if (refusal.code === "MC503") this.#end("interrupted");
     else if (refusal.code === "MC510") {
       const state = String(refusal.details["state"] ?? "");
@@ -104,7 +104,7 @@ export class LineWindow {
   /** Takes what the server says when it is asked; null: it knows no such program. Nothing is under way any more. */
   asked(status: ProgramStatus | null): void {
     this.#underWay = 0;
-    this.doubtful = false;
+    this.stale = false;
     if (!status) { this.#end("interrupted"); return; }
     if (this.#adrift && status.accepted > this.accepted) { this.accepted = status.accepted; this.#waiting = []; }
     this.#adrift = false;
@@ -116,7 +116,7 @@ export class LineWindow {
 
   /** Gives up the lines that wait. Those under way may arrive all the same. */
   abandon(): void {
-    if (this.#underWay > 0) this.#adrift = this.doubtful = true;
+    if (this.#underWay > 0) this.#adrift = this.stale = true;
     this.#waiting = [];
     this.#underWay = 0;
   }
@@ -135,9 +135,9 @@ export class LineWindow {
   #rejection(line: number, accepted: number, state: ProgramState, diagnostics: Diagnostic[]): void {
     if (line === 0 || accepted !== line - 1 || line > this.given || this.failure) return;
     // an old one, or the corrected line is faulty too
-    if (line === this.#rejected) this.doubtful ||= this.#underWay > 0;
+    if (line === this.#rejected) this.stale ||= this.#underWay > 0;
     // within the message under way: its reply says so too, or the server is asked
-    else if (this.#underWay > 0 && line > this.accepted) this.doubtful = true;
+    else if (this.#underWay > 0 && line > this.accepted) this.stale = true;
     else if (ENDED.has(state)) this.#cut(line);
     else this.#reject(line, diagnostics);
   }

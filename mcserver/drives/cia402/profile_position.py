@@ -35,7 +35,7 @@ class Refusal(enum.IntEnum):
 class Handover(enum.Enum):
     """How far a set-point has come."""
 
-    IDLE = enum.auto()  # the drive has the latest one, or there is none
+    IDLE = enum.auto()  # the drive has the latest one, or none was set
     WAITING = enum.auto()  # target and speed are in the RPDOs; bit 12 of the one before has to fall
     OFFERED = enum.auto()  # bit 4 is set until bit 12 is
     TAKEN = enum.auto()  # bit 4 has fallen; bit 12 has not yet

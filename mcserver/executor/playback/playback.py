@@ -118,7 +118,7 @@ class Playback:
 
     @property
     def last_u(self) -> float:
-        """u of the last row there is; below 0 where there is none."""
+        """u of the last row; below 0 before the first."""
         written = self.written
         if written == self.first:
             return -1.0

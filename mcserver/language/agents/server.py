@@ -169,7 +169,7 @@ class AgentTools:
         return self._remote
 
     async def _draw(self, text: str) -> bytes | str:
-        """Draw a program in a process of its own: PNG, or why there is none."""
+        """Draw a program in a process of its own: PNG, or why it cannot be drawn."""
         with tempfile.TemporaryDirectory() as folder:
             output = Path(folder) / "program.png"
             command = [sys.executable, "-m", "mcserver", "plot", "-", "-o", str(output), "-m", self._source]

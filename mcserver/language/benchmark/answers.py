@@ -23,7 +23,7 @@ _BLOCK = re.compile(r"^[ \t]*```[^\n]*\n(.*?)^[ \t]*```[ \t]*$", re.DOTALL | re.
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """A program, or the reason why there is none.
+    """A program, or the reason why it is missing.
 
     Attributes:
         duration_s: that it took to get it.
@@ -35,7 +35,7 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 def program_in(answer: str) -> str:
-    """Return the last block between lines of ```, or the whole text where there is none."""
+    """Return the last block between lines of ```, or the whole text without such a block."""
     blocks = _BLOCK.findall(answer.replace("\r\n", "\n"))
     return str(blocks[-1]) if blocks else answer
 

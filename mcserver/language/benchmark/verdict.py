@@ -10,7 +10,7 @@ import msgspec
 class Check(enum.StrEnum):
     """What of an answer a finding is about."""
 
-    ANSWER = "answer"  # there is none, or it is too long
+    ANSWER = "answer"  # it is missing, or too long
     REJECTED = "rejected"  # `mcserver check` refuses it
     FAULT = "fault"  # it fails while running
     ENDLESS = "endless"  # it takes longer than the task allows

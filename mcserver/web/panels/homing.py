@@ -17,7 +17,7 @@ BY_HAND = frozenset({"absolute", "manual"})
 
 
 class HomingPanel:
-    """A row for each axis with ``[axis.homing]``; hidden where there is none."""
+    """A row for each axis with ``[axis.homing]``; hidden on machines without."""
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions

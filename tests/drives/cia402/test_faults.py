@@ -34,7 +34,7 @@ def moving(buses: int = 1, axis: str = "max_following_error = 2.0") -> CanRig:
 
 
 def fault_of(rig: CanRig, cycles: int) -> ExecutorEvent:
-    """The fault that is told within so many cycles."""
+    """The fault that is reported within so many cycles."""
     for _ in range(cycles):
         rig.step()
         faults = rig.of(EventKind.FAULT)
@@ -190,7 +190,7 @@ def test_a_bus_without_room_to_send_is_down() -> None:
     assert fault_of(rig, 3).code == FaultCode.BUS_DOWN
 
 
-def test_a_bus_that_comes_back_is_told_and_recovers_by_g1000_and_g1010() -> None:
+def test_a_bus_that_comes_back_is_reported_and_recovers_by_g1000_and_g1010() -> None:
     rig = moving()
     port = rig.ports["can0"]
     port.counters.down = True
@@ -227,7 +227,7 @@ def test_a_stuck_drive_does_not_energize_and_is_named() -> None:
     assert (fault.code, fault.axis, fault.line) == (FaultCode.NO_ENERGIZE, 0, 7)
 
 
-def test_an_emergency_message_is_told_with_its_code_and_meaning() -> None:
+def test_an_emergency_message_is_reported_with_its_code_and_meaning() -> None:
     rig = moving()
     rig.drives[1].emergency(0x8611)
     fault = fault_of(rig, 1)

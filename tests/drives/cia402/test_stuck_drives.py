@@ -1,4 +1,4 @@
-"""Drives that do not do as told: nothing holds or lets go behind the machine's back."""
+"""Drives that do not do as commanded: nothing holds or lets go behind the machine's back."""
 
 from __future__ import annotations
 

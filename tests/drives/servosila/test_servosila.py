@@ -224,7 +224,7 @@ def moving() -> ServosilaRig:
     return rig
 
 
-def test_fault_bits_stop_the_axis_within_three_cycles_and_are_told() -> None:
+def test_fault_bits_stop_the_axis_within_three_cycles_and_are_reported() -> None:
     rig = moving()
     rig.drive.bits = 0x0104
     rig.step(3)
@@ -255,14 +255,14 @@ def test_a_reset_zeroes_the_work_zone_and_the_axis_stays_where_it_is() -> None:
     program.axis(AxisOperation.RESET)
     program.capture()
     program.finish()
-    told = len(rig.drive.commands)
+    sent = len(rig.drive.commands)
     start = len(rig.setpoints)
     rig.run()
     assert rig.drive.count == 0.0
     assert rig.executor.feedback.condition[0] == AxisCondition.HOLDING
     assert rig.actual[start:, 0] == pytest.approx(place, abs=COUNT_M)
-    # the drive itself was never told to go anywhere
-    after = [value for code, value in rig.drive.commands[told:] if code == SERVO]
+    # the drive itself was never commanded to go anywhere
+    after = [value for code, value in rig.drive.commands[sent:] if code == SERVO]
     assert after == pytest.approx([0.0] * len(after), abs=1e-3)
 
 

@@ -27,7 +27,7 @@ from mcclient.cli.options import (
     Target,
     parse_axes,
 )
-from mcclient.cli.output import errors_told, exit_code_of, results, say, write_json
+from mcclient.cli.output import errors_shown, exit_code_of, results, say, write_json
 from mcclient.cli.talk import Talk
 from mcclient.errors import MotionError
 from mcclient.lines import from_thread
@@ -71,7 +71,7 @@ def console(
                 await _from_pipe(talk)
             return talk.failure
 
-    with errors_told(json):
+    with errors_shown(json):
         failure = asyncio.run(work())
     code = exit_code_of(failure) if failure is not None and not sys.stdin.isatty() else 0
     if json:

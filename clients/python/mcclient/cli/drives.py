@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
-from mcclient.cli.output import carry_out, errors_told, results, say, write_json
+from mcclient.cli.output import carry_out, errors_shown, results, say, write_json
 from mcclient.cli.step import step
 from mcclient.errors import RequestRefused
 from mcclient.types import BusScan, DriveInfo, SdoObject
@@ -226,7 +226,7 @@ def read(
     json: JsonOption = False,
 ) -> None:
     """Read an object: mcctl sdo read 2 6041."""
-    with errors_told(json):
+    with errors_shown(json):
         index, subindex = parse_object(place)
         check_type(kind)
 
@@ -250,7 +250,7 @@ def write(
     json: JsonOption = False,
 ) -> None:
     """Write an object, unless that would fight the cycle: mcctl sdo write 2 6065 5000."""
-    with errors_told(json):
+    with errors_shown(json):
         index, subindex = parse_object(place)
         check_type(kind)
 

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mcclient.cli.options import LOOK_S, ConfigOption, ConnectOption, JsonOption
-from mcclient.cli.output import as_plain, carry_out, error_as_json, errors_told, results, say, write_json
+from mcclient.cli.output import as_plain, carry_out, error_as_json, errors_shown, results, say, write_json
 from mcclient.cli.tables import state_text
 from mcclient.errors import MotionError, NobodyAnswers, RequestRefused
 from mcclient.estop import emergency_stop
@@ -220,7 +220,7 @@ def _chosen(there: Sequence[str], names: Sequence[str]) -> list[str]:
 
 
 def _agreed(method: str, names: Sequence[str]) -> bool:
-    with errors_told(False):
+    with errors_shown(False):
         if not sys.stdin.isatty():
             raise RequestRefused("MC511", "nobody can be asked here", "give --yes")
     count = f"{len(names)} machine{'s' * (len(names) != 1)}"

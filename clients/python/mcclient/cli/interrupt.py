@@ -112,7 +112,7 @@ class Interrupts:
 
     async def _state(self) -> str:
         """As the server knows it now: its acknowledgements come on their own way, perhaps after the answer to
-        a hold. Where it does not answer in time, what was last told.
+        a hold. Where it does not answer in time, what was last reported.
         """
         try:
             async with asyncio.timeout(STATE_LIMIT_S):

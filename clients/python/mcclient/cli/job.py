@@ -104,7 +104,7 @@ class Job:
         )
 
     async def run(self) -> int:
-        """The exit code; errors of the program are told here, others are raised."""
+        """The exit code; errors of the program are shown here, others are raised."""
         async with self._options.target.open() as machine:
             await self._refuse_under_emergency_stop(machine)
             before = self._source.take(self._options.from_line - 1)
@@ -330,7 +330,7 @@ class Job:
     # ------------------------------------------------------------ after
 
     async def _abort_quietly(self, program: Program) -> None:
-        """What went wrong is told anyway."""
+        """What went wrong is shown anyway."""
         try:
             await program.abort()
         except MotionError as error:
@@ -356,7 +356,7 @@ class Job:
 
     def _tell_end(self, program: Program, error: MotionError | None) -> int:
         took = time.monotonic() - self._started_at
-        told: dict[str, Any] = {
+        result: dict[str, Any] = {
             "ok": error is None,
             "program": program.id,
             "state": program.state,
@@ -377,7 +377,7 @@ class Job:
         if isinstance(error, ProgramInterrupted):
             say(f"  = here: mcctl run {self._source.path} --from-line {error.done + 1}")
         if error is not None:
-            told |= error_as_json(error)
+            result |= error_as_json(error)
         if self._options.json:
-            write_json(told)
+            write_json(result)
         return 0 if error is None else exit_code_of(error)

@@ -18,7 +18,7 @@ from mcclient.cli.options import (
     axis_name,
     axis_of,
 )
-from mcclient.cli.output import carry_out, errors_told, results, write_json
+from mcclient.cli.output import carry_out, errors_shown, results, write_json
 from mcclient.errors import RequestRefused
 from mcclient.estop import emergency_stop
 from mcclient.machine import Machine
@@ -33,7 +33,7 @@ def _order(
     target: Target,
     as_json: bool,
     act: Callable[[Machine], Awaitable[dict[str, Any]]],
-    told: Callable[[str, dict[str, Any]], str],
+    sentence: Callable[[str, dict[str, Any]], str],
 ) -> None:
     async def work() -> tuple[str, dict[str, Any]]:
         async with target.open() as machine:
@@ -43,7 +43,7 @@ def _order(
     if as_json:
         write_json({"ok": True, "machine": name, **outcome})
     else:
-        results().print(told(name, outcome), markup=False)
+        results().print(sentence(name, outcome), markup=False)
 
 
 def _order_programs(
@@ -54,11 +54,11 @@ def _order_programs(
     async def act(machine: Machine) -> dict[str, Any]:
         return {"programs": await order(machine)}
 
-    def told(name: str, outcome: dict[str, Any]) -> str:
+    def sentence(name: str, outcome: dict[str, Any]) -> str:
         programs = outcome["programs"]
         return f"{name}: {what} {', '.join(programs)}" if programs else f"{name}: no program to {what}"
 
-    _order(target, as_json, act, told)
+    _order(target, as_json, act, sentence)
 
 
 def hold(
@@ -134,10 +134,10 @@ def override(
     async def act(one: Machine) -> dict[str, Any]:
         return {"percent": await one.override(percent, program)}
 
-    def told(name: str, outcome: dict[str, Any]) -> str:
+    def sentence(name: str, outcome: dict[str, Any]) -> str:
         return f"{name}: override {outcome['percent']:g} %"
 
-    _order(Target(machine, connect, zenoh), json, act, told)
+    _order(Target(machine, connect, zenoh), json, act, sentence)
 
 
 def jog(
@@ -168,7 +168,7 @@ def jog(
         program = await one.jog(found.index, distance, velocity=velocity)
         return {"program": program, "axis": found.index, "distance": distance, "unit": found.unit}
 
-    def told(name: str, outcome: dict[str, Any]) -> str:
+    def sentence(name: str, outcome: dict[str, Any]) -> str:
         shown = axis_name(outcome["axis"])
         if keys:
             return f"{name}: axis {shown} stands"
@@ -176,14 +176,14 @@ def jog(
         move = f"{distance:g} {outcome['unit']}{speed}"
         return f"{name}: axis {shown} goes by {move} (program {outcome['program']})"
 
-    with errors_told(json):
+    with errors_shown(json):
         if keys is (distance is not None):
             raise RequestRefused(
                 "MC511",
                 "a jog needs either a distance or --keys",
                 "such as: mcctl jog X 5, mcctl jog X --keys",
             )
-    _order(Target(machine, connect, zenoh), json, act, told)
+    _order(Target(machine, connect, zenoh), json, act, sentence)
 
 
 def reset(

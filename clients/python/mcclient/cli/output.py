@@ -89,7 +89,7 @@ def exit_code_of(error: MotionError) -> int:
 
 
 @contextmanager
-def errors_told(as_json: bool) -> Iterator[None]:
+def errors_shown(as_json: bool) -> Iterator[None]:
     """Errors become a message, with ``--json`` an object on standard output too, and the exit code."""
     try:
         yield
@@ -106,7 +106,7 @@ def fail(error: MotionError, as_json: bool) -> NoReturn:
 
 
 def carry_out(work: Callable[[], Coroutine[Any, Any, T]], as_json: bool) -> T:
-    """Runs a coroutine to its end, errors told."""
-    with errors_told(as_json):
+    """Run a coroutine to its end, and show its errors."""
+    with errors_shown(as_json):
         return asyncio.run(work())
-    raise AssertionError("errors_told leaves by itself")
+    raise AssertionError("errors_shown leaves by itself")

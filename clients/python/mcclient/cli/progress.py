@@ -189,7 +189,7 @@ class PlainDisplay:
 
 
 class NoDisplay:
-    """In single line mode each step is told by itself."""
+    """In single line mode each step has a sentence of its own."""
 
     def start(self) -> None:
         """Nothing is shown."""

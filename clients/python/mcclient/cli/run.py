@@ -20,7 +20,7 @@ from mcclient.cli.options import (
     Target,
     parse_axes,
 )
-from mcclient.cli.output import errors_told, narration
+from mcclient.cli.output import errors_shown, narration
 from mcclient.cli.source import ProgramSource
 from mcclient.errors import ConfigurationError, RequestRefused
 
@@ -62,7 +62,7 @@ def run(
 
     Ctrl-C asks whether to hold, abort or leave; without a terminal it aborts.
     """
-    with errors_told(json):
+    with errors_shown(json):
         options = JobOptions(
             target=Target(machine, connect, zenoh),
             axes=parse_axes(axes),

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
-from mcclient.cli.output import errors_told
+from mcclient.cli.output import errors_shown
 from mcclient.cli.send import send
 from mcclient.errors import RequestRefused
 from mcclient.types import ProbeStatus
@@ -90,7 +90,7 @@ def zero(
                 )
             return (await one.status()).probe if probe else None
 
-    with errors_told(json):
+    with errors_shown(json):
         found = asyncio.run(look())
         if probe:
             line = probed_line(axes, system, found)

@@ -136,7 +136,7 @@ public final class Gateway implements AutoCloseable {
         });
     }
 
-    /** The only machine that is there; MC531 where there is none or more than one. */
+    /** The only machine that is there; MC531 where no machine or more than one answers. */
     public CompletableFuture<Machine> machine() {
         return machines().thenCompose(names -> names.size() == 1
                 ? machine(names.get(0))

@@ -327,7 +327,7 @@ final class LineCore {
         };
     }
 
-    /** The line without its end; fails with MC538 where it is none, or too long. */
+    /** The line without its end; fails with MC538 where it is not one line, or too long. */
     static String checked(String line, long longestLine) {
         String text = line.replaceAll("[\\r\\n]+$", "");
         if (text.indexOf('\n') >= 0 || text.indexOf('\r') >= 0) {

@@ -63,7 +63,7 @@ public sealed class MotionException extends RuntimeException {
         return code + ": " + getMessage() + (hint.isEmpty() ? "" : " (" + hint + ")");
     }
 
-    /** A number among the details; the fallback where there is none. */
+    /** A number among the details; the fallback where it is missing. */
     long number(String name, long fallback) {
         return details().get(name) instanceof Long value ? value : fallback;
     }

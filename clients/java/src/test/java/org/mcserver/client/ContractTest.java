@@ -30,7 +30,7 @@ import org.junit.jupiter.api.TestFactory;
 /** The files of clients/contract: what passes between server and clients, and what a streaming core makes of it. */
 class ContractTest {
     private static final Path FOLDER = Path.of("..", "contract");
-    /** These decide about lines and places: a client refuses what is none of them, and has each of their fields. */
+    /** These decide about lines and places: a client refuses any other value, and has each of their fields. */
     private static final List<String> DECISIVE = List.of("Ack", "OpenReply", "SubmitReply", "CloseReply", "ErrorReply", "TelemetryBlock");
 
     private static JsonObject read(Path file) throws IOException {
