@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -67,3 +68,8 @@ TPDO1 = Pdo(1, (STATUSWORD, MODE_DISPLAY, POSITION_ACTUAL), struct.Struct("<Hbi"
 TPDO2 = Pdo(2, (VELOCITY_ACTUAL, TORQUE_ACTUAL), struct.Struct("<ih"), SLOW_SYNCS)
 RPDOS = (RPDO1, RPDO2)
 TPDOS = (TPDO1, TPDO2)
+
+
+def rpdo1_cycles(timeouts_ms: Iterable[float], cycle_s: float) -> int:
+    """Return every how many cycles RPDO1 goes out besides RPDO2: three times in the shortest time-out."""
+    return max(1, min(SLOW_SYNCS, *(int(timeout / 3e3 / cycle_s) for timeout in timeouts_ms), SLOW_SYNCS))

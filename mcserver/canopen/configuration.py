@@ -54,11 +54,12 @@ _BIT_OF_MODE = {
     Mode.CYCLIC_VELOCITY: 8,
     Mode.INTERPOLATED_POSITION: 6,
     Mode.PROFILE_POSITION: 0,
+    Mode.CYCLIC_TORQUE: 9,
 }
 # without these the drive's own profiles would not keep the axis's limits
 _PROFILE_NEEDS = frozenset({0x6081, 0x6083})
 # in the order in which they serve an axis best
-USABLE_MODES = ("csp", "csv", "ip", "pp")
+USABLE_MODES = ("csp", "csv", "ip", "cst", "pp")
 
 
 def configuration_writes(
@@ -113,7 +114,7 @@ def mode_refusal(drive: DriveSettings, supported: int) -> tuple[str, str] | None
     remedy = (
         " or ".join(f'set mode = "{short}"' for short in usable)
         if usable
-        else "this server needs csp, csv, ip or pp: ask the maker for a firmware that has one of them"
+        else "this server needs csp, csv, ip, cst or pp: ask the maker for a firmware that has one of them"
     )
     return (
         f"the drive has no {MODE_BITS[bit][1]}; it has {', '.join(has) or 'no mode of the standard'}",

@@ -53,7 +53,10 @@ _TARGETS = {
     Mode.CYCLIC_VELOCITY: TARGET_VELOCITY,
     Mode.INTERPOLATED_POSITION: INTERPOLATED,
     Mode.PROFILE_POSITION: TARGET_POSITION,
+    Mode.CYCLIC_TORQUE: TARGET_TORQUE,
 }
+# Modes whose position loop is closed in the master: their target is in an RPDO of every cycle.
+_CLOSED_HERE = (Mode.CYCLIC_VELOCITY, Mode.CYCLIC_TORQUE)
 # What may stand in a fixed RPDO besides, since 0 in it changes nothing: offsets, and dummy objects.
 _NEUTRAL = frozenset({0x60B0, 0x60B1, 0x60B2, *range(1, 8)})
 
@@ -132,7 +135,8 @@ class _Plan:
     # ------------------------------------------------------------ what is wanted
 
     def required_rpdo_objects(self) -> tuple[MappedObject, ...]:
-        required = [CONTROLWORD, self._target(), *([TORQUE_OFFSET] if self._drive.torque_offset else ())]
+        required = [CONTROLWORD, _TARGETS[Mode(self._drive.mode)]]
+        required += [TORQUE_OFFSET] if self._drive.torque_offset else []
         required += [DIGITAL_OUTPUTS] if self._drive.outputs else []
         return tuple(self._of_axis(mapped) for mapped in required)
 
@@ -141,7 +145,7 @@ class _Plan:
         return tuple(self._of_axis(mapped) for mapped in required)
 
     def wanted_rpdos(self) -> list[_Wanted]:
-        target = self._target()
+        target, own = self._target(), _TARGETS[Mode(self._drive.mode)]
         mode = [MODE] if self._can_map(MODE) else []
         wanted = [_Wanted((CONTROLWORD, *mode, target), 1)]
         if self._drive.torque_offset:
@@ -153,10 +157,15 @@ class _Plan:
             speed = [_Wanted((PROFILE_VELOCITY,), 1, spare=True)] if self._can_map(PROFILE_VELOCITY) else []
             return wanted + speed
         others = [TARGET_VELOCITY] if target is not TARGET_VELOCITY and self._can_map(TARGET_VELOCITY) else []
-        if self._drive.torque and self._can_map(TARGET_TORQUE):
+        if self._drive.torque and target is not TARGET_TORQUE and self._can_map(TARGET_TORQUE):
             others.append(TARGET_TORQUE)
-        if others and mode:
-            wanted.append(_Wanted((CONTROLWORD, *others), 1, spare=True))
+        if own is not target and own not in others:
+            # planned all the same, so that the refusal names it
+            others.append(own)
+        if others and (mode or own is not target):
+            # without a mode in its process data the drive stays in the one of boot-up
+            others = others if mode else [own]
+            wanted.append(_Wanted((CONTROLWORD, *others), 1, spare=own is target))
         return wanted
 
     def _check_torque_offset(self) -> None:
@@ -186,7 +195,7 @@ class _Plan:
 
     def _target(self) -> MappedObject:
         mode = Mode(self._drive.mode)
-        if mode is Mode.CYCLIC_VELOCITY and self._can_map(TARGET_POSITION):
+        if mode in _CLOSED_HERE and self._can_map(MODE) and self._can_map(TARGET_POSITION):
             # the position is for information; a drive that has it gets the usual mapping
             return TARGET_POSITION
         return _TARGETS[mode]
@@ -296,12 +305,18 @@ class _Plan:
                 record, 2, bytes((pdo.transmission,)), f"{name} transmission type", spare_pdo=spare
             )
         if direction is _RPDO and self._dictionary.writable(record, 5):
-            # only the first RPDO is watched: the second stays out in position mode
-            besides = {self._of_axis(TORQUE_OFFSET), self._of_axis(DIGITAL_OUTPUTS)}
-            watched = not spare and pdo.objects[0] not in besides
-            timeout = self._drive.command_timeout_ms if watched else 0
+            timeout = self._drive.command_timeout_ms if not spare and self._is_watched(pdo) else 0
             payload = struct.pack("<H", timeout)
             yield SdoWrite(record, 5, payload, f"{name} time-out [ms]", optional=True, spare_pdo=spare)
+
+    def _is_watched(self, pdo: MappedPdo) -> bool:
+        """Whether an RPDO goes out in every mode of the axis: one with speeds alone does not."""
+        carried = set(pdo.objects)
+        if pdo.objects[0] in (self._of_axis(TORQUE_OFFSET), self._of_axis(DIGITAL_OUTPUTS)):
+            return False
+        by_speed = {self._of_axis(TARGET_VELOCITY), self._of_axis(TARGET_TORQUE)}
+        by_position = {self._of_axis(each) for each in (MODE, TARGET_POSITION, INTERPOLATED)}
+        return not carried & by_speed or bool(carried & by_position) or not self._can_map(MODE)
 
     # ------------------------------------------------------------ fixed mappings
 

@@ -17,6 +17,7 @@ _MODES = {
     "csv": Mode.CYCLIC_VELOCITY,
     "ip": Mode.INTERPOLATED_POSITION,
     "pp": Mode.PROFILE_POSITION,
+    "cst": Mode.CYCLIC_TORQUE,
 }
 # From the objects of a node's axis to those of its next one (CiA 402).
 AXIS_OFFSET = 0x800
@@ -57,7 +58,8 @@ class DriveSettings:
             torque_offset: as feed-forward too (60B2h).
         monitor: (index, subindex, name) of what telemetry shows. sdo: its times.
         listen_s: for another master on its bus. lss: identity of a node that gets its number from here.
-        homing, profile: (index, subindex, value) for the drive's own homing, and its own profiles.
+        homing, profile: (index, subindex, value) for the drive's own homing, and its own profiles; with mode
+            "cst" its greatest torque.
         inputs: 60FDh is read in the cycle. outputs: bits of 60FEh that are written.
     """
 
@@ -153,7 +155,7 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
         pdo_node=drive.pdo_node,
         fixed_pdos=drive.pdo == "fixed",
         torque=drive.rated_torque > 0.0,
-        torque_offset=drive.torque_feed_forward,
+        torque_offset=drive.torque_offset,
         monitor=tuple(_monitored(text) for text in drive.monitor),
         sdo=SdoTimes(
             response_s=drive.sdo_timeout_ms / 1e3,

@@ -68,6 +68,7 @@ class DriveFault(enum.IntEnum):
     POSITION_LOST = 15  # its encoder's reading jumped
     HOMING_FAILED = 16  # its own homing ended with an error, or took too long
     SETPOINT = 17  # it does not take a set-point of profile position
+    RUNAWAY = 18  # it accelerates against the torque that is to hold it
 
 
 def drives_mode(drive: Drive, mode: DriveMode) -> bool:
@@ -99,6 +100,8 @@ def _exchanges(drive: Drive, mode: DriveMode) -> bool:
     offset = 0x800 * drive.node_axis
     mapped = {each.index - offset for pdo in data.rpdos for each in pdo.objects}
     if mode is DriveMode.VELOCITY and drive.mode == "csv" and 0x60FF in mapped:
+        return True
+    if mode is DriveMode.TORQUE and drive.mode == "cst" and 0x6071 in mapped:
         return True
     return 0x6060 in mapped and _TARGETS.get(mode, 0x6060) in mapped
 

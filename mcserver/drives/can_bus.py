@@ -18,7 +18,8 @@ from mcserver.can.open import open_port
 from mcserver.can.pdo_layout import TPDO1
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
-from mcserver.drives.cia402.axes import DELAY_CYCLES, Cia402Axes
+from mcserver.drives.cia402.axes import Cia402Axes
+from mcserver.drives.cia402.loops import DELAY_CYCLES
 from mcserver.drives.drive_io import DriveIo
 from mcserver.drives.io_nodes import Array, IoNodes
 from mcserver.drives.node_watch import NodeWatch, bus_back

@@ -57,6 +57,7 @@ class FaultCode(enum.IntEnum):
     INTERLOCK_STOP = 442
     IO_LOST = 444
     INTERLOCK_FREE = 447
+    RUNAWAY = 448
     NOT_HOMED = 450
     SWITCH_NOT_FOUND = 451
     SWITCH_STUCK = 452
@@ -98,6 +99,7 @@ _OF_DRIVE = {
     DriveFault.POSITION_LOST: FaultCode.POSITION_LOST,
     DriveFault.HOMING_FAILED: FaultCode.HOMING_FAILED,
     DriveFault.SETPOINT: FaultCode.SETPOINT_REFUSED,
+    DriveFault.RUNAWAY: FaultCode.RUNAWAY,
 }
 
 
@@ -294,6 +296,11 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.SETPOINT_REFUSED: (
         "the drive of axis {axis} did not take a set-point of profile position: {detail}",
         "look at its limits (607Dh) and its state in the maker's tool; " + _RESET_HINT,
+    ),
+    FaultCode.RUNAWAY: (
+        "axis {axis} accelerated against the torque that was to hold it",
+        "compare the signs of torque and position (invert, 607Eh, the motor's phases and its encoder), "
+        "the load and max_torque; " + _RESET_HINT,
     ),
     FaultCode.FOLLOWS_NO_PATH: (
         'axis {axis} goes to points on its drive\'s own profiles (mode = "pp") and follows no path',

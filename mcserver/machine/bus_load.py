@@ -218,7 +218,7 @@ def _commands(axes: Sequence[Axis]) -> list[Share]:
     """RPDOs; 60B2h and 6081h have no room beside mode and position, and go in some of their own."""
     profiled = float(sum(axis.profiled for axis in axes))
     streamed = float(len(axes)) - profiled
-    offsets = float(sum(axis.drive.torque_feed_forward for axis in axes))
+    offsets = float(sum(axis.drive.torque_offset for axis in axes))
     every = (
         Share("RPDO2", streamed, frame_bits(_bytes(RPDO2))),
         Share("RPDO1 besides", streamed / SLOW_SYNCS, frame_bits(_bytes(RPDO1))),

@@ -18,6 +18,7 @@ import msgspec
 from mcserver.can.address import parse_address
 from mcserver.can.pdo import ProcessData
 from mcserver.errors import ConfigurationError
+from mcserver.machine.loop_gains import complete_loop
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.sections import (
     AxisSection,
@@ -32,6 +33,8 @@ CAN_KINDS = ("cia402", "servosila")
 # Without commands for so long a drive acts by itself, unless the machine file says otherwise [ms, cycles].
 COMMAND_TIMEOUT_MS = 100
 COMMAND_TIMEOUT_CYCLES = 10
+# The same of a drive whose torque comes from here: it goes on accelerating with the last one [ms].
+TORQUE_TIMEOUT_MS = 20
 # Codes of Servosila's commands that its public reference gives; the others come from the machine file.
 SERVOSILA_CODES = MappingProxyType(
     {"reset": 0x01, "stop": 0x04, "speed": 0x20, "servo": 0x30, "reset_work_zone": 0xE0}
@@ -54,10 +57,6 @@ SERVOSILA_PUBLISHED = MappingProxyType(
 # Two statements of the same travel agree within this share.
 SAME = 1e-6
 GREATEST_COUNT = 2.0**31
-# A loop over a bus, two cycles late, is stable and calm up to this product of gain and cycle time [1].
-GREATEST_GAIN = 0.2
-USUAL_GAIN = 0.1
-
 Refusal = Callable[[str, str, str], None]  # key, what, hint
 
 
@@ -69,13 +68,15 @@ class Drive(msgspec.Struct, frozen=True):
         feed: travel [mm, deg] per shaft revolutions (6092h). invert: the motor turns against the axis.
         velocity_counts_per_motor_rev: what 60FFh and 606Ch show at one motor turn a second; 0: increments.
         rated_torque: 1000 ‰ of 6071h and 6077h, or 0 where torques are not used [N·m].
-        position_gain: of the position loop that is closed here with mode = "csv" [1/s].
+        position_gain: of the position loop that is closed here with mode = "csv" and "cst" [1/s].
+        velocity_gain: of the torque loop, at the motor's shaft [N·m·s/rad]. inertia: at the motor's shaft
+            [kg·m²]. max_torque: of the motor, 0: not limited [N·m].
         vendor_id, product_code: 1018h, 0: not checked. heartbeat_ms: of the drive's producer, 0: none.
         command_timeout_ms: without commands for this time the drive acts by itself (1400h:5).
         sdo_writes: [index, subindex, value] or [index, subindex, value, bytes], at boot-up.
         codes: of commands (servosila). pole_pairs: of the motor. telemetry_hz: 0: at every cycle.
         integral_time_s: of the same loop, 0: none. velocity_feed_forward: share of the setpoint's velocity.
-        torque_feed_forward: the torque that the motion needs goes to the drive (60B2h).
+        torque_feed_forward: the torque that the motion needs goes to the drive (60B2h, with "cst" 6071h).
         zero_offset: position where the encoder's count is 0 [mm, deg].
         pdo: "fixed" takes the drive's own mapping as it is. monitor: objects shown in telemetry.
         node_axis: which axis of its node, each 800h further. pdo_node: whose COB-IDs its PDOs have, 0: the
@@ -117,7 +118,8 @@ class Drive(msgspec.Struct, frozen=True):
     codes: dict[str, int] = {}
     pole_pairs: int = 0
     telemetry_hz: float = 0.0
-    integral_time_s: float = 0.0
+    integral_time_s: float | None = None
+    velocity_gain: float = 0.0
     velocity_feed_forward: float = 1.0
     torque_feed_forward: bool = False
     zero_offset: float = 0.0
@@ -133,6 +135,11 @@ class Drive(msgspec.Struct, frozen=True):
     lss: tuple[int, int, int, int] | None = None
     homing: DriveHomingSection | None = None
     process_data: ProcessData | None = None
+
+    @property
+    def torque_offset(self) -> bool:
+        """Return True if torques go to the drive beside its targets, in 60B2h."""
+        return self.torque_feed_forward and self.mode != "cst"
 
 
 class CanBusConfig(msgspec.Struct, frozen=True):
@@ -252,13 +259,6 @@ def complete_drive(
                 f"{write} is no write",
                 "give [index, subindex, value], or [index, subindex, value, bytes] with 1, 2, 4 or 8 bytes",
             )
-    gain = drive.position_gain or min(20.0, USUAL_GAIN / cycle_s)
-    if drive.mode == "cst":
-        bad(
-            "mode",
-            'mode = "cst" cannot follow a path',
-            'use "csp" (or "csv"): G1030 and G1040 change to velocity and torque mode by themselves',
-        )
     if drive.mode == "pp" and drive.torque_feed_forward:
         bad(
             "torque_feed_forward",
@@ -277,14 +277,10 @@ def complete_drive(
             f"axis {drive.node_axis} of a node needs COB-IDs of its own",
             "give pdo_node = a node number that nobody on the bus has: its PDOs get that node's COB-IDs",
         )
-    if drive.mode == "csv" and gain * cycle_s > GREATEST_GAIN:
-        bad(
-            "position_gain",
-            f"{gain:g} /s with a cycle of {cycle_s * 1e3:g} ms is not stable over a bus",
-            f"give {GREATEST_GAIN / cycle_s:g} or less, or a greater cycle_hz",
-        )
+    drive = complete_loop(drive, axis, cycle_s, bad)
+    usual_timeout = TORQUE_TIMEOUT_MS if drive.mode == "cst" else COMMAND_TIMEOUT_MS
     timeout = drive.command_timeout_ms or max(
-        COMMAND_TIMEOUT_MS, math.ceil(COMMAND_TIMEOUT_CYCLES * cycle_s * 1e3 - 1e-9)
+        usual_timeout, math.ceil(COMMAND_TIMEOUT_CYCLES * cycle_s * 1e3 - 1e-9)
     )
     if timeout < 3.0 * cycle_s * 1e3:
         bad("command_timeout_ms", f"{timeout} is below three cycles", "10 cycles are usual")
@@ -292,7 +288,7 @@ def complete_drive(
     if drive.kind == "servosila":
         _check_codes(drive, bad)
         codes = {**SERVOSILA_CODES, **drive.codes}
-    completed = msgspec.structs.replace(drive, position_gain=gain, command_timeout_ms=timeout, codes=codes)
+    completed = msgspec.structs.replace(drive, command_timeout_ms=timeout, codes=codes)
     travel = _travel(drive, axis, bad)
     if travel is None:
         return completed, per_turn

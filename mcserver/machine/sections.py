@@ -79,6 +79,7 @@ class CanDriveSection(DriveSection, frozen=True, tag="can"):
     """What the two kinds of drives on a CAN bus share; see `mcserver.machine.machine_file.Drive`."""
 
     other_kinds_keys_are_idle: ClassVar[bool] = False
+    inertia: NotNegative = 0.0
     bus: str = ""
     node: Annotated[
         int, Meta(ge=LEAST_NODE, le=GREATEST_NODE, description="give the drive's node number")
@@ -120,12 +121,18 @@ class DriveHomingSection(msgspec.Struct, frozen=True):
 
 
 class Cia402DriveSection(CanDriveSection, frozen=True, tag="cia402"):
-    """``[axis.drive]`` of a CiA 402 drive."""
+    """``[axis.drive]`` of a CiA 402 drive.
+
+    Attributes:
+        position_gain: [1/s]. integral_time_s: None: what is usual with the mode. velocity_gain: with mode =
+            "cst", at the motor's shaft [N·m·s/rad]; 0: from `inertia`.
+    """
 
     eds: str = ""
     mode: Literal["csp", "csv", "cst", "pp", "ip"] = "csp"
     position_gain: NotNegative = 0.0
-    integral_time_s: NotNegative = 0.0
+    integral_time_s: NotNegative | None = None
+    velocity_gain: NotNegative = 0.0
     velocity_feed_forward: Annotated[float, Meta(ge=0.0, le=1.0, description="1 is usual")] = 1.0
     torque_feed_forward: bool = False
     zero_offset: float = 0.0

@@ -90,11 +90,13 @@ class CanRig(Rig):
 class Bench:
     """One bus without an executor: exchanges by hand."""
 
-    def __init__(self, described: Machine, positions: Sequence[int] = ()) -> None:
+    def __init__(
+        self, described: Machine, positions: Sequence[int] = (), make: type[FakeDrive] = FakeDrive
+    ) -> None:
         self.machine = described
         self.port = FakeBus()
         self.drives = [
-            FakeDrive(self.port, axis.drive.node, positions[column] if positions else 0, described.cycle_s)
+            make(self.port, axis.drive.node, positions[column] if positions else 0, described.cycle_s)
             for column, axis in enumerate(described.axes)
         ]
         columns = range(len(described.axes))

@@ -15,6 +15,8 @@ from mcserver.machine.machine_file import Machine, parse_machine
 
 GOOD = 'kind = "cia402"\nbus = "can0"\nnode = 1\ncounts_per_motor_rev = 4096'
 
+TORQUE = '\nmode = "cst"\nrated_torque = 1.0\ninertia = 2e-4'
+
 ROTARY = (
     '\n[[axis]]\nindex = {index}\ntype = "rotary"\nmax_velocity = 1.0\nmax_acceleration = 1.0\n[axis.drive]\n'
 )
@@ -42,7 +44,10 @@ def refusal(drive: str, axis: str = "", top: str = "") -> tuple[str, str, str]:
         (GOOD + "\nencoder = [4096, 1]", "encoder", "one of them"),
         (GOOD + "\ngear = [0, 1]", "gear", "invert"),
         (GOOD + "\nfeed = [3.0, 1]", "feed", "leave one of them out"),
-        (GOOD + '\nmode = "cst"', "mode", "G1040"),
+        (GOOD + '\nmode = "cst"\ninertia = 1e-4', "rated_torque", "6076h"),
+        (GOOD + '\nmode = "cst"\nrated_torque = 1.0', "inertia", "motor's shaft"),
+        (GOOD + TORQUE, "mode", "max_following_error"),
+        (GOOD + "\nvelocity_gain = 0.01", "velocity_gain", "leave it out"),
         (GOOD + '\nmode = "csv"\nposition_gain = 500.0', "position_gain", "100 or less"),
         (GOOD + "\nrated_torque = -1.0", "rated_torque", "leave the key out"),
         (GOOD + "\nheartbeat_ms = 70000", "heartbeat_ms", "100"),
@@ -62,6 +67,34 @@ def test_a_section_that_lacks_or_contradicts_something_is_refused(drive: str, ke
     assert code == "MC004"
     assert f"axis[0].drive.{key}" in message
     assert remedy in hint
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "remedy"),
+    [
+        ("velocity_gain = 0.03", "velocity_gain", "0.02 or less"),
+        ("position_gain = 36.0", "position_gain", "17.5 or less"),
+        ("integral_time_s = 0.1", "integral_time_s", "0.2 s or more"),
+        ("max_torque = 40.0", "max_torque", "data sheet"),
+    ],
+)
+def test_gains_of_a_torque_loop_that_are_not_stable_are_refused(keys: str, key: str, remedy: str) -> None:
+    axis = "units_per_motor_rev = 10.0\nmax_following_error = 1.0"
+    code, message, hint = refusal(f"{GOOD}{TORQUE}\n{keys}", axis)
+    assert code == "MC004"
+    assert f"axis[0].drive.{key}" in message
+    assert remedy in hint
+
+
+def test_gains_of_a_torque_loop_follow_from_inertia_and_cycle() -> None:
+    axis = "units_per_motor_rev = 10.0\nmax_following_error = 1.0"
+    drive = machine(f"{GOOD}{TORQUE}", axis).axes[0].drive
+    # 500 Hz: the velocity part crosses over at 0.1 / 2 ms = 50 /s
+    assert drive.velocity_gain == pytest.approx(2e-4 * 50.0)
+    assert drive.position_gain == pytest.approx(10.0)
+    assert drive.integral_time_s == pytest.approx(0.4)
+    assert drive.command_timeout_ms == 20
+    assert machine(f"{GOOD}{TORQUE}\nintegral_time_s = 0.0", axis).axes[0].drive.integral_time_s == 0.0
 
 
 def test_a_linear_axis_has_to_say_how_far_a_turn_goes() -> None:

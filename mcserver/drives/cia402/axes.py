@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, Mode
+from mcserver.can.pdo_layout import RPDO1, RPDO2, Mode, rpdo1_cycles
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import (
     Array,
@@ -26,6 +26,7 @@ from mcserver.drives.bus import (
     drives_mode,
 )
 from mcserver.drives.cia402.frames import OutgoingPdo, frames_of
+from mcserver.drives.cia402.loops import DELAY_CYCLES, LoopFault, PositionPart, SpeedLoop, TorqueLoop
 from mcserver.drives.cia402.power_stage import PowerStage
 from mcserver.drives.cia402.profile_position import ProfilePosition, Refusal
 from mcserver.drives.cia402.readings import AxisReadings
@@ -35,9 +36,6 @@ from mcserver.machine.machine_file import Axis
 
 # Counts in `VELOCITY_CYCLES` at which a motor counts as standing.
 STANDING_COUNTS = 2
-# Cycles from a setpoint to the reading of an axis that follows it: RPDO and SYNC, a cycle of motion, SYNC
-# and TPDO.
-DELAY_CYCLES = 2
 INT32 = 2.0**31 - 1.0
 
 _RPDO1 = np.dtype([("controlword", "<u2"), ("mode", "i1"), ("position", "<i4")])
@@ -78,28 +76,24 @@ class Cia402Axes:
         self._counts: Array = np.array([scale.counts_per_si for scale in scales])
         self._speeds: Array = np.array([scale.velocity_per_si for scale in scales])
         self._torques: Array = np.array([scale.permille_per_nm for scale in scales])
-        self._loops = np.array([axis.drive.mode == "csv" for axis in axes])
-        self._any_loop = bool(self._loops.any())
-        self._fed_forward = np.array([axis.drive.torque_feed_forward for axis in axes])
+        part = PositionPart(axes, cycle_s)
+        self._part, self._speed_loop = part, SpeedLoop(axes, part)
+        self._torque_loop = TorqueLoop(axes, part, self._counts)
+        self._any_loop = bool((self._speed_loop.mine | self._torque_loop.mine).any())
+        self._any_torque_loop = bool(self._torque_loop.mine.any())
+        self._fed_forward = np.array([axis.drive.torque_offset for axis in axes])
         self._any_fed_forward = bool(self._fed_forward.any())
-        self._gain: Array = np.array([axis.drive.position_gain for axis in axes])
-        times = [axis.drive.integral_time_s for axis in axes]
-        self._integral_gain: Array = np.array([cycle_s / time if time > 0.0 else 0.0 for time in times])
-        self._feed_forward: Array = np.array([axis.drive.velocity_feed_forward for axis in axes])
-        self._integral: Array = np.zeros(count)
         self._zero: Array = np.array([axis.drive.zero_offset * axis.type.si_per_unit for axis in axes])
         self._frames = [frames_of(axis) for axis in axes]
         self._shows_mode = [frames.shows_mode for frames in self._frames]
         self.readings = AxisReadings(axes, self.local, self._where, self._frames, scales, self._zero, cycle_s)
-        self._speed_limit: Array = np.array([axis.max_velocity for axis in axes]) * 1.2
         self.stages = [_stage_of(axis, cycle_s) for axis in axes]
         self._profiles = {
             index: ProfilePosition(cycle_s, sends_speed=self._frames[index].has_profile_velocity)
             for index, axis in enumerate(axes)
             if axis.profiled
         }
-        refresh = [axis.drive.command_timeout_ms / 3e3 / cycle_s for axis in axes]
-        self._refresh = max(1, min(SLOW_SYNCS, *(int(each) for each in refresh)))
+        self._refresh = rpdo1_cycles((axis.drive.command_timeout_ms for axis in axes), cycle_s)
         self._arrays(count)
 
     def _arrays(self, count: int) -> None:
@@ -139,7 +133,6 @@ class Cia402Axes:
         self._setpoint: Array = np.zeros(count)
         self._velocity: Array = np.zeros(count)
         self._nm: Array = np.zeros(count)
-        self._earlier: Array = np.zeros((DELAY_CYCLES + 1, count))
         self._sends: list[list[_Send]] = [[] for _ in range(self._refresh)]
 
     def open(self, port: CanPort) -> None:
@@ -204,7 +197,7 @@ class Cia402Axes:
         if self._any_fed_forward:
             self._fill_offsets(setpoints.torque[local])
         if self._any_loop:
-            self._earlier[self._number % (DELAY_CYCLES + 1)] = wanted
+            self._part.keep(wanted)
 
     def _step_profiles(self, setpoints: Setpoints) -> None:
         """Goals of axes in profile position, which the drive goes to on its own profiles."""
@@ -256,36 +249,32 @@ class Cia402Axes:
 
     def _fill_speeds(self) -> None:
         velocity = self._velocity
+        positioned, captured = self._commanded == DriveMode.POSITION, ~self._capturing
+        torque = np.where(self._commanded == DriveMode.TORQUE, self._nm, 0.0)
         if self._any_loop:
-            velocity = self._closed(velocity)
+            active = self._speed_loop.mine & positioned
+            closed = self._speed_loop.step(self._setpoint, self._reading, active, captured)
+            velocity = np.where(active, closed, velocity)
+        if self._any_torque_loop:
+            closed = self._close_torques(positioned & captured)
+            torque = np.where(self._torque_loop.mine & positioned, closed, torque)
         speed = np.clip(np.rint(velocity * self._speeds), -INT32, INT32)
-        torque = np.clip(np.rint(self._nm * self._torques), -TORQUE_LIMIT, TORQUE_LIMIT)
-        torque[self._commanded != DriveMode.TORQUE] = 0.0
+        permille = np.clip(np.rint(torque * self._torques), -TORQUE_LIMIT, TORQUE_LIMIT)
         speed[self._capturing] = 0.0
-        torque[self._capturing] = 0.0
+        permille[self._capturing] = 0.0
         self._speed[:] = speed
-        self._torque[:] = torque
+        self._torque[:] = permille
 
-    def _closed(self, velocity: Array) -> Array:
-        """Speeds of drives whose position loop is closed here: PI of the error, and the setpoint's own speed.
-
-        The reading belongs to the setpoint of `DELAY_CYCLES` ago. The integral stands still while the speed
-        is at its limit (anti-windup).
-        """
-        past, length = self._earlier, DELAY_CYCLES + 1
-        just = past[(self._number - 1) % length]
-        then = past[(self._number - DELAY_CYCLES) % length]
-        followed = (self._setpoint - just) / self._cycle
-        error = self._gain * (then - self._reading)
-        raw = self._feed_forward * followed + error + self._integral
-        closed = np.clip(raw, -self._speed_limit, self._speed_limit)
-        positioned = self._loops & (self._commanded == DriveMode.POSITION)
-        if self._integral_gain.any():
-            free = positioned & ~self._capturing & ((raw == closed) | (raw * error < 0.0))
-            self._integral += np.where(free, self._integral_gain * error, 0.0)
-            self._integral[~positioned | self._capturing] = 0.0
-        result: Array = np.where(positioned, closed, velocity)
-        return result
+    def _close_torques(self, held: NDArray[np.bool_]) -> Array:
+        """Torques of drives in cst [N·m]; an axis that its loop gives up is failed in this cycle."""
+        loop = self._torque_loop
+        ages = self.readings.ages
+        torque = loop.step(self._setpoint, self._velocity, self._reading, ages, self._nm, loop.mine & held)
+        if loop.faults.any():
+            for index in np.flatnonzero(loop.faults).tolist():
+                fault = _OF_LOOP[LoopFault(loop.faults[index])]
+                self.fail(index, fault, int(ages[index]))
+        return torque
 
     def _step_stages(self, setpoints: Setpoints) -> None:
         commanded, bits, shown = self._commanded.tolist(), self._bits.tolist(), self._shown.tolist()
@@ -319,7 +308,7 @@ class Cia402Axes:
         if self._any_loop and (before & ~self._capturing).any():
             # the loops of axes that have just been captured begin without an error
             started = before & ~self._capturing
-            self._earlier[:, started] = setpoints.position[self._where][started]
+            self._part.begin(started, setpoints.position[self._where], setpoints.velocity[self._where])
         self._plan_sends()
 
     def fail(self, index: int, fault: DriveFault, detail: int = 0) -> bool:
@@ -391,4 +380,10 @@ _BASE_MODES = {
     "csv": Mode.CYCLIC_VELOCITY,
     "ip": Mode.INTERPOLATED_POSITION,
     "pp": Mode.PROFILE_POSITION,
+    "cst": Mode.CYCLIC_TORQUE,
+}
+_OF_LOOP = {
+    LoopFault.BLIND: DriveFault.COMMUNICATION,
+    LoopFault.FOLLOWING: DriveFault.FOLLOWING,
+    LoopFault.RUNAWAY: DriveFault.RUNAWAY,
 }

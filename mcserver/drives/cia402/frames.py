@@ -93,9 +93,9 @@ class AxisFrames:
 def frames_of(axis: Axis) -> AxisFrames:
     """The PDOs of an axis, as agreed with its drive, or the usual ones."""
     drive = axis.drive
-    data = drive.process_data or usual_process_data(drive.node, torque_offset=drive.torque_feed_forward)
+    data = drive.process_data or usual_process_data(drive.node, torque_offset=drive.torque_offset)
     offset = AXIS_OFFSET * drive.node_axis
-    always = frozenset({TORQUE_OFFSET, DIGITAL_OUTPUTS} if drive.torque_feed_forward else {DIGITAL_OUTPUTS})
+    always = frozenset({TORQUE_OFFSET, DIGITAL_OUTPUTS} if drive.torque_offset else {DIGITAL_OUTPUTS})
     rpdos = tuple(_outgoing(pdo, offset, always) for pdo in data.rpdos)
     tpdos = tuple(_incoming(pdo, offset) for pdo in data.tpdos)
     first = tpdos[0]

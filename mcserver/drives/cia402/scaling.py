@@ -94,8 +94,11 @@ def profile_objects(axis: Axis) -> tuple[tuple[int, int, int], ...]:
     """(index, subindex, value) for the drive's own profiles: the axis's limits, rounded down; empty where it
     does not make any.
 
-    6081h velocity, 6083h acceleration, 6084h deceleration, 6086h trapezoids, 605Dh a halt by a ramp.
+    6081h velocity, 6083h acceleration, 6084h deceleration, 6086h trapezoids, 605Dh a halt by a ramp. With
+    mode = "cst" 6072h is the greatest torque, where the machine file says it.
     """
+    if axis.drive.mode == "cst" and axis.drive.max_torque > 0.0:
+        return ((0x6072, 0, math.floor(axis.drive.max_torque / axis.drive.rated_torque * PERMILLE)),)
     if not axis.profiled:
         return ()
     scale = Scaling.of(axis)

@@ -1,0 +1,115 @@
+"""Gains of loops that are closed in the master: what is usual, and what is refused.
+
+A loop over a bus is some cycles late, so its gains are bounded by the cycle. For a torque loop on an axis of
+inertia J [kg·m²] with velocity gain K [N·m·s/rad], K / J is the crossover of its velocity part [1/s].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from mcserver.machine.sections import AxisSection
+
+if TYPE_CHECKING:
+    from mcserver.machine.drive_section import Drive
+
+# A position loop onto speeds is stable and calm up to this product of gain and cycle time [1].
+GREATEST_GAIN = 0.2
+USUAL_GAIN = 0.1
+# The same for the velocity part of a torque loop: with the usual value the axis's inertia may be a quarter or
+# four times of what the machine file says, with the greatest one half of it.
+GREATEST_CROSSOVER = 0.2
+USUAL_CROSSOVER = 0.1
+# Share of the crossover that the position gain may be, and usually is.
+GREATEST_SHARE = 0.35
+USUAL_SHARE = 0.2
+# Usual integral time of a torque loop, as a multiple of 1 / position gain.
+USUAL_INTEGRAL = 4.0
+LEAST_INTEGRAL = 2.0
+# Inertia of a simulated motor whose file has none [kg·m²].
+SIMULATED_INERTIA = 0.01
+# 6071h and 6072h are thousandths of the rated torque in 16 bits.
+GREATEST_SHARE_OF_RATED = 32.767
+
+Refusal = Callable[[str, str, str], None]  # key, what, hint
+
+
+def complete_loop(drive: Drive, axis: AxisSection, cycle_s: float, bad: Refusal) -> Drive:
+    """Fill in gains, inertia and greatest torque of a drive on a bus, and refuse what is not stable."""
+    replace = msgspec.structs.replace
+    inertia = drive.inertia or SIMULATED_INERTIA
+    if drive.mode == "cst":
+        return _complete_torque_loop(drive, axis, cycle_s, bad)
+    gain = drive.position_gain or min(20.0, USUAL_GAIN / cycle_s)
+    if drive.mode == "csv" and gain * cycle_s > GREATEST_GAIN:
+        bad(
+            "position_gain",
+            f"{gain:g} /s with a cycle of {cycle_s * 1e3:g} ms is not stable over a bus",
+            f"give {GREATEST_GAIN / cycle_s:g} or less, or a greater cycle_hz",
+        )
+    if drive.velocity_gain:
+        bad("velocity_gain", 'belongs to mode = "cst"', "leave it out")
+    return replace(drive, position_gain=gain, integral_time_s=drive.integral_time_s or 0.0, inertia=inertia)
+
+
+def _complete_torque_loop(drive: Drive, axis: AxisSection, cycle_s: float, bad: Refusal) -> Drive:
+    if drive.rated_torque <= 0.0:
+        bad(
+            "rated_torque",
+            "6071h counts thousandths of the rated torque, which is not there",
+            "give rated_torque = the motor's rated torque in N·m (6076h)",
+        )
+    if drive.inertia <= 0.0:
+        bad(
+            "inertia",
+            'mode = "cst" needs the inertia that the motor turns, its own and the load\'s',
+            "give inertia = kg·m² at the motor's shaft: motor + load / gear²",
+        )
+    if axis.max_following_error is None:
+        bad(
+            "mode",
+            'mode = "cst" needs max_following_error: it ends the torque when the axis is elsewhere',
+            "give max_following_error of the axis [mm, deg]",
+        )
+    most = drive.max_torque or drive.rated_torque
+    if drive.rated_torque > 0.0 and most > GREATEST_SHARE_OF_RATED * drive.rated_torque:
+        bad(
+            "max_torque",
+            f"{most:g} N·m is {most / drive.rated_torque:.3g} times the rated torque",
+            "compare both with the motor's data sheet",
+        )
+    inertia = drive.inertia or SIMULATED_INERTIA
+    velocity_gain = drive.velocity_gain or inertia * USUAL_CROSSOVER / cycle_s
+    crossover = velocity_gain / inertia
+    if drive.inertia > 0.0 and crossover * cycle_s > GREATEST_CROSSOVER * (1.0 + 1e-9):
+        bad(
+            "velocity_gain",
+            f"{velocity_gain:g} N·m·s/rad on {inertia:g} kg·m² with a cycle of {cycle_s * 1e3:g} ms "
+            "is not stable over a bus",
+            f"give {GREATEST_CROSSOVER / cycle_s * inertia:.4g} or less, or a greater cycle_hz",
+        )
+    gain = drive.position_gain or USUAL_SHARE * crossover
+    if gain > GREATEST_SHARE * crossover * (1.0 + 1e-9):
+        bad(
+            "position_gain",
+            f"{gain:g} /s is too much for a velocity part of {crossover:.4g} /s (velocity_gain / inertia)",
+            f"give {GREATEST_SHARE * crossover:.4g} or less, or a greater velocity_gain",
+        )
+    integral = USUAL_INTEGRAL / gain if drive.integral_time_s is None else drive.integral_time_s
+    if 0.0 < integral < LEAST_INTEGRAL / gain * (1.0 - 1e-9) or not math.isfinite(integral):
+        bad(
+            "integral_time_s",
+            f"{integral:g} s is too short for a position_gain of {gain:g} /s",
+            f"give {LEAST_INTEGRAL / gain:.3g} s or more, 0 for none, or leave it out",
+        )
+    return msgspec.structs.replace(
+        drive,
+        position_gain=gain,
+        velocity_gain=velocity_gain,
+        integral_time_s=integral,
+        inertia=inertia,
+    )
