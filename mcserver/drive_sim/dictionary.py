@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -57,16 +59,9 @@ class ObjectStore:
     def __init__(self, node: int, eds: str | None = None) -> None:
         """Reads the shipped EDS file, or the text of another one."""
         text = resources.files("mcserver.drive_sim").joinpath(EDS).read_text("ascii") if eds is None else eds
-        described = import_eds(StringIO(text), node)
-        self._entries: dict[tuple[int, int], Entry] = {}
-        self._objects: set[int] = set()
-        for index, found in described.items():
-            if index < 0x1000:
-                continue
-            self._objects.add(index)
-            variables = [found] if isinstance(found, ODVariable) else list(found.values())
-            for variable in variables:
-                self._entries[index, variable.subindex] = _entry(variable)
+        objects, entries = _described(text, node)
+        self._objects = objects
+        self._entries = {(each.index, each.subindex): dataclasses.replace(each) for each in entries}
         self.reset()
 
     def entry(self, index: int, subindex: int = 0) -> Entry:
@@ -124,6 +119,22 @@ class ObjectStore:
         entry.written = True
         if entry.action is not None:
             entry.action(value)
+
+
+@functools.lru_cache(maxsize=32)
+def _described(eds: str, node: int) -> tuple[frozenset[int], tuple[Entry, ...]]:
+    """Read the text of an EDS file, which takes ten times as long as making a node of it.
+
+    Returns:
+        The indices of its objects, and their entries: to be copied, for they hold the values of a node.
+    """
+    objects = {index: found for index, found in import_eds(StringIO(eds), node).items() if index >= 0x1000}
+    variables = (
+        variable
+        for found in objects.values()
+        for variable in ([found] if isinstance(found, ODVariable) else found.values())
+    )
+    return frozenset(objects), tuple(_entry(variable) for variable in variables)
 
 
 def _entry(variable: ODVariable) -> Entry:
