@@ -10,11 +10,11 @@ import errno
 import os
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from mckinematics.errors import KinematicsError
@@ -35,34 +35,44 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-# Module and function of each command, and of each group of commands, in the order of the help.
-COMMANDS: Mapping[str, tuple[str, str]] = MappingProxyType(
+# Module and function of each command, and what builds each group of commands, in the order of the help.
+COMMANDS: Mapping[str, str] = MappingProxyType(
     {
-        "run": ("run", "run"),
-        "check": ("check", "check"),
-        "fix": ("fix", "fix"),
-        "format": ("fix", "format_file"),
-        "grammar": ("grammar", "grammar"),
-        "lsp": ("lsp", "lsp"),
-        "mcp": ("mcp", "mcp"),
-        "benchmark": ("benchmark", "benchmark"),
-        "simulate": ("simulate", "simulate_program"),
-        "plot": ("plot", "plot"),
-        "view": ("view", "view"),
-        "web": ("web", "web"),
-        "webhooks": ("webhooks", "webhooks"),
-        "history": ("history", "history"),
-        "scan": ("scan", "scan"),
-        "gateway": ("gateway", "gateway"),
-        "examples": ("examples", "examples"),
-        "doctor": ("doctor", "doctor"),
-        "drive-sim": ("drive_sim", "drive_sim"),
-        "fleet-sim": ("fleet_sim", "fleet_sim"),
+        "run": "run.run",
+        "check": "check.check",
+        "fix": "fix.fix",
+        "format": "fix.format_file",
+        "grammar": "grammar.grammar",
+        "lsp": "lsp.lsp",
+        "mcp": "mcp.mcp",
+        "benchmark": "benchmark.benchmark",
+        "simulate": "simulate.simulate_program",
+        "plot": "plot.plot",
+        "view": "view.view",
+        "web": "web.web",
+        "webhooks": "webhooks.webhooks",
+        "history": "history.history",
+        "scan": "scan.scan",
+        "gateway": "gateway.gateway",
+        "examples": "examples.examples",
+        "doctor": "doctor.doctor",
+        "drive-sim": "drive_sim.drive_sim",
+        "fleet-sim": "fleet_sim.fleet_sim",
     }
 )
 GROUPS: Mapping[str, str] = MappingProxyType(
-    {"machine": "machine", "recordings": "recordings", "security": "security"}
+    {
+        "machine": "machine.build_app",
+        "recordings": "recordings.build_app",
+        "security": "security.build_app",
+    }
 )
+
+
+def _imported(place: str) -> Callable[..., Any]:
+    module, _, function = place.partition(".")
+    found: Callable[..., Any] = getattr(import_module(f"mcserver.cli.{module}"), function)
+    return found
 
 
 def build_app(only: str | None = None) -> typer.Typer:
@@ -90,12 +100,12 @@ def build_app(only: str | None = None) -> typer.Typer:
     ) -> None:
         """An open motion server: G-code over Zenoh to moving axes."""
 
-    for name, (module, function) in COMMANDS.items():
+    for name, place in COMMANDS.items():
         if only in (None, name):
-            app.command(name)(getattr(import_module(f"mcserver.cli.{module}"), function))
-    for name, module in GROUPS.items():
+            app.command(name)(_imported(place))
+    for name, place in GROUPS.items():
         if only in (None, name):
-            app.add_typer(import_module(f"mcserver.cli.{module}").build_app(), name=name)
+            app.add_typer(_imported(place)(), name=name)
     return app
 
 

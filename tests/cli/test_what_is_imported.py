@@ -40,3 +40,11 @@ def test_the_command_that_is_called_is_the_only_one_imported() -> None:
     modules = last_line(script)
     assert "mcserver.cli.examples" in modules
     assert not {"mcserver.cli.run", "mcserver.cli.simulate", "mcserver.cli.benchmark"} & set(modules)
+
+
+def test_an_emergency_stop_by_mcctl_imports_no_other_command() -> None:
+    script = (
+        "import json, sys; from mcclient.cli.app import build_app; build_app('estop')\n"
+        "print(json.dumps([each for each in sys.modules if each.startswith(('mcclient.cli.', 'rich.live'))]))"
+    )
+    assert not {"mcclient.cli.console", "mcclient.cli.run", "mcclient.cli.arm"} & set(last_line(script))

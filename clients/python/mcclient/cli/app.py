@@ -7,27 +7,14 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from typing import Annotated
+from types import MappingProxyType
+from typing import Annotated, Any
 
 import typer
 
-from mcclient.cli import (
-    arm,
-    console,
-    drives,
-    fleet,
-    history,
-    home,
-    io,
-    look,
-    operate,
-    record,
-    run,
-    send,
-    watch,
-    zero,
-)
 from mcclient.cli.output import exit_code_of, say, show_error
 from mcclient.errors import MotionError
 
@@ -45,8 +32,56 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def build_app() -> typer.Typer:
-    """The command tree."""
+# Module and function of each command, and what builds each group of commands, in the order of the help.
+COMMANDS: Mapping[str, str] = MappingProxyType(
+    {
+        "list": "look.list_",
+        "status": "look.status",
+        "programs": "look.programs",
+        "watch": "watch.watch",
+        "run": "run.run",
+        "send": "send.send",
+        "zero": "zero.zero",
+        "console": "console.console",
+        "hold": "operate.hold",
+        "resume": "operate.resume",
+        "step": "operate.step",
+        "abort": "operate.abort",
+        "override": "operate.override",
+        "jog": "operate.jog",
+        "home": "home.home",
+        "reference": "home.reference",
+        "reset": "operate.reset",
+        "estop": "operate.estop",
+        "arm": "arm.arm",
+        "history": "history.history",
+    }
+)
+GROUPS: Mapping[str, str] = MappingProxyType(
+    {
+        "record": "record.build_app",
+        "io": "io.build_app",
+        "drives": "drives.build_drives_app",
+        "sdo": "drives.build_sdo_app",
+        "fleet": "fleet.build_app",
+    }
+)
+NEGATIVE = ("jog", "reference")
+
+
+def _imported(place: str) -> Callable[..., Any]:
+    module, _, function = place.partition(".")
+    found: Callable[..., Any] = getattr(import_module(f"mcclient.cli.{module}"), function)
+    return found
+
+
+def build_app(only: str | None = None) -> typer.Typer:
+    """Build the command tree.
+
+    Args:
+        only: the command that is called, so that no other's modules are imported; None: all, as help and
+            completion need them.
+    """
     app = typer.Typer(
         name="mcctl",
         help="Operate machines of the open motion server.",
@@ -65,39 +100,23 @@ def build_app() -> typer.Typer:
     ) -> None:
         """Operate machines of the open motion server."""
 
-    app.command("list")(look.list_)
-    app.command("status")(look.status)
-    app.command("programs")(look.programs)
-    app.command("watch")(watch.watch)
-    app.command("run")(run.run)
-    app.command("send")(send.send)
-    app.command("zero")(zero.zero)
-    app.command("console")(console.console)
-    app.command("hold")(operate.hold)
-    app.command("resume")(operate.resume)
-    app.command("step")(operate.step)
-    app.command("abort")(operate.abort)
-    app.command("override")(operate.override)
-    # a distance or a velocity may be negative: such words are no options
-    app.command("jog", context_settings={"ignore_unknown_options": True})(operate.jog)
-    app.command("home")(home.home)
-    app.command("reference", context_settings={"ignore_unknown_options": True})(home.reference)
-    app.command("reset")(operate.reset)
-    app.command("estop")(operate.estop)
-    app.command("arm")(arm.arm)
-    app.command("history")(history.history)
-    app.add_typer(record.build_app(), name="record")
-    app.add_typer(io.build_app(), name="io")
-    app.add_typer(drives.build_drives_app(), name="drives")
-    app.add_typer(drives.build_sdo_app(), name="sdo")
-    app.add_typer(fleet.build_app(), name="fleet")
+    for name, place in COMMANDS.items():
+        if only in (None, name):
+            # a distance, a velocity or a position may be negative: such words are no options
+            settings = {"ignore_unknown_options": True} if name in NEGATIVE else None
+            app.command(name, context_settings=settings)(_imported(place))
+    for name, place in GROUPS.items():
+        if only in (None, name):
+            app.add_typer(_imported(place)(), name=name)
     return app
 
 
 def run_command_line(arguments: list[str] | None = None) -> int:
     """Runs one command line and gives its exit code; every error is shown once, none with a traceback."""
+    words = sys.argv[1:] if arguments is None else arguments
+    called = words[0] if words and (words[0] in COMMANDS or words[0] in GROUPS) else None
     try:
-        build_app()(args=arguments, prog_name="mcctl")
+        build_app(called)(args=arguments, prog_name="mcctl")
     except SystemExit as done:
         return _flushed(done.code if isinstance(done.code, int) else int(done.code is not None))
     except MotionError as error:
