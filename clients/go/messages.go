@@ -95,6 +95,7 @@ type ProgramStatus struct {
 	ResumeOf    *string      `msgpack:"resume_of"`
 	EndedAt     *float64     `msgpack:"ended_at"`
 	DurationS   *float64     `msgpack:"duration_s"`
+	Notice      string       `msgpack:"notice"`
 }
 
 // AxesStatus has one entry for each of Index in every slice.

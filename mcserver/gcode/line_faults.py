@@ -50,6 +50,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC144": "the axes are not energized",
         "MC145": "a macro of another controller",
         "MC146": "the canned cycle cannot be drilled",
+        "MC154": "the first tool counts as fitted",
         "MC150": "there is no such input or output",
         "MC151": "the output cannot have this value",
         "MC152": "M66 does not say what it waits for",

@@ -96,6 +96,9 @@ class _Survey:
         self._without_effect: dict[str, list[int]] = {}
         self._energized: set[int] = set()
         self._loose: tuple[int, tuple[int, ...]] | None = None
+        # the last T, and line and tool of the first M6
+        self._tool = 0
+        self._first_tool: tuple[int, int] | None = None
 
     def faults(self, faults: Iterable[Diagnostic]) -> None:
         """Note the faults of a line; of a program that computes only that is said."""
@@ -112,6 +115,10 @@ class _Survey:
         codes, outputs = list(words.ignored), self._dialect.outputs
         for action in words.actions:
             code = action.code
+            if code == "T":
+                self._tool = int(action.words["T"].value)
+            elif code == "M6" and self._first_tool is None and self._dialect.tool_change == "pause":
+                self._first_tool = line, self._tool
             # of M3 to M5, beside one that has outputs, the others are refused
             same = SPINDLE if code in SPINDLE else {code}
             mapped = (
@@ -167,6 +174,17 @@ class _Survey:
                     message=f"nothing before this move energizes {'axes' if axes[1:] else 'axis'} {names}",
                     hint='write G1010 ahead of it, or set [dialect] capture = "auto" in the machine file',
                     axis=axes[0],
+                )
+            )
+        if self._first_tool is not None and self._first_tool[1] > 0:
+            line, tool = self._first_tool
+            said.append(
+                Diagnostic(
+                    code="MC154",
+                    severity="warning",
+                    line=line,
+                    message=f"the program begins with tool {tool}, which counts as fitted: no pause here",
+                    hint='fit it before the start, or let M6 ask: [dialect] tool_change = "ask"',
                 )
             )
         if self._without_effect:

@@ -35,7 +35,8 @@ class Dialect(msgspec.Struct, frozen=True):
         auto_capture: the first move of a program energizes its leased axes.
         ignore: codes and macros that are accepted without effect, besides the profile's own.
         spindle: axis that M3, M4, M5 and S turn; None: they have no effect.
-        dwell_unit: of G04 P [s]. tool_change: what M6 does where the tool differs from the one before.
+        dwell_unit: of G04 P [s].
+        tool_change: what M6 does where the tool differs from the one before; "ask": at the first too.
         outputs: what codes do to outputs, such as ``M8``. channels: the machine has inputs or outputs.
         systems: work coordinate systems that programs start with, number → axis → [m or rad].
         probes: G38.2 … G38.5 act: the machine has a probe.
@@ -48,7 +49,7 @@ class Dialect(msgspec.Struct, frozen=True):
     ignore: frozenset[str] = frozenset()
     spindle: int | None = None
     dwell_unit: float = 1.0
-    tool_change: Literal["pause", "ignore"] = "pause"
+    tool_change: Literal["pause", "ask", "ignore"] = "pause"
     cutters: Mapping[int, float] = {}
     systems: Mapping[int, Mapping[int, float]] = {}
     probes: bool = False

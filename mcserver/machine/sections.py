@@ -267,7 +267,7 @@ class DialectSection(msgspec.Struct, frozen=True):
     ignore: list[str] = []
     spindle_axis: AxisNumber | None = None
     dwell: Literal["s", "ms"] | None = None
-    tool_change: Literal["pause", "ignore"] = "pause"
+    tool_change: Literal["pause", "ask", "ignore"] = "pause"
     outputs: dict[str, dict[str, bool | float | Literal["S"]]] = {}
 
 

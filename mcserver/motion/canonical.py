@@ -207,9 +207,14 @@ class ProbeLine(msgspec.Struct, frozen=True):
 
 
 class PauseLine(msgspec.Struct, frozen=True):
-    """M00 or M01: motion before it ends, then the program waits to be resumed."""
+    """M00, M01 or a tool change: motion before it ends, then the program waits to be resumed.
+
+    Attributes:
+        notice: what the operator has to do; empty: the line's comment says it, if it has one.
+    """
 
     line: int
+    notice: str = ""
 
 
 class WaitMode(enum.IntEnum):

@@ -17,6 +17,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.headroom import stopping_rows
+from mcserver.gcode.notices import notice_of
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.modal import ModalState
@@ -98,6 +99,7 @@ class Pipeline:
         self._interpreter = Interpreter(
             machine, kinematics=self._solving, positions=positions, lease=lease, modal=modal, frame=frame
         )
+        self._printer = machine.dialect.profile == "printer"
         self._frame = self._interpreter.frame
         # the executor begins to stop when fewer rows are left than a stop takes
         self._machine = machine
@@ -363,7 +365,11 @@ class Pipeline:
             plan.settle(unknown)
             return False
         self._held = None
-        plan.canonical.extend(self._interpreter.interpret(parsed))
+        values = self._interpreter.interpret(parsed)
+        plan.canonical.extend(values)
+        message = notice_of(parsed.text, values, printer=self._printer)
+        if message is not None:
+            plan.reports.append(Report(ReportKind.MESSAGE, parsed.number, message=message))
         planning_s = 0.0 if self._solving is None else self._solving.take()
         if planning_s > 0.0:
             plan.reports.append(Report(ReportKind.SOLVED, parsed.number, planning_s=planning_s))

@@ -36,6 +36,7 @@ from mcserver.planning.planner_messages import (
     PlannerCommand,
     PlannerEvent,
     PlannerFailed,
+    ProgramMessage,
     Report,
     ReportKind,
     StepLine,
@@ -239,6 +240,8 @@ class Planner:
         for report in reports:
             if report.frame is not None:
                 self._events.append(FrameChanged(plan.program, report.frame))
+            if report.kind is ReportKind.MESSAGE:
+                self._events.append(ProgramMessage(plan.program, report.line, report.message))
             if report.kind is ReportKind.REJECTED:
                 self._reject(plan, report.line, report.diagnostics)
 

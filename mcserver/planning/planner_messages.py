@@ -112,6 +112,7 @@ class ReportKind(enum.Enum):
     BOUND = "bound"  # a limit has stretched the line: `bound_by`
     REJECTED = "rejected"  # a fault in the line; nothing of it moves, nothing after it is read
     FRAME = "frame"  # the line has set work offsets: `frame`
+    MESSAGE = "message"  # the line says something to the operator: `message`
     FINISHED = "finished"  # all that was submitted has been handed over, the end of the program included
 
 
@@ -133,6 +134,15 @@ class Report(msgspec.Struct, frozen=True):
     planning_s: float = 0.0
     diagnostics: tuple[Diagnostic, ...] = ()
     frame: Frame | None = None
+    message: str = ""
+
+
+class ProgramMessage(msgspec.Struct, frozen=True, tag=True):
+    """A line says something to the operator, once the program has come there."""
+
+    program: str
+    line: int
+    message: str
 
 
 class FrameChanged(msgspec.Struct, frozen=True, tag=True):
@@ -187,7 +197,16 @@ class PlannerFailed(msgspec.Struct, frozen=True, tag=True):
     message: str
 
 
-PlannerEvent = Consumed | LineRejected | FrameChanged | Planned | Validated | ExecutorEvents | PlannerFailed
+PlannerEvent = (
+    Consumed
+    | LineRejected
+    | FrameChanged
+    | ProgramMessage
+    | Planned
+    | Validated
+    | ExecutorEvents
+    | PlannerFailed
+)
 
 OnPlannerEvents = Callable[[Sequence[PlannerEvent]], None]
 

@@ -22,6 +22,9 @@ from mcserver.service.reports import (
 )
 from mcserver.service.timeline import RunClock
 
+# messages of lines that are planned and not reached yet; a program that says more is no program
+MESSAGES = 1000
+
 
 class Verdict(IntEnum):
     """What a waiting submit learns."""
@@ -81,6 +84,9 @@ class Program:
         # lines through this one have ended and are in the journal as such
         self.recorded = start_line - 1
         self.eta_s: float | None = None
+        # what lines say to the operator once the program has come there, and what was said last
+        self.messages: deque[tuple[int, str]] = deque(maxlen=MESSAGES)
+        self.notice = ""
         self.closed = False
         self.held = False
         self.override = 1.0
@@ -151,6 +157,7 @@ class Program:
             progress=self._share(),
             eta_s=None if self.ended else self.eta_s,
             duration_s=self.clock.total_s,
+            notice=self.notice,
             fault=self.fault,
             rejected=self.rejected,
             diagnostics=self.diagnostics,

@@ -34,6 +34,7 @@ from mcserver.planning.planner_messages import (
     PlannerClient,
     PlannerEvent,
     PlannerFailed,
+    ProgramMessage,
     Validated,
 )
 from mcserver.service.acknowledgements import AckSender
@@ -326,6 +327,8 @@ class ProgramTable:
                     self.offsets.keep(event.frame)
                     if self.offsets.failure:
                         self.events.publish("warning", reason="MC529", message=self.offsets.failure)
+                case ProgramMessage():
+                    program.messages.append((event.line, event.message))
                 case Planned():
                     program.progress.planned(event.reports)
                 case Validated():
@@ -402,6 +405,7 @@ class ProgramTable:
             return
         if event.kind is EventKind.LINE_START:
             program.progress.line_started(event.line, event.time)
+            self._say(program, event.line)
             self._progress.moved(program)
         elif event.kind is EventKind.LINE_END:
             program.progress.line_ended(event.line, event.time)
@@ -415,9 +419,11 @@ class ProgramTable:
             message = f"{name} = {value:g} after {waited:.3f} s"
             self.publish("input.read", program, line=event.line, message=message)
         elif event.kind is EventKind.PAUSED:
+            self._say(program, event.line)
             self.enter(program, "paused")
-            self.publish("program.paused", program, line=event.line)
+            self.publish("program.paused", program, line=event.line, message=program.notice)
         elif event.kind is EventKind.FINISHED:
+            self._say(program, program.validated)
             program.progress.finished(program.validated)
             self._end(program, program.ended_as)
         elif event.kind is EventKind.STOPPED:
@@ -483,6 +489,12 @@ class ProgramTable:
         self.events.publish(
             kind, program=program.program, client=program.client, state=program.state, **values
         )
+
+    def _say(self, program: Program, line: int) -> None:
+        """Publish what lines through this one say to the operator."""
+        while program.messages and program.messages[0][0] <= line:
+            at, program.notice = program.messages.popleft()
+            self.publish("program.message", program, line=at, message=program.notice)
 
     def _journal_progress(self, program: Program, ended: Sequence[LineReport]) -> None:
         if self.journal_failure:

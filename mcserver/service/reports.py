@@ -40,6 +40,7 @@ EventKind = Literal[
     "program.held",
     "program.resumed",
     "program.paused",
+    "program.message",
     "program.closed",
     "input.read",
     "program.ended",
@@ -116,6 +117,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
         progress: share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
         eta_s: until its end at its override [s]; where `duration_s` is not known, until the end of what is
             planned.
+        notice: what it said last to the operator; while it is paused, what to do before it is resumed.
         duration_s: of the whole program at 100 %, as its text was simulated [s]; None: it was not.
         opened_at, ended_at: Unix time [s].
     """
@@ -141,6 +143,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     resume_of: str | None = None
     ended_at: float | None = None
     duration_s: float | None = None
+    notice: str = ""
 
 
 class AxesStatus(msgspec.Struct, frozen=True):

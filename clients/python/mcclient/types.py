@@ -109,6 +109,7 @@ class ProgramStatus:
     opened_at: float = 0.0
     ended_at: float | None = None
     duration_s: float | None = None
+    notice: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,11 +70,11 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             word = action.words.get("S")
             _set_mapped(block, action, None if word is None else word.value, effects)
         elif code == "T":
-            block.frame = msgspec.structs.replace(frame, tool=int(_value(block, action, "T", least=0.0)))
+            _choose_tool(block, action)
         elif code == "M6":
             _change_tool(block, effects)
         elif code == "M600":
-            effects.before.append(PauseLine(block.parsed.number))
+            effects.before.append(PauseLine(block.parsed.number, "change the filament, then resume"))
         elif code == "G4":
             _dwell(block, action, effects)
         elif code in SYSTEM_NUMBERS:
@@ -244,22 +244,36 @@ def _tool_length(block: BlockState, action: Action) -> None:
     if not cutters:
         return  # no tool table: lengths are set by touching off; the check says that G43 has no effect
     if number and number not in cutters:
-        known = ", ".join(str(each) for each in sorted(cutters))
-        block.faults.add(
-            "MC143",
-            f"the tool table has no tool {number}",
-            action.span if word is None else word.span,
-            f"add a [[cutter]] with its length to the machine file, which has {known}",
-        )
+        _unknown_tool(block, number, action if word is None else word)
     block.frame = msgspec.structs.replace(frame, tool_length=cutters.get(number, 0.0))
 
 
+def _choose_tool(block: BlockState, action: Action) -> None:
+    number = int(_value(block, action, "T", least=0.0))
+    cutters = block.setup.machine.dialect.cutters
+    if cutters and number and number not in cutters:
+        _unknown_tool(block, number, action.words["T"])
+    block.frame = msgspec.structs.replace(block.frame, tool=number)
+
+
+def _unknown_tool(block: BlockState, number: int, word: ProfileWord | Action) -> None:
+    known = ", ".join(str(each) for each in sorted(block.setup.machine.dialect.cutters))
+    block.faults.add(
+        "MC143",
+        f"the tool table has no tool {number}",
+        word.span,
+        f"add a [[cutter]] with its length to the machine file, which has {known}",
+    )
+
+
 def _change_tool(block: BlockState, effects: Effects) -> None:
-    """Pause for a change by hand if the tool differs from the one before; the first is there already."""
+    """Pause for a change by hand if the tool differs from the one before; "ask" pauses at the first too."""
     frame = block.frame
-    differs = frame.changed is not None and frame.changed != frame.tool
-    if differs and block.setup.machine.dialect.tool_change == "pause":
-        effects.before.append(PauseLine(block.parsed.number))
+    rule = block.setup.machine.dialect.tool_change
+    known = frame.changed is not None or rule == "ask"
+    if known and frame.changed != frame.tool and rule != "ignore":
+        tool = f"fit tool {frame.tool}" if frame.tool else "take the tool out"
+        effects.before.append(PauseLine(block.parsed.number, f"{tool}, then resume"))
     block.frame = msgspec.structs.replace(frame, changed=frame.tool)
 
 

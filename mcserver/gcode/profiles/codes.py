@@ -56,7 +56,7 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             _NO_COMPENSATION | {"G80", "G43", "G49", "M6", "M7", "M8", "M9", "M10", "M11", "M48", "M49"}
         ),
         "printer": frozenset(
-            {"G29", "G80", "G31", "G32", "G34"}
+            {"G29", "G80", "G31", "G32", "G34", "G280", "G392"}
             | {
                 f"M{n}"
                 for n in (*range(3, 30), *range(31, 60), *range(61, 82), *range(84, 600), *range(601, 1000))

@@ -124,9 +124,7 @@ class ProfileReader:
             family = name.partition(".")[0]
             # M1000 and above are the makers' own
             own = head[1] == "M" and float(head[2]) >= 1000.0
-            idle = (
-                own or head[1] == "T" or name in self._ignored or (head[1] == "M" and family in self._ignored)
-            )
+            idle = own or head[1] == "T" or name in self._ignored or family in self._ignored
             if idle and name not in self._acting and self._dialect.profile == "printer":
                 return nothing(family)
         macro = _MACRO.match(code)
@@ -160,7 +158,7 @@ class ProfileReader:
         codes: list[Word] = []
         own: list[Word] = []
         ignored: list[str] = []
-        machine_frame = False
+        machine_frame = compensated = False
         last: Word | None = None
         tolerances: list[Word] = []
         for word in self._words(code, faults):
@@ -185,6 +183,7 @@ class ProfileReader:
                     # G5.1 Q1 is lookahead on Fanuc's controllers; with X and Y it is a spline
                     ignored.append(name)
                 else:
+                    compensated = compensated or name in ("G41", "G42")
                     self._refuse(word, name, faults)
             elif word.letter == "F":
                 feeds.append(word)
@@ -209,8 +208,9 @@ class ProfileReader:
             else:
                 own.append(word)
         if faults.found:
-            # what is left of such a line would only be blamed for it
-            return _line(number, text, code, [], faults, ProfileWords(ignored=tuple(ignored)))
+            # what is left of such a line would only be blamed for it; what stays in force is still known
+            known = [*settings, *feeds, *(motions + loose if compensated and motions else [])]
+            return _line(number, text, code, known, faults, ProfileWords(ignored=tuple(ignored)))
         taken = self._io_words(codes, own, loose, faults)
         self._one_motion(codes, motions, machine_frame, faults)
         repeated = not (motions or taken) and self._repeats_cycle(codes, own, loose)
@@ -267,7 +267,10 @@ class ProfileReader:
                         "let the post write X and Y",
                     )
                     break
-                faults.add("MC103", f"{shown} is not a word of a program", (span[0], stop + 1))
+                reason = f"{shown} is not a word of a program"
+                if match[5] in "$!?~":
+                    reason = f"{shown} is a command to a controller's firmware, not a word of a program"
+                faults.add("MC103", reason, (span[0], stop + 1), "take the line out")
                 break
             elif match[3]:
                 words.append(Word(f"[{int(match[3])}]", float(match[4]), match[4], int(match[3]), span))

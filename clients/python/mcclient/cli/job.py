@@ -295,6 +295,9 @@ class Job:
         async for status in machine.telemetry():
             for each in status.programs:
                 if each.program == program:
+                    said = self._status.notice if self._status is not None else ""
+                    if each.notice not in ("", said) and each.state != "paused":
+                        say(f"{self._source.name}: {each.notice}")
                     self._status = each
                     self._behind = behind(each, status.programs)
 
@@ -325,6 +328,7 @@ class Job:
             share=None if foreseen is None else foreseen.progress,
             behind=self._behind,
             online=online,
+            notice=status.notice if status is not None else "",
         )
 
     # ------------------------------------------------------------ after

@@ -33,6 +33,7 @@ class Snapshot:
         line: the line under way. done: the last one that has ended.
         planned_s: until the end of what is planned [s]; None: not known.
         remaining_s: until the program's end, by its simulation [s]. share: of its time that has passed.
+        notice: what the program said last to its operator.
         behind: the programs that have the axes, and which; empty: it waits for none.
         online: the server is there.
     """
@@ -50,12 +51,15 @@ class Snapshot:
     online: bool = True
     remaining_s: float | None = None
     share: float | None = None
+    notice: str = ""
 
     @property
     def shown_state(self) -> str:
         """What is to be known first: a server that is gone, what is waited for, else the state."""
         if not self.online and self.state not in ENDED:
             return "the server is gone"
+        if self.state == "paused" and self.notice:
+            return f"paused: {self.notice}"
         return f"queued behind {self.behind}" if self.state == "queued" and self.behind else self.state
 
     @property

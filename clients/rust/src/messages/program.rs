@@ -251,6 +251,9 @@ pub struct ProgramStatus {
     /// Of the whole program at 100 %, as its text was simulated [s].
     #[serde(default)]
     pub duration_s: Option<f64>,
+    /// What it said last to the operator; while it is paused, what to do.
+    #[serde(default)]
+    pub notice: String,
 }
 
 /// Reply of `open`.

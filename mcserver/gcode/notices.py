@@ -1,0 +1,37 @@
+"""What a program says to its operator: (MSG, …), comments of pauses, which tool to fit (D-65, D-76)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from mcserver.motion.canonical import Canonical, PauseLine
+
+LONGEST = 200  # characters
+_MESSAGE = re.compile(r"\([ \t]*(?:MSG|DEBUG|PRINT)[ \t]*,([^()]*)\)", re.IGNORECASE)
+_COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
+_DISPLAY = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?M117(?![0-9])(.*)", re.IGNORECASE)
+
+
+def notice_of(text: str, values: Sequence[Canonical], *, printer: bool = False) -> str | None:
+    """Return what a line says to the operator; None: nothing.
+
+    Args:
+        text: the line. values: what it means; a pause says what it waits for, or the line's comment does.
+        printer: M117 says something.
+    """
+    pause = next((value for value in values if isinstance(value, PauseLine)), None)
+    if pause is not None and pause.notice:
+        return pause.notice
+    shown = _MESSAGE.search(text)
+    if shown is not None:
+        return _cut(shown[1])
+    if printer and (display := _DISPLAY.match(text)) is not None:
+        return _cut(display[1].partition(";")[0])
+    if pause is not None and (comment := _COMMENT.search(text)) is not None:
+        return _cut(comment[1] or comment[2] or "") or None
+    return None
+
+
+def _cut(text: str) -> str:
+    return "".join(each for each in text.strip() if each.isprintable())[:LONGEST]
