@@ -17,7 +17,7 @@ from pathlib import Path
 
 from mcserver.motion.kernels.cache_folder import cache_folder, read, write
 
-COMPILING = "compiling the planner for this computer: once, some 30 seconds …"
+COMPILING = "compiling the planner for this computer: once, a minute or two …"
 PLAIN = "planning without machine code, which is made in the background, once for this computer"
 # A start from the cache is over before this [s].
 PATIENCE_S = 3.0
