@@ -38,6 +38,7 @@ SECTIONS = {
     "telemetry": "telemetry of 64 axes at 1 kHz",
     "recorder": "the recorder with 64 axes at 1 kHz",
     "page": "the operator's page with viewers",
+    "page_rows": "the fleet's page with 1000 rows, scrolled",
     "page_age": "how old is what the operator's page shows",
     "sdks": "the SDKs of all languages",
 }

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from mcclient import MotionError, sync
 
 from tests.bench.figures import Figure, NotAvailable, percentile
-from tests.bench.server import free_port, server
+from tests.bench.server import end, free_port, server
 from tests.bench.telemetry import cpu_share
 from tests.e2e.servers import ROOT, environment
 
@@ -67,10 +67,22 @@ def _machine_page() -> list[Figure]:
 
 
 def _fleet_page() -> list[Figure]:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
     found = []
+    with fleet() as endpoint, page(endpoint) as (process, url):
+        for count in (1, 10):
+            with viewers(url, count, settle_s=20.0):
+                share = cpu_share(process.pid)
+            what = f"CPU of the page, {count} on the fleet of {MACHINES}"
+            found.append(Figure(what, share, "% of a core"))
+    return found
+
+
+@contextmanager
+def fleet() -> Iterator[str]:
+    """Light machines in a process of their own; their endpoint."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     command = [sys.executable, "-m", "mcserver", "fleet-sim", "--machines", str(MACHINES)]
-    fleet = subprocess.Popen(
+    process = subprocess.Popen(
         [*command, "--listen", endpoint],
         cwd=ROOT,
         env=environment(),
@@ -78,16 +90,9 @@ def _fleet_page() -> list[Figure]:
         stderr=subprocess.DEVNULL,
     )
     try:
-        with page(endpoint) as (process, url):
-            for count in (1, 10):
-                with viewers(url, count, settle_s=20.0):
-                    share = cpu_share(process.pid)
-                what = f"CPU of the page, {count} on the fleet of {MACHINES}"
-                found.append(Figure(what, share, "% of a core"))
+        yield endpoint
     finally:
-        fleet.terminate()
-        fleet.wait(30)
-    return found
+        end(process)
 
 
 @contextmanager
@@ -107,8 +112,7 @@ def page(endpoint: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
         try:
             yield process, json.loads(process.stdout.readline())["url"]
         finally:
-            process.terminate()
-            process.wait(30)
+            end(process)
             process.stdout.close()
 
 
@@ -125,7 +129,7 @@ def viewers(url: str, count: int, settle_s: float = 3.0) -> Iterator[Callable[[]
     )
     assert process.stdout is not None
 
-    def end() -> float:
+    def finish() -> float:
         said, _ = process.communicate("", timeout=60)
         return float(json.loads(said.splitlines()[-1])["messages_a_second"])
 
@@ -133,11 +137,10 @@ def viewers(url: str, count: int, settle_s: float = 3.0) -> Iterator[Callable[[]
         if not process.stdout.readline():
             raise NotAvailable("the viewers could not connect")
         time.sleep(settle_s)
-        yield end
+        yield finish
     finally:
         if process.poll() is None:
-            process.terminate()
-            process.wait(30)
+            end(process)
 
 
 @contextmanager
