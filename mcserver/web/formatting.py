@@ -26,6 +26,13 @@ def clock_text(seconds: float | None) -> str:
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
 
 
+def remaining_text(program: ProgramStatus) -> str:
+    """Time until a program's end; a lower bound where only what is planned of it is known."""
+    if program.duration_s is None and program.eta_s is not None:
+        return f"≥ {clock_text(program.eta_s)}"
+    return clock_text(program.eta_s)
+
+
 def size_text(size: float) -> str:
     """``12 KiB`` or ``3.4 MiB``."""
     for unit in ("B", "KiB", "MiB"):
@@ -39,6 +46,12 @@ def position_text(value: float) -> str:
     """Thousandths, without a negative zero."""
     text = f"{value:.3f}"
     return text if text != "-0.000" else "0.000"
+
+
+def velocity_text(value: float) -> str:
+    """Tenths, without a negative zero."""
+    text = f"{value:.1f}"
+    return text if text != "-0.0" else "0.0"
 
 
 def limits_text(axis: AxisInfo) -> str:

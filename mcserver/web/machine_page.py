@@ -27,6 +27,8 @@ from mcserver.web.users import Role
 REFRESH_S = 0.1
 # charts, pictures and lists, in refreshes: drawing them is what costs a phone its battery
 SLOW_EVERY = 4
+# signs of life, in refreshes: a page that gets none says so
+BEAT_EVERY = 10
 # between two questions to the server [s]
 SLOW_S = 1.0
 OVERRIDES = (10, 25, 50, 75, 100, 125, 150, 200)
@@ -40,6 +42,7 @@ class MachinePage:
         self._visitor_name = visitor.name
         self._actions = actions = Actions(visitor, link)
         self._turn = 0
+        self._beat = 0
         self._header(visitor)
         with ui.element("main").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{link.name}</h1>", sanitize=False)
@@ -159,6 +162,9 @@ class MachinePage:
 
     def update(self) -> None:
         """Shows the newest state."""
+        if self._beat % BEAT_EVERY == 0:
+            ui.run_javascript("mcAlive()")
+        self._beat += 1
         status, machine = self._link.status, self._link.machine
         word, kind = banner(status, self._link.online)
         if self._state.text != word:

@@ -31,6 +31,9 @@ log = logging.getLogger(__name__)
 
 MAX_FORM_BYTES = 4096
 MAX_FRAME_BYTES = 4 * 1024 * 1024
+# NiceGUI gives a link up that has been silent for 0.4 of it: a busy computer or a bad radio link must not
+# cost an operator what is chosen on the page. That the page is silent is shown long before (page.js).
+RECONNECT_S = 30.0
 STATIC = Path(__file__).parent / "static"
 
 
@@ -149,7 +152,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         title="Machines",
         dark=None,
         show_welcome_message=False,
-        reconnect_timeout=10.0,
+        reconnect_timeout=RECONNECT_S,
         message_history_length=0,
     )
     return site

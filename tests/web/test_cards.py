@@ -30,7 +30,7 @@ from mcserver.web.panels.homing import phase_of
 from mcserver.web.panels.messages import black_box_of
 from mcserver.web.panels.people import people_html
 from mcserver.web.panels.picture import tips_of
-from mcserver.web.panels.positions import positions_html, system_name
+from mcserver.web.panels.positions import offsets_html, positions_html, refusal_of, system_name
 from mcserver.web.replay import MOST_ROWS, main, replay_of
 from mcserver.web.signals import signals_of, value_of
 
@@ -105,6 +105,24 @@ def test_positions_are_shown_in_the_machine_and_in_g54() -> None:
     assert "off, not homed" in text
     assert "G54" not in positions_html(STATUS, INFO, work=False)
     assert [system_name(number) for number in (1, 6, 7, 9)] == ["G54", "G59", "G59.1", "G59.3"]
+
+
+def test_each_work_offset_that_was_set_is_listed() -> None:
+    text = offsets_html(STATUS, INFO)
+    assert "<b>G54</b> reads zero at X 10.000 mm" in text
+    assert (
+        offsets_html(MachineStatus(t=0.0, wall=0.0, instance="i", state="ready", axes=STATUS.axes), INFO)
+        == ""
+    )
+
+
+@pytest.mark.parametrize(("state", "refused"), [("queued", True), ("held", True), ("finished", False)])
+def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str, refused: bool) -> None:
+    refusal = refusal_of((ProgramStatus("p-1", "finished"), ProgramStatus("p-2", state, name="part.gcode")))
+    assert (refusal is not None) is refused
+    if refusal is not None:
+        assert refusal.code == "MC512"
+        assert refusal.message == f"part.gcode is {state}: zero is set where the axes stand"
 
 
 def test_homing_says_what_it_is_at_only_while_its_program_runs() -> None:

@@ -13,6 +13,7 @@ from mcserver.web.formatting import (
     current_program,
     position_text,
     program_excerpt,
+    remaining_text,
 )
 
 
@@ -72,3 +73,10 @@ def test_a_program_cannot_put_markup_into_the_page() -> None:
     assert "<script>" not in shown
     assert "<b>" not in shown
     assert 'class="bad"' in shown
+
+
+def test_the_time_left_is_a_lower_bound_where_only_what_is_planned_is_known() -> None:
+    known = ProgramStatus("p", "running", eta_s=65.0, duration_s=100.0)
+    assert remaining_text(known) == "1:05"
+    assert remaining_text(ProgramStatus("p", "running", eta_s=65.0)) == "≥ 1:05"
+    assert remaining_text(ProgramStatus("p", "running")) == "–"

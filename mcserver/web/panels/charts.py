@@ -25,11 +25,11 @@ class ChartPanel:
         self._sent_until: tuple[str, float] = ("", 0.0)
         with ui.card().classes("mc-card"):
             ui.html("<h2>Signals</h2>", sanitize=False)
-            with ui.row().classes("w-full items-center no-wrap"):
+            with ui.row().classes("w-full items-center"):
                 self._choice = (
                     ui.select({}, value=[], multiple=True, with_input=True, label="Signals")
                     .props("use-chips dense")
-                    .classes("grow min-w-32")
+                    .classes("grow basis-64")
                 )
                 self._span = ui.select(
                     {each: f"{each} s" for each in SPANS_S}, value=30, label="Span"

@@ -47,12 +47,13 @@ class JogPanel:
         self._pad.clear()
         with self._pad:
             for axis in info.axes:
-                ui.label(axis_name(axis.index)).classes("font-bold").tooltip(limits_text(axis))
-                for direction, sign, word in ((-1, "−", "minus"), (1, "+", "plus")):
-                    ui.button(f"{axis_name(axis.index)}{sign}").props(
-                        f"outline data-jog data-axis={axis.index} data-direction={direction} "
-                        f'aria-label="jog axis {axis_name(axis.index)} {word}"'
-                    )
+                with ui.element("div").classes("mc-jog-axis"):
+                    ui.label(axis_name(axis.index)).classes("font-bold").tooltip(limits_text(axis))
+                    for direction, sign, word in ((-1, "−", "minus"), (1, "+", "plus")):
+                        ui.button(f"{axis_name(axis.index)}{sign}").props(
+                            f"outline data-jog data-axis={axis.index} data-direction={direction} "
+                            f'aria-label="jog axis {axis_name(axis.index)} {word}"'
+                        )
 
     async def release(self) -> None:
         """Stops what this browser holds: it has gone."""

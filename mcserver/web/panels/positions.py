@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from functools import partial
 
-from mcclient import AxisInfo, Info, Machine, MachineStatus
+from mcclient import AxisInfo, Info, Machine, MachineStatus, MotionError, ProgramStatus
 from nicegui import ui
 
 from mcserver.web.actions import Actions
-from mcserver.web.formatting import axis_name, position_text
+from mcserver.web.formatting import axis_name, is_live, position_text, velocity_text
 from mcserver.web.users import Role
 
 # Axes with a button: those with a letter.
@@ -23,11 +24,14 @@ class PositionsPanel:
         self._actions = actions
         self._shown = ""
         self._axes: tuple[AxisInfo, ...] = ()
+        self._buttons: list[ui.button] = []
         with ui.card().classes("mc-card"):
             ui.html("<h2>Position</h2>", sanitize=False)
             self._table = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
             self._table.props('tabindex=0 role=region aria-label="Positions"')
+            self._offsets = ui.html("", sanitize=False).classes("w-full text-sm mc-offsets")
             self._zero = ui.element("div").classes("mc-buttons")
+            self._waits_for = ui.label("").classes("text-sm").props("aria-live=polite")
 
     def update(self, info: Info) -> None:
         lettered = tuple(axis for axis in info.axes if axis.index < LETTERED)
@@ -42,20 +46,42 @@ class PositionsPanel:
         if content != self._shown:
             self._shown = content
             self._table.set_content(content)
+        status = link.status
+        if status is not None and shown:
+            offsets = offsets_html(status, info)
+            if offsets != self._offsets.content:
+                self._offsets.set_content(offsets)
+            self._allow(refusal_of(status.programs))
+
+    def _allow(self, refusal: MotionError | None) -> None:
+        """Say on the buttons why they do nothing now."""
+        text = "" if refusal is None else f"{refusal.message} [{refusal.code}]: {refusal.hint}"
+        if text != self._waits_for.text:
+            self._waits_for.set_text(text)
+            for button in self._buttons:
+                button.set_enabled(refusal is None)
 
     def _build(self) -> None:
         self._zero.clear()
+        self._buttons = []
+        self._waits_for.set_text("")
         with self._zero:
             for axis in self._axes:
                 name = axis_name(axis.index)
-                ui.button(f"Zero {name}", on_click=partial(self._set_zero, name)).props("outline dense")
+                button = ui.button(f"Zero {name}", on_click=partial(self._set_zero, name))
+                self._buttons.append(button.props("outline dense"))
             if self._axes:
-                ui.button("Set …", on_click=self._ask).props('outline dense aria-label="set a work offset"')
+                button = ui.button("Set …", on_click=self._ask)
+                self._buttons.append(button.props('outline dense aria-label="set a work offset"'))
 
     async def _set_zero(self, axis: str, value: float = 0.0, system: int = 0) -> None:
         """Nothing moves: from now on programs read ``value`` where the axis is."""
 
         async def send(machine: Machine) -> None:
+            # it would wait for the axes, and set where they are when they come free
+            refusal = refusal_of(await machine.programs(ended=False))
+            if refusal is not None:
+                raise refusal
             async with machine.program("work offset") as program:
                 await program.send(f"G21 G90 G10 L20 P{system} {axis}{value:.6f}")
 
@@ -96,11 +122,40 @@ def work_origin(status: MachineStatus) -> dict[int, float]:
     return {}
 
 
+def refusal_of(programs: Sequence[ProgramStatus]) -> MotionError | None:
+    """Return why zero cannot be set now, as ``mcctl zero`` says it (MC512); None where no program is open."""
+    program = next((each for each in programs if is_live(each)), None)
+    if program is None:
+        return None
+    return MotionError(
+        "MC512",
+        f"{program.name or program.program} is {program.state}: zero is set where the axes stand",
+        "wait for its end, or abort it",
+    )
+
+
+def offsets_html(status: MachineStatus, info: Info) -> str:
+    """Return the work coordinate systems that were set, and where each reads zero, as HTML."""
+    units = {axis.index: axis.unit for axis in info.axes}
+    rows = []
+    for each in status.work_offsets:
+        places = ", ".join(
+            f"{axis_name(int(axis))} {position_text(value)} {units.get(int(axis), '')}".rstrip()
+            for axis, value in each.origin.items()
+        )
+        rows.append(f"<li><b>{html.escape(each.system)}</b> reads zero at {html.escape(places)}</li>")
+    return f"<ul aria-label='Work offsets'>{''.join(rows)}</ul>" if rows else ""
+
+
 def positions_html(status: MachineStatus, info: Info, *, work: bool) -> str:
     """Return the table as HTML; ``work``: with a column of what programs read in G54."""
     origin = work_origin(status)
-    titles = ("Position", *(("In G54",) if work else ()), "Setpoint", "Velocity")
-    head = "".join(f"<th class=n>{title}</th>" for title in titles)
+    # a phone has no room for all: what is wide there gives way to the state
+    less = ' class="n mc-wide"'
+    titles = [("Position", " class=n"), ("Setpoint", less), ("Velocity", less if work else " class=n")]
+    if work:
+        titles.insert(1, ("In G54", " class=n"))
+    head = "".join(f"<th{kind}>{title}</th>" for title, kind in titles)
     units = {axis.index: axis.unit for axis in info.axes}
     axes = status.axes
     rows = []
@@ -113,7 +168,8 @@ def positions_html(status: MachineStatus, info: Info, *, work: bool) -> str:
         in_work = f"<td class=n>{position_text(position - origin.get(index, 0.0))}</td>" if work else ""
         rows.append(
             f"<tr><td>{axis_name(index)}</td><td class=n>{position_text(position)} {unit}</td>{in_work}"
-            f"<td class=n>{position_text(setpoint)}</td><td class=n>{velocity:.1f} {unit}/s</td>"
+            f"<td{less}>{position_text(setpoint)}</td>"
+            f"<td{titles[-1][1]}>{velocity_text(velocity)}<span class=mc-wide> {unit}/s</span></td>"
             f"<td>{html.escape(state)}</td></tr>"
         )
     for tool in status.tools:

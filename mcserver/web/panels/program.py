@@ -10,7 +10,7 @@ from nicegui import events, ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.formatting import clock_text, current_program, is_live, program_excerpt
+from mcserver.web.formatting import clock_text, current_program, is_live, program_excerpt, remaining_text
 from mcserver.web.jobs import Job, JobState
 from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.store import MAX_PROGRAM_BYTES
@@ -81,7 +81,7 @@ class ProgramPanel:
             + (f" · by {job.user}" if job else f" · by {program.client}")
         )
         self._bar.set_value(1.0 if program.state == "finished" else share)
-        remaining = clock_text(program.eta_s) if is_live(program) else "0:00"
+        remaining = remaining_text(program) if is_live(program) else "0:00"
         self._times.set_text(
             f"line {line} of {total} · {100 * self._bar.value:.0f} % · remaining {remaining}"
             f" · override {program.override:.0f} %"

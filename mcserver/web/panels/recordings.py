@@ -28,10 +28,10 @@ class RecordingsPanel:
         self._all = False
         with ui.card().classes("mc-card"):
             ui.html("<h2>Recordings</h2>", sanitize=False)
-            with ui.row().classes("w-full items-center no-wrap"):
+            with ui.row().classes("w-full items-center gap-2"):
                 self._name = ui.input("Name", placeholder="the time").props("dense").classes("grow min-w-24")
-                ui.button("Record", on_click=self._start).props("color=primary dense")
-                ui.button("Save black box", on_click=self._save).props("outline dense")
+                ui.button("Record", on_click=self._start).props("color=primary")
+                ui.button("Save black box", on_click=self._save).props("outline")
             self._state = ui.label("").classes("text-xs")
             self._rows = ui.element("div").classes("w-full")
 

@@ -64,6 +64,14 @@
   // so that the page can tell a delayed message from a prompt one before the first press
   setInterval(() => { if (!held) emitEvent("mc_clock", { sent_s: performance.now() / 1000 }); }, 2000);
 
+  // what a page shows when nothing comes any more is old, and looks like the truth: say so
+  const SILENT_MS = 3000;
+  let alive = null;
+  window.mcAlive = () => { alive = performance.now(); document.body.classList.remove("mc-silent"); };
+  setInterval(() => {
+    if (alive !== null && performance.now() - alive > SILENT_MS) document.body.classList.add("mc-silent");
+  }, 500);
+
   // keys that work anywhere but in a field: Shift+Escape is the emergency stop, Space a feed hold
   document.addEventListener("keydown", (event) => {
     const typing = event.target instanceof Element && event.target.closest("input, textarea, [contenteditable], button, a, [role=tab]");
@@ -89,10 +97,10 @@
       animation: false,
       tooltip: { trigger: "axis" },
       axisPointer: { link: [{ xAxisIndex: "all" }] },
-      legend: { top: 0, type: "scroll", textStyle: text },
-      grid: grids.map((_, row) => ({ left: 64, right: 12, top: `${row * height + 12}%`, height: `${height - 16}%` })),
-      xAxis: grids.map((_, row) => ({ type: "value", gridIndex: row, min: -span, max: 0, axisLabel: { ...text, show: row === grids.length - 1, formatter: "{value} s" } })),
-      yAxis: grids.map((unit, row) => ({ type: "value", gridIndex: row, scale: true, name: unit, nameTextStyle: text, axisLabel: text })),
+      legend: { top: 0, right: 8, left: 80, type: "scroll", textStyle: text },
+      grid: grids.map((_, row) => ({ left: 56, right: 12, top: `${row * height + 12}%`, height: `${height - 16}%` })),
+      xAxis: grids.map((_, row) => ({ type: "value", gridIndex: row, min: -span, max: 0, splitNumber: chart.getWidth() < 420 ? 3 : 6, axisLabel: { ...text, show: row === grids.length - 1, formatter: "{value} s", hideOverlap: true } })),
+      yAxis: grids.map((unit, row) => ({ type: "value", gridIndex: row, scale: true, axisLine: { onZero: false }, name: unit, nameTextStyle: { ...text, align: "right" }, axisLabel: text })),
       series: names.map((name, column) => ({
         type: "line", name, showSymbol: false, step: units[column] === "on/off" ? "end" : false,
         xAxisIndex: grids.indexOf(units[column]), yAxisIndex: grids.indexOf(units[column]),

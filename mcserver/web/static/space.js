@@ -87,6 +87,8 @@ export default {
       this.renderer.setSize(width, height, false);
       this.camera.aspect = width / height;
       this.camera.updateProjectionMatrix();
+      // what filled a wide picture is cut off in a narrow one
+      if (!this.moved && !this.fresh) this.fit();
       this.draw();
     },
 
@@ -260,8 +262,7 @@ export default {
       this.box = box.clone().expandByScalar(0.06 * size);
       const away = this.camera.position.clone().sub(this.controls.target);
       if (away.length() === 0) away.set(1, -1.6, 1.1);
-      const half = Math.min(this.camera.fov, this.camera.fov * this.camera.aspect) * Math.PI / 360;
-      away.setLength(0.46 * size / Math.tan(half));
+      away.setLength(1.06 * this.distanceTo(box, middle, away, size));
       this.controls.target.copy(middle);
       this.camera.position.copy(middle).add(away);
       this.camera.near = away.length() / 200;
@@ -271,6 +272,20 @@ export default {
       this.ground(box, size);
       this.controls.update();
       this.draw();
+    },
+
+    // from how far all of a box is in view: each corner within both angles of the picture
+    distanceTo(box, middle, away, size) {
+      const back = away.clone().normalize();
+      const right = new THREE.Vector3().crossVectors(this.camera.up, back).normalize();
+      const above = new THREE.Vector3().crossVectors(back, right);
+      const high = Math.tan(this.camera.fov * Math.PI / 360), wide = high * this.camera.aspect;
+      let far = 0.5 * size;
+      for (const x of [box.min.x, box.max.x]) for (const y of [box.min.y, box.max.y]) for (const z of [box.min.z, box.max.z]) {
+        const corner = new THREE.Vector3(x, y, z).sub(middle);
+        far = Math.max(far, corner.dot(back) + Math.max(Math.abs(corner.dot(right)) / wide, Math.abs(corner.dot(above)) / high));
+      }
+      return far;
     },
 
     lookAtAll() { this.moved = false; this.fit(); },
