@@ -412,9 +412,10 @@ class ProgramSlot:
                 ramp.jump(0.0)
                 mean = 0.0
             else:
-                if ramp.rate != min(wanted, 1.0) and self.playback.unmoved(self.u):
+                begins = self.playback.unmoved(self.u)
+                if begins and ramp.rate != min(wanted, 1.0):
                     ramp.jump(min(wanted, 1.0))
-                mean = ramp.advance(self.u, wanted, edge, urgent=self.cycle.estop)
+                mean = ramp.advance(self.u, wanted, edge, urgent=self.cycle.estop, begins=begins)
             self._note_starved(dry, wanted)
         self._held = (self.held or self._override <= 0.0) and ramp.rate <= STANDSTILL
         return mean

@@ -179,6 +179,24 @@ def test_a_hold_from_a_steady_speed_takes_no_longer_than_the_limits_ask(jerk: fl
     assert_limits(rig, jerk)
 
 
+@pytest.mark.parametrize("known", [17, 60, 120])
+def test_a_motion_that_begins_with_few_rows_can_stop_before_the_last_of_them(known: int) -> None:
+    # 17 rows of an s-curve: from 100 % no stop within them keeps the jerk limit
+    rig = Rig(machine(jerk=1000.0 * JERK))
+    program, rows = rig.program, line(0.4, JERK)
+    program.capture()
+    program.control(ControlKind.BEGIN, axes=3)
+    program.rows(rows.position[:known], rows.velocity[:known], 3)
+    rig.step(1500)
+    assert rig.executor.feedback.slots[0].rate == 0.0
+    program.rows(rows.position[known:], rows.velocity[known:], 3)
+    program.control(ControlKind.END, axes=3)
+    program.finish()
+    rig.run()
+    assert_limits(rig, JERK)
+    assert np.array_equal(rig.setpoint[-1], rows.position[-1])
+
+
 def test_a_resumed_motion_is_played_by_whole_rows_again() -> None:
     rig, rows = start("line", 0.2, None)
     rig.step(403)

@@ -109,6 +109,8 @@ class RateControl:
         self._edge: float | None = None
         self._tries = 0
         self._last_u = math.nan
+        # of a motion that stands at its beginning: the edge, and how often and where it was searched for
+        self._begun: tuple[float | None, int, int] = (None, 0, 0)
 
     def jump(self, rate: float) -> None:
         """Set the rate at once: nothing moves by it."""
@@ -133,12 +135,15 @@ class RateControl:
         """Return the rows that u may pass before a stop at an edge has to be thought of."""
         return max(0, int(edge - u - self._far) - 1)
 
-    def advance(self, u: float, target: float, edge: float | None, *, urgent: bool) -> float:
+    def advance(
+        self, u: float, target: float, edge: float | None, *, urgent: bool, begins: bool = False
+    ) -> float:
         """Step one cycle towards ``target``; return the rows that u passes in it.
 
         Args:
             u: at the cycle's beginning. edge: u before which the motion has to be able to stop; None: it ends
-                by itself. urgent: stop without regard to jerk.
+                by itself. urgent: stop without regard to jerk. begins: the motion stands at its beginning,
+                and goes on at the present rate if it can stop before the edge.
         """
         wish = _Wish(target, edge, urgent)
         plan = self._plan
@@ -156,6 +161,8 @@ class RateControl:
         self._edge = edge
         if self._is_due(u, wish):
             found = self._search(u, wish, passed)
+            if found is None and begins and plan is None and self.rate > 0.0 and self._is_near(u, edge):
+                found = self._search_from_rest(u, wish)
             if found is not None:
                 self._plan = plan = found
                 self._wish = wish
@@ -171,6 +178,19 @@ class RateControl:
         if self._passed >= len(plan):
             self.rate, self._slope, self._plan = plan.target, 0.0, None
         return after - before
+
+    def _search_from_rest(self, u: float, wish: _Wish) -> RatePlan | None:
+        """Return a plan for a motion that stands at its beginning, and has too few rows ahead to stop from
+        100 %.
+        """
+        self.rate = 0.0
+        if wish.edge != self._begun[0]:
+            # new rows are new room
+            self._begun = (wish.edge, 0, 0)
+        _, self._refused, self._tries = self._begun
+        found = self._search(u, wish, 0.0)
+        self._begun = (wish.edge, self._refused + 1, self._tries)
+        return found
 
     # ------------------------------------------------------------------ when
 

@@ -206,6 +206,9 @@ def _partial(number: int, state: Array, slope: float, curvature: float, phases: 
         return -1, 0.0
     part, share = PARTIAL[number - len(SHARES)]
     goal = rate + part * (target - rate)
+    if goal > 1.0:
+        # no plan ends where rows cannot be played on for ever
+        return -1, 0.0
     return add_ramp(phases, 0, rate, bend, goal, slope * share, curvature * share), goal
 
 
