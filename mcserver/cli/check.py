@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from mcserver.cli.console import json_answer_on_error, results, show_diagnostics, write_json
-from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument
+from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument, ZeroOption
 from mcserver.cli.program_text import ProgramText, load_program
 from mcserver.cli.rejection import reject
 from mcserver.errors import Diagnostic
 from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.work_zero import with_zeros
 
 
 def check(
     file: ProgramArgument,
     machine: MachineOption = DEFAULT_MACHINE,
+    zero: ZeroOption = None,
     json: JsonOption = False,
 ) -> None:
     """Say every fault of a program; nothing is run. Exit code 4 where there is one."""
     with json_answer_on_error(json):
-        described = load_machine(machine)
+        described = with_zeros(load_machine(machine), zero or ())
         program = load_program(file)
         diagnostics = find_faults(program, described)
     rejected = any(each.severity == "error" for each in diagnostics)

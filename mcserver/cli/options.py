@@ -43,6 +43,14 @@ ProgramArgument = Annotated[
         metavar="FILE", help="The G-code program; - reads standard input.", autocompletion=_complete_program
     ),
 ]
+ZeroOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--zero",
+        metavar="X=10,Y=20",
+        help="Where the program's zero lies, in G54 or as G55:X=10 [mm, deg]; repeatable.",
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Answer with one JSON object on standard output.")]
 ConnectOption = Annotated[
     list[str] | None,

@@ -9,7 +9,7 @@ import typer
 
 from mcserver.cli.console import narration, show_diagnostics
 from mcserver.cli.exit_codes import ExitCode
-from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
+from mcserver.cli.options import DEFAULT_MACHINE, MachineOption, ZeroOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.cli.planner_warm_up import prepare_planner
 from mcserver.cli.program_text import load_program
@@ -20,6 +20,7 @@ from mcserver.cli.simulation_report import diagnostics_of
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.work_zero import with_zeros
 
 if TYPE_CHECKING:
     from mcserver.plot.scene import Scene
@@ -42,6 +43,7 @@ def plot(
             "without either they are scaled to the motion.",
         ),
     ] = None,
+    zero: ZeroOption = None,
 ) -> None:
     """Draw what a program does, or what a recording holds: path, speed, errors, and each axis."""
     suffix = check_output(output, (".png", ".html"))
@@ -57,7 +59,7 @@ def plot(
         opened = open_recording(file, machine)
         _draw(recorded_scene(opened.run, opened.machine, opened.kinematics), output, suffix, limits)
         return
-    _draw_program(file, load_machine(machine), output, suffix, limits)
+    _draw_program(file, with_zeros(load_machine(machine), zero or ()), output, suffix, limits)
 
 
 def _draw_program(file: str, described: Machine, output: str, suffix: str, limits: bool | None) -> None:

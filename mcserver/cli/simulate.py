@@ -11,7 +11,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from mcserver.cli.console import json_answer_on_error, narration, show_diagnostics, write_json
 from mcserver.cli.exit_codes import ExitCode
-from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument
+from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument, ZeroOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.cli.planner_warm_up import prepare_planner
 from mcserver.cli.program_text import load_program
@@ -23,6 +23,7 @@ from mcserver.simulation.input_script import with_inputs
 from mcserver.simulation.recorder import Recorded
 from mcserver.simulation.recording_file import write_csv, write_npz
 from mcserver.simulation.tool_poses import ToolPoses
+from mcserver.simulation.work_zero import with_zeros
 
 OutputOption = Annotated[
     str | None,
@@ -47,13 +48,14 @@ def simulate_program(
     machine: MachineOption = DEFAULT_MACHINE,
     output: OutputOption = None,
     inputs: InputsOption = None,
+    zero: ZeroOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run a program on a virtual clock, by the same code as the server."""
     with json_answer_on_error(json, NOTHING_SIMULATED):
         if output is not None:
             check_output(output, (".csv", ".npz"))
-        described = with_inputs(load_machine(machine), inputs or ())
+        described = with_zeros(with_inputs(load_machine(machine), inputs or ()), zero or ())
         program = load_program(file)
         if program.faults:
             if json:

@@ -11,12 +11,12 @@ from collections.abc import Callable
 from typing import Any
 
 from mcserver.errors import Refused
+from mcserver.gcode.text.source import MAX_LINE_LENGTH
 from mcserver.net import messages as wire
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
 from mcserver.net.messages import MAX_LINES_A_MESSAGE, PROTOCOL_VERSION
 from mcserver.net.rpc import Method
 from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS
-from mcserver.planning.line_buffer import MAX_LINE_LENGTH
 from mcserver.service.event_log import EventLog
 from mcserver.service.line_queue import QUEUE_LINES, Gap, LineQueue
 from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState, ProgramStatus

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
@@ -11,7 +12,7 @@ from mcserver.errors import Diagnostic
 from mcserver.gcode.profiles.codes import SPINDLE
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.profile_words import ProfileWords
-from mcserver.gcode.text.source import split_lines
+from mcserver.gcode.text.source import find_odd_line, split_lines
 from mcserver.machine.dialect_section import CodeOutput
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import (
@@ -26,6 +27,8 @@ from mcserver.motion.canonical import (
 
 Progress = Callable[[int, int], None]
 PROGRESS_STEP = 1000  # lines between two reports
+FIRST_LINES = 100_000  # a text with more lines is not looked through for whether it holds any code
+_COMMENTS = re.compile(r"\([^()]*\)?|;.*|%.*")
 
 
 def check_program(
@@ -52,6 +55,9 @@ def check_program(
     """
     interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease)
     lines = split_lines(text)
+    odd = find_odd_line(lines)
+    if odd is not None:
+        return [odd]
     survey = _Survey(machine, at_rest)
     done = 0
     while done < len(lines) and not interpreter.ended:
@@ -61,6 +67,7 @@ def check_program(
         done += taken
     if progress is not None:
         progress(len(lines), len(lines))
+    survey.empty = not any(_code(line) for line in lines[:FIRST_LINES]) and len(lines) <= FIRST_LINES
     return survey.diagnostics()
 
 
@@ -85,11 +92,16 @@ def _check_next(interpreter: Interpreter, lines: list[str], done: int, survey: _
     return 1
 
 
+def _code(line: str) -> bool:
+    return bool(_COMMENTS.sub("", line).strip("\ufeff \t"))
+
+
 class _Survey:
     """What a check finds: faults line by line, and what is said once for the whole program."""
 
     def __init__(self, machine: Machine, at_rest: bool) -> None:
         self._at_rest = at_rest
+        self.empty = False
         self._dialect = machine.dialect
         self._found: list[Diagnostic] = []
         self._computes = 0
@@ -174,6 +186,16 @@ class _Survey:
                     message=f"nothing before this move energizes {'axes' if axes[1:] else 'axis'} {names}",
                     hint='write G1010 ahead of it, or set [dialect] capture = "auto" in the machine file',
                     axis=axes[0],
+                )
+            )
+        if self.empty and self._at_rest and not self._found:
+            said.append(
+                Diagnostic(
+                    code="MC157",
+                    severity="warning",
+                    line=1,
+                    message="the file has no code: nothing would run",
+                    hint="is it the right file?",
                 )
             )
         if self._first_tool is not None and self._first_tool[1] > 0:

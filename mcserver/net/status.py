@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
+from mcserver.gcode.text.source import MAX_LINE_LENGTH
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.machine_kinematics import build_kinematics
@@ -29,7 +30,6 @@ from mcserver.net.messages import (
     ToolPose,
     WorkOffset,
 )
-from mcserver.planning.line_buffer import MAX_LINE_LENGTH
 from mcserver.service.leases import EXECUTOR_SLOTS
 from mcserver.service.line_queue import QUEUE_LINES
 from mcserver.service.motion_port import Cycles

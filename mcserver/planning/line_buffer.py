@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from itertools import islice
 
 from mcserver.errors import Diagnostic, ProgramRejected
-
-MAX_LINE_LENGTH = 8192
+from mcserver.gcode.text.source import MAX_LINE_LENGTH
 
 
 class LineBuffer:

@@ -69,3 +69,22 @@ def test_progress_is_reported_up_to_the_last_line() -> None:
 @pytest.mark.parametrize("text", ["", "\n\n", "%\n%", "\ufeffG20"])
 def test_empty_programs_and_a_byte_order_mark_are_fine(text: str) -> None:
     assert check_program(text, CARTESIAN) == []
+
+
+def test_lines_that_end_with_cr_alone_are_a_fault_of_the_file() -> None:
+    (fault,) = check_program("; made on an old Mac\rG1010\rG01 X1 F100\r", CARTESIAN)
+    assert (fault.code, fault.line, fault.column) == ("MC156", 1, 21)
+    assert "CR alone" in fault.message
+
+
+def test_a_line_beyond_all_bounds_is_a_fault_and_is_not_read() -> None:
+    (fault,) = check_program("G1010\n" + "G01 X1 F100 " * 50_000, CARTESIAN)
+    assert (fault.code, fault.line) == ("MC156", 2)
+    assert "600000 characters" in fault.message
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "; nothing\n(nothing)\n%\n"])
+def test_a_file_without_code_does_not_pass_in_silence(text: str) -> None:
+    (said,) = check_program(text, CARTESIAN, at_rest=True)
+    assert (said.code, said.severity) == ("MC157", "warning")
+    assert check_program(text + "G21\n", CARTESIAN, at_rest=True) == []

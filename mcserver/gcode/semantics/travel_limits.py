@@ -32,12 +32,17 @@ def check_travel(
     else:
         return
     where = "goes to" if beyond == end else "passes"
+    shift = (block.modal.shift or {}).get(axis.index, 0.0)
+    behind = ""
+    if shift:
+        zero = shown_position(shift, axis.type, inch)
+        behind = f" of the machine, where the program's zero lies at {zero} (work offset and tool length)"
     block.faults.add(
         "MC201",
         f"axis {axis.index} {where} {shown_position(beyond, axis.type, inch)}, beyond its {name} "
         f"of {shown_position(limit, axis.type, inch)}",
         block.span(source),
         f"stay within {shown_position(axis.min_position, axis.type, inch)} … "
-        f"{shown_position(axis.max_position, axis.type, inch)}",
+        f"{shown_position(axis.max_position, axis.type, inch)}{behind}",
         axis=axis.index,
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from mcserver.errors import Diagnostic, ProgramRejected
 
 BOM = "\ufeff"
+# The longest line of a program that a machine takes, in characters.
+MAX_LINE_LENGTH = 8192
 
 
 def decode(raw: bytes) -> str:
@@ -45,3 +47,23 @@ def split_lines(text: str) -> list[str]:
     if last:
         lines.append(last)
     return lines
+
+
+def find_odd_line(lines: list[str]) -> Diagnostic | None:
+    """Return the fault of the first line that no machine takes (MC156): too long, or with a CR in it."""
+    for number, text in enumerate(lines, start=1):
+        if len(text) <= MAX_LINE_LENGTH and "\r" not in text:
+            continue
+        if "\r" in text:
+            column = text.index("\r") + 1
+            message, hint = "a CR stands within the line", "save the file with lines that end with LF"
+            if len(lines) == 1:
+                message = "the lines end with CR alone, as on old Macs: the file is one line"
+        else:
+            column = MAX_LINE_LENGTH + 1
+            message = f"the line has {len(text)} characters; {MAX_LINE_LENGTH} are the most"
+            hint = "is it a G-code file? Blocks belong on lines of their own"
+        return Diagnostic(
+            code="MC156", message=message, line=number, column=column, end_column=column + 1, hint=hint
+        )
+    return None
