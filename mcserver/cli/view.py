@@ -133,7 +133,7 @@ def _play(file: str, machine: Machine, kinematics: MachineKinematics | None, add
     show_diagnostics(diagnostics, program.lines, program.name)
     tracks = tracks_of(machine, kinematics, recording)
     with _window(machine, kinematics, tracks, address) as window, _until_stopped() as stop:
-        window.add_zeros(work_zeros(machine, simulation.report))
+        window.show_zeros(work_zeros(machine, simulation.report.get("work_offsets", ())))
         player = Player(window, machine, kinematics, recording, tracks, program.lines)
         address.tell(window.url, f"{program.name} on {machine.name}")
         player.run(stop)

@@ -10,11 +10,11 @@ import numpy as np
 from mckinematics.solver import MachineKinematics
 
 from mcserver.machine.machine_file import Machine
-from mcserver.net.messages import MachineStatus
+from mcserver.net.messages import MachineStatus, WorkOffset
 from mcserver.view.live import LiveStates
 from mcserver.view.panel import axes_html, axis_names, line_html
 from mcserver.view.solids import Array
-from mcserver.view.tracks import tip_frames
+from mcserver.view.tracks import tip_frames, work_zeros
 from mcserver.view.window import TRAIL, Window
 
 LOOKS_A_SECOND = 30.0
@@ -46,6 +46,7 @@ class Follower:
         self._trails: dict[str, deque[Array]] = {}
         self._count = 0
         self._said = self._shown = ""
+        self._offsets: list[WorkOffset] = []
         self._moved: set[str] = set()
         gui = window.gui
         self._status = gui.add_html("")
@@ -73,6 +74,10 @@ class Follower:
         positions = positions_of(self._machine, state)
         tips = tip_frames(self._machine, self._kinematics, positions)
         self._window.place(positions, tips)
+        if state.work_offsets != self._offsets:
+            self._offsets = state.work_offsets
+            offsets = [{"system": each.system, "origin": each.origin} for each in self._offsets]
+            self._window.show_zeros(work_zeros(self._machine, offsets))
         self._count += 1
         if self._cleared.is_set():
             self._cleared.clear()

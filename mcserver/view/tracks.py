@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,17 +47,19 @@ def portal_axes(machine: Machine) -> tuple[int, ...]:
     return tuple(axis.index for axis in linear if axis is not None and axis.type is AxisType.LINEAR)
 
 
-def work_zeros(machine: Machine, report: Mapping[str, Any]) -> dict[str, Array]:
+def work_zeros(machine: Machine, offsets: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
     """Where work coordinate systems read zero, shape (3,) [m], by name; empty for a machine with tools.
 
     Args:
-        report: of a simulation; its ``work_offsets`` count. With any, the machine's zero is there too.
+        offsets: ``work_offsets`` of a simulation's report or of a status, as maps with ``system`` and
+            ``origin`` [mm]. With any, the machine's zero is there too.
     """
     axes = portal_axes(machine)
-    if machine.tools or not axes or not report.get("work_offsets"):
+    systems = list(offsets)
+    if machine.tools or not axes or not systems:
         return {}
     zeros = {"machine": np.zeros(3)}
-    for each in report["work_offsets"]:
+    for each in systems:
         zeros[each["system"]] = np.zeros(3)
         for axis in axes:
             zeros[each["system"]][axis] = float(each["origin"].get(str(axis), 0.0)) * MM

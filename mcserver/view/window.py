@@ -71,6 +71,7 @@ class Window:
         self._paths_wanted = True
         # what has been travelled or will be, by name
         self._points: dict[str, Array] = {}
+        self._zeros: dict[str, Any] = {}
         self._seen = 0.0
         self.gui = server.gui
         shown = f"[{host}]" if ":" in host else host
@@ -123,11 +124,21 @@ class Window:
             self._points[f"path {track.label}"] = track.points
             self._tracks[track.label] = self._draw(f"/paths/{track.label or 'path'}", track.points, PATH)
 
-    def add_zeros(self, zeros: Mapping[str, Array]) -> None:
-        """Draw the zeros of coordinate systems, shape (3,) [m] by name, as small frames."""
+    @property
+    def zeros(self) -> dict[str, Array]:
+        """Where the zeros of coordinate systems are drawn, shape (3,) [m] by name."""
+        return {name: np.asarray(frame.position) for name, frame in self._zeros.items()}
+
+    def show_zeros(self, zeros: Mapping[str, Array]) -> None:
+        """Draw the zeros of coordinate systems, shape (3,) [m] by name, as small frames, and no others."""
         scene = self._server.scene
+        for name in self._zeros.keys() - zeros.keys():
+            self._zeros.pop(name).remove()
         for name, at in zeros.items():
-            scene.add_frame(
+            if name in self._zeros:
+                self._zeros[name].position = tuple(at)
+                continue
+            self._zeros[name] = scene.add_frame(
                 f"/zeros/{name}",
                 position=tuple(at),
                 axes_length=ZERO_SIZE * self._size,

@@ -150,11 +150,11 @@ def test_an_endless_axis_has_a_dial() -> None:
 
 
 def test_zeros_of_work_coordinate_systems_stand_in_the_machine_s_coordinates() -> None:
-    report = {"work_offsets": [{"system": "G55", "origin": {"0": 120.0, "2": -5.0, "3": 90.0}}]}
-    zeros = work_zeros(load_machine("cartesian"), report)
+    offsets = [{"system": "G55", "origin": {"0": 120.0, "2": -5.0, "3": 90.0}}]
+    zeros = work_zeros(load_machine("cartesian"), offsets)
     assert {name: at.tolist() for name, at in zeros.items()} == {
         "machine": [0.0, 0.0, 0.0],
         "G55": [0.12, 0.0, -0.005],
     }
-    assert work_zeros(load_machine("cartesian"), {}) == {}
-    assert work_zeros(load_machine("robot-dog"), report) == {}
+    assert work_zeros(load_machine("cartesian"), []) == {}
+    assert work_zeros(load_machine("robot-dog"), offsets) == {}

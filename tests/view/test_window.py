@@ -11,8 +11,10 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from urllib.request import urlopen
 
+import msgspec
 import numpy as np
 import pytest
 import viser
@@ -20,9 +22,11 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from mcserver.cli.exit_codes import NobodyAnswers, UsageFault
+from mcserver.contract.samples import required, struct_type
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.configuration import NetworkOptions
+from mcserver.net.messages import MachineStatus, WorkOffset
 from mcserver.server import ServerOptions, running
 from mcserver.simulation.simulation import simulate
 from mcserver.view.follower import Follower, positions_of
@@ -122,6 +126,30 @@ async def test_a_running_server_is_followed(tmp_path: Path, window: Window) -> N
     follower.show(state)
     assert KINEMATICS is not None
     assert window.tip("T6") == pytest.approx(KINEMATICS.pose(6, expected).position)
+
+
+def test_a_running_server_s_zeros_are_drawn_where_they_are_now() -> None:
+    machine = load_machine("cartesian")
+    state = msgspec.convert(required(struct_type(MachineStatus)), MachineStatus)
+    states = SimpleNamespace(newest=lambda: None, silent_s=0.0)
+    with open_window(machine, None) as window:
+        follower = Follower(window, machine, None, states)  # type: ignore[arg-type]
+        shown = []
+        for offsets in (
+            [],
+            [WorkOffset("G54", {"0": 120.0})],
+            [WorkOffset("G54", {"0": 100.0, "2": -5.0}), WorkOffset("G55", {"1": 7.0})],
+            [WorkOffset("G55", {"1": 7.0})],
+        ):
+            follower.show(msgspec.structs.replace(state, work_offsets=offsets))
+            shown.append({name: (1000.0 * at).round(6).tolist() for name, at in window.zeros.items()})
+    machine_s = {"machine": [0.0, 0.0, 0.0]}
+    assert shown == [
+        {},
+        {**machine_s, "G54": [120.0, 0.0, 0.0]},
+        {**machine_s, "G54": [100.0, 0.0, -5.0], "G55": [0.0, 7.0, 0.0]},
+        {**machine_s, "G55": [0.0, 7.0, 0.0]},
+    ]
 
 
 def test_where_nobody_listens_nobody_answers() -> None:
