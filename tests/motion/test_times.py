@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup
 from tests.motion.measure import acceleration_ratio, least_time, rest_to_rest
 from tests.motion.programs import ACCELERATIONS, JERKS, LENGTHS, VELOCITIES, Program, programs
@@ -208,3 +210,32 @@ def test_the_last_row_of_a_motion_is_at_rest_to_the_last_bit(cycles: int) -> Non
     motion = plan(machine, [at_speed(10.0, line)])
     assert motion.velocity[-1] == 0.0
     assert motion.position[-1] == line.end[0]
+
+
+def late_chain(seed: int) -> tuple[Machine, list[Move], list[Commit]]:
+    """Many short lines that bend, with times that few of them can keep, and where their window is cut."""
+    rng = np.random.default_rng(seed)
+    jerk = None if rng.random() < 0.3 else float(rng.choice([5e3, 5e4]))
+    machine = alike(2, velocity=300.0, acceleration=float(rng.choice([500, 3000])), jerk=jerk)
+    count, scale = int(rng.integers(12, 40)), float(rng.choice([1e-4, 1e-3, 1e-2]))
+    turn, heading, here = float(rng.choice([0.2, 1.0])), 0.0, (0.0, 0.0)
+    moves = []
+    for _ in range(count):
+        heading += rng.normal() * turn
+        length = scale * math.exp(0.7 * rng.normal())
+        there = (here[0] + length * math.cos(heading), here[1] + length * math.sin(heading))
+        line = line_curve(machine, (0, 1), here, there)
+        moves.append(Move(in_time(length / 0.5 * math.exp(0.4 * rng.normal()), line)))
+        here = there
+    cuts = sorted(rng.integers(1, count, size=3).tolist())
+    return machine, moves, [Commit(after, float(rng.choice([0.0, 5.0, 50.0]))) for after in cuts]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_late_chain_is_not_slower_in_one_window_than_in_several_or_with_stops(seed: int) -> None:
+    machine, moves, commits = late_chain(seed)
+    whole = plan(machine, moves)
+    assert whole.duration <= 1.05 * plan(machine, moves, commits=commits).duration
+    stopping = plan(machine, [Move(move.group, from_rest=True) for move in moves])
+    assert whole.duration <= 1.05 * stopping.duration
+    assert acceleration_ratio(whole) <= 1.01

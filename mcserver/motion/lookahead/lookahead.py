@@ -92,6 +92,42 @@ def _lateness(solution: Solution) -> tuple[int, float]:
     return len(solution.late), float(solution.phases[:, 0].sum())
 
 
+def _with_all_stops(
+    solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
+) -> Solution:
+    """Try stops at all the vertices beside timed segments that are late, of which there are many, at once:
+    they are kept where the two segments take much less time from rest to rest.
+    """
+    late = np.array(list(solution.late))
+    ends = np.unique(np.concatenate((late, late + 1)))
+    ends = ends[(ends > 0) & (ends < len(junction_vmax) - 1)]
+    ends = ends[junction_vmax[ends] > 0.0]
+    trial = junction_vmax.copy()
+    trial[ends] = 0.0
+    try:
+        resting = attempt(trial)
+        rest = _times_about(resting, ends)
+        kept = ends[rest < STOP_GAIN * _times_about(solution, ends)]
+        if not len(kept):
+            return solution
+        trial = junction_vmax.copy()
+        trial[kept] = 0.0
+        found = attempt(trial)
+    except PlanningError:
+        return solution
+    best = min(found, resting, key=_lateness)
+    return best if _lateness(best) < _lateness(solution) else solution
+
+
+def _times_about(solution: Solution, ends: NDArray[np.intp]) -> Array:
+    """Return the times of the two groups at each of some ends of groups [s]; NaN where they are not known."""
+    passed = np.concatenate(([0.0], np.cumsum(solution.phases[:, 0])))[solution.first]
+    place = np.minimum(np.searchsorted(solution.knots, (ends - 1, ends, ends + 1)), len(solution.knots) - 1)
+    known = (solution.knots[place] == (ends - 1, ends, ends + 1)).all(axis=0)
+    times: Array = np.where(known, passed[place[2]] - passed[place[0]], np.nan)
+    return times
+
+
 class Lookahead:
     """Collects segments into a run and plans its velocity profile.
 
@@ -309,7 +345,11 @@ class Lookahead:
                 if _lateness(other) < (late, time * STOP_GAIN):
                     solution, best = other, inner
             junction_vmax[best] = 0.0
-        return solution
+        return (
+            solution
+            if len(solution.late) <= MOST_STOPS
+            else _with_all_stops(solution, junction_vmax, attempt)
+        )
 
     def _feed_bounds(self, times: Array, bound_by: list[Bound | None]) -> None:
         columns = self.table.columns
