@@ -197,6 +197,27 @@ def test_a_motion_that_begins_with_few_rows_can_stop_before_the_last_of_them(kno
     assert np.array_equal(rig.setpoint[-1], rows.position[-1])
 
 
+@pytest.mark.parametrize("cycles", [68, 72, 76])
+def test_a_hold_for_which_rows_leave_nothing_yet_waits_before_an_edge(cycles: int) -> None:
+    # rows take all of the jerk while their acceleration falls, and the last known row comes near
+    rig = Rig(machine(jerk=1000.0 * JERK))
+    program, rows = rig.program, line(0.8, JERK)
+    program.capture()
+    program.control(ControlKind.BEGIN, axes=3)
+    program.rows(rows.position[:269], rows.velocity[:269], 3)
+    rig.step(cycles)
+    give(rig, "hold")
+    rig.step(600)
+    assert rig.executor.feedback.slots[0].state is SlotState.HELD
+    program.rows(rows.position[269:], rows.velocity[269:], 3)
+    program.control(ControlKind.END, axes=3)
+    program.finish()
+    give(rig, "resume")
+    rig.run()
+    assert_limits(rig, JERK)
+    assert np.array_equal(rig.setpoint[-1], rows.position[-1])
+
+
 def test_a_resumed_motion_is_played_by_whole_rows_again() -> None:
     rig, rows = start("line", 0.2, None)
     rig.step(403)

@@ -107,6 +107,7 @@ class RateControl:
         self._origin = 0.0
         self._refused = 0
         self._edge: float | None = None
+        self._delayed = False
         self._tries = 0
         self._last_u = math.nan
         # of a motion that stands at its beginning: the edge, and how often and where it was searched for
@@ -166,6 +167,7 @@ class RateControl:
             if found is not None:
                 self._plan = plan = found
                 self._wish = wish
+                self._delayed = found.keeps_above(wish.target)
                 self._passed, self._origin, self._refused, self._tries = 0, u, 0, 0
                 before = 0.0
             elif not self._is_partial(wish):
@@ -215,11 +217,15 @@ class RateControl:
         return self._refused > 0
 
     def _is_partial(self, wish: _Wish) -> bool:
-        """Return whether a plan is followed that goes only a part of what is wished for, by torques."""
+        """Return whether a plan is followed that goes only a part of what is wished for, by torques, or only
+        after a while, before an edge.
+        """
         plan, had = self._plan, self._wish
-        if plan is None or had is None or not self._has_torques or had.target != wish.target:
+        if plan is None or had is None or had.target != wish.target or had.urgent != wish.urgent:
             return False
-        return had.urgent == wish.urgent and wish.target <= 1.0 and plan.target not in (wish.target, 0.0)
+        if self._delayed:
+            return True
+        return self._has_torques and wish.target <= 1.0 and plan.target not in (wish.target, 0.0)
 
     def _is_near(self, u: float, edge: float | None) -> bool:
         """Return whether a stop before an edge may have to begin soon."""

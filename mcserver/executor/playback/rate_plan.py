@@ -55,6 +55,15 @@ class RatePlan:
         parts.append(RatePhase(start, passed, target, 0.0, 0.0))
         return cls(tuple(parts), math.ceil(start - 1e-9) + steady, target)
 
+    def keeps_above(self, rate: float) -> bool:
+        """Return whether a steady rate above this one is kept on the way to one that is not above it."""
+        if self.target > rate:
+            return False
+        return any(
+            phase.slope == 0.0 and phase.curvature == 0.0 and phase.rate > rate + 1e-9
+            for phase in self.phases[:-1]
+        )
+
     def at(self, cycle: int) -> tuple[float, float, float]:
         """Return the rows passed since the plan's start at the end of a cycle, the rate there, and its
         slope.

@@ -165,6 +165,9 @@ def _candidate(
     u, rate, bend, target = state[U], state[NOW], state[BEND], state[TARGET]
     if near:
         room, goal = state[EDGE] - u, min(target, 1.0) * NEAR_GOALS[which]
+        if target < min(rate, 1.0) and which > 0:
+            # rows that leave nothing to a slower rate now may leave it later
+            goal = max(min(rate, 1.0) * NEAR_GOALS[which - 1], target)
         return stop_at_edge(phases, room, rate, bend, goal, slope, curvature), 0.0
     if target <= 1.0:
         if which > 0:
