@@ -24,13 +24,13 @@ from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
+from mcserver.motion.lookahead.commit_moments import commit_moment, last_steady
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows, first_row, sample, whole_cycle
 from mcserver.motion.profile.torque_of_rows import TorqueOfRows
-from mcserver.motion.profile.velocity_profile import Phases
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
 from mcserver.units import AxisType
 
@@ -300,11 +300,11 @@ class MotionPlanner:
         except PlanningError:
             return self._fall_back()
         wanted = (want - self.u) * self._cycle
-        moment = self._moment(plan, wanted)
+        moment = commit_moment(plan, wanted)
         settled = self._settled_until(plan)
         if moment > settled and (math.isinf(want) or wanted <= settled):
             # what a curve still changes in is handed over only if it is needed
-            moment = _last_steady(plan, settled)
+            moment = last_steady(plan, settled)
         if moment < self._cycle:
             # less than a cycle is not worth a new plan, and a trace of rounding would go on for ever: the
             # window has to grow before the next one
@@ -408,21 +408,11 @@ class MotionPlanner:
                 # rows drive no column before its activation, which may stand a rounding error behind a row
                 early = max(math.floor(activation.u + CYCLE_ROUNDING) - low + 1, 0)
                 rows.axes[:early] &= np.uint64(~activation.mask & _ALL)
-            yield self._with_torques(rows, plan, origin)
+            yield rows if self._torques is None else self._torques.on_plan(rows, plan, origin)
             low = high + 1
         while mark is not None:
             yield mark[1]
             mark = next(marks, None)
-
-    def _with_torques(self, rows: Rows, plan: PlannedRun, origin: float) -> Rows:
-        """Return rows of a plan with what they ask of joints whose torques are limited."""
-        if self._torques is None:
-            return rows
-        time = (rows.first + np.arange(len(rows.line)) - origin) * self._cycle
-        index = np.searchsorted(plan.times, time - CYCLE_ROUNDING * self._cycle) - 1
-        carried = [plan.segments[i].carried for i in np.clip(index, 0, len(plan.segments) - 1).tolist()]
-        torque = self._torques.of(rows.first, rows.position, rows.velocity, carried)
-        return dataclasses.replace(rows, torque=torque)
 
     def _marks(
         self, plan: PlannedRun, origin: float, until: float, latest: float
@@ -452,60 +442,6 @@ class MotionPlanner:
                     yield row, LineBound(segment.line, bound)
                 if segment.closes:
                     yield row, LineMark(places[index + 1], segment.line, ends=True)
-
-    def _moment(self, plan: PlannedRun, want: float) -> float:
-        """Return a time with zero acceleration at or after ``want`` [s], before the stop begins; 0
-        without one.
-        """
-        safe = self._stop_begins(plan)
-        if want >= safe:
-            return safe
-        phases = plan.phases
-        trace = 1e-6 * float(np.abs(phases.acceleration).max())
-        moment = max(want, 0.0)
-        index = int(
-            np.clip(np.searchsorted(phases.start, moment, side="right") - 1, 0, len(phases.start) - 1)
-        )
-        while index < len(phases.start):
-            constant = abs(phases.acceleration[index]) <= trace and phases.jerk[index] == 0.0
-            free = not plan.timed[index] and not phases.sealed[index]
-            if free and constant and phases.velocity[index] > 0.0:
-                break
-            if free and moment == phases.start[index] and _is_knot(phases, index):
-                break
-            index += 1
-            if index < len(phases.start):
-                moment = float(phases.start[index])
-        moment = min(moment, safe)
-        # a line with a time of its own is not cut inside
-        segment = plan.segment_at(moment)
-        if plan.segments[segment].duration is not None:
-            moment = min(float(plan.times[segment + 1]), safe)
-        return moment
-
-    def _stop_begins(self, plan: PlannedRun) -> float:
-        """Return the last time with zero acceleration before the stop at the end [s]; 0 where the run is
-        one such stop.
-        """
-        if plan.segments[-1].duration is not None:
-            # one profile from its entry to rest: nothing of it is settled before the next line is known
-            return float(plan.times[-2])
-        phases = plan.phases
-        index = len(phases.start)
-        # rounding leaves traces of acceleration where it should be zero
-        trace = 1e-6 * float(np.abs(phases.acceleration).max())
-        while index > 0:
-            a, j = phases.acceleration[index - 1], phases.jerk[index - 1]
-            if phases.sealed[index - 1] or not (a < -trace or (abs(a) <= trace and j < 0.0)):
-                break
-            index -= 1
-        if index == 0 or index == len(phases.start):
-            return 0.0
-        moment = float(phases.start[index])
-        segment = plan.segment_at(moment)
-        if plan.segments[segment].duration is not None:
-            moment = float(plan.times[segment])
-        return moment
 
     # ------------------------------------------------------------------ with an empty window
 
@@ -543,40 +479,15 @@ class MotionPlanner:
         self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
         pieces = sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle)
         if self._torques is not None:
-            pieces = self._parallel_torques(pieces, segments[0].carried)
+            pieces = _with_torques(pieces, self._torques, segments[0].carried)
         return pieces, runs, end
 
-    def _parallel_torques(self, pieces: Iterator[Piece], carried: tuple[int, ...]) -> Iterator[Piece]:
-        assert self._torques is not None
-        for piece in pieces:
-            if isinstance(piece, Rows):
-                tools = [carried] * len(piece.line)
-                torque = self._torques.of(piece.first, piece.position, piece.velocity, tools)
-                yield dataclasses.replace(piece, torque=torque)
-            else:
-                yield piece
 
-
-def _is_knot(phases: Phases, index: int) -> bool:
-    """Return whether a phase begins at an end of a stretch that is not to be cut, with speed and no
-    acceleration.
-    """
-    sealed = phases.sealed
-    return bool((index > 0 and sealed[index - 1]) or (index + 1 < len(sealed) and sealed[index + 1]))
-
-
-def _last_steady(plan: PlannedRun, until: float) -> float:
-    """The last moment without acceleration that is not later than ``until`` [s]; 0 without one."""
-    phases = plan.phases
-    trace = 1e-6 * float(np.abs(phases.acceleration).max())
-    steady = (np.abs(phases.acceleration) <= trace) & ~plan.timed & (phases.velocity > 0.0)
-    steady &= ~phases.sealed
-    steady &= phases.start <= until
-    if not steady.any():
-        return 0.0
-    index = int(np.nonzero(steady)[0][-1])
-    ends = float(phases.start[index + 1]) if index + 1 < len(phases.start) else phases.duration
-    return min(until, ends) if phases.jerk[index] == 0.0 else float(phases.start[index])
+def _with_torques(
+    pieces: Iterator[Piece], torques: TorqueOfRows, carried: tuple[int, ...]
+) -> Iterator[Piece]:
+    for piece in pieces:
+        yield torques.on(piece, [carried] * len(piece.line)) if isinstance(piece, Rows) else piece
 
 
 def _may_be_chord(segment: Segment) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from itertools import groupby
 
@@ -10,6 +11,8 @@ import numpy as np
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.motion.kernels.row_torques import NUMBERS, stop_cycles
+from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
 
 
 class TorqueOfRows:
@@ -29,26 +32,34 @@ class TorqueOfRows:
         self._velocity: Array = np.zeros(0)
         self.longest_stop = 0
 
-    def of(self, first_u: int, position: Array, velocity: Array, carried: Sequence[tuple[int, ...]]) -> Array:
-        """Return the torques of rows that follow those of the calls before, shape (n, 3, J), in shares of the
-        limits, by the numbers of `mcserver.motion.kernels.row_torques`.
+    def on_plan(self, rows: Rows, plan: PlannedRun, origin: float) -> Rows:
+        """Return rows of a plan that starts at u = ``origin`` with their torques."""
+        time = (rows.first + np.arange(len(rows.line)) - origin) * self._cycle
+        index = np.searchsorted(plan.times, time - CYCLE_ROUNDING * self._cycle) - 1
+        index = np.clip(index, 0, len(plan.segments) - 1)
+        return self.on(rows, [plan.segments[each].carried for each in index.tolist()])
+
+    def on(self, rows: Rows, carried: Sequence[tuple[int, ...]]) -> Rows:
+        """Return rows that follow those of the calls before with their torques, in shares of the limits, by
+        the numbers of `mcserver.motion.kernels.row_torques`.
 
         Args:
-            position, velocity: shape (n, K). carried: tools that were chosen by then, of each row.
+            carried: tools that were chosen by then, of each row.
         """
-        joined = first_u - 1 == self._u
+        position, velocity = rows.position, rows.velocity
+        joined = rows.first - 1 == self._u
         before = self._velocity if joined else np.zeros_like(velocity[0])
         earlier = np.vstack([before[None], velocity[:-1]])
         mean, acceleration = 0.5 * (earlier + velocity), (velocity - earlier) / self._cycle
-        self._u, self._velocity = first_u + len(position) - 1, velocity[-1].copy()
+        self._u, self._velocity = rows.first + len(position) - 1, velocity[-1].copy()
         limits = self._limits
         found = np.empty((len(position), NUMBERS, len(limits.limits)))
         start = 0
-        for tools, rows in groupby(carried):
-            part = slice(start, start + len(list(rows)))
+        for tools, alike in groupby(carried):
+            part = slice(start, start + len(list(alike)))
             found[part] = limits.of_rows(
                 position[part], mean[part], acceleration[part], velocity[part] / self._cycle, tools
             )
             start = part.stop
         self.longest_stop = max(self.longest_stop, stop_cycles(found))
-        return found
+        return dataclasses.replace(rows, torque=found)

@@ -1,0 +1,84 @@
+"""Where a plan may be cut: moments without acceleration before its stop, from which it goes on anew."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.profile.velocity_profile import Phases
+
+
+def commit_moment(plan: PlannedRun, want: float) -> float:
+    """Return a time with zero acceleration at or after ``want`` [s], before the stop begins; 0
+    without one.
+    """
+    safe = _stop_begins(plan)
+    if want >= safe:
+        return safe
+    phases = plan.phases
+    trace = 1e-6 * float(np.abs(phases.acceleration).max())
+    moment = max(want, 0.0)
+    index = int(np.clip(np.searchsorted(phases.start, moment, side="right") - 1, 0, len(phases.start) - 1))
+    while index < len(phases.start):
+        constant = abs(phases.acceleration[index]) <= trace and phases.jerk[index] == 0.0
+        free = not plan.timed[index] and not phases.sealed[index]
+        if free and constant and phases.velocity[index] > 0.0:
+            break
+        if free and moment == phases.start[index] and _is_knot(phases, index):
+            break
+        index += 1
+        if index < len(phases.start):
+            moment = float(phases.start[index])
+    moment = min(moment, safe)
+    # a line with a time of its own is not cut inside
+    segment = plan.segment_at(moment)
+    if plan.segments[segment].duration is not None:
+        moment = min(float(plan.times[segment + 1]), safe)
+    return moment
+
+
+def _stop_begins(plan: PlannedRun) -> float:
+    """Return the last time with zero acceleration before the stop at the end [s]; 0 where the run is
+    one such stop.
+    """
+    if plan.segments[-1].duration is not None:
+        # one profile from its entry to rest: nothing of it is settled before the next line is known
+        return float(plan.times[-2])
+    phases = plan.phases
+    index = len(phases.start)
+    # rounding leaves traces of acceleration where it should be zero
+    trace = 1e-6 * float(np.abs(phases.acceleration).max())
+    while index > 0:
+        a, j = phases.acceleration[index - 1], phases.jerk[index - 1]
+        if phases.sealed[index - 1] or not (a < -trace or (abs(a) <= trace and j < 0.0)):
+            break
+        index -= 1
+    if index == 0 or index == len(phases.start):
+        return 0.0
+    moment = float(phases.start[index])
+    segment = plan.segment_at(moment)
+    if plan.segments[segment].duration is not None:
+        moment = float(plan.times[segment])
+    return moment
+
+
+def _is_knot(phases: Phases, index: int) -> bool:
+    """Return whether a phase begins at an end of a stretch that is not to be cut, with speed and no
+    acceleration.
+    """
+    sealed = phases.sealed
+    return bool((index > 0 and sealed[index - 1]) or (index + 1 < len(sealed) and sealed[index + 1]))
+
+
+def last_steady(plan: PlannedRun, until: float) -> float:
+    """The last moment without acceleration that is not later than ``until`` [s]; 0 without one."""
+    phases = plan.phases
+    trace = 1e-6 * float(np.abs(phases.acceleration).max())
+    steady = (np.abs(phases.acceleration) <= trace) & ~plan.timed & (phases.velocity > 0.0)
+    steady &= ~phases.sealed
+    steady &= phases.start <= until
+    if not steady.any():
+        return 0.0
+    index = int(np.nonzero(steady)[0][-1])
+    ends = float(phases.start[index + 1]) if index + 1 < len(phases.start) else phases.duration
+    return min(until, ends) if phases.jerk[index] == 0.0 else float(phases.start[index])
