@@ -50,6 +50,7 @@ class FakeServer(FakeMethods):
         self.check_diagnostics: list[dict[str, Any]] = []
         self.events: list[dict[str, Any]] = []
         self.axis_count = axes
+        self.unhomed: set[int] = set()
         self.endpoint = ""
         self.instance = ""
         self._answers: dict[tuple[str, int], tuple[bool, bytes]] = {}
@@ -382,6 +383,7 @@ class FakeServer(FakeMethods):
                 "velocity": [0] * count,
                 "torque": [0.0] * count,
                 "state": ["standstill"] * count,
+                "homed": [axis not in self.unhomed for axis in range(count)],
             },
             "programs": [self._program_status(program) for program in self.programs.values()],
             "faults": [],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -199,6 +200,13 @@ def test_a_jog_needs_a_distance_or_keys_and_says_its_unit(mcctl: Run) -> None:
     code, _, err = mcctl("jog", "X")
     assert code == 2
     assert "either a distance or --keys" in err
+
+
+def test_a_jog_of_an_axis_that_is_not_homed_says_so(mcctl: Run, server: FakeServer) -> None:
+    server.unhomed.add(1)
+    assert "not homed: slowly, and without soft limits" in mcctl("jog", "Y", "5")[1]
+    assert "not homed" not in mcctl("jog", "X", "5")[1]
+    assert json.loads(mcctl("jog", "Y", "5", "--json")[1])["homed"] is False
 
 
 def test_help_keeps_its_brackets(mcctl: Run) -> None:

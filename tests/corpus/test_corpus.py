@@ -245,3 +245,9 @@ def test_an_offset_of_0_outside_the_plane_of_an_arc_says_nothing() -> None:
     assert ends("G2 X10 Y0 I5 J0 K0.000 F600") == [10.0, 0.0, 0.0]
     assert ends("G18 G3 X2 Z0 I1 J0 K0 F600") == [2.0, 0.0, 0.0]
     assert [each.code for each in errors("G2 X10 Y0 I5 J0 K1 F600", "cnc")] == ["MC131"]
+
+
+@pytest.mark.parametrize("line", ["G29 P1", "G29.2 S0", "G280", "G392 S0", "M1002 judge_flag"])
+def test_printers_probing_and_priming_have_no_effect(line: str) -> None:
+    (said,) = check_program(f"G28\n{line}\nG1 X10 F1000", machine_of("printer"))
+    assert (said.code, said.severity) == ("MC142", "warning")

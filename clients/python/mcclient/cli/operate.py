@@ -165,8 +165,16 @@ def jog(
         if keys:
             await jog_by_keys(one, found, velocity, from_terminal())
             return {"axis": found.index}
+        axes = (await one.status()).axes
+        homed = dict(zip(axes.index, axes.homed, strict=False)).get(found.index, True)
         program = await one.jog(found.index, distance, velocity=velocity)
-        return {"program": program, "axis": found.index, "distance": distance, "unit": found.unit}
+        return {
+            "program": program,
+            "axis": found.index,
+            "distance": distance,
+            "unit": found.unit,
+            "homed": homed,
+        }
 
     def sentence(name: str, outcome: dict[str, Any]) -> str:
         shown = axis_name(outcome["axis"])
@@ -174,7 +182,9 @@ def jog(
             return f"{name}: axis {shown} stands"
         speed = "" if velocity is None else f" at {velocity:g} {outcome['unit']}/s"
         move = f"{distance:g} {outcome['unit']}{speed}"
-        return f"{name}: axis {shown} goes by {move} (program {outcome['program']})"
+        # nothing but the operator's eyes keeps such an axis from its end
+        caution = "" if outcome["homed"] else "; it is not homed: slowly, and without soft limits"
+        return f"{name}: axis {shown} goes by {move} (program {outcome['program']}){caution}"
 
     with errors_shown(json):
         if keys is (distance is not None):
