@@ -71,7 +71,7 @@ def test_an_axis_follows_a_smooth_motion_by_the_torque_that_its_inertia_needs() 
     assert max(drive_of(bench).permille) == pytest.approx(needed, rel=0.1)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.floats(0.3, 4.0), st.floats(0.0, 2e-4), st.floats(-0.5, 0.5))
 def test_the_loop_is_stable_with_loads_that_are_not_as_the_machine_file_says(
     inertia: float, friction: float, load: float
@@ -79,11 +79,11 @@ def test_the_loop_is_stable_with_loads_that_are_not_as_the_machine_file_says(
     bench = held(axis="max_following_error = 10.0")
     drive = drive_of(bench)
     drive.inertia, drive.friction, drive.load = inertia * INERTIA, friction, load * RATED
-    swing(bench, 400, stroke=0.002)
-    bench.exchange(2 * SECOND, follow=False)
+    swing(bench, 200, stroke=0.002, seconds=0.2)
+    bench.exchange(SECOND, follow=False)
     assert bench.feedback.state[0] == DriveState.ENERGIZED
     quiet = []
-    for _ in range(200):
+    for _ in range(100):
         bench.exchange(follow=False)
         quiet.append(error(bench))
     assert max(map(abs, quiet)) < 20 * COUNT_M
