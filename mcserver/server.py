@@ -33,10 +33,10 @@ from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.jog import Jogging
 from mcserver.service.motion_port import MotionPort
-from mcserver.service.program_table import ServiceOptions
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
+from mcserver.service.service_options import ServiceOptions
 from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)

@@ -14,6 +14,7 @@ from mcserver.errors import Refused
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
 from mcserver.net import messages as wire
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
+from mcserver.net.info_messages import AxisInfo, Info, LimitsInfo, TelemetryInfo
 from mcserver.net.messages import MAX_LINES_A_MESSAGE, PROTOCOL_VERSION
 from mcserver.net.rpc import Method
 from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS
@@ -345,7 +346,7 @@ class LightMachine:
             events=self._events.since(request.since, request.limit),
         )
 
-    def _info(self) -> wire.Info:
+    def _info(self) -> Info:
         axis = {
             "type": "linear",
             "unit": "mm",
@@ -353,17 +354,17 @@ class LightMachine:
             "max_acceleration": 1000.0,
             "drive": "simulated",
         }
-        return wire.Info(
+        return Info(
             machine=self.name,
             server="light",
             protocol=[PROTOCOL_VERSION],
             instance=self._instance,
             epoch=self._epoch,
             cycle_s=CYCLE_S,
-            axes=[wire.AxisInfo(index=index, **axis) for index in self._axes],  # type: ignore[arg-type]
+            axes=[AxisInfo(index=index, **axis) for index in self._axes],  # type: ignore[arg-type]
             tools=[],
-            telemetry=wire.TelemetryInfo(self._axes, list(TELEMETRY_FIELDS), CYCLES_A_MESSAGE, 0.0),
-            limits=wire.LimitsInfo(
+            telemetry=TelemetryInfo(self._axes, list(TELEMETRY_FIELDS), CYCLES_A_MESSAGE, 0.0),
+            limits=LimitsInfo(
                 max_line_length=MAX_LINE_LENGTH,
                 max_lines_a_message=MAX_LINES_A_MESSAGE,
                 queue_lines=QUEUE_LINES,

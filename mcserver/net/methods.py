@@ -16,6 +16,7 @@ from mcserver.net import messages as wire
 from mcserver.net import model_messages as model_wire
 from mcserver.net import recording_messages as recording_wire
 from mcserver.net.arming_methods import ArmingMethods
+from mcserver.net.info_messages import Info
 from mcserver.net.model_methods import ModelMethods
 from mcserver.net.recording_methods import RecordingMethods
 from mcserver.net.rpc import Method
@@ -272,7 +273,7 @@ class Methods:
         self._record(client, "sdo_write", None, f"{where} {request.index:04X}h.{request.subindex}")
         return reply
 
-    def info(self, _client: str, _request: wire.Request) -> wire.Info:
+    def info(self, _client: str, _request: wire.Request) -> Info:
         return machine_info(self._service, list(self.table()))
 
     def _record(self, client: str, method: str, program: str | None = None, detail: str = "") -> None:

@@ -12,7 +12,14 @@ from typing import Any
 
 import msgspec
 
-from mcserver.net import arming_messages, drive_messages, messages, model_messages, recording_messages
+from mcserver.net import (
+    arming_messages,
+    drive_messages,
+    info_messages,
+    messages,
+    model_messages,
+    recording_messages,
+)
 from mcserver.net.keys import VERSION_CHUNK
 
 _ID = f"mc/{VERSION_CHUNK}"
@@ -21,7 +28,15 @@ _ID = f"mc/{VERSION_CHUNK}"
 def message_types() -> dict[str, type[msgspec.Struct]]:
     """Every message by name."""
     named: dict[str, object] = {}
-    for module in (messages, drive_messages, arming_messages, recording_messages, model_messages):
+    modules = (
+        messages,
+        info_messages,
+        drive_messages,
+        arming_messages,
+        recording_messages,
+        model_messages,
+    )
+    for module in modules:
         named |= vars(module)
     return {
         name: value

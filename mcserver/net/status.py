@@ -15,18 +15,20 @@ from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
-from mcserver.net.messages import (
-    MAX_LINES_A_MESSAGE,
-    PROTOCOL_VERSION,
-    AxesStatus,
+from mcserver.net.info_messages import (
     AxisInfo,
     Info,
     InputInfo,
     LimitsInfo,
-    MachineStatus,
     OutputInfo,
     TelemetryInfo,
     ToolInfo,
+)
+from mcserver.net.messages import (
+    MAX_LINES_A_MESSAGE,
+    PROTOCOL_VERSION,
+    AxesStatus,
+    MachineStatus,
     ToolPose,
     WorkOffset,
 )

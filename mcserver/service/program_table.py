@@ -7,13 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
-
-import msgspec
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
@@ -44,7 +40,6 @@ from mcserver.service.fault_latch import FaultLatch, fault_of
 from mcserver.service.heartbeat import Heartbeat
 from mcserver.service.journal import Journal
 from mcserver.service.journal_check import JournalLock, repair_journal
-from mcserver.service.journal_file import JournalConnection, open_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
@@ -52,6 +47,7 @@ from mcserver.service.progress_reports import ProgressReports
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Ack, Event, Fault, LineReport, ProgramState, wire_diagnostic
 from mcserver.service.reports import EventKind as Kind
+from mcserver.service.service_options import ServiceOptions
 from mcserver.service.work_offsets import WorkOffsets
 
 log = logging.getLogger(__name__)
@@ -59,23 +55,6 @@ log = logging.getLogger(__name__)
 ENDED_PROGRAMS = 100
 # Between two looks whether the programs of a planner that has ended are at rest.
 AT_REST_S = 0.02
-
-
-class ServiceOptions(msgspec.Struct, frozen=True):
-    """Options of one start.
-
-    Attributes:
-        journal: the journal's file.
-        instance: id of this start.
-        clock: Unix time [s].
-        connect: opens the journal's file. journal_thread: the journal writes in a thread of its own.
-    """
-
-    journal: Path
-    instance: str
-    clock: Callable[[], float] = time.time
-    connect: Callable[[Path], JournalConnection] = open_journal
-    journal_thread: bool = True
 
 
 class ProgramTable:

@@ -24,7 +24,7 @@ from mcserver.service.line_queue import LineQueue
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, open_programs, owned_program
-from mcserver.service.program_table import ProgramTable, ServiceOptions
+from mcserver.service.program_table import ProgramTable
 from mcserver.service.progress_reports import TICK_S
 from mcserver.service.reports import (
     Ack,
@@ -34,6 +34,7 @@ from mcserver.service.reports import (
     ProbeStatus,
     ProgramStatus,
 )
+from mcserver.service.service_options import ServiceOptions
 from mcserver.service.stop_latch import StopLatch
 
 log = logging.getLogger(__name__)

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from mcserver.errors import Refused
-from mcserver.service.program_table import ServiceOptions
 from mcserver.service.reports import Ack
 from mcserver.service.service import MachineService
+from mcserver.service.service_options import ServiceOptions
 from tests.contract.vectors import read
 from tests.service.fakes import FakePipelines, FakePort, three_axes
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from mcserver.service.program_table import ServiceOptions
 from mcserver.service.reports import Ack, Event
 from mcserver.service.service import MachineService
+from mcserver.service.service_options import ServiceOptions
 from tests.service.fakes import FakePipelines, FakePort, three_axes
 
 LIMIT_S = 5.0

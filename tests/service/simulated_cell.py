@@ -31,9 +31,9 @@ from mcserver.planning.planner_messages import (
 )
 from mcserver.service.journal_file import open_journal
 from mcserver.service.motion_port import Snapshot
-from mcserver.service.program_table import ServiceOptions
 from mcserver.service.reports import ENDED, Ack, Event
 from mcserver.service.service import MachineService
+from mcserver.service.service_options import ServiceOptions
 from tests.service.fakes import FakePort, FakeSink, three_axes
 
 LIMIT_S = 60.0

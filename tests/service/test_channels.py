@@ -15,9 +15,9 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.program import Program
-from mcserver.service.program_table import ServiceOptions
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
+from mcserver.service.service_options import ServiceOptions
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.service.fakes import FakePipelines, FakePort, three_axes
 

@@ -22,10 +22,10 @@ from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
-from mcserver.service.program_table import ServiceOptions
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
+from mcserver.service.service_options import ServiceOptions
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.service.fakes import LoopPlanner
 

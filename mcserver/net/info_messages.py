@@ -1,0 +1,116 @@
+"""The payload of ``info``, as `mcserver.net.messages`: what a machine and its service are."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+
+class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One axis; limits in mm or deg and seconds, None where not limited.
+
+    ``homing``: how it finds its reference; None: its encoder's reading is its position.
+    """
+
+    index: int
+    type: Literal["linear", "rotary"]
+    unit: Literal["mm", "deg"]
+    max_velocity: float
+    max_acceleration: float
+    drive: str
+    max_jerk: float | None = None
+    min_position: float | None = None
+    max_position: float | None = None
+    in_position: float = 0.0
+    homing: str | None = None
+
+
+class ToolInfo(msgspec.Struct, frozen=True):
+    """One tool of G01 … Tn."""
+
+    number: int
+    frame: str
+    axes: list[int]
+    orientation: bool
+    euler: str
+
+
+class InputInfo(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One input.
+
+    Attributes:
+        number: of its kind, as M66 names it. source: where a real one comes from; empty: it is simulated.
+        hold, stop: it can hold the programs, or stop the machine.
+    """
+
+    name: str
+    number: int
+    kind: Literal["digital", "analog"]
+    unit: str = ""
+    source: str = ""
+    hold: bool = False
+    stop: bool = False
+
+
+class OutputInfo(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One output.
+
+    Attributes:
+        number: of its kind, as M62 to M68 name it. target: where a real one goes; empty: it is simulated.
+        min, max: least and greatest value. safe: its value once what has set it is lost; None: it stays.
+    """
+
+    name: str
+    number: int
+    kind: Literal["digital", "analog"]
+    unit: str = ""
+    target: str = ""
+    min: float = 0.0
+    max: float = 1.0
+    safe: float | None = None
+
+
+class TelemetryInfo(msgspec.Struct, frozen=True):
+    """How to read ``tele/batch``: its columns, its fields and how many cycles a message holds at most."""
+
+    axes: list[int]
+    fields: list[str]
+    cycles_a_message: int
+    state_hz: float
+
+
+class LimitsInfo(msgspec.Struct, frozen=True):
+    """Bounds of the service."""
+
+    max_line_length: int
+    max_lines_a_message: int
+    queue_lines: int
+    programs_at_once: int
+    open_programs: int
+    remembered_answers: int
+    remembered_answer_s: float
+
+
+class Info(msgspec.Struct, frozen=True):
+    """Reply of ``info``.
+
+    Attributes:
+        protocol: versions of this key space that the server speaks.
+        instance: one start of the server; another one means that programs before it were interrupted.
+        epoch: Unix time of executor time 0 [s].
+    """
+
+    machine: str
+    server: str
+    protocol: list[int]
+    instance: str
+    epoch: float
+    cycle_s: float
+    axes: list[AxisInfo]
+    tools: list[ToolInfo]
+    telemetry: TelemetryInfo
+    limits: LimitsInfo
+    methods: list[str]
+    inputs: list[InputInfo] = []
+    outputs: list[OutputInfo] = []
