@@ -28,8 +28,8 @@ from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.kernels.rate_changes import NEAR_U
 
-# This close to an edge u is put onto it [cycles].
-LANDING = 1e-5
+# This close to an edge u is put onto it [cycles]: at 1 m/s that is a nanometre, of a jerk of 1 m/s³ at 1 kHz.
+LANDING = 1e-6
 # Rows that a motion begins, or goes on, with at the least while its end is not known.
 START_ROWS = 16.0
 # A rate below this is standstill [1].

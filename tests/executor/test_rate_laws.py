@@ -247,3 +247,16 @@ def test_an_emergency_stop_does_not_wait_for_the_jerk_limit() -> None:
     points = rig.setpoint[-3:]
     assert np.array_equal(points[0], points[-1])
     assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION
+
+
+@pytest.mark.parametrize(("first", "second"), [(498, 688), (510, 705)])
+def test_a_stop_on_the_last_known_row_keeps_a_low_jerk_limit_to_its_end(first: int, second: int) -> None:
+    rig = Rig(machine(jerk=50_000.0))
+    program, rows = rig.program, line(0.8, 50.0)
+    program.capture()
+    program.control(ControlKind.BEGIN, axes=3)
+    for known in (slice(0, first), slice(first, second)):
+        program.rows(rows.position[known], rows.velocity[known], 3)
+        rig.step(1500)
+        assert rig.executor.feedback.slots[0].rate == 0.0
+    assert_limits(rig, 50.0)
