@@ -471,9 +471,14 @@ class ProgramTable:
 
     def _say(self, program: Program, line: int) -> None:
         """Publish what lines through this one say to the operator."""
+        said: list[str] = []
         while program.messages and program.messages[0][0] <= line:
-            at, program.notice = program.messages.popleft()
-            self.publish("program.message", program, line=at, message=program.notice)
+            at, message = program.messages.popleft()
+            said.append(message)
+            self.publish("program.message", program, line=at, message=message)
+        if said:
+            # what is said on the way to one pause belongs together
+            program.notice = " · ".join(said[-3:])
 
     def _journal_progress(self, program: Program, ended: Sequence[LineReport]) -> None:
         if self.journal_failure:

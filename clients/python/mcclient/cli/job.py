@@ -314,8 +314,10 @@ class Job:
         line = max(done, status.line if status is not None else 0)
         override = status.override if status is not None else 100.0
         foreseen = status if status is not None and status.duration_s is not None else None
+        # why it is paused stands in the status, which may come a moment later
+        late = program.state == "paused" and status is not None and status.state == "running"
         return Snapshot(
-            state=program.state,
+            state="running" if late else program.state,
             first=first,
             total=self._source.total,
             line=line,
