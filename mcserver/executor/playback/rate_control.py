@@ -87,8 +87,6 @@ class RateControl:
             + (axis.max_acceleration / axis.max_jerk if math.isfinite(axis.max_jerk) else 0.0)
             for axis in machine.axes
         )
-        # two and a half times the rows that a stop from 100 % takes: where rows brake before the edge with
-        # all that an axis has, only who was slow before that can stop on it
         self._stop = stop / dt
         self._torques = ring.torque
         # where nothing is to be looked at
@@ -124,6 +122,8 @@ class RateControl:
     @property
     def _far(self) -> float:
         """Rows before an edge from which on a stop there is thought of."""
+        # two and a half times the rows that a stop from 100 % takes: where rows brake before the edge with
+        # all that an axis has, only who was slow before that can stop on it
         stop = max(self._stop, self._ring.torque_stop) if self._has_torques else self._stop
         return 1.25 * stop + NEAR_ROWS
 
