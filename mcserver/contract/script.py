@@ -20,7 +20,6 @@ from mcserver.service.program import Program
 from mcserver.service.reports import Fault, ProgramState, wire_diagnostic
 
 PROGRAM = "b4c1-1"
-INSTANCE = "b4c1"
 CLIENT = "contract-1"
 
 

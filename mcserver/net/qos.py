@@ -18,15 +18,6 @@ class Qos(msgspec.Struct, frozen=True):
     reliability: zenoh.Reliability = zenoh.Reliability.RELIABLE
 
 
-def rpc_qos() -> Qos:
-    """Of a query; the reply takes it over."""
-    return Qos(zenoh.Priority.INTERACTIVE_HIGH, zenoh.CongestionControl.BLOCK, express=True)
-
-
-def lines_qos() -> Qos:
-    return Qos(zenoh.Priority.DATA_HIGH, zenoh.CongestionControl.BLOCK)
-
-
 def ack_qos() -> Qos:
     return Qos(zenoh.Priority.INTERACTIVE_HIGH, express=True)
 

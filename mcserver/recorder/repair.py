@@ -11,7 +11,6 @@ from typing import BinaryIO
 import msgspec
 import zstandard
 from mcap.exceptions import McapError
-from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
@@ -23,7 +22,6 @@ from mcserver.recorder.folder import SUFFIX, RecordingFolder
 DAMAGE = (McapError, struct.error, zstandard.ZstdError, ValueError, EOFError, OverflowError, MemoryError)
 # No record of ours is larger; a damaged length must not ask for the computer's memory.
 MAX_RECORD_BYTES = 256 << 20
-LAST_RECORDS = frozenset({Opcode.DATA_END, Opcode.FOOTER})
 
 
 class Repaired(msgspec.Struct, frozen=True):

@@ -68,11 +68,6 @@ class LineWindow:
         return not self._lines or (len(self._lines) < self._buffer_lines and self._bytes < self._buffer_bytes)
 
     @property
-    def unacknowledged(self) -> bool:
-        """Whether lines have been sent whose acceptance is not known."""
-        return self._sent > self.accepted
-
-    @property
     def pending(self) -> bool:
         """Whether lines have been given that are not known to be accepted."""
         return bool(self._lines)

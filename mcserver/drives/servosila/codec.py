@@ -12,7 +12,6 @@ from mcserver.can.cob import Function
 COMMAND = Function.RPDO1
 STATUS = Function.TPDO1
 POSITION = Function.TPDO2
-CURRENTS = Function.TPDO3
 
 COMMAND_PACKING = struct.Struct("<B3xf")
 STATUS_PACKING = struct.Struct("<Hhf")

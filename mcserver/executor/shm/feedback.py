@@ -269,12 +269,6 @@ class FeedbackRing:
         part: Array = rows[:, TIME]
         return part
 
-    @staticmethod
-    def line_of(rows: Array) -> Array:
-        """Lines of rows."""
-        part: Array = rows[:, LINE]
-        return part
-
     def state_of(self, row: Array) -> FeedbackState:
         """A row as a value."""
         blocks = [

@@ -7,7 +7,6 @@ from types import MappingProxyType
 
 # first and second axis in right-handed order seen from the plane's positive normal
 PLANES: Mapping[int, tuple[int, int]] = MappingProxyType({17: (0, 1), 18: (2, 0), 19: (1, 2)})
-OFFSETS: Mapping[str, int] = MappingProxyType({"I": 0, "J": 1, "K": 2})
 OFFSET_LETTERS = "IJK"
 
 

@@ -170,9 +170,6 @@ COMMANDS: tuple[CommandSpec, ...] = (
 BY_TEXT: Mapping[tuple[str, str], CommandSpec] = MappingProxyType(
     {(spec.letter, str(spec.number)): spec for spec in COMMANDS}
 )
-MOVES: Mapping[int, CommandSpec] = MappingProxyType(
-    {spec.number: spec for spec in COMMANDS if spec.kind is Kind.MOVE}
-)
 
 _ABSENT_FAMILIES: tuple[tuple[str, range, str], ...] = (
     ("G", range(40, 50), "there is no tool compensation here; program the tool's own path"),
