@@ -91,8 +91,10 @@ def machine_on(
     kind: str = "cia402",
     bus: str = "",
     own_keys: Sequence[str] = (),
+    axis_keys: str = "",
 ) -> Machine:
-    """Axis i has the i-th node; ``keys`` go into every drive's section, ``own_keys`` into one each."""
+    """Axis i has the i-th node; ``keys`` go into every drive's section, ``own_keys`` into one each,
+    ``axis_keys`` into every axis's."""
     axes = "".join(
         f"""
 [[axis]]
@@ -101,6 +103,7 @@ type = "linear"
 max_velocity = 100
 max_acceleration = 1000
 units_per_motor_rev = 10
+{axis_keys}
 [axis.drive]
 kind = "{kind}"
 bus = "left"

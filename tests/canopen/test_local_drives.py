@@ -15,7 +15,7 @@ from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
-from tests.canopen.eds_files import U32, eds
+from tests.canopen.eds_files import I16, U32, eds
 from tests.canopen.local_drives import LocalDrive, until
 from tests.canopen.rig import RunningHub, Watched, machine_on
 
@@ -142,6 +142,41 @@ def test_a_drive_that_has_profile_position_alone_goes_to_points(
         until(lambda: bool(cycle.bus.exchange(cycle.setpoints)) and drive.position[0] == 4096, "motion")
         assert drive.setpoints == [4096]
         assert drive.speeds == [8192]
+    finally:
+        cycle.close()
+
+
+def test_a_drive_that_has_torques_alone_follows_by_the_loop_that_is_closed_here(
+    hub: RunningHub, make: Make, watched: Watched, tmp_path: Path
+) -> None:
+    text = eds(
+        without=[0x607A, 0x60FF],
+        changes={0x6502: {"DefaultValue": "0x200"}},
+        more=entry(0x6071, "Target torque", I16),
+    )
+    drive = make(text, positions=(777,))
+    machine = machine_on(
+        hub.address(),
+        [1],
+        keys(tmp_path, 'mode = "cst"\nrated_torque = 1.0\ninertia = 1e-3'),
+        bus="silence_cycles = 1000",
+        axis_keys="max_following_error = 20.0",
+    )
+    cycle = Cycle(watched.start(machine), machine, [drive])
+    try:
+        cycle.run(DriveMode.POSITION, DriveState.ENERGIZED)
+        assert set(drive.torques) <= {0}
+        start = float(cycle.setpoints.position[0])
+        for step in range(121):
+            # 10 mm in a second, and 0.2 s at its end
+            share = min(step / 100, 1.0)
+            cycle.setpoints.position[:] = start + 0.01 * share * share * (3.0 - 2.0 * share)
+            before = drive.answered
+            cycle.bus.exchange(cycle.setpoints)
+            until(lambda seen=before: drive.answered > seen, "an answer")
+        assert cycle.feedback.fault[0] == DriveFault.NONE
+        assert drive.position[0] == pytest.approx(777 + 4096, abs=200)
+        assert max(map(abs, drive.torques)) < 1000
     finally:
         cycle.close()
 
