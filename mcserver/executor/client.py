@@ -10,13 +10,13 @@ from collections.abc import Mapping
 from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import ExecutorEvent
-from mcserver.executor.homed import StoredReference
 from mcserver.executor.process_start import ExitCode, ProcessState, Start
 from mcserver.executor.realtime import PRIORITY
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.shm.shared_memory import SharedParts, create_block, map_block
+from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 from mcserver.processes import start_child
 

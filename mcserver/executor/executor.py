@@ -20,7 +20,6 @@ from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
 from mcserver.executor.holding import stop_independent
-from mcserver.executor.homed import StoredReference
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
 from mcserver.executor.shm.event_ring import EventRing
@@ -39,6 +38,7 @@ from mcserver.executor.shm.feedback import (
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.slot import ProgramSlot
+from mcserver.executor.stored_reference import StoredReference
 from mcserver.executor.supervision import Supervision
 from mcserver.machine.machine_file import Machine
 

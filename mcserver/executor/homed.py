@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-import msgspec
-
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 
 # Faults after which an encoder without a reference of its own may have counted wrong, or from anew.
@@ -23,19 +22,6 @@ LOSING = frozenset(
         FaultCode.HOMING_FAILED,
     }
 )
-
-
-class StoredReference(msgspec.Struct, frozen=True):
-    """The reference of an axis from an earlier start.
-
-    Attributes:
-        offset: position minus encoder reading [m or rad].
-        reading: what the encoder has to read now for it to hold [m or rad]; None: an absolute encoder, for
-            which it holds whatever it reads.
-    """
-
-    offset: float
-    reading: float | None = None
 
 
 class HomedAxes:

@@ -6,8 +6,8 @@ import enum
 
 import msgspec
 
-from mcserver.executor.homed import StoredReference
 from mcserver.executor.realtime import PRIORITY
+from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from mcserver.executor.homed import StoredReference
+from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.service.kept_file import replace_file
 

@@ -15,11 +15,11 @@ from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.executor import Executor
 from mcserver.executor.headroom import Array, AxisLimits, torque_axes
-from mcserver.executor.homed import StoredReference
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
 from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
+from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 
 Recorder = Callable[[float, int, Array, Array], None]

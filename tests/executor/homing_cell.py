@@ -6,8 +6,8 @@ import numpy as np
 
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent
-from mcserver.executor.homed import StoredReference
 from mcserver.executor.homing import HomingPhase
+from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.executor.rig import Array, Program
