@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from mcclient import sync
 
 from tests.e2e.servers import ROOT, ServerProcess, environment
 
+HERE = Path(__file__).parent
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = [
     "--no-sandbox",
@@ -24,13 +26,26 @@ FLAGS = [
     "--disable-quic",
     "--enable-unsafe-swiftshader",
 ]
-# generous: the first check of a server compiles, and the computer may be busy
-LIMIT_MS = 120_000
+# generous: the first check of a server compiles, and the computer may be busy. What ends these tests is that
+# something does not come at all, never that it comes late
+LIMIT_MS = 240_000
+LIMIT_S = 900.0
+WIDE = {"width": 1920, "height": 1080}
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 if CHROMIUM is None:
     pytest.skip("chromium is not installed", allow_module_level=True)
+
+
+playwright.expect.set_options(timeout=LIMIT_MS)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give each test of this folder the time of the servers and browsers that it may have to start."""
+    for item in items:
+        if item.path.is_relative_to(HERE):
+            item.add_marker(pytest.mark.timeout(LIMIT_S))
 
 
 class PageProcess:
@@ -60,19 +75,37 @@ class PageProcess:
         self.process.stdout.close()
 
 
+@contextmanager
+def serving(folder: Path, machine: str, name: str, *, recorder: bool = False) -> Iterator[ServerProcess]:
+    """A motion server of a machine."""
+    made = ServerProcess(folder, machine, name, recorder=recorder)
+    try:
+        made.start()
+        yield made
+    finally:
+        made.close()
+
+
+@contextmanager
+def page_of(endpoint: str, folder: Path, *options: str) -> Iterator[PageProcess]:
+    """The operator's page of what answers at an endpoint."""
+    made = PageProcess(endpoint, folder, *options)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
 @pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    made = ServerProcess(tmp_path_factory.mktemp("server"), "cartesian", "bench", recorder=True)
-    made.start()
-    yield made
-    made.close()
+    with serving(tmp_path_factory.mktemp("server"), "cartesian", "bench", recorder=True) as made:
+        yield made
 
 
 @pytest.fixture(scope="session")
 def site(server: ServerProcess, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageProcess]:
-    made = PageProcess(server.endpoint, tmp_path_factory.mktemp("programs"))
-    yield made
-    made.close()
+    with page_of(server.endpoint, tmp_path_factory.mktemp("programs")) as made:
+        yield made
 
 
 # not longer than a module: while it is open, no other loop can run in this thread
@@ -84,15 +117,42 @@ def browser() -> Iterator[playwright.Browser]:
         made.close()
 
 
-@pytest.fixture
-def page(browser: playwright.Browser, request: pytest.FixtureRequest) -> Iterator[playwright.Page]:
-    context = browser.new_context(viewport={"width": 1920, "height": 1080})
-    context.set_default_timeout(LIMIT_MS)
-    made = context.new_page()
+@pytest.fixture(scope="module")
+def context(browser: playwright.Browser) -> Iterator[playwright.BrowserContext]:
+    """One profile for all tests of a module: what the browser has loaded once, it need not load again."""
+    made = browser.new_context(viewport=WIDE)
+    made.set_default_timeout(LIMIT_MS)
     yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def tab(context: playwright.BrowserContext) -> playwright.Page:
+    """One tab for all tests of a module, which begin where they want to be with `opened`."""
+    return context.new_page()
+
+
+@pytest.fixture
+def page(tab: playwright.Page, request: pytest.FixtureRequest) -> Iterator[playwright.Page]:
+    yield tab
     if os.environ.get("SCREENSHOTS"):
-        made.screenshot(path=f"{os.environ['SCREENSHOTS']}/{request.node.name}.png", full_page=True)
-    context.close()
+        tab.screenshot(path=f"{os.environ['SCREENSHOTS']}/{request.node.name}.png", full_page=True)
+    # as the next test expects it, whatever this one has left
+    tab.mouse.up()
+    tab.context.set_offline(False)
+    tab.set_viewport_size(WIDE)
+
+
+def opened(
+    page: playwright.Page, site: PageProcess, name: str = "bench", *, state: str = "ready"
+) -> playwright.Page:
+    """The page of a machine, in that state; loaded anew only where another page, or a dialog, is open."""
+    url = f"{site.url}machine/{name}"
+    if page.url != url or page.locator(".q-dialog").count():
+        page.goto(url)
+    playwright.expect(page.get_by_role("status")).to_have_text(state)
+    playwright.expect(page.locator("[data-jog]").first).to_be_visible()
+    return page
 
 
 @pytest.fixture

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mcclient import RequestRefused, sync
 
-from tests.browser.conftest import LIMIT_MS, PageProcess, playwright
-from tests.browser.test_machine_page import opened
+from tests.browser.conftest import PageProcess, opened, playwright
 from tests.e2e.servers import ServerProcess
 
 if TYPE_CHECKING:
@@ -17,7 +16,6 @@ else:
     Page = Any
 
 expect = playwright.expect
-expect.set_options(timeout=LIMIT_MS)
 TEXT = "G1010\nG94 F6000\nG91\nG01 X20 Y10 ; <b>already armed</b>\nG01 X-20 Y-10\nM30\n"
 
 

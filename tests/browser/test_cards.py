@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import LIMIT_MS, PageProcess, playwright
-from tests.browser.test_machine_page import opened, upload, wait_for
+from tests.browser.conftest import PageProcess, opened, page_of, playwright, serving
+from tests.browser.test_machine_page import upload, wait_for
 from tests.e2e.servers import ServerProcess
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ else:
     Page = Any
 
 expect = playwright.expect
-expect.set_options(timeout=LIMIT_MS)
 
 URDF = """<robot name="crane">
 <link name="base"><visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual></link>
@@ -73,23 +72,20 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     folder = tmp_path_factory.mktemp("crane")
     (folder / "crane.urdf").write_text(URDF)
     (folder / "crane.toml").write_text(CRANE)
-    made = ServerProcess(folder, str(folder / "crane.toml"), "crane")
-    made.start()
-    yield made
-    made.close()
+    with serving(folder, str(folder / "crane.toml"), "crane") as made:
+        yield made
 
 
 @pytest.fixture(scope="module")
 def crane_site(crane: ServerProcess, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageProcess]:
-    made = PageProcess(crane.endpoint, tmp_path_factory.mktemp("programs"))
-    yield made
-    made.close()
+    with page_of(crane.endpoint, tmp_path_factory.mktemp("programs")) as made:
+        yield made
 
 
 def test_a_robot_homes_is_seen_and_set_to_zero(
     page: Page, crane: ServerProcess, crane_site: PageProcess
 ) -> None:
-    page.goto(f"{crane_site.url}machine/crane")
+    opened(page, crane_site, "crane")
     expect(page.get_by_text("switch: not homed")).to_be_visible()
     page.wait_for_function(f"{SPACE.format('.mc-space')}.axisParts.size === 1")
     page.get_by_role("button", name="Energize").click()
@@ -102,8 +98,15 @@ def test_a_robot_homes_is_seen_and_set_to_zero(
         # the arm is drawn where the encoder is
         height = f"{SPACE.format('.mc-space')}.axisParts.get(0)[0].group.position.z"
         page.wait_for_function(f"Math.abs({height} - {at}) < 0.1")
-        page.get_by_role("button", name="Zero X").click()
+        zero = page.get_by_role("button", name="Zero X")
+        with machine.program("by another"):
+            expect(
+                page.get_by_text(re.compile(r"^by another is .*: zero is set .* \[MC512\]"))
+            ).to_be_visible()
+            expect(zero).to_be_disabled()
+        zero.click()
         expect(page.get_by_text("X reads 0 here now")).to_be_visible()
+        expect(page.get_by_text("reads zero at X")).to_be_visible()
         page.get_by_label("G-code line").fill("G90 G0 X10")
         page.get_by_label("G-code line").press("Enter")
         wait_for(machine, page, lambda status: abs(status.axes.position[0] - at - 10.0) < 0.05)
@@ -161,7 +164,7 @@ def test_an_emergency_stop_leads_to_its_black_box(
     page: Page, site: PageProcess, machine: sync.Machine
 ) -> None:
     opened(page, site)
-    upload(page, "dry.gcode", "G1010\nG01 X40 F6000\n")
+    upload(page, "stopped.gcode", "G1010\nG01 X40 F6000\n")
     page.get_by_role("button", name="Dry run").click()
     expect(page.get_by_role("button", name="Run it")).to_be_visible()
     # over a dialog too

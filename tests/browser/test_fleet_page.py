@@ -15,8 +15,7 @@ import zenoh
 
 from mcserver.net.messages import AxesStatus, MachineStatus
 from mcserver.web.users import Role, add_user
-from tests.browser.conftest import LIMIT_MS, PageProcess, playwright
-from tests.e2e.servers import ServerProcess
+from tests.browser.conftest import PageProcess, page_of, playwright
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -24,7 +23,6 @@ else:
     Page = Any
 
 expect = playwright.expect
-expect.set_options(timeout=LIMIT_MS)
 MACHINES = 20
 
 
@@ -96,15 +94,26 @@ def fleet() -> Iterator[Answering]:
 
 @pytest.fixture(scope="module")
 def fleet_site(fleet: Answering, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageProcess]:
-    made = PageProcess(fleet.endpoint, tmp_path_factory.mktemp("programs"))
-    yield made
-    made.close()
+    users = tmp_path_factory.mktemp("users") / "users"
+    for name, role in (("ada", Role.OPERATOR), ("bob", Role.OBSERVER)):
+        add_user(users, name, role, f"{name}'s battery staple")
+    with page_of(fleet.endpoint, tmp_path_factory.mktemp("programs"), "--users", str(users)) as made:
+        yield made
+
+
+def log_in(page: Page, site: PageProcess, name: str, password: str) -> None:
+    page.context.clear_cookies()
+    page.goto(f"{site.url}machine/hall-00")
+    expect(page).to_have_url(f"{site.url}login")
+    page.get_by_label("Name").fill(name)
+    page.get_by_label("Password").fill(password)
+    page.get_by_role("button", name="Log in").click()
 
 
 def test_all_machines_are_shown_searched_and_several_held_after_a_question(
     page: Page, fleet: Answering, fleet_site: PageProcess
 ) -> None:
-    page.goto(fleet_site.url)
+    log_in(page, fleet_site, "ada", "ada's battery staple")
     expect(page.get_by_role("status")).to_have_text(f"{MACHINES} of {MACHINES} online, 1 with faults")
     page.get_by_label("Group").click()
     page.get_by_role("option", name="hall").click()
@@ -124,27 +133,35 @@ def test_all_machines_are_shown_searched_and_several_held_after_a_question(
 
 
 def test_a_wrong_password_is_refused_and_an_observer_may_look_but_not_hold(
-    page: Page, server: ServerProcess, tmp_path: Path
+    page: Page, fleet: Answering, fleet_site: PageProcess
 ) -> None:
-    users = tmp_path / "users"
-    add_user(users, "bob", Role.OBSERVER, "battery staple")
-    site = PageProcess(server.endpoint, tmp_path / "programs", "--users", str(users))
-    try:
-        page.goto(f"{site.url}machine/bench")
-        expect(page).to_have_url(f"{site.url}login")
-        page.get_by_label("Name").fill("bob")
-        page.get_by_label("Password").fill("wrong password")
-        page.get_by_role("button", name="Log in").click()
-        expect(page.get_by_role("alert")).to_contain_text("Wrong name or password")
-        page.get_by_label("Name").fill("bob")
-        page.get_by_label("Password").fill("battery staple")
-        page.get_by_role("button", name="Log in").click()
-        expect(page.get_by_role("status")).to_be_visible()
-        page.goto(f"{site.url}machine/bench")
-        page.get_by_role("button", name="Hold", exact=True).click()
-        expect(page.get_by_text("This needs the role operator")).to_be_visible()
-    finally:
-        site.close()
+    held = list(fleet.holds)
+    log_in(page, fleet_site, "bob", "wrong password")
+    expect(page.get_by_role("alert")).to_contain_text("Wrong name or password")
+    log_in(page, fleet_site, "bob", "bob's battery staple")
+    expect(page.get_by_role("status")).to_contain_text(f"{MACHINES} of {MACHINES}")
+    page.get_by_role("link", name="cell-07").click()
+    page.get_by_role("button", name="Hold", exact=True).click()
+    expect(page.get_by_text("This needs the role operator")).to_be_visible()
+    assert fleet.holds == held
+
+
+@pytest.mark.parametrize(("width", "columns"), [(360, ["State"]), (1920, ["State", "Program", "Faults"])])
+def test_what_is_asked_first_is_in_view_on_a_narrow_and_on_a_wide_screen(
+    page: Page, fleet_site: PageProcess, width: int, columns: list[str]
+) -> None:
+    log_in(page, fleet_site, "bob", "bob's battery staple")
+    page.set_viewport_size({"width": width, "height": 800})
+    expect(page.get_by_role("status")).to_contain_text(f"{MACHINES} of {MACHINES}")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    for name in columns:
+        header = page.get_by_role("columnheader", name=name, exact=True)
+        expect(header).to_be_in_viewport(ratio=1.0)
+        box = header.bounding_box()
+        assert box is not None
+        assert box["x"] + box["width"] <= width
+    for name in ("Hold selected", "Stop selected"):
+        expect(page.get_by_role("button", name=name)).to_be_in_viewport(ratio=1.0)
 
 
 def test_a_user_is_added_by_the_command(tmp_path: Path) -> None:

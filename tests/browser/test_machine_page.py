@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mcclient import MachineStatus, sync
 
-from tests.browser.conftest import LIMIT_MS, PageProcess, playwright
+from tests.browser.conftest import LIMIT_MS, PageProcess, opened, page_of, playwright
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -17,17 +17,10 @@ else:
     Page = Any
 
 expect = playwright.expect
-expect.set_options(timeout=LIMIT_MS)
-LOOKS = 600
-# a minute at 100 %, with room for a browser on a busy computer
-LONG = "G1010\nG01 X2000 F2000\n"
-
-
-def opened(page: Page, site: PageProcess, ready: str = "ready") -> Page:
-    page.goto(f"{site.url}machine/bench")
-    expect(page.get_by_role("status")).to_have_text(ready)
-    expect(page.locator("[data-jog]").first).to_be_visible()
-    return page
+LOOK_MS = 25
+LOOKS = LIMIT_MS // LOOK_MS
+# a minute at 10 %, with room for a browser on a busy computer
+LONG = "G1010\nG01 X2000 F20000\n"
 
 
 def wait_for(machine: sync.Machine, page: Page, wanted: Callable[[MachineStatus], bool]) -> MachineStatus:
@@ -36,7 +29,7 @@ def wait_for(machine: sync.Machine, page: Page, wanted: Callable[[MachineStatus]
         status = machine.status()
         if wanted(status):
             return status
-        page.wait_for_timeout(25)
+        page.wait_for_timeout(LOOK_MS)
     raise AssertionError(f"not seen: {status}")
 
 
@@ -61,6 +54,8 @@ def test_a_file_is_uploaded_run_held_overridden_and_finished(
     opened(page, site)
     upload(page, "three.gcode", LONG)
     expect(page.get_by_text("three.gcode: no faults")).to_be_visible()
+    page.get_by_role("button", name="10 %", exact=True).click()
+    expect(page.get_by_text("Override 10 %", exact=True)).to_be_visible()
     page.get_by_role("button", name="Run", exact=True).first.click()
     expect(page.get_by_role("status")).to_have_text("running")
     page.get_by_role("button", name="Hold").click()
@@ -136,7 +131,8 @@ def test_a_lost_link_stops_the_axis_and_nothing_starts_when_it_comes_back(
     rest = wait_for(machine, page, at_rest).axes.position[0]
     page.context.set_offline(False)
     expect(page.get_by_role("status")).to_have_text("ready")
-    page.wait_for_timeout(1000)
+    # several keep-alives' time, with the button still down
+    page.wait_for_timeout(500)
     page.mouse.up()
     assert machine.status().axes.position[0] == pytest.approx(rest, abs=0.1)
 
@@ -144,8 +140,7 @@ def test_a_lost_link_stops_the_axis_and_nothing_starts_when_it_comes_back(
 def test_a_killed_page_process_stops_the_axis_that_it_jogged(
     page: Page, server: Any, machine: sync.Machine, tmp_path: Any
 ) -> None:
-    mortal = PageProcess(server.endpoint, tmp_path)
-    try:
+    with page_of(server.endpoint, tmp_path) as mortal:
         opened(page, mortal)
         start = machine.status().axes.position[0]
         page.get_by_role("button", name="jog axis X plus").hover()
@@ -153,8 +148,7 @@ def test_a_killed_page_process_stops_the_axis_that_it_jogged(
         wait_for(machine, page, lambda status: status.axes.position[0] > start + 5.0)
         mortal.process.kill()
         wait_for(machine, page, at_rest)
-    finally:
-        mortal.close()
+    page.mouse.up()
 
 
 def test_the_emergency_stop_is_confirmed_shown_before_all_else_and_reset(
