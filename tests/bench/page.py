@@ -78,10 +78,10 @@ def _fleet_page() -> list[Figure]:
 
 
 @contextmanager
-def fleet() -> Iterator[str]:
+def fleet(machines: int = MACHINES) -> Iterator[str]:
     """Light machines in a process of their own; their endpoint."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    command = [sys.executable, "-m", "mcserver", "fleet-sim", "--machines", str(MACHINES)]
+    command = [sys.executable, "-m", "mcserver", "fleet-sim", "--machines", str(machines)]
     process = subprocess.Popen(
         [*command, "--listen", endpoint],
         cwd=ROOT,
