@@ -148,6 +148,8 @@ def test_a_killed_page_process_stops_the_axis_that_it_jogged(
         wait_for(machine, page, lambda status: status.axes.position[0] > start + 5.0)
         mortal.process.kill()
         wait_for(machine, page, at_rest)
+        # what the page shows is old from now on, and it says so
+        expect(page.locator("body")).to_have_class(re.compile("mc-silent"))
     page.mouse.up()
 
 
