@@ -30,6 +30,7 @@ FLAGS = [
 # something does not come at all, never that it comes late
 LIMIT_MS = 240_000
 LIMIT_S = 900.0
+TRIES = 12
 WIDE = {"width": 1920, "height": 1080}
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -153,6 +154,19 @@ def opened(
     playwright.expect(page.get_by_role("status")).to_have_text(state)
     playwright.expect(page.locator("[data-jog]").first).to_be_visible()
     return page
+
+
+def choose(page: playwright.Page, field: playwright.Locator, name: str) -> None:
+    """Take an option of a list; it closes where the page is laid out anew meanwhile, and is opened again."""
+    option = page.get_by_role("option", name=name, exact=True)
+    for _ in range(TRIES):
+        field.click()
+        try:
+            option.click(timeout=LIMIT_MS / TRIES)
+        except playwright.TimeoutError:
+            continue
+        return
+    raise AssertionError(f"{name} was not offered")
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mcclient import RequestRefused, sync
 
-from tests.browser.conftest import PageProcess, opened, playwright
+from tests.browser.conftest import PageProcess, choose, opened, playwright
 from tests.e2e.servers import ServerProcess
 
 if TYPE_CHECKING:
@@ -40,8 +40,7 @@ def test_an_operator_sees_a_run_that_is_asked_for_and_arms_it_once(
         # whatever the text says, it waits
         with pytest.raises(RequestRefused, match="waits for an operator"):
             agent.run_armed(TEXT)
-        part.get_by_label("Override up to").click()
-        page.get_by_role("option", name="50 %").click()
+        choose(page, part.get_by_label("Override up to"), "50 %")
         part.get_by_role("button", name="Arm once").click()
         expect(part).to_contain_text("up to 50 %")
         assert agent.run_armed(TEXT)["override"] == pytest.approx(50.0)

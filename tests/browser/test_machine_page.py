@@ -201,6 +201,7 @@ def test_the_emergency_stop_stays_in_view_and_nothing_overflows(
 
 def test_the_page_has_no_serious_accessibility_findings(page: Page, site: PageProcess) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+    page.goto("about:blank")
     opened(page, site)
     expect(page.get_by_label("Choose a file")).to_be_attached()
     # a row of a recording has links of its own
