@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.machine.machine_file import Machine
+from mcserver.motion.geometry.row_torques import steady_rates
 
 Array = NDArray[np.float64]
 
@@ -98,9 +99,6 @@ class HeadroomWriter:
             np.cbrt(limits.jerk / (jerk + 1e-30)),
         ).min(axis=1)
         if torque is not None:
-            # the planner has it; the server maps the same memory and needs no compiled code
-            from mcserver.motion.kernels.row_torques import steady_rates
-
             cap = np.minimum(cap, steady_rates(torque))
         rates: Array = np.clip(cap, 1.0, limits.rate if torque is None else RATE_MAX)
         if not joined:

@@ -14,7 +14,8 @@ found = {}
 for name in [*COMMANDS, *GROUPS]:
     build_app(name)
     found[name] = [each for each in ("mcserver.motion.kernels.compiled", "numba") if each in sys.modules]
-print(json.dumps(found))
+import mcserver.server
+print(json.dumps({"commands": found, "server": "numba" in sys.modules}))
 """
 
 
@@ -23,10 +24,11 @@ def last_line(script: str) -> Any:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_no_command_imports_kernels_before_it_is_called() -> None:
+def test_neither_a_command_nor_the_server_itself_imports_kernels() -> None:
     """`prepare_planner` chooses plain Python for a short program only while no kernel is imported."""
     found = last_line(SCRIPT)
-    assert {name: kernels for name, kernels in found.items() if kernels} == {}
+    assert {name: kernels for name, kernels in found["commands"].items() if kernels} == {}
+    assert not found["server"]
 
 
 def test_the_command_that_is_called_is_the_only_one_imported() -> None:

@@ -20,6 +20,7 @@ from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_plan import RatePlan
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.machine.machine_file import Machine
+from mcserver.motion.geometry.row_torques import NUMBERS
 from mcserver.motion.kernels.rate_changes import MOST_PHASES, SAME_RATE
 from mcserver.motion.kernels.rate_search import (
     CRUISE,
@@ -30,7 +31,6 @@ from mcserver.motion.kernels.rate_search import (
 )
 from mcserver.motion.kernels.rate_trial import SETTLING
 from mcserver.motion.kernels.rate_window import SCRATCH
-from mcserver.motion.kernels.row_torques import NUMBERS
 
 # What differences at the cycle rate may pass the limits by, inside the 100.1 %, 101 % and 105 % that
 # velocity, acceleration and jerk are judged at; what rows do themselves is allowed in any case.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mcserver.executor.entries import Array, Control, ControlKind
 from mcserver.executor.headroom import RATE_MAX, AxisLimits, HeadroomWriter
-from mcserver.motion.kernels.row_torques import NUMBERS, stop_cycles
+from mcserver.motion.geometry.row_torques import NUMBERS, stop_cycles
 
 ROWS = 4096
 CONTROLS = 4096

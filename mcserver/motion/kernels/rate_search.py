@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.row_torques import NUMBERS
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.rate_changes import (
     MOST_PHASES,
@@ -45,7 +46,7 @@ from mcserver.motion.kernels.rate_window import (
     set_limits,
 )
 from mcserver.motion.kernels.row_interpolation import interpolate_rows
-from mcserver.motion.kernels.row_torques import NUMBERS, change_limit
+from mcserver.motion.kernels.row_torques import change_limit
 
 # Shares of the limits that a change of rate is tried with, the fastest first: more of them find a faster
 # change where rows leave little.

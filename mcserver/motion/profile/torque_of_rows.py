@@ -9,8 +9,8 @@ from itertools import groupby
 import numpy as np
 
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.row_torques import NUMBERS, stop_cycles
 from mcserver.motion.geometry.torque_limits import TorqueLimits
-from mcserver.motion.kernels.row_torques import NUMBERS, stop_cycles
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
 
