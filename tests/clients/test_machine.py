@@ -189,5 +189,5 @@ async def test_an_emergency_stop_without_confirmation_is_an_error(server: FakeSe
     server.confirm_estop = False
     async with Machine.connect(connect=server.endpoint) as machine:
         with pytest.raises(NoAnswerInTime, match="has not confirmed"):
-            await machine.estop(timeout_s=0.2)
+            await machine.estop(timeout_s=1.0)
     assert server.estops > 1

@@ -8,8 +8,8 @@ from tests.e2e_can.bench import LINE
 from tests.e2e_can.disturbances import ON_ITS_BUS, SILENCE_CYCLES, disturbances
 from tests.e2e_can.faults import measure
 
-# a computer that also runs the drives, and other tests, is late now and then
-CYCLE_HZ = 20.0
+# a computer that also runs the drives is late now and then
+CYCLE_HZ = 50.0
 STOPPING = {
     "mute": "MC411",
     "short TPDO": "MC411",

@@ -50,15 +50,17 @@ def split_lines(text: str) -> list[str]:
 
 
 def find_odd_line(lines: list[str]) -> Diagnostic | None:
-    """Return the fault of the first line that no machine takes (MC156): too long, or with a CR in it."""
+    """Return the fault of the first line that no machine takes (MC156): too long, or a whole file whose lines
+    end with CR alone. A CR in one of several lines is a fault of that line.
+    """
     for number, text in enumerate(lines, start=1):
-        if len(text) <= MAX_LINE_LENGTH and "\r" not in text:
+        one = len(lines) == 1 and "\r" in text
+        if len(text) <= MAX_LINE_LENGTH and not one:
             continue
-        if "\r" in text:
+        if one:
             column = text.index("\r") + 1
-            message, hint = "a CR stands within the line", "save the file with lines that end with LF"
-            if len(lines) == 1:
-                message = "the lines end with CR alone, as on old Macs: the file is one line"
+            message = "the lines end with CR alone, as on old Macs: the file is one line"
+            hint = "save the file with lines that end with LF"
         else:
             column = MAX_LINE_LENGTH + 1
             message = f"the line has {len(text)} characters; {MAX_LINE_LENGTH} are the most"

@@ -34,13 +34,15 @@ class ProgramPanel:
             self._text = ui.html("", sanitize=False).classes("w-full")
         with ui.card().classes("mc-card"):
             ui.html("<h2>Programs and queue</h2>", sanitize=False)
-            ui.upload(
+            self._uploader = ui.upload(
                 label="Upload G-code",
                 auto_upload=True,
                 max_file_size=MAX_PROGRAM_BYTES,
                 on_upload=self._on_upload,
                 on_rejected=lambda: show_refusal("The file is too large", "split the program"),
-            ).props('accept=".gcode,.nc,.ngc,.tap,.txt,.g,text/plain" flat bordered').classes("w-full")
+            )
+            self._uploader.props('accept=".gcode,.nc,.ngc,.tap,.txt,.g,text/plain" flat bordered')
+            self._uploader.classes("w-full")
             with ui.row().classes("items-center w-full"):
                 self._choice = ui.select([], label="Program", with_input=True).classes("grow min-w-40")
                 self._from_line = ui.number("From line", value=1, min=1, format="%d").classes("w-24")
@@ -142,6 +144,8 @@ class ProgramPanel:
         except McError as error:
             show_refusal(error.message, error.hint)
             return
+        # its list would show each file once more, with buttons that have no name
+        self._uploader.reset()
         self._update_store()
         self._choice.set_value(event.file.name)
         await self._check(event.file.name, content.decode("utf-8-sig"))
