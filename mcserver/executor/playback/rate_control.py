@@ -38,7 +38,7 @@ VELOCITY_SLACK, ACCELERATION_SLACK, JERK_SLACK = 1.0005, 1.004, 1.04
 # Cycles without a change that keeps all limits. Motion that stands goes on a little way after as many without
 # new rows either: the gentle change may only lack room. After twice as many the one that passes the limits
 # least is made: rows whose vertices pass a jerk limit let no other through, and motion would stand for good.
-# In an emergency stop.
+# The second number is that of an emergency stop, for which such a change is made at once after it.
 PATIENCE, URGENT_PATIENCE = 250, 4
 # The same while a stop before an edge has to begin: later there is room for worse ones only.
 NEAR_PATIENCE = 6
