@@ -209,6 +209,11 @@ def test_the_page_has_no_serious_accessibility_findings(page: Page, site: PagePr
     # a row of a recording has links of its own
     page.get_by_role("button", name="Save black box").click()
     expect(page.get_by_role("link", name=re.compile("^plot ")).first).to_be_visible()
+    # what fades in or out has no contrast of its own: the message goes, and the bar of an upload too
+    expect(page.locator(".q-notification")).to_have_count(0)
+    page.wait_for_function(
+        "[...document.querySelectorAll('.q-loading-bar')].every(bar => getComputedStyle(bar).opacity === '0')"
+    )
     found = axe.Axe().run(page).response["violations"]
     serious = [each for each in found if each["impact"] in ("serious", "critical")]
     assert [(each["id"], [node["html"][:200] for node in each["nodes"][:3]]) for each in serious] == []
