@@ -39,8 +39,11 @@ class LineIntake:
         result: Deferred[Program] = Deferred()
         verdict: Deferred[Verdict] = Deferred()
 
+        limit: asyncio.TimerHandle | None = None
+
         def answer(value: Verdict | None, _error: Exception | None) -> None:
-            limit.cancel()
+            if limit is not None:
+                limit.cancel()
             if value is Verdict.REJECTED and program.rejected <= last:
                 result.fail(RejectedLines(program.diagnostics, **_numbers(program)))
             elif value is Verdict.NOT_JOURNALED:
@@ -48,9 +51,10 @@ class LineIntake:
             else:
                 result.resolve(program)
 
-        limit = self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
-        verdict.listen(answer)
         program.wait_for(through, verdict, validated=judge)
+        if not verdict.done:
+            limit = self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
+        verdict.listen(answer)
         return result
 
     def stream(self, program_id: str, first: int, lines: Sequence[str], *, urgent: bool = False) -> None:

@@ -25,7 +25,8 @@ def measure() -> list[Figure]:
     with server() as reached:
         key = f"mc/@v1/{reached.machine}/@rpc/bench/status"
         status = latencies(reached.session, key, [b""] * CALLS)
-        submit = submitted(reached)
+        acknowledged = submitted(reached, judge=False)
+        judged = submitted(reached, judge=True)
     figures = []
     for share in (0.5, 0.99):
         name, floor = f"p{100 * share:g}", percentile(raw, share)
@@ -33,19 +34,27 @@ def measure() -> list[Figure]:
             Figure(f"status {name}", percentile(status, share), "µs", floor, "a raw get"),
             Figure(
                 f"submit → acknowledgement {name}",
-                percentile(submit, share),
+                percentile(acknowledged, share),
                 "µs",
                 floor,
                 "a raw get; the journal's disk is in it",
                 "≤ 1.5" if share == 0.5 else "",
             ),
+            Figure(
+                f"submit → verdict {name}",
+                percentile(judged, share),
+                "µs",
+                floor,
+                "a raw get; the journal and the planner's process are in it",
+            ),
         ]
     return figures
 
 
-def submitted(reached: Server) -> list[float]:
-    """One line a call, each with a number of its own."""
-    opened = reached.ask("@rpc/bench/open", request=1)
+def submitted(reached: Server, *, judge: bool) -> list[float]:
+    """One line a call, each with a number of its own, into a program that ends with it."""
+    client = "judged" if judge else "acknowledged"
+    opened = reached.ask(f"@rpc/{client}/open", request=1)
     requests = [
         msgspec.msgpack.encode(
             {
@@ -53,11 +62,14 @@ def submitted(reached: Server) -> list[float]:
                 "program": opened["program"],
                 "first": n,
                 "lines": ["G04 P0"],
+                "judge": judge,
             }
         )
         for n in range(1, CALLS + 1)
     ]
-    return latencies(reached.session, f"mc/@v1/{reached.machine}/@rpc/bench/submit", requests)
+    taken = latencies(reached.session, f"mc/@v1/{reached.machine}/@rpc/{client}/submit", requests)
+    reached.ask(f"@rpc/{client}/abort", request=CALLS + 2, program=opened["program"])
+    return taken
 
 
 def raw_latencies() -> list[float]:
