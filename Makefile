@@ -19,7 +19,7 @@ BESIDE := $(shell command -v chrt >/dev/null 2>&1 && echo 'chrt --idle 0' || ech
 
 export PIP_NO_INPUT := 1
 
-.PHONY: sdks build-sdks help demo dog test test-computing test-realtime test-realtime-alone socketcan socketcan-long faults soak fire fuzz schedules lint format bench pictures clean
+.PHONY: sdks build-sdks help demo dog test test-computing test-computing-beside test-realtime test-realtime-alone socketcan socketcan-long faults soak fire fuzz schedules lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -38,7 +38,7 @@ ifdef ARGS
 	$(BIN)/python -m pytest $(ARGS)
 else
 	@mkdir -p out; code=0; realtime=0; \
-		$(BESIDE) $(MAKE) --no-print-directory test-computing >out/test-computing.log 2>&1 & computing=$$!; \
+		$(MAKE) --no-print-directory test-computing-beside >out/test-computing.log 2>&1 & computing=$$!; \
 		trap 'kill $$computing 2>/dev/null' EXIT; \
 		echo "the tests that compute: beside these, out/test-computing.log"; \
 		$(MAKE) --no-print-directory test-realtime || realtime=1; \
@@ -49,6 +49,9 @@ endif
 # beside others they get a core now and then: only what never ends is stopped
 test-computing: $(VENV)/.for-development  ## the tests that only compute, on all cores
 	$(BIN)/python -m pytest -m 'not realtime' --numprocesses auto --dist worksteal --timeout 900 $(ARGS)
+
+test-computing-beside:
+	@exec $(BESIDE) $(MAKE) --no-print-directory test-computing ARGS="$(ARGS)"
 
 REALTIME := $(BIN)/python -m pytest -m realtime -o cache_dir=.pytest_cache/realtime
 test-realtime: $(VENV)/.for-development build-sdks  ## the tests with servers and buses, three at a time

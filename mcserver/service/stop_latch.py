@@ -38,15 +38,15 @@ class StopLatch:
         self._port = port
         self._loop = loop
         self._on_first = on_first
-        # the event of the stop that is latched, and of the last one
+        self._latched = False
+        # of the newest stop, also behind its reset: a late copy of it is answered by it
         self._event: Event | None = None
-        self._last: Event | None = None
         self._confirmed = 0.0
 
     @property
     def state(self) -> MachineState:
         """``estop``, ``fault`` or ``ready``."""
-        if self._event is not None:
+        if self._latched:
             return "estop"
         return "fault" if self._table.faults else "ready"
 
@@ -59,8 +59,8 @@ class StopLatch:
         """Latch the stop, here and in the executor; a stop that is latched already is confirmed again."""
         self.stops += 1
         self._port.emergency_stop()
-        if self._event is not None:
-            self._confirm(self._event)
+        if self._latched:
+            self._confirm()
             return
         self._on_first(client, reason)
         fault = Fault(
@@ -70,22 +70,19 @@ class StopLatch:
             t=self._table.now(),
         )
         self._table.faults.latch(fault)
-        self._event = self._last = self._table.events.publish("estop", reason=reason, client=client or None)
-        self._confirmed = self._loop.time()
+        self._latch(self._table.events.publish("estop", reason=reason, client=client or None))
         self._end_programs("emergency stop", fault)
 
     def confirm_copy(self) -> None:
         """Confirm a stop whose copy has come again: one that was reset meanwhile is not latched anew."""
         self.stops += 1
-        if self._last is not None:
-            self._confirm(self._last)
+        self._confirm()
 
     def stopped_by_machine(self, fault: Fault) -> None:
         """Latch a stop that the executor has latched by itself; it counts like one that was asked for."""
         self._table.faults.latch(fault)
-        if self._event is None:
-            self._event = self._table.events.publish("estop", reason=fault.message)
-            self._confirmed = self._loop.time()
+        if not self._latched:
+            self._latch(self._table.events.publish("estop", reason=fault.message))
         self._end_programs(fault.message, fault)
 
     def refuse_latched(self) -> None:
@@ -94,7 +91,7 @@ class StopLatch:
         Raises:
             ServiceError: MC509 the emergency stop is latched.
         """
-        if self._event is not None:
+        if self._latched:
             raise Refused(
                 "MC509",
                 "the emergency stop is latched",
@@ -104,7 +101,7 @@ class StopLatch:
 
     def refresh_faults(self, states: Mapping[int, AxisState]) -> None:
         """Drop the faults of axes that a G1000 has cleared, and of lines that no axis has latched."""
-        if self._event is None and self._table.faults.forget_cleared(states):
+        if not self._latched and self._table.faults.forget_cleared(states):
             self._publish_reset()
 
     def reset(self, axes: frozenset[int]) -> None:
@@ -116,7 +113,7 @@ class StopLatch:
         if any(program.state == "ending" for program in self._table.programs.values()):
             raise Refused("MC509", "motion is still coming to rest", "try again in a moment", faults=[])
         self._port.reset(axes)
-        self._event = None
+        self._latched = False
         self._table.faults.clear()
         self._publish_reset()
 
@@ -128,8 +125,13 @@ class StopLatch:
             if not program.ended:
                 self._table.stop(program, "faulted", reason, fault)
 
-    def _confirm(self, event: Event) -> None:
-        """Publish the event of the latched stop again, under its number; seldom, however many ask for it."""
-        if self._loop.time() - self._confirmed >= CONFIRM_PERIOD_S:
+    def _latch(self, event: Event) -> None:
+        self._latched = True
+        self._event = event
+        self._confirmed = self._loop.time()
+
+    def _confirm(self) -> None:
+        """Publish the event of the newest stop again, under its number; seldom, however many ask for it."""
+        if self._event is not None and self._loop.time() - self._confirmed >= CONFIRM_PERIOD_S:
             self._confirmed = self._loop.time()
-            self._table.events.repeat(event)
+            self._table.events.repeat(self._event)

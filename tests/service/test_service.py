@@ -13,6 +13,7 @@ from mcserver.errors import RejectedLines, ServiceError
 from mcserver.executor.entries import EventKind
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.service.journal_file import open_journal
+from mcserver.service.reports import Fault
 from mcserver.service.service import CLIENT_PROGRAMS
 from mcserver.service.stop_latch import CONFIRM_PERIOD_S
 from tests.service.conftest import LIMIT_S, Bench
@@ -262,6 +263,21 @@ async def test_a_stop_that_is_latched_already_is_confirmed_again_under_its_numbe
     bench.service.latch.emergency_stop("hmi", "again")
     assert bench.events[-2].kind == "reset"
     assert bench.events[-1].seq == stops[0].seq + 2
+
+
+async def test_a_copy_is_answered_by_the_newest_stop_also_where_the_machine_stopped_itself(
+    bench: Bench,
+) -> None:
+    bench.service.latch.emergency_stop("hmi", "door")
+    bench.service.reset(None)
+    bench.service.latch.stopped_by_machine(
+        Fault(code="MC411", message="an input stopped the machine", hint="", t=0.0)
+    )
+    own = bench.events[-1]
+    await asyncio.sleep(CONFIRM_PERIOD_S)
+    bench.service.latch.confirm_copy()
+    assert own.kind == "estop"
+    assert bench.events[-1] == own
 
 
 async def test_reset_waits_for_motion_to_come_to_rest(bench: Bench) -> None:
