@@ -218,6 +218,68 @@ def test_a_hold_for_which_rows_leave_nothing_yet_waits_before_an_edge(cycles: in
     assert np.array_equal(rig.setpoint[-1], rows.position[-1])
 
 
+def trickled(path: str, speed: float, jerk: float, known: int) -> tuple[Rig, Rows]:
+    """A motion of which the first rows are known."""
+    rig = Rig(machine(jerk=1000.0 * jerk))
+    rows = line(speed, jerk) if path == "line" else circle(speed, jerk)
+    rig.program.capture()
+    rig.program.control(ControlKind.BEGIN, axes=3)
+    rig.program.rows(rows.position[:known], rows.velocity[:known], 3)
+    return rig, rows
+
+
+def run_with_the_rest(rig: Rig, rows: Rows, known: int) -> None:
+    rig.program.rows(rows.position[known:], rows.velocity[known:], 3)
+    rig.program.control(ControlKind.END, axes=3)
+    rig.program.finish()
+    give(rig, "resume")
+    give(rig, 1.0)
+    rig.run()
+    assert np.array_equal(rig.setpoint[-1], rows.position[-1])
+
+
+@pytest.mark.parametrize(("jerk", "known"), [(50.0, 169), (100.0, 105)])
+def test_rows_that_take_all_of_the_jerk_are_begun_more_slowly_before_an_edge(jerk: float, known: int) -> None:
+    rig, rows = trickled("circle", 0.4, jerk, known)
+    rig.step(1500)
+    assert rig.executor.feedback.slots[0].rate == 0.0
+    assert rig.setpoint[-1, 1] != 0.0
+    run_with_the_rest(rig, rows, known)
+    assert_limits(rig, jerk)
+
+
+def test_motion_that_stands_where_rows_take_all_of_the_jerk_goes_on_in_parts() -> None:
+    rig, rows = trickled("line", 0.4, 50.0, 20)
+    rig.step(800)
+    run_with_the_rest(rig, rows, 20)
+    assert_limits(rig, 50.0)
+
+
+@pytest.mark.parametrize(("speed", "cycles", "before"), [(0.4, 20, 0.09), (0.4, 5, 0.06), (0.8, 2, 0.22)])
+def test_a_hold_amid_a_ramp_that_takes_all_of_the_jerk_does_not_wait_for_its_end(
+    speed: float, cycles: int, before: float
+) -> None:
+    rig, _ = start("line", speed, 50.0)
+    rig.step(cycles)
+    give(rig, "hold")
+    rig.step(900)
+    assert rig.executor.feedback.slots[0].state is SlotState.HELD
+    assert rig.setpoint[-1, 0] < before
+    give(rig, "resume")
+    rig.run()
+    assert_limits(rig, 50.0)
+
+
+def test_a_hold_waits_for_rows_that_leave_some_jerk_while_there_is_room_before_the_edge() -> None:
+    rig, rows = trickled("line", 0.4, 50.0, 515)
+    rig.step(5)
+    give(rig, 0.0)
+    rig.step(1500)
+    assert rig.executor.feedback.slots[0].rate == 0.0
+    run_with_the_rest(rig, rows, 515)
+    assert_limits(rig, 50.0)
+
+
 def test_a_resumed_motion_is_played_by_whole_rows_again() -> None:
     rig, rows = start("line", 0.2, None)
     rig.step(403)

@@ -42,8 +42,16 @@ VELOCITY_SLACK, ACCELERATION_SLACK, JERK_SLACK = 1.0005, 1.004, 1.04
 PATIENCE, URGENT_PATIENCE = 250, 4
 # The same while a stop before an edge has to begin: later there is room for worse ones only.
 NEAR_PATIENCE = 6
+# Cycles in which only whole changes at full pace are tried: they may merely have to wait for a moment.
+QUICK_TRIES = 8
+# A change that takes longer than this goes slowly: a quicker one is looked for on the way [cycles].
+SLOW_CYCLES = 4 * CRUISE
+# Share of the rows in which a stop is near, at 100 %, from which on that patience counts.
+NEAR_ROOM = 0.6
 # Rows ahead without which a stop may be near, beside the distance of the longest stop.
 NEAR_ROWS = 8.0
+# A change that takes longer than this goes slowly: a quicker one is looked for on the way [cycles].
+SLOW_CYCLES = 4 * CRUISE
 # Share of the rows in which a stop is near, that motion goes on by where there is no room for more.
 LITTLE_WAY = 0.99
 
@@ -164,7 +172,7 @@ class RateControl:
             found = self._search(u, wish, passed)
             if found is None and begins and plan is None and self.rate > 0.0 and self._is_near(u, edge):
                 found = self._search_from_rest(u, wish)
-            if found is not None:
+            if found is not None and self._is_better(found, wish):
                 self._plan = plan = found
                 self._wish = wish
                 self._delayed = found.keeps_above(wish.target)
@@ -217,15 +225,28 @@ class RateControl:
         return self._refused > 0
 
     def _is_partial(self, wish: _Wish) -> bool:
-        """Return whether a plan is followed that goes only a part of what is wished for, by torques, or only
-        after a while, before an edge.
+        """Return whether a plan is followed that goes only a part of what is wished for, or only after a
+        while, before an edge, or slowly.
         """
         plan, had = self._plan, self._wish
         if plan is None or had is None or had.target != wish.target or had.urgent != wish.urgent:
             return False
         if self._delayed:
             return True
-        return self._has_torques and wish.target <= 1.0 and plan.target not in (wish.target, 0.0)
+        if wish.target > 1.0:
+            return False
+        if plan.target == wish.target:
+            return len(plan) - self._passed > SLOW_CYCLES
+        return plan.target != 0.0
+
+    def _is_better(self, found: RatePlan, wish: _Wish) -> bool:
+        """Return whether a plan comes closer to what is wished for than the one that is followed, or sooner."""
+        plan = self._plan
+        if plan is None or not self._is_partial(wish):
+            return True
+        if found.target == plan.target == wish.target:
+            return len(found) < len(plan) - self._passed
+        return abs(found.target - wish.target) <= abs(plan.target - wish.target)
 
     def _is_near(self, u: float, edge: float | None) -> bool:
         """Return whether a stop before an edge may have to begin soon."""
@@ -255,7 +276,7 @@ class RateControl:
         near = self._plan is None and self.rate > 0.0 and self._is_near(u, wish.edge)
         stands = self._plan is None and self.rate == 0.0
         edge = math.inf if wish.edge is None else wish.edge
-        if near:
+        if near and edge - u < NEAR_ROOM * self._far * self.rate:
             patience = NEAR_PATIENCE
         elif stands and edge < math.inf:
             # in turns: within all limits a little way, then by any change, by any a little way
@@ -264,7 +285,9 @@ class RateControl:
             if stage in (1, 3):
                 edge = min(edge, u + LITTLE_WAY * self._far)
         by_any = must_stop or (waits and self._refused >= patience)
-        flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any)
+        slowly = (stands or (near and self.rate <= 1.0)) and self._refused // QUICK_TRIES % 2 == 1
+        in_parts = self._has_torques or self._refused >= QUICK_TRIES or self._is_partial(wish)
+        flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any, slowly, in_parts)
         state = (u, self.rate, self._slope, target, edge, self._far, self._cycle, window.begun, passed)
         parts, end, spare_parts, spare_end, tries = search_rate(
             ring.row_u,
@@ -287,7 +310,7 @@ class RateControl:
             self._phases,
             self._spare,
         )
-        self._tries = (self._tries + tries) % TRIES
+        self._tries = 0 if parts >= 0 else (self._tries + tries) % TRIES
         if parts >= 0:
             return RatePlan.of(self._phases[:parts], end, SETTLING)
         if spare_parts >= 0:

@@ -58,15 +58,19 @@ GOALS = 4
 # edge with all that an axis has, only who is slow by then can stop on it.
 NEAR_GOALS = (1.0, 0.6, 0.3, 0.1)
 TRIES = GOALS * len(SHARES)
-# Parts of a change with torques to keep, and the shares of the limits that each is tried with, the largest
-# first: rows that use all of a torque leave it only bit by bit, since what the motion asks for falls with the
-# square of the rate. Beyond those of a whole change, so the number of tries is the same.
+# Parts of a change, and the shares of the limits that each is tried with, the largest first: rows that use all
+# of a torque leave it only bit by bit, since what the motion asks for falls with the square of the rate, and so
+# do rows that use all of a jerk. Beyond those of a whole change, so the number of tries is the same.
 PARTIAL = (
     (0.5, 0.65), (0.5, 0.2), (0.5, 0.08), (0.2, 0.4), (0.2, 0.2), (0.2, 0.08), (0.2, 0.03), (0.06, 0.2),
     (0.06, 0.08), (0.06, 0.03), (0.06, 0.01), (0.02, 0.08), (0.02, 0.03), (0.02, 0.01),
 )  # fmt: skip
 # A smaller change is not made in parts [1].
 LEAST_PART = 0.01
+# Motion that stands begins with time stretched by powers of this where no change of full pace keeps the limits:
+# at a rate lower by g, with a slope lower by g² and a curvature lower by g³, velocity, acceleration and jerk of
+# whatever the rows do fall with g, g² and g³.
+SLOWER = 0.82
 # What is looked at in one cycle before the search goes on in the next one, counted in setpoints of one axis,
 # some 5 ns each: a change is tried as a whole, so one more may be begun below this. Each try costs as much as
 # some cycles.
@@ -217,6 +221,26 @@ def _partial(number: int, state: Array, slope: float, curvature: float, phases: 
 
 
 @compiled
+def _slow_change(
+    number: int, state: Array, near: bool, slope: float, curvature: float, phases: Array
+) -> tuple[int, float]:
+    """Write a change from rest, or before an edge, whose time is stretched.
+
+    Args:
+        number: of `TRIES`, the quickest first. near: the motion has to stop before the edge.
+
+    Returns:
+        As of `_candidate`.
+    """
+    rate, bend = state[NOW], state[BEND]
+    goal = (rate if rate > 0.0 else min(state[TARGET], 1.0) * SLOWER) * SLOWER**number
+    slope, curvature = slope * goal**2, curvature * goal**3
+    if near:
+        return stop_at_edge(phases, state[EDGE] - state[U], rate, bend, goal, slope, curvature), 0.0
+    return add_ramp(phases, 0, rate, bend, goal, slope, curvature), goal
+
+
+@compiled
 def search_rate(
     row_u: NDArray[np.int64],
     position: Array,
@@ -246,7 +270,8 @@ def search_rate(
         numbers: of the window's first row, the row after u, the row after the window's last, the row after
             all there are, and the program's first row.
         flags: the motion goes from rest to the window's first row, the last row is its own end, no regard to
-            jerk, a plan is followed, a plan that passes the limits is wanted too.
+            jerk, a plan is followed, a plan that passes the limits is wanted too, time may be stretched,
+            a change may go a part of the way.
         driven: axes, shape (K,). displaced: those that are not where their motion began, shape (K,).
         start: positions where the motion began, shape (K,). recent: setpoints of the last three cycles, the
             newest last, shape (3, K). limits: shape (6, K). state: shape (`STATE`,).
@@ -260,6 +285,7 @@ def search_rate(
     """
     first, following, behind, written = numbers[0], numbers[1], numbers[2], numbers[3]
     from_rest, ends, urgent, planned, any_wanted = flags[0], flags[1], flags[2], flags[3], flags[4]
+    slowly, in_parts = flags[5], flags[6]
     u, rate, target, edge = state[U], state[NOW], state[TARGET], state[EDGE]
     count = find_window(row_u, first, behind, from_rest, state[BEGUN], places, at)
     set_limits(velocity, limits, driven, displaced, first, behind, urgent, scratch)
@@ -293,7 +319,9 @@ def search_rate(
         # before an edge a gentle stop is better than an early one
         which = number // len(SHARES) if near else number % GOALS
         share = SHARES[number % len(SHARES) if near else number // GOALS]
-        if torque.shape[2] > 0 and not near and target <= 1.0:
+        if slowly:
+            parts, end = _slow_change(number, state, near, slope, curvature, phases)
+        elif in_parts and not near and target <= 1.0:
             parts, end = _partial(number, state, slope, curvature, phases)
         else:
             parts, end = _candidate(
@@ -325,7 +353,7 @@ def warm_up_playback() -> None:
     some, state = np.ones(width, np.bool_), np.ones(STATE)
     phases = np.zeros((MOST_PHASES, 4))
     places, at = np.zeros(2 * size + 2), np.zeros(2 * size + 2, np.int64)
-    numbers, flags = np.array([0, 1, size, size, 0]), np.zeros(5, np.bool_)
+    numbers, flags = np.array([0, 1, size, size, 0]), np.zeros(7, np.bool_)
     search_rate(
         np.arange(size), rows, rows, np.zeros((size, NUMBERS, 1)), np.ones(size), numbers, flags, some, some,
         rows[0], rows[:3], limits,
