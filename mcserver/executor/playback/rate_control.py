@@ -240,7 +240,9 @@ class RateControl:
         return plan.target != 0.0
 
     def _is_better(self, found: RatePlan, wish: _Wish) -> bool:
-        """Return whether a plan comes closer to what is wished for than the one that is followed, or sooner."""
+        """Return whether a plan comes closer to what is wished for than the one that is followed, or
+        sooner.
+        """
         plan = self._plan
         if plan is None or not self._is_partial(wish):
             return True

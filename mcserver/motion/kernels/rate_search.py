@@ -58,18 +58,18 @@ GOALS = 4
 # edge with all that an axis has, only who is slow by then can stop on it.
 NEAR_GOALS = (1.0, 0.6, 0.3, 0.1)
 TRIES = GOALS * len(SHARES)
-# Parts of a change, and the shares of the limits that each is tried with, the largest first: rows that use all
-# of a torque leave it only bit by bit, since what the motion asks for falls with the square of the rate, and so
-# do rows that use all of a jerk. Beyond those of a whole change, so the number of tries is the same.
+# Parts of a change, and the shares of the limits that each is tried with, the largest first: rows that use
+# all of a torque leave it only bit by bit, since what the motion asks for falls with the square of the rate,
+# and so do rows that use all of a jerk. Beyond those of a whole change, so the number of tries is the same.
 PARTIAL = (
     (0.5, 0.65), (0.5, 0.2), (0.5, 0.08), (0.2, 0.4), (0.2, 0.2), (0.2, 0.08), (0.2, 0.03), (0.06, 0.2),
     (0.06, 0.08), (0.06, 0.03), (0.06, 0.01), (0.02, 0.08), (0.02, 0.03), (0.02, 0.01),
 )  # fmt: skip
 # A smaller change is not made in parts [1].
 LEAST_PART = 0.01
-# Motion that stands begins with time stretched by powers of this where no change of full pace keeps the limits:
-# at a rate lower by g, with a slope lower by g² and a curvature lower by g³, velocity, acceleration and jerk of
-# whatever the rows do fall with g, g² and g³.
+# Motion that stands begins with time stretched by powers of this where no change of full pace keeps the
+# limits: at a rate lower by g, with a slope lower by g² and a curvature lower by g³, velocity, acceleration
+# and jerk of whatever the rows do fall with g, g² and g³.
 SLOWER = 0.82
 # What is looked at in one cycle before the search goes on in the next one, counted in setpoints of one axis,
 # some 5 ns each: a change is tried as a whole, so one more may be begun below this. Each try costs as much as
