@@ -35,6 +35,8 @@ UNLOCKED_PERIODS = 4.0
 UNLOCKED_S = 0.05
 SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 1e-4, 1.0
 FOLLOWING_ERROR = 0x8611
+# Bit of 60FDh (CiA 402).
+HOME_SWITCH = 1 << 2
 CYCLIC = (Mode.CYCLIC_POSITION, Mode.CYCLIC_VELOCITY, Mode.CYCLIC_TORQUE)
 # States in which a lost connection changes nothing any more.
 RESTING = (
@@ -78,6 +80,9 @@ class Cia402Node(CanopenNode):
         self._period = store.entry(0x60C2, 1), store.entry(0x60C2, 2)
         self._option_entries = [store.entry(index) for index in (0x605A, 0x605B, 0x605C, 0x605E)]
         self._abort_option = store.entry(0x6007)
+        self._inputs = store.entry(0x60FD)
+        self._outputs, self._output_mask = store.entry(0x60FE, 1), store.entry(0x60FE, 2)
+        self._pins = 0
         self._stepped_at = 0.0
         self._synced_at = -math.inf
 
@@ -118,6 +123,13 @@ class Cia402Node(CanopenNode):
             self.motor.jammed = not values["trip"]
             if values["trip"]:
                 self.raise_fault(FOLLOWING_ERROR)
+        elif fault == "ignore_setpoints":
+            self.motion.deaf = True
+        elif fault == "reverse_torque":
+            self.motion.reversed = True
+        elif fault == "inputs":
+            self._pins = int(values["bits"])
+            self._read_inputs()
         else:
             self._behave()
         self.wake = now
@@ -129,6 +141,8 @@ class Cia402Node(CanopenNode):
             "sdo_abort": bool(self.sdo.refusals),
             "heartbeat_stop": not self.nmt.beats,
             "following_error": self.motor.jammed,
+            "ignore_setpoints": self.motion.deaf,
+            "reverse_torque": self.motion.reversed,
         }
         return {
             "node": self.node,
@@ -141,6 +155,8 @@ class Cia402Node(CanopenNode):
             "position": self.store.entry(0x6064).value,
             "turns": self.motor.position,
             "turns_per_second": self.motor.velocity,
+            "inputs": self._inputs.value,
+            "outputs": self._outputs.value & self._output_mask.value,
             "faults": self.wrong.active + [name for name, on in more.items() if on],
         }
 
@@ -159,6 +175,7 @@ class Cia402Node(CanopenNode):
         self.sdo.refusals.clear()
         self.nmt.beats = True
         self.motor.jammed = False
+        self.motion.deaf = self.motion.reversed = False
 
     # ------------------------------------------------------------------ cycle
 
@@ -209,6 +226,7 @@ class Cia402Node(CanopenNode):
             self.motion.start()
         self.motion.rescale()
         self.motion.report(0.0)
+        self._read_inputs()
         self._update_statusword()
 
     def connection_lost(self, code: int) -> None:
@@ -239,7 +257,15 @@ class Cia402Node(CanopenNode):
             # a shaft that stands, too: nothing is left of torque and demand
             motion.rest(dt)
         motion.report(dt)
+        self._read_inputs()
         self._update_statusword()
+
+    def _read_inputs(self) -> None:
+        """Show the pins that were asked for, and the home switch by where the shaft is, in 60FDh."""
+        word, switch = self._pins, self.motor.hardware.home_switch
+        if switch is not None and switch[0] <= self.motor.position <= switch[1]:
+            word |= HOME_SWITCH
+        self._inputs.value = word
 
     def _update_statusword(self) -> None:
         power, motion = self.power, self.motion
@@ -252,7 +278,7 @@ class Cia402Node(CanopenNode):
             if motion.mode in CYCLIC:
                 if power.state is PowerState.OPERATION_ENABLED and power.stopping is Stop.NONE:
                     word |= MODE_BIT_12
-            elif motion.mode == Mode.PROFILE_POSITION and motion.acknowledged:
+            elif (motion.mode == Mode.PROFILE_POSITION and motion.acknowledged) or motion.interpolating:
                 word |= MODE_BIT_12
         if self._error_code.value == FOLLOWING_ERROR:
             word |= MODE_BIT_13

@@ -31,6 +31,9 @@ FAULTS: Mapping[str, Mapping[str, tuple[float, float, float | None]]] = MappingP
         "heartbeat_stop": {},
         "following_error": {"trip": (0, 1, 0)},
         "drop_sync": {"syncs": (1, MAX_SYNCS, 1)},
+        "ignore_setpoints": {},
+        "reverse_torque": {},
+        "inputs": {"bits": (0, 0xFFFFFFFF, None)},
         "clear": {},
     }
 )

@@ -149,6 +149,7 @@ def hardware_of(axis: Axis) -> Hardware:
         max_speed=OVERSPEED * axis.max_velocity / turn,
         friction=friction / turn,
         brake=drive.brake,
+        home_switch=_turns_between(axis),
     )
 
 
@@ -159,7 +160,20 @@ def start_turns(axis: Axis, chance: random.Random | None) -> float:
         spread = RANDOM_TURNS * axis.travel_per_motor_turn
         low, high = max(axis.min_position, -spread), min(axis.max_position, spread)
         position = chance.uniform(low, high)
-    return position / axis.travel_per_motor_turn * (-1.0 if axis.drive.invert else 1.0)
+    return position * _turns_per_travel(axis)
+
+
+def _turns_per_travel(axis: Axis) -> float:
+    return (-1.0 if axis.drive.invert else 1.0) / axis.travel_per_motor_turn
+
+
+def _turns_between(axis: Axis) -> tuple[float, float] | None:
+    """Return where the home switch is active, by the motor [turn]; None: it has none."""
+    if axis.drive.home_switch is None:
+        return None
+    scale = axis.type.si_per_unit * _turns_per_travel(axis)
+    low, high = sorted(end * scale for end in axis.drive.home_switch)
+    return low, high
 
 
 def _open(address: str, deadline: float, opener: Callable[[str], CanPort]) -> CanPort:

@@ -20,7 +20,17 @@ NEW_SETPOINT = 1 << 4
 CHANGE_AT_ONCE = 1 << 5
 RELATIVE = 1 << 6
 NO_WINDOW = 0xFFFFFFFF
-SUPPORTED = (Mode.NONE, Mode.PROFILE_POSITION, Mode.CYCLIC_POSITION, Mode.CYCLIC_VELOCITY, Mode.CYCLIC_TORQUE)
+SUPPORTED = (
+    Mode.NONE,
+    Mode.PROFILE_POSITION,
+    Mode.INTERPOLATED_POSITION,
+    Mode.CYCLIC_POSITION,
+    Mode.CYCLIC_VELOCITY,
+    Mode.CYCLIC_TORQUE,
+)
+POSITIONED = (Mode.CYCLIC_POSITION, Mode.PROFILE_POSITION, Mode.INTERPOLATED_POSITION)
+# Bit 4 in mode ip: the set-points of 60C1h are followed; else the drive stands.
+INTERPOLATE = 1 << 4
 INT32 = (-HALF_WRAP, HALF_WRAP - 1)
 INT16 = (-(1 << 15), (1 << 15) - 1)
 
@@ -31,6 +41,8 @@ class Motion:
     Attributes:
         mode: 6061h. acknowledged: a set-point of mode pp was taken (statusword bit 12).
         reached: the target of mode pp, or standstill under halt. beyond: a software limit held the demand.
+        interpolating: mode ip follows its set-points (statusword bit 12).
+        deaf: set-points of mode pp are not taken. reversed: torques turn the motor the wrong way round.
     """
 
     def __init__(self, store: ObjectStore, motor: Motor) -> None:
@@ -39,9 +51,13 @@ class Motion:
         self.acknowledged = False
         self.reached = False
         self.beyond = False
+        self.interpolating = False
+        self.deaf = False
+        self.reversed = False
         entry = store.entry
         self._wanted, self._display = entry(0x6060), entry(0x6061)
         self._target_position, self._target_velocity = entry(0x607A), entry(0x60FF)
+        self._interpolated = entry(0x60C1, 1)
         self._target_torque, self._max_torque = entry(0x6071), entry(0x6072)
         self._velocity_offset, self._torque_offset = entry(0x60B1), entry(0x60B2)
         self._encoder = entry(0x608F, 1), entry(0x608F, 2)
@@ -119,7 +135,7 @@ class Motion:
         self._overdue_s = 0.0
         self._settled_s = 0.0
         self._stop = Stop.NONE
-        self.acknowledged = self.reached = self.beyond = False
+        self.acknowledged = self.reached = self.beyond = self.interpolating = False
 
     def choose_mode(self) -> None:
         """Takes 6060h where the drive has that mode; a change starts from what the shaft does."""
@@ -139,10 +155,11 @@ class Motion:
                 self._take_setpoint(controlword)
             elif not strobe and len(self._targets) == 0:
                 self.acknowledged = False
+        self.interpolating = self.mode == Mode.INTERPOLATED_POSITION and bool(controlword & INTERPOLATE)
         self._strobe = strobe
 
     def _take_setpoint(self, controlword: int) -> None:
-        if self.acknowledged:
+        if self.acknowledged or self.deaf:
             return
         base = self._goal if self._goal is not None else self._demand
         if controlword & RELATIVE:
@@ -172,6 +189,8 @@ class Motion:
             self._advance(self._within_limits(self._turns_of(self._target_position.value)), dt)
         elif self.mode == Mode.PROFILE_POSITION:
             self._advance(self._profile(dt), dt)
+        elif self.interpolating:
+            self._advance(self._within_limits(self._turns_of(self._interpolated.value)), dt)
         else:
             self._advance(self._demand, dt)
         return False
@@ -194,7 +213,7 @@ class Motion:
     def _apply_torque(self, dt: float) -> None:
         limit = self._max_torque.value
         permille = min(max(self._target_torque.value + self._torque_offset.value, -limit), limit)
-        self._torque = permille * self._rated.value * 1e-6
+        self._torque = permille * self._rated.value * (-1e-6 if self.reversed else 1e-6)
         self.motor.push(self._torque, dt)
         self._demand = self.motor.position
         self._velocity = self.motor.velocity
@@ -293,7 +312,7 @@ class Motion:
     def follows(self, dt: float) -> bool:
         """Whether the following error is within 6065h, or not yet outside for 6066h; of position modes."""
         window = self._error_window.value
-        if window == NO_WINDOW or self.mode not in (Mode.CYCLIC_POSITION, Mode.PROFILE_POSITION):
+        if window == NO_WINDOW or self.mode not in POSITIONED:
             self._overdue_s = 0.0
             return True
         if abs(self._reported["error"].value) <= window:

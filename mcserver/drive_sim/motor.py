@@ -25,6 +25,7 @@ class Hardware:
         bandwidth_hz: of the position loop. inertia: at the shaft [kg·m²].
         rated_torque: 1000 ‰ [N·m]. max_acceleration [turn/s²]: by the greatest torque. max_speed [turn/s].
         friction: deceleration while free-wheeling [turn/s²]. brake: closes when the motor is off.
+        home_switch: from where to where the home switch on the drive's input is active [turn].
     """
 
     increments_per_turn: float = 65536.0
@@ -36,6 +37,7 @@ class Hardware:
     max_speed: float = 100.0
     friction: float = 10.0
     brake: bool = False
+    home_switch: tuple[float, float] | None = None
 
 
 class Motor:

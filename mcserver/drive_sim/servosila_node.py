@@ -29,7 +29,7 @@ FOLLOWING_FAULT = 0x0008
 # The reference's FLOAT16 is linear over ±128.
 FLOAT16_PER_VOLT = 32767.0 / 128.0
 DC_BUS_V = 48.0
-NOT_CANOPEN = ("sdo_abort", "sdo_delay", "drop_sync")
+NOT_CANOPEN = ("sdo_abort", "sdo_delay", "drop_sync", "ignore_setpoints", "reverse_torque", "inputs")
 # A servo command is followed unless the shaft stays this far behind for this time [turn, s].
 FOLLOWING_WINDOW = 1.0
 FOLLOWING_S = 0.25

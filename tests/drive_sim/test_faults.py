@@ -7,7 +7,9 @@ import struct
 import pytest
 
 from mcserver.can.cob import SYNC, Function
+from mcserver.can.pdo_layout import Mode
 from mcserver.drive_sim.fault_injection import FAULTS, BadRequest
+from mcserver.drive_sim.motor import Hardware
 from tests.drive_sim.bench import (
     DISABLE_VOLTAGE,
     ENABLE,
@@ -22,6 +24,7 @@ from tests.drive_sim.bench import (
     Bench,
 )
 
+NEW_SETPOINT, ACKNOWLEDGED = 1 << 4, 1 << 12
 TPDO1 = Function.TPDO1 + NODE
 HEARTBEAT = Function.HEARTBEAT + NODE
 
@@ -170,6 +173,43 @@ def test_dropped_syncs_are_not_answered_and_not_applied(bench: Bench) -> None:
     assert sync(bench, 5) == [0, 0, 0, 1, 1]
 
 
+def test_setpoints_of_profile_position_can_stay_without_an_acknowledgement() -> None:
+    bench = Bench().operate()
+    bench.mode = Mode.PROFILE_POSITION
+    bench.enable()
+    start = bench.position
+    ask(bench, "ignore_setpoints")
+    assert bench.cycles(40, ENABLE | NEW_SETPOINT, start + 5000) & ACKNOWLEDGED == 0
+    assert bench.position == start
+    ask(bench, "clear")
+    bench.cycles(2, ENABLE)
+    assert bench.cycles(2, ENABLE | NEW_SETPOINT) & ACKNOWLEDGED
+
+
+def test_a_reversed_motor_turns_against_its_torque() -> None:
+    bench = Bench().operate()
+    bench.mode = Mode.CYCLIC_TORQUE
+    bench.enable()
+    ask(bench, "reverse_torque")
+    for _ in range(10):
+        bench.receive(Function.RPDO2 + NODE, struct.pack("<Hih", ENABLE, 0, 200))
+        bench.cycle(ENABLE)
+    assert bench.node.motor.velocity < 0.0
+    assert bench.node.describe()["faults"] == ["reverse_torque"]
+
+
+def test_pins_of_the_drive_can_be_set_and_its_home_switch_is_where_the_shaft_is() -> None:
+    bench = Bench(hardware=Hardware(home_switch=(-1.0, -0.5))).operate()
+    ask(bench, "inputs", bits=1 << 31 | 1)
+    assert bench.read(0x60FD, 0, "I") == 1 << 31 | 1
+    bench.node.motor.position = -0.75
+    bench.cycles(2)
+    assert bench.read(0x60FD, 0, "I") == 1 << 31 | 1 | 4
+    bench.write(0x60FE, 1, "I", 0x30000)
+    bench.write(0x60FE, 2, "I", 0x10000)
+    assert bench.node.describe()["outputs"] == 0x10000
+
+
 def test_what_a_drive_does_wrong_can_be_asked(bench: Bench) -> None:
     ask(bench, "stuck")
     ask(bench, "late_tpdo", syncs=1)
@@ -203,8 +243,7 @@ def test_every_fault_can_be_asked_of_a_drive_that_is_off_and_cleared() -> None:
     for fault, values in FAULTS.items():
         bench = Bench().operate()
         given = {name: default for name, (_, _, default) in values.items() if default is not None}
-        if fault == "sdo_abort":
-            given["index"] = 0x1000
+        given |= {"sdo_abort": {"index": 0x1000}, "inputs": {"bits": 1}}.get(fault, {})
         ask(bench, fault, **given)
         bench.wait(0.5)
         ask(bench, "clear")

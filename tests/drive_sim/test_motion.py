@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import struct
 from itertools import pairwise
@@ -28,6 +29,7 @@ from tests.drive_sim.bench import (
 COUNTS = 65536
 INTERNAL_LIMIT, TARGET_REACHED, BIT_12, BIT_13 = 1 << 11, 1 << 10, 1 << 12, 1 << 13
 NEW_SETPOINT, AT_ONCE, RELATIVE = 1 << 4, 1 << 5, 1 << 6
+INTERPOLATE = 1 << 4
 
 
 @pytest.fixture
@@ -155,6 +157,28 @@ def test_a_change_of_mode_in_motion_goes_on_from_there(bench: Bench) -> None:
     assert mode == Mode.CYCLIC_VELOCITY
     assert max(abs(b - a) for a, b in pairwise(positions)) < 1000
     assert bench.position == bench.target
+
+
+def test_ip_stands_until_bit_4_starts_it_and_then_follows_60c1h(bench: Bench) -> None:
+    bench.mode = Mode.INTERPOLATED_POSITION
+    start = bench.position
+    bench.write(0x60C1, 1, "i", start + 3000)
+    bench.enable()
+    assert bench.cycles(20, ENABLE) & BIT_12 == 0
+    assert bench.position == start
+    assert bench.cycles(100, ENABLE | INTERPOLATE) & BIT_12
+    assert bench.position == start + 3000
+
+
+def test_cst_meets_friction_and_stands_below_it() -> None:
+    bench = Bench(hardware=Hardware(rated_torque=1.0, inertia=0.001, friction=10.0)).operate()
+    bench.mode = Mode.CYCLIC_TORQUE
+    bench.enable()
+    # 10 turns/s² of friction take 0.063 N·m
+    drive(bench, 50, torque=50)
+    assert bench.node.motor.velocity == 0.0
+    drive(bench, 51, torque=163)
+    assert bench.node.motor.velocity == pytest.approx(0.1 / 0.001 / math.tau * 50 * PERIOD_S, rel=0.05)
 
 
 def test_a_mode_that_the_drive_has_not_is_not_taken(bench: Bench) -> None:

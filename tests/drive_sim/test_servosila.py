@@ -243,6 +243,14 @@ def test_mute_late_and_short_telemetry() -> None:
 
 def test_faults_of_canopen_are_refused() -> None:
     rig = Rig()
-    for fault, values in (("sdo_delay", {}), ("sdo_abort", {"index": 0x1000}), ("drop_sync", {})):
+    refused: dict[str, dict[str, int]] = {
+        "sdo_delay": {},
+        "sdo_abort": {"index": 0x1000},
+        "drop_sync": {},
+        "ignore_setpoints": {},
+        "reverse_torque": {},
+        "inputs": {"bits": 1},
+    }
+    for fault, values in refused.items():
         with pytest.raises(BadRequest):
             rig.node.request(fault, values, rig.now)
