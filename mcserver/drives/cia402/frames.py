@@ -78,15 +78,14 @@ class AxisFrames:
     """The PDOs of one axis.
 
     Attributes:
-        usual: the first TPDO is the arena's own form. shows_mode: 6061h comes. has_mode: 6060h goes out,
-        has_profile_velocity: 6081h does.
+        usual: the first TPDO is the arena's own form. shows_mode: 6061h comes.
+        has_profile_velocity: 6081h goes out.
     """
 
     rpdos: tuple[OutgoingPdo, ...]
     tpdos: tuple[IncomingPdo, ...]
     usual: bool
     shows_mode: bool
-    has_mode: bool
     has_profile_velocity: bool
 
 
@@ -105,7 +104,7 @@ def frames_of(axis: Axis) -> AxisFrames:
     usual = usual and sum(pdo.essential for pdo in tpdos) == 1
     going = {_plain(mapped, offset) for pdo in data.rpdos for mapped in pdo.objects}
     coming = {_plain(mapped, offset) for pdo in data.tpdos for mapped in pdo.objects}
-    return AxisFrames(rpdos, tpdos, usual, MODE_DISPLAY in coming, MODE in going, PROFILE_VELOCITY in going)
+    return AxisFrames(rpdos, tpdos, usual, MODE_DISPLAY in coming, PROFILE_VELOCITY in going)
 
 
 def usual_process_data(node: int, *, torque_offset: bool = False) -> ProcessData:
