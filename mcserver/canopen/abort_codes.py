@@ -12,6 +12,8 @@ UNSUPPORTED_ACCESS = 0x0601_0000
 READ_ONLY = 0x0601_0002
 # An object that the device has not, or that it lets nobody write.
 ABSENT = frozenset({NO_SUCH_OBJECT, NO_SUCH_SUBINDEX, UNSUPPORTED_ACCESS, READ_ONLY})
+# A value that the device does not take.
+OUT_OF_RANGE = frozenset({0x0609_0030, 0x0609_0031, 0x0609_0032, 0x0800_0000})
 # What a drive answers where it cannot exchange an object, or has no such PDO.
 UNMAPPABLE = frozenset({*ABSENT, 0x0604_0041, 0x0604_0042, 0x0604_0043, 0x0606_0000, 0x0800_0000})
 

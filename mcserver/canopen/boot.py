@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mcserver.can.cob import NMT, NmtCommand, NmtState
-from mcserver.canopen.abort_codes import ABSENT, UNMAPPABLE
+from mcserver.canopen.abort_codes import ABSENT, OUT_OF_RANGE, UNMAPPABLE
 from mcserver.canopen.canopen_errors import DriveError, Stopped, object_text
 from mcserver.canopen.configuration import mode_refusal
 from mcserver.canopen.lss import LssOutcome, assign_node_number, identity_text
@@ -127,11 +127,13 @@ class NodeBoot:
                 elif write.optional and code in ABSENT:
                     place = object_text(write.index, write.subindex)
                     remarks.append(f"{place} is not there: no {write.what}")
+                elif write.instead and code in OUT_OF_RANGE:
+                    remarks.append(self._write_instead(sdo, write))
                 else:
                     raise DriveError(
                         error.code,
                         f"{error.message} ({write.what})",
-                        error.hint,
+                        write.remedy if write.remedy and code in OUT_OF_RANGE else error.hint,
                         axis=node.settings.axis,
                         **error.details,
                     ) from None
@@ -191,6 +193,25 @@ class NodeBoot:
                 "the drive back to its defaults",
                 axis=node.settings.axis,
             )
+
+    def _write_instead(self, sdo: NodeSdo, write: SdoWrite) -> str:
+        """Write what serves nearly as well; return what was written, in words.
+
+        Raises:
+            DriveError: MC553 for another reason than the value, MC554.
+        """
+        place = object_text(write.index, write.subindex)
+        wanted = int.from_bytes(write.payload, "little")
+        for payload in write.instead:
+            try:
+                sdo.download(write.index, write.subindex, payload)
+            except DriveError as error:
+                if error.details.get("abort_code") not in OUT_OF_RANGE:
+                    raise
+                continue
+            taken = int.from_bytes(payload, "little")
+            return f"{place} does not take {wanted} ({write.what}): it has {taken} now"
+        return f"{place} takes no value that is of use: no {write.what}"
 
     def _check_mode(self, settings: DriveSettings, sdo: NodeSdo) -> None:
         """Compare the mode with what the drive itself says that it has (6502h)."""

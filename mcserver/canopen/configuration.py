@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError, ODVariable
 
@@ -34,8 +35,16 @@ MASTER_OBJECTS = frozenset(
 _ADDRESSING = re.compile(r"\bnode[ _-]?(id|number|address)|\b(bit|baud)[ _-]?rate|^can (id|address)\b", re.I)
 # The drive gives up on a master that is silent for so long [ms].
 MASTER_HEARTBEAT_TIMEOUT_MS = 1000
-# 6007h: what a drive does when communication is lost (CiA 402: 3 = quick stop).
+# 6007h: what a drive does when communication is lost (CiA 402: 3 = quick stop), and what serves nearly as
+# well where it has no such option: 2 = disable voltage, 1 = fault.
 QUICK_STOP_ON_LOSS = 3
+_STOPS_ON_LOSS = (2, 1)
+# Exponents of 60C2h, those of most drives first: some take milliseconds alone.
+_EXPONENTS = (-3, -4, -5, -6, -2, -1, 0)
+_OTHER_CYCLE = (
+    "the drive does not take this cycle; cycle_hz = 1000, 500, 250, 200, 125 and 100 are whole milliseconds, "
+    "which most drives take"
+)
 # A cycle that 60C2h says less exactly than this would make the drive interpolate to another time.
 _CYCLE_ACCURACY = 1e-4
 # Bits of 6502h: which modes a drive has (CiA 402).
@@ -128,7 +137,7 @@ def interpolation_period(cycle_s: float) -> tuple[int, int]:
     Raises:
         ConfigurationError: MC552 no such pair gives the cycle.
     """
-    for exponent in range(0, -7, -1):
+    for exponent in _EXPONENTS:
         mantissa = round(cycle_s * 10.0**-exponent)
         if 1 <= mantissa <= 255 and abs(mantissa * 10.0**exponent / cycle_s - 1.0) < _CYCLE_ACCURACY:
             return mantissa, exponent
@@ -191,15 +200,16 @@ class _Writer:
 
     def profile(self, cycle_s: float) -> Iterator[SdoWrite]:
         drive, known, offset = self._drive, self._dictionary, self._drive.offset
-        yield from known.if_there(
-            0x6007 + offset, 0, QUICK_STOP_ON_LOSS, "what to do when the master is silent"
-        )
+        yield from self._on_loss(0x6007 + offset)
         for index, subindex, value in drive.scaling:
             yield from known.if_there(index + offset, subindex, value, "scaling to increments")
         if drive.mode != Mode.PROFILE_POSITION:
             mantissa, exponent = interpolation_period(cycle_s)
-            yield from known.if_there(0x60C2 + offset, 1, mantissa, "interpolation time")
-            yield from known.if_there(0x60C2 + offset, 2, exponent, "interpolation time, power of ten")
+            for write in (
+                *known.if_there(0x60C2 + offset, 1, mantissa, "interpolation time"),
+                *known.if_there(0x60C2 + offset, 2, exponent, "interpolation time, power of ten"),
+            ):
+                yield replace(write, remedy=_OTHER_CYCLE)
         for index, subindex, value in drive.homing:
             yield known.number(index + offset, subindex, value, "homing by the drive")
         for index, subindex, value in drive.profile:
@@ -210,6 +220,12 @@ class _Writer:
         if drive.outputs:
             yield from known.if_there(0x60FE + offset, 2, drive.outputs, "outputs that are switched")
         yield known.number(0x6060 + offset, 0, drive.mode, "mode of operation")
+
+    def _on_loss(self, index: int) -> Iterator[SdoWrite]:
+        what = "what to do when the master is silent"
+        for write in self._dictionary.if_there(index, 0, QUICK_STOP_ON_LOSS, what):
+            length = len(write.payload)
+            yield replace(write, instead=tuple(value.to_bytes(length, "little") for value in _STOPS_ON_LOSS))
 
     def extra(self) -> Iterator[SdoWrite]:
         for write in self._drive.sdo_writes:

@@ -23,6 +23,8 @@ class SdoWrite:
         unless: nothing is written where the object holds this.
         verify: nothing is written: the object has to hold the payload.
         spare_pdo: name of the PDO that the drive may refuse: it is switched off then, and not used.
+        instead: what serves nearly as well, best first, where the value is out of the drive's range.
+        remedy: what to do where the drive refuses it; empty: what the abort code says.
     """
 
     index: int
@@ -33,6 +35,8 @@ class SdoWrite:
     unless: bytes | None = None
     verify: bool = False
     spare_pdo: str = ""
+    instead: tuple[bytes, ...] = ()
+    remedy: str = ""
 
 
 def unsigned32(value: int) -> bytes:

@@ -1,7 +1,7 @@
 """One simulated CiA 402 drive: a CANopen node whose application is a power stage with a motor.
 
 Between SYNCs the motor moves by the interpolation period 60C2h, as in a drive whose clock is locked to the
-SYNC; without SYNC it moves by the time that passes.
+SYNC; without SYNC, and on profiles of its own (pp), it moves by the time that passes.
 """
 
 from __future__ import annotations
@@ -181,7 +181,11 @@ class Cia402Node(CanopenNode):
 
     def sample(self, now: float) -> None:
         self._synced_at = now
-        self._step(self._period_s(), now)
+        period = self._period_s()
+        if self.motion.mode == Mode.PROFILE_POSITION:
+            # its own profile runs by its own clock: nobody has to say what a SYNC's period is
+            period = min(max(now - self._stepped_at, SHORTEST_PERIOD_S), LONGEST_PERIOD_S)
+        self._step(period, now)
         # the SYNC may have been the last one
         self.wake = min(self.wake, self._unlocked())
 

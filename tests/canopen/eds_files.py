@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 U8, U16, U32, I8, I16, I32 = 5, 6, 7, 2, 3, 4
+INVALID = 0x8000_0000
 # index, name, type, access, default, mappable
 _COMMON = (
     (0x1000, "Device type", U32, "ro", "0x00020192", 0),
@@ -40,8 +41,15 @@ def eds(
     tpdos: Sequence[Sequence[int]] = CIA_402_TPDOS,
     more: str = "",
     axes: int = 1,
+    transmission: str = "1",
+    rpdo_members: int = 5,
+    off: bool = False,
 ) -> str:
-    """A drive's EDS; ``changes``: keys of an object's section; ``fixed``: mappings cannot be written."""
+    """A drive's EDS; ``changes``: keys of an object's section; ``fixed``: mappings cannot be written.
+
+    ``rpdo_members``: of the records of RPDOs; with 2 they have no time-out. ``off``: PDOs are invalid.
+    """
+    off_bit = INVALID if off else 0
     parts = []
     for axis in range(axes):
         for index, name, kind, access, default, mappable in _COMMON:
@@ -61,37 +69,67 @@ def eds(
             }
             parts.append(f"[{index:04X}]\n" + "".join(f"{key}={value}\n" for key, value in keys.items()))
         parts += (
-            [_record(0x1018, "Identity", (U32,) * 4, "ro", ["0x11", "0x22", "1", "5"])] if not axis else []
+            [record(0x1018, "Identity", (U32,) * 4, "ro", ["0x11", "0x22", "1", "5"])] if not axis else []
         )
-        parts.append(_record(0x6099 + 0x800 * axis, "Homing speeds", (U32, U32), "rw", ["0", "0"]))
+        parts.append(record(0x6099 + 0x800 * axis, "Homing speeds", (U32, U32), "rw", ["0", "0"]))
         first = 64 * axis
         for number, mapped in enumerate(rpdos):
-            cob = f"$NODEID+0x{0x200 + 0x100 * number:X}"
+            cob = f"$NODEID+0x{off_bit + 0x200 + 0x100 * number:X}"
             parts += _pdo(
-                0x1400 + first + number, 0x1600 + first + number, cob, mapped, fixed, cob_access, axis
+                0x1400 + first + number,
+                0x1600 + first + number,
+                [cob, transmission, "0", "0", "0"][:rpdo_members],
+                mapped,
+                fixed,
+                cob_access,
+                axis,
             )
         for number, mapped in enumerate(tpdos):
-            cob = f"$NODEID+0x{0x180 + 0x100 * number:X}"
+            cob = f"$NODEID+0x{off_bit + 0x180 + 0x100 * number:X}"
             parts += _pdo(
-                0x1800 + first + number, 0x1A00 + first + number, cob, mapped, fixed, cob_access, axis
+                0x1800 + first + number,
+                0x1A00 + first + number,
+                [cob, transmission, "0", "0", "0"],
+                mapped,
+                fixed,
+                cob_access,
+                axis,
             )
     return "\n".join(part for part in parts if part) + more
 
 
+def entry(
+    index: int, name: str, kind: int, *, access: str = "rw", mapped: bool = True, default: str = "0"
+) -> str:
+    """One object that is no record."""
+    return (
+        f"[{index:04X}]\nParameterName={name}\nObjectType=0x7\nDataType=0x{kind:04X}\nAccessType={access}\n"
+        f"DefaultValue={default}\nPDOMapping={int(mapped)}\n"
+    )
+
+
 def _pdo(
-    record: int, mapping: int, cob: str, mapped: Sequence[int], fixed: bool, cob_access: str, axis: int
+    communication: int,
+    mapping: int,
+    defaults: Sequence[str],
+    mapped: Sequence[int],
+    fixed: bool,
+    cob_access: str,
+    axis: int,
 ) -> list[str]:
     offset = axis * 0x800 << 16
     words = [f"0x{word + offset:08X}" for word in mapped]
     words += ["0"] * (8 - len(words))
     access = "const" if fixed else "rw"
     return [
-        _record(record, "PDO", (U32, U8, U16, U8, U16), "rw", [cob, "1", "0", "0", "0"], {1: cob_access}),
-        _record(mapping, "Mapping", (U32,) * 8, access, words, {0: access}, count=len(mapped)),
+        record(
+            communication, "PDO", (U32, U8, U16, U8, U16)[: len(defaults)], "rw", defaults, {1: cob_access}
+        ),
+        record(mapping, "Mapping", (U32,) * 8, access, words, {0: access}, count=len(mapped)),
     ]
 
 
-def _record(
+def record(
     index: int,
     name: str,
     kinds: Sequence[int],
@@ -99,12 +137,14 @@ def _record(
     defaults: Sequence[str],
     special: dict[int, str] | None = None,
     count: int | None = None,
+    mapped: bool = False,
 ) -> str:
+    """A record with a member for each kind; ``special``: access of single ones."""
     special = special or {}
     text = f"[{index:04X}]\nParameterName={name}\nObjectType=0x9\n"
     text += f"[{index:04X}sub0]\nParameterName=Count\nDataType=0x0005\nAccessType={special.get(0, 'ro')}\n"
     text += f"DefaultValue={len(kinds) if count is None else count}\n"
     for at, (kind, default) in enumerate(zip(kinds, defaults, strict=True), 1):
         text += f"[{index:04X}sub{at:X}]\nParameterName={name} {at}\nDataType=0x{kind:04X}\n"
-        text += f"AccessType={special.get(at, access)}\nDefaultValue={default}\n"
+        text += f"AccessType={special.get(at, access)}\nDefaultValue={default}\nPDOMapping={int(mapped)}\n"
     return text

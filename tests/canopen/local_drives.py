@@ -273,4 +273,5 @@ def until(holds: Callable[[], bool], what: str, limit_s: float = 10.0) -> None:
     deadline = time.monotonic() + limit_s
     while not holds():
         assert time.monotonic() < deadline, f"not within {limit_s:g} s: {what}"
-        pause.wait(0.005)
+        # the cycle of these machines: what is judged by cycles is not judged sooner than on a real bus
+        pause.wait(0.01)

@@ -29,7 +29,7 @@ def test_several_nodes_are_configured_and_operational(
         assert drive.state is NmtState.OPERATIONAL
         assert drive.value(0x1400, 1) == 0x200 + node
         assert drive.value(0x1A00, 1) == 0x6041_0010
-        assert drive.value(0x60C2, 1) == 1
+        assert drive.value(0x60C2, 1) == 10
         assert drive.value(0x6060) == 8
         assert drive.value(0x1017) == 100
     assert [node.phase for node in service.nodes] == [Phase.OPERATIONAL] * 3

@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 
 from mcserver.canopen.canopen_errors import DriveError
-from mcserver.canopen.service import CanopenService
-from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
-from mcserver.drives.can_bus import CanBus
+from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.errors import ConfigurationError
-from mcserver.machine.machine_file import Machine
-from tests.canopen.eds_files import I16, U32, eds
+from tests.canopen.cycle_on_bus import Cycle
+from tests.canopen.eds_files import I16, U32, eds, entry
 from tests.canopen.local_drives import LocalDrive, until
 from tests.canopen.rig import RunningHub, Watched, machine_on
 
@@ -42,33 +40,6 @@ def make(hub: RunningHub, tmp_path: Path) -> Iterator[Make]:
     yield drive
     for each in made:
         each.close()
-
-
-class Cycle:
-    """The cycle on a bus whose drives have been booted: exchanges as the SYNCs are answered."""
-
-    def __init__(self, service: CanopenService, machine: Machine, drives: list[LocalDrive]) -> None:
-        self.machine = service.agreed(machine)
-        for drive in drives:
-            drive.listen()
-        self.bus = CanBus(self.machine, self.machine.buses[0], list(range(len(self.machine.axes))))
-        self.feedback = self.bus.boot()
-        self.setpoints = Setpoints.of(len(self.machine.axes))
-        self.setpoints.position[:] = self.feedback.position
-
-    def run(self, mode: DriveMode, until_state: DriveState, column: int = 0) -> None:
-        self.setpoints.mode[:] = mode
-
-        def reached() -> bool:
-            free = self.feedback.state != DriveState.ENERGIZED
-            self.setpoints.position[free] = self.feedback.position[free]
-            self.bus.exchange(self.setpoints)
-            return int(self.feedback.state[column]) == until_state
-
-        until(reached, f"{until_state.name}; it is {self.feedback.state} {self.feedback.fault}")
-
-    def close(self) -> None:
-        self.bus.close()
 
 
 def keys(folder: Path, more: str = "") -> str:
@@ -108,13 +79,6 @@ def test_a_drive_without_csp_moves_by_interpolated_position(
         assert set(drive.targets[0]) == {0, 4096}
     finally:
         cycle.close()
-
-
-def entry(index: int, name: str, kind: int) -> str:
-    return (
-        f"[{index:04X}]\nParameterName={name}\nObjectType=0x7\nDataType=0x{kind:04X}\nAccessType=rw\n"
-        "DefaultValue=0\nPDOMapping=1\n"
-    )
 
 
 PROFILE = (

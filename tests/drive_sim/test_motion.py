@@ -221,6 +221,18 @@ def test_pp_takes_a_setpoint_by_its_handshake_and_reaches_it(bench: Bench) -> No
     assert bench.position == start + COUNTS
 
 
+def test_pp_takes_its_time_from_the_clock_and_not_from_60c2h(bench: Bench) -> None:
+    bench.write(0x60C2, 1, "B", 1)
+    bench.write(0x6081, 0, "I", 2 * COUNTS)
+    bench.mode = Mode.PROFILE_POSITION
+    bench.enable()
+    start = bench.position
+    bench.cycles(3, ENABLE | NEW_SETPOINT, start + COUNTS)
+    bench.cycles(100, ENABLE)
+    # 0.5 s for a turn at two turns a second
+    assert bench.position == pytest.approx(start + COUNTS, abs=COUNTS // 50)
+
+
 def test_pp_queues_one_setpoint_and_takes_relative_ones(bench: Bench) -> None:
     bench.write(0x6083, 0, "I", 20 * COUNTS)
     bench.write(0x6084, 0, "I", 20 * COUNTS)

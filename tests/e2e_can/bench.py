@@ -24,6 +24,8 @@ START = ["G1010", "G00 X0 Y0 Z0"]
 LINE = 3
 END = (400.0, 300.0, 200.0)
 MOTION = ["G1010", "G94 F6000", "G01 X400 Y300 Z200"]
+# the same where the victim goes to points: each axis by itself
+MOTION_TO_POINTS = ["G1010", "G94 F6000", "G00 X400 Y300 Z200"]
 ENERGIZE = "G1010"
 # a program of its own, which no fault of the group concerns: 5 s
 OTHER = 3
@@ -48,12 +50,13 @@ class Bench:
     """What a fault is put in, and what shows what came of it.
 
     Attributes:
-        events: of the machine, from the bench's beginning on.
+        mode: of the victim's drive. events: of the machine, from the bench's beginning on.
     """
 
     cell: Cell
     machine: Machine
     log: BusLog
+    mode: str = "csp"
     events: list[Event] = field(default_factory=list)
     _arrived: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -94,7 +97,7 @@ class Bench:
         async with recorded(self.machine) as recording:
             program = await self.machine.program(axes=list(GROUP))
             other = await self.machine.program(axes=[OTHER])
-            await program.send_lines(MOTION)
+            await program.send_lines(MOTION_TO_POINTS if self.mode == "pp" else MOTION)
             await other.send_lines(OTHER_MOTION)
             await self.until("under way")
             yield Moving(program, recording)
@@ -104,7 +107,8 @@ class Bench:
     async def refused_without_reset(self) -> str:
         """What the server says to a motion of the latched axes before G1000; empty: it moves."""
         try:
-            await run(self.machine, ["G1010", "G91 G94 F600 G01 X1 Y1"], list(GROUP))
+            step = "G91 G00 X1 Y1" if self.mode == "pp" else "G91 G94 F600 G01 X1 Y1"
+            await run(self.machine, ["G1010", step], list(GROUP))
         except ProgramFaulted as faulted:
             ended = (await known(self.machine, faulted.program)).fault
             return faulted.code if ended is None else ended.code

@@ -16,7 +16,7 @@ from mcclient import Samples
 from numpy.typing import NDArray
 
 from mcserver.can.cob import SYNC, Function
-from mcserver.can.pdo_layout import RPDO1, TPDO1
+from mcserver.can.pdo_layout import RPDO1, RPDO2, TPDO1
 from tests.e2e_can.bus_log import Logged
 
 Array = NDArray[np.float64]
@@ -125,6 +125,20 @@ def jumps(frames: Sequence[Logged], node: int) -> list[int]:
             enabling = word & ENABLE == ENABLE
             if enabling and not enabled and actual is not None:
                 found.append(target - actual)
+            enabled = enabling
+    return found
+
+
+def first_torques(frames: Sequence[Logged], node: int) -> list[int]:
+    """Each time that a node was commanded by RPDO2 to enable operation: its target torque then [‰]."""
+    found: list[int] = []
+    enabled = False
+    for frame in frames:
+        if frame.identifier == Function.RPDO2 + node and len(frame.payload) == RPDO2.packing.size:
+            word, _, torque = RPDO2.packing.unpack(frame.payload)
+            enabling = word & ENABLE == ENABLE
+            if enabling and not enabled:
+                found.append(torque)
             enabled = enabling
     return found
 

@@ -9,6 +9,8 @@ from mcclient import Machine, RequestRefused
 
 from mcserver.can.cob import NMT, Function, NmtCommand
 from mcserver.can.open import open_port
+from mcserver.drives.cia402.loops import AGAINST_SHARE
+from mcserver.drives.cia402.profile_position import NEW_SETPOINT
 from mcserver.drives.node_watch import HEARTBEAT_PATIENCE
 from tests.e2e_can.bench import CYCLE_HZ, NODE, VICTIM
 from tests.e2e_can.cell import Cell
@@ -18,10 +20,12 @@ from tests.e2e_can.signs import (
     InFrames,
     NoFrames,
     Sign,
+    commanded,
     commanded_otherwise,
     has,
     lacks_answer,
     lacks_heartbeat,
+    pulls,
     short_answer,
 )
 
@@ -38,6 +42,7 @@ STATUSWORD = 0x6041
 LATE_ANSWER_S = 1.0
 STARTED = "drive.started"
 ON_ITS_BUS = (0, 1)
+AGAINST_PERMILLE = round(1000 * AGAINST_SHARE)
 
 Act = Callable[[Cell], object]
 
@@ -53,6 +58,7 @@ class Disturbance:
         concerned: axes that have the fault.
         returns: kind of the event that says that the drive can be energized again; empty: at once.
         at_rest: it shows only when the drive is energized.
+        mode: of the victim's drive. afterwards: what a client does once it is over.
     """
 
     name: str
@@ -63,6 +69,8 @@ class Disturbance:
     concerned: tuple[int, ...] = (VICTIM,)
     returns: str = ""
     at_rest: bool = False
+    mode: str = "csp"
+    afterwards: Callable[[Machine], Awaitable[object]] | None = None
 
 
 def ask(fault: str, **values: float) -> Act:
@@ -108,6 +116,16 @@ async def read_an_object(machine: Machine) -> str:
     except RequestRefused as refused:
         return refused.code
     return ""
+
+
+async def slow_down(machine: Machine) -> str:
+    """Another speed is another set-point of a drive that goes to points."""
+    await machine.override(50.0)
+    return ""
+
+
+async def full_speed(machine: Machine) -> None:
+    await machine.override(100.0)
 
 
 CLEAR = ask("clear")
@@ -189,3 +207,53 @@ def disturbances(cycle_hz: float = CYCLE_HZ) -> tuple[Disturbance, ...]:
             returns="bus.back",
         ),
     )
+
+
+def disturbances_of_modes() -> tuple[Disturbance, ...]:
+    """What is different, or worth a look, where the victim's drive goes to points or gets torques."""
+    reboot = ("reboot", ask("reboot"), nothing, ANSWER)
+    both = {
+        "mute": (ask("mute"), CLEAR, ANSWER),
+        "EMCY, overcurrent": (ask("emcy", code=OVERCURRENT), CLEAR, emergency(OVERCURRENT)),
+        f"{SHORT} SYNCs missed": (ask("drop_sync", syncs=SHORT), nothing, None),
+        "shaft jams": (ask("following_error"), CLEAR, Behind(VICTIM, FOLLOWING_MM)),
+    }
+    rows = []
+    for mode in ("pp", "cst"):
+        rows += [Disturbance(f"{mode}: {name}", *parts, mode=mode) for name, parts in both.items()]
+        name, inject, undo, sign = reboot
+        rows.append(Disturbance(f"{mode}: {name}", inject, undo, sign, mode=mode, returns=STARTED))
+    rows += [
+        Disturbance(
+            "pp: set-point not acknowledged",
+            ask("ignore_setpoints"),
+            CLEAR,
+            InFrames(lambda: commanded(NODE, NEW_SETPOINT)),
+            meanwhile=slow_down,
+            afterwards=full_speed,
+            mode="pp",
+        ),
+        Disturbance(
+            f"cst: TPDO {LONG} cycles late",
+            ask("late_tpdo", syncs=LONG),
+            CLEAR,
+            ANSWER,
+            mode="cst",
+        ),
+        Disturbance(
+            "cst: torque the wrong way round",
+            ask("reverse_torque"),
+            CLEAR,
+            InFrames(lambda: pulls(NODE, AGAINST_PERMILLE)),
+            mode="cst",
+        ),
+        Disturbance(
+            "cst: process killed",
+            lambda cell: cell.kill_drives(NODE),
+            lambda cell: cell.start_drives([NODE]),
+            ANSWER,
+            returns=STARTED,
+            mode="cst",
+        ),
+    ]
+    return tuple(rows)

@@ -36,8 +36,8 @@ from tests.e2e_can.bench import (
 from tests.e2e_can.bus_log import BusLog
 from tests.e2e_can.cell import running
 from tests.e2e_can.cycles import rows_of
-from tests.e2e_can.disturbances import SILENCE_CYCLES, Disturbance, disturbances
-from tests.e2e_can.machines import INCREMENTS, PATIENT, SCREW_MM, Raw, buses, slides
+from tests.e2e_can.disturbances import SILENCE_CYCLES, Disturbance, disturbances, disturbances_of_modes
+from tests.e2e_can.machines import INCREMENTS, PATIENT, SCREW_MM, Raw, buses, in_mode, slides
 from tests.e2e_can.outcome import Outcome, greatest_jump, measure_stop, table
 from tests.e2e_can.signs import Evidence, Witness
 
@@ -50,16 +50,19 @@ SHARING = Witness(0, 1, 0, PER_MM)
 
 @contextlib.asynccontextmanager
 async def bench(
-    cycle_hz: float = CYCLE_HZ, interfaces: Sequence[str] = (), *, patient: bool = False
+    cycle_hz: float = CYCLE_HZ, interfaces: Sequence[str] = (), *, patient: bool = False, mode: str = "csp"
 ) -> AsyncIterator[Bench]:
     """Two buses, with a hub each or on interfaces; the victim's drive is a process of its own.
 
     Args:
+        mode: of the victim's drive.
         patient: drives and processes may be late, as in an emulated machine; else the usual times hold.
     """
 
     def machine_on(addresses: Sequence[str]) -> Raw:
         raw = slides(addresses, cycle_hz, AXES)
+        if mode != "csp":
+            in_mode(raw, VICTIM, mode)
         if patient:
             return raw
         for axis in raw["axis"]:
@@ -81,7 +84,7 @@ async def bench(
         log = BusLog(cell.addresses)
         try:
             async with connected(cell.server) as machine:
-                made = Bench(cell, machine, log)
+                made = Bench(cell, machine, log, mode)
                 keeping = asyncio.create_task(made.keep_events())
                 try:
                     yield made
@@ -105,6 +108,8 @@ async def disturb(made: Bench, disturbance: Disturbance) -> Outcome:
             await made.later(OFF_S)
         injected = made.log.length
         await asyncio.to_thread(disturbance.inject, made.cell)
+        if disturbance.meanwhile is not None:
+            await disturbance.meanwhile(made.machine)
         with contextlib.suppress(ProgramFaulted):
             if disturbance.at_rest:
                 await run(made.machine, [ENERGIZE], list(GROUP))
@@ -120,6 +125,8 @@ async def disturb(made: Bench, disturbance: Disturbance) -> Outcome:
     visible = disturbance.sign.row(Evidence(frames, injected - begin, rows, SHARING))
     stop = measure_stop(rows, visible, event.fault.t, others)
     await asyncio.to_thread(disturbance.undo, made.cell)
+    if disturbance.afterwards is not None:
+        await disturbance.afterwards(made.machine)
     if disturbance.returns:
         await made.until_event(seen, disturbance.returns)
     latched = (await made.later(LATCH_S)).axes.state[VICTIM] == "fault"
@@ -137,7 +144,11 @@ async def disturb(made: Bench, disturbance: Disturbance) -> Outcome:
         None if disturbance.at_rest else stop.rested,
         latch,
         recovered,
-        greatest_jump(made.log.frames(before), [axis + 1 for axis in disturbance.concerned]),
+        greatest_jump(
+            made.log.frames(before),
+            [axis + 1 for axis in disturbance.concerned],
+            NODE if made.mode == "cst" else None,
+        ),
     )
 
 
@@ -159,12 +170,12 @@ async def pass_over(made: Bench, disturbance: Disturbance) -> Outcome:
 async def measure(
     chosen: Sequence[Disturbance], repeat: int = 1, cycle_hz: float = CYCLE_HZ
 ) -> list[Outcome]:
-    """The rows of some disturbances, one after the other on one server."""
+    """The rows of some disturbances, one after the other on one server for each mode."""
     outcomes = []
-    async with bench(cycle_hz) as made:
-        await run(made.machine, START, list(GROUP))
-        for _ in range(repeat):
-            for disturbance in chosen:
+    for mode in dict.fromkeys(disturbance.mode for disturbance in chosen):
+        async with bench(cycle_hz, mode=mode) as made:
+            await run(made.machine, START, list(GROUP))
+            for disturbance in [each for each in chosen if each.mode == mode] * repeat:
                 outcome = await disturb(made, disturbance)
                 sys.stderr.write(f"{disturbance.name}: {outcome.message or 'motion ended well'}\n")
                 outcomes.append(outcome)
@@ -177,7 +188,11 @@ def main() -> int:
     options.add_argument("--repeat", type=int, default=1, metavar="N")
     options.add_argument("names", nargs="*", help="of disturbances; all without any")
     given = options.parse_args()
-    chosen = [each for each in disturbances() if not given.names or each.name in given.names]
+    chosen = [
+        each
+        for each in (*disturbances(), *disturbances_of_modes())
+        if not given.names or each.name in given.names
+    ]
     outcomes = asyncio.run(measure(chosen, given.repeat))
     sys.stdout.write(table(outcomes) + "\n")
     return 0 if all(each.recovered and not each.jump for each in outcomes) else 1

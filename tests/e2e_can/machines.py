@@ -20,6 +20,9 @@ SCREW_MM = 10.0
 PATIENT = {"heartbeat_ms": 500, "command_timeout_ms": 2000}
 PATIENT_CYCLES = 50
 FOLLOWING_MM = 50.0
+# by axis; the last one has a home switch on its drive
+MIXED = ("csp", "ip", "cst", "pp", "csp")
+POINTED, HOMED = 3, 4
 Raw = dict[str, Any]
 
 
@@ -64,6 +67,32 @@ def slides(addresses: Sequence[str], cycle_hz: float, count: int = AXES) -> Raw:
     }
 
 
+def in_mode(raw: Raw, index: int, mode: str) -> None:
+    """Give an axis's drive another mode, and all axes a pace at which a motion lasts for some seconds."""
+    for axis in raw["axis"]:
+        axis |= {"max_velocity": 100.0, "max_acceleration": 1000.0}
+    section = raw["axis"][index]
+    section["drive"] |= {"mode": mode}
+    if mode == "cst":
+        # 0.6 N·m accelerate by 1900 mm/s²; the loop is softer than a drive's own, by the cycle
+        section["drive"] |= {"rated_torque": 0.6, "inertia": 0.0005, "friction_decel": 20.0}
+        section["in_position"] = 1.0
+
+
+def mixed(addresses: Sequence[str], cycle_hz: float) -> Raw:
+    """One axis for each mode (csp, ip, cst, pp) and one that homes by its drive's switch; pins of a drive."""
+    raw = slides(addresses, cycle_hz, len(MIXED))
+    for index, mode in enumerate(MIXED):
+        in_mode(raw, index, mode)
+    switched = raw["axis"][HOMED]
+    switched["drive"] |= {"home_switch": [-1000.0, -20.0], "initial_position": 0.0}
+    switched["homing"] = {"method": "switch", "velocity": 50.0, "latch_velocity": 5.0, "position": 1.0}
+    pin = {"drive": 0, "bit": 17}
+    raw["input"] = [{"number": 0, "name": "guard", "source": pin}]
+    raw["output"] = [{"number": 0, "name": "brake", "target": {**pin, "bit": 16}}]
+    return raw
+
+
 def can_drive(addresses: Sequence[str], index: int, count: int = AXES) -> Raw:
     """A drive's section: node = axis + 1, the axes in equal shares over the buses."""
     bus = index * len(addresses) // count
@@ -84,15 +113,16 @@ def buses(addresses: Sequence[str], silence_cycles: int = PATIENT_CYCLES) -> lis
 
 
 def ideal(raw: Raw) -> Raw:
-    """The same machine with drives that follow exactly."""
+    """The same axes with drives that follow exactly and are at home; without inputs and outputs."""
     axes = [
         {
-            **axis,
+            **{key: value for key, value in axis.items() if key != "homing"},
             "drive": {"kind": "ideal", "initial_position": axis["drive"]["initial_position"]},
         }
         for axis in raw["axis"]
     ]
-    return {**{key: value for key, value in raw.items() if key != "bus"}, "axis": axes}
+    on_the_buses = ("bus", "input", "output")
+    return {**{key: value for key, value in raw.items() if key not in on_the_buses}, "axis": axes}
 
 
 def write(raw: Raw, path: Path) -> str:

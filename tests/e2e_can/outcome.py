@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.e2e_can.bus_log import Logged
-from tests.e2e_can.cycles import Array, Rows, begins_to_brake, comes_to_rest, jumps
+from tests.e2e_can.cycles import Array, Rows, begins_to_brake, comes_to_rest, first_torques, jumps
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,17 @@ def speed_of(rows: Rows, columns: Sequence[int]) -> Array:
     return np.asarray(np.linalg.norm(steps, axis=1))
 
 
-def greatest_jump(frames: Sequence[Logged], nodes: Sequence[int]) -> int | None:
-    """Of all times that one of these nodes was energized [counts]; None: none was."""
-    found = [jump for node in nodes for jump in jumps(frames, node)]
+def greatest_jump(frames: Sequence[Logged], nodes: Sequence[int], by_torque: int | None = None) -> int | None:
+    """Of all times that one of these nodes was energized [counts]; None: none was.
+
+    Args:
+        by_torque: the node that gets torques: its first one counts [‰].
+    """
+    found = [
+        jump
+        for node in nodes
+        for jump in (first_torques(frames, node) if node == by_torque else jumps(frames, node))
+    ]
     return max(found, key=abs) if found else None
 
 

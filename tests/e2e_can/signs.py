@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from mcserver.can.cob import Function
-from mcserver.can.pdo_layout import RPDO1, TPDO1
+from mcserver.can.pdo_layout import RPDO1, RPDO2, TPDO1
 from mcserver.drives.cia402.loops import DELAY_CYCLES
 from tests.e2e_can.bus_log import Logged
 from tests.e2e_can.cycles import Rows, Slice, first_cycle, first_with, slices
@@ -123,6 +123,20 @@ def lacks_heartbeat(node: int, cycles: int) -> Condition:
         return since > cycles
 
     return overdue
+
+
+def commanded(node: int, bits: int) -> Condition:
+    """A controlword with these bits."""
+    return lambda part: any(
+        RPDO1.packing.unpack(each)[0] & bits == bits for each in part.payloads(Function.RPDO1 + node)
+    )
+
+
+def pulls(node: int, permille: int) -> Condition:
+    """A target torque of at least so much, either way."""
+    return lambda part: any(
+        abs(RPDO2.packing.unpack(each)[2]) >= permille for each in part.payloads(Function.RPDO2 + node)
+    )
 
 
 def commanded_otherwise(node: int) -> Condition:

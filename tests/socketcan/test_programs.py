@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 
 import pytest
+from mcclient import Machine
 
 from tests.e2e.conftest import connected
-from tests.e2e_can.cell import running
-from tests.e2e_can.machines import dog, slides
+from tests.e2e_can import modes
+from tests.e2e_can.cell import Cell, running
+from tests.e2e_can.machines import MIXED, dog, mixed, slides
 from tests.e2e_can.programs import arcs, assert_as_ideal, gait, on_ideal_drives, on_the_bus
 from tests.socketcan.interfaces import BUSES
 
@@ -21,12 +24,47 @@ SHORT = "G1010 P0\nG91 G94 F3000\nG01 X10\nG04 P0.2\nG1050\n"
 pytestmark = pytest.mark.timeout(LIMIT_S)
 
 
-async def test_one_short_move_is_true_on_one_bus(tmp_path: Path) -> None:
-    with running(tmp_path, lambda addresses: slides(addresses, CYCLE_HZ), interfaces=BUSES[:1]) as cell:
-        async with connected(cell.server) as machine:
-            moved = await on_the_bus(machine, SHORT)
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory, socketcan: None) -> Iterator[Cell]:  # noqa: ARG001
+    """One server for the short ones, with a drive of each mode: its start is most of what they take."""
+    nodes = [range(1, len(MIXED) + 1)]
+    folder = tmp_path_factory.mktemp("modes")
+    with running(
+        folder, lambda addresses: mixed(addresses, CYCLE_HZ), interfaces=BUSES[:1], processes=nodes
+    ) as made:
+        yield made
+
+
+@pytest.fixture
+async def machine(cell: Cell) -> AsyncIterator[Machine]:
+    async with connected(cell.server) as made:
+        yield made
+
+
+async def test_one_short_move_is_true_on_one_bus(machine: Machine, cell: Cell) -> None:
+    moved = await on_the_bus(machine, SHORT)
     assert moved.end[0] == pytest.approx(moved.setpoint[0, 0] + 10.0, abs=0.06)
     assert_as_ideal(moved, on_ideal_drives(SHORT, cell.raw), within=0.05, lag=2.0)
+
+
+async def test_csp_ip_and_cst_go_one_path(machine: Machine) -> None:
+    await modes.goes_its_path_on_three_kinds_of_loops(machine, lag_mm=3.0)
+
+
+async def test_pp_goes_to_a_point_and_is_refused_a_path(machine: Machine) -> None:
+    await modes.goes_to_a_point_and_follows_no_path(machine)
+
+
+async def test_pins_of_a_drive_are_the_machines(machine: Machine, cell: Cell) -> None:
+    await modes.has_the_pins_of_its_drives(machine, cell)
+
+
+async def test_an_axis_is_homed_by_the_switch_on_its_drive(machine: Machine) -> None:
+    await modes.homes_by_the_switch_on_its_drive(machine)
+
+
+async def test_the_bus_is_scanned_while_the_machine_runs(machine: Machine) -> None:
+    await modes.knows_who_is_on_its_bus(machine)
 
 
 @pytest.mark.long

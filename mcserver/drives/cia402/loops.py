@@ -231,6 +231,6 @@ class TorqueLoop:
         self.faults[:] = LoopFault.NONE
         if (self._against >= AGAINST_CYCLES).any():
             self.faults[self._against >= AGAINST_CYCLES] = LoopFault.RUNAWAY
-        # the comparison is the way round that NaN fails, so a reading that is not a number ends the torque too
+        # NaN fails this comparison, too: a reading that is not a number ends the torque
         self.faults[active & ~(np.abs(error) <= self._following)] = LoopFault.FOLLOWING
         self.faults[active & (ages >= BLIND_CYCLES)] = LoopFault.BLIND

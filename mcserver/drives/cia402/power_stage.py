@@ -91,6 +91,7 @@ class PowerStage:
         self._phase = Phase.IDLE
         self._unlike = 0
         self._switching = False
+        self._without_mode = 0
         self.mode = base
         self.controlword: int = Controlword.DISABLE_VOLTAGE
         self.capturing = True
@@ -190,6 +191,7 @@ class PowerStage:
         if not energized:
             self._phase = Phase.SETTLING
             self._unlike = 0
+            self._without_mode = 0
 
     # ------------------------------------------------------------------ not energized
 
@@ -258,10 +260,27 @@ class PowerStage:
         if power is PowerState.OPERATION_ENABLED and in_mode and enabling:
             self._phase = Phase.RUNNING
             return DriveState.ENERGIZED
+        in_mode = in_mode or self._hides_its_mode(power, shown)
+        if self._without_mode > 2 * self._mode_patience and self.fail(DriveFault.MODE, shown):
+            self._phase = Phase.LOST
+            self.controlword = Controlword.DISABLE_VOLTAGE
+            return DriveState.FAULT
         wanted = next_controlword(power, self._commanded, self.controlword, in_mode=in_mode)
         if not self._takes_back(wanted, power, in_mode):
             self.controlword = wanted
         return DriveState.STARTING
+
+    def _hides_its_mode(self, power: PowerState, shown: int) -> bool:
+        """Tell a drive that shows no mode (0) until it is enabled from one that is slow to change it.
+
+        Its targets are where it is, at rest and without torque in every mode, so it may be enabled for as
+        long as a change of mode may take; another mode than the wanted one is never enabled.
+        """
+        if shown != Mode.NONE:
+            self._without_mode = 0
+        elif power in (PowerState.SWITCHED_ON, PowerState.OPERATION_ENABLED):
+            self._without_mode += 1
+        return self._without_mode > self._mode_patience
 
     def _takes_back(self, wanted: int, power: PowerState, in_mode: bool) -> bool:
         """Tell a drive that is slow, or a statusword older than the command, from one that has to start

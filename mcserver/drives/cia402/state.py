@@ -83,7 +83,8 @@ def next_controlword(
 
     Args:
         previous: the controlword before; a fault is reset by a rising edge of bit 7.
-        in_mode: whether 6061h shows the mode of operation that is wanted; operation is not enabled without.
+        in_mode: whether 6061h shows the mode of operation that is wanted, or shows none until it is enabled;
+            operation is not enabled without.
         standing: whether the motor stands, for `DriveMode.STOP`.
     """
     if wanted is DriveMode.SILENT:
