@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mcserver.can.pdo import ProcessData
-from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Pdo
+from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Pdo, rpdo1_cycles
 from mcserver.errors import ConfigurationError
+from mcserver.machine.drive_section import COMMAND_TIMEOUT_CYCLES, COMMAND_TIMEOUT_MS, TORQUE_TIMEOUT_MS
 from mcserver.machine.io_process_data import HEARTBEAT_MS, io_process_data, nodes_on
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 CEILING = 0.8
 # The server's own heartbeat, node 127.
 MASTER_HEARTBEAT_HZ = 20.0
+# Beyond any cycle: RPDO1 comes as rarely as it ever does.
+GREATEST_HZ = 1e5
 SERVOSILA_BYTES = 8
 SERVOSILA_TELEMETRY = 3
 
@@ -46,12 +49,28 @@ class Share:
     Attributes:
         frames: per cycle; below 1 where not every cycle has one. bits: of each. fixed_hz: where the frames
             come at a rate of their own, all of them together [1/s]; then ``frames`` is 0.
+        timeouts_ms: where the frames come as rarely as the drives' time-outs allow: those of this machine
+            file, each with the shortest that is usual for its mode; ``frames`` is the count of axes then.
+        cycle_hz: that they are of.
     """
 
     what: str
     frames: float
     bits: int
     fixed_hz: float = 0.0
+    timeouts_ms: tuple[tuple[float, float], ...] = ()
+    cycle_hz: float = 0.0
+
+    def frames_at(self, cycle_hz: float) -> float:
+        """Of a cycle at this rate."""
+        if not self.timeouts_ms:
+            return self.frames
+        timeouts = [timeout for timeout, _ in self.timeouts_ms]
+        if cycle_hz > self.cycle_hz:
+            # those that follow from the cycle get shorter with it
+            by_cycle = COMMAND_TIMEOUT_CYCLES * 1e3 / cycle_hz
+            timeouts = [min(timeout, max(usual, by_cycle)) for timeout, usual in self.timeouts_ms]
+        return self.frames / rpdo1_cycles(timeouts, 1.0 / cycle_hz)
 
 
 @dataclass(frozen=True)
@@ -71,7 +90,11 @@ class BusLoad:
     @property
     def bits_per_cycle(self) -> float:
         """Of frames that come with the cycle."""
-        return sum(share.frames * share.bits for share in self.shares)
+        return self.bits_at(self.cycle_hz)
+
+    def bits_at(self, cycle_hz: float) -> float:
+        """The same of a cycle at another rate."""
+        return sum(share.frames_at(cycle_hz) * share.bits for share in self.shares)
 
     @property
     def fixed_bits_per_second(self) -> float:
@@ -93,7 +116,10 @@ class BusLoad:
         if self.bits_per_cycle <= 0.0:
             return 0
         left = CEILING * self.bitrate - self.fixed_bits_per_second
-        return max(0, math.floor(left / self.bits_per_cycle))
+        # with RPDO1 as rarely as it ever comes it is no greater
+        most = math.floor(left / sum(share.frames_at(GREATEST_HZ) * share.bits for share in self.shares))
+        fitting = (hz for hz in range(most, 0, -1) if self.bits_at(hz) * hz <= left)
+        return next(fitting, 0)
 
     @property
     def usual_cycle_hz(self) -> int:
@@ -121,13 +147,16 @@ class BusLoad:
         bits = 0.0
         for share in self.shares:
             whole = share.what in ("SYNC", "heartbeat of the master", "inputs", "outputs")
-            bits += (share.frames * self.cycle_hz + share.fixed_hz) * share.bits * (1.0 if whole else part)
+            rate = share.frames_at(self.cycle_hz) * self.cycle_hz + share.fixed_hz
+            bits += rate * share.bits * (1.0 if whole else part)
         return bits / self.bitrate
 
     def arithmetic(self) -> str:
         """The sum in one line."""
         terms = [
-            f"{share.frames:g} × {share.bits} ({share.what})" for share in self.shares if share.frames > 0.0
+            f"{share.frames_at(self.cycle_hz):.4g} × {share.bits} ({share.what})"
+            for share in self.shares
+            if share.frames > 0.0
         ]
         text = (
             f"{' + '.join(terms)} = {self.bits_per_cycle:.0f} bits a cycle, × {self.cycle_hz:g} Hz"
@@ -167,7 +196,7 @@ def load_of(
         count = float(len(servo))
         shares += [
             Share("SYNC", 1.0, frame_bits(0)),
-            *_commands(servo),
+            *_commands(servo, cycle_hz),
             *besides,
             Share("TPDO1", count, frame_bits(_bytes(TPDO1))),
             Share("TPDO2", count / SLOW_SYNCS, frame_bits(_bytes(TPDO2))),
@@ -214,19 +243,26 @@ def _drive_io(machine: Machine, bus: str) -> list[Share]:
     return shares
 
 
-def _commands(axes: Sequence[Axis]) -> list[Share]:
+def _commands(axes: Sequence[Axis], cycle_hz: float) -> list[Share]:
     """RPDOs; 60B2h and 6081h have no room beside mode and position, and go in some of their own."""
     profiled = float(sum(axis.profiled for axis in axes))
     streamed = float(len(axes)) - profiled
     offsets = float(sum(axis.drive.torque_offset for axis in axes))
+    # one that is silent for longer than the shortest of these would make its drive act by itself
+    timeouts = tuple(sorted({_timeouts_of(axis) for axis in axes}))
     every = (
         Share("RPDO2", streamed, frame_bits(_bytes(RPDO2))),
-        Share("RPDO1 besides", streamed / SLOW_SYNCS, frame_bits(_bytes(RPDO1))),
+        Share("RPDO1 besides", streamed, frame_bits(_bytes(RPDO1)), timeouts_ms=timeouts, cycle_hz=cycle_hz),
         Share("RPDO1", profiled, frame_bits(_bytes(RPDO1))),
         Share("profile velocity", profiled, frame_bits(4)),
         Share("torque offset", offsets, frame_bits(2)),
     )
     return [share for share in every if share.frames]
+
+
+def _timeouts_of(axis: Axis) -> tuple[float, float]:
+    usual = TORQUE_TIMEOUT_MS if axis.drive.mode == "cst" else COMMAND_TIMEOUT_MS
+    return float(axis.drive.command_timeout_ms), float(usual)
 
 
 def refuse_overload(machine: Machine, source: str) -> None:

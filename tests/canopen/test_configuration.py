@@ -113,7 +113,9 @@ def test_a_silent_master_lets_the_drive_stop_quickly() -> None:
         (1.0, (100, -2)),
     ],
 )
-def test_the_interpolation_time_is_the_cycle_in_milliseconds_where_it_can_be(cycle_hz: float, period: tuple[int, int]) -> None:
+def test_the_interpolation_time_is_the_cycle_in_milliseconds_where_it_can_be(
+    cycle_hz: float, period: tuple[int, int]
+) -> None:
     assert interpolation_period(1.0 / cycle_hz) == period
     found = writes(cycle_s=1.0 / cycle_hz)
     assert of(0x60C2, found) == [(1, period[0]), (2, period[1] & 0xFF)]

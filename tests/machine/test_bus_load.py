@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from mcserver.errors import ConfigurationError
@@ -13,6 +16,7 @@ def machine(axes: int, cycle_hz: float, buses: int = 1, drive: str = "", bus: st
     text = f'[machine]\nname = "m"\ncycle_hz = {cycle_hz}\n{bus}\n'
     for index in range(axes):
         text += f'[[axis]]\nindex = {index}\ntype = "rotary"\nmax_velocity = 100.0\nmax_acceleration = 1e3\n'
+        text += "max_following_error = 5.0\n"
         text += f'[axis.drive]\nbus = "can{index % buses}"\nnode = {index + 1}\ncounts_per_motor_rev = 4096\n'
         text += drive or 'kind = "cia402"\n'
     return parse_machine(text)
@@ -47,7 +51,7 @@ def test_a_machine_that_does_not_fit_is_refused_with_the_arithmetic_and_what_fit
     assert "bus can0 cannot carry 12 axes at 500 Hz" in refused.value.message
     assert "12 × 135 (RPDO2)" in refused.value.message
     assert refused.value.hint == (
-        "cycle_hz = 200 fits (anything up to 228 does); at 500 Hz 3 buses with at most 4 axes each fit"
+        "cycle_hz = 200 fits (anything up to 224 does); at 500 Hz 3 buses with at most 4 axes each fit"
     )
 
 
@@ -57,6 +61,34 @@ def test_what_is_said_to_fit_fits_and_no_more() -> None:
     assert all(each.share <= CEILING for each in bus_loads(machine(12, greatest)))
     with pytest.raises(ConfigurationError):
         machine(12, greatest + 1)
+
+
+TORQUES = 'kind = "cia402"\nmode = "cst"\nrated_torque = 1.0\ninertia = 1e-4\n'
+POINTS = 'kind = "cia402"\nmode = "pp"\n'
+
+
+def test_rpdo1_comes_besides_as_often_as_the_shortest_time_out_asks_for_it() -> None:
+    # 40 ms of ten cycles: three times in it, so in every third cycle
+    (load,) = bus_loads(machine(8, 250.0, drive=TORQUES))
+    assert load.bits_per_cycle == pytest.approx(55 + 8 * (135 + 125 / 3 + 125 + 11.5))
+    (load,) = bus_loads(machine(12, 200.0))
+    assert load.bits_per_cycle == pytest.approx(55 + 12 * (135 + 125 / 6 + 125 + 11.5))
+
+
+def test_the_table_of_greatest_rates_holds_to_the_hertz() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "canopen.md").read_text("utf-8")
+    rows = re.findall(r"^\| (\d+) \| (\d+) Hz \| (\d+) Hz \| (\d+) Hz \|$", page, re.MULTILINE)
+    assert [int(row[0]) for row in rows] == [2, 3, 4, 6, 8, 12]
+    for axes, *rates in ([int(number) for number in row] for row in rows):
+        for drive, rate in zip(("", TORQUES, POINTS), rates, strict=True):
+            machine(axes, rate, drive=drive)
+            with pytest.raises(ConfigurationError, match="MC007"):
+                machine(axes, rate + 1, drive=drive)
+
+
+def test_a_rate_that_would_still_fit_does_so_with_time_outs_that_follow_the_cycle() -> None:
+    (load,) = bus_loads(machine(8, 100.0, drive=TORQUES))
+    machine(8, load.greatest_cycle_hz, drive=TORQUES)
 
 
 def test_a_slower_bus_carries_less() -> None:
