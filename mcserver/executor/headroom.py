@@ -116,9 +116,17 @@ def torque_axes(machine: Machine) -> int:
     return sum(axis.max_torque != math.inf for axis in machine.axes)
 
 
+def longest_stop(machine: Machine) -> float:
+    """Return the longest time that an axis takes to stop from its top speed within its limits [s]."""
+    return max(
+        axis.max_velocity / axis.max_acceleration
+        + (axis.max_acceleration / axis.max_jerk if math.isfinite(axis.max_jerk) else 0.0)
+        for axis in machine.axes
+    )
+
+
 def stopping_rows(machine: Machine, by_torque: int = 0) -> int:
-    """Rows ahead with which playback at 100 % never slows down: the longest stop of any axis from its top
-    speed.
+    """Rows ahead with which playback at 100 % never slows down: the longest stop of any axis.
 
     Playback can always stop before the last row it has, unless that row is at rest. A planner that hands over
     fewer rows of a motion under way is played more slowly; one that hands over a motion's whole stop is not.
@@ -126,9 +134,4 @@ def stopping_rows(machine: Machine, by_torque: int = 0) -> int:
     Args:
         by_torque: the longest stop that torques ask for [cycles].
     """
-    longest = max(
-        axis.max_velocity / axis.max_acceleration
-        + (axis.max_acceleration / axis.max_jerk if math.isfinite(axis.max_jerk) else 0.0)
-        for axis in machine.axes
-    )
-    return math.ceil(0.5 * STOPS_AHEAD * max(longest / machine.cycle_s, by_torque)) + 16
+    return math.ceil(0.5 * STOPS_AHEAD * max(longest_stop(machine) / machine.cycle_s, by_torque)) + 16

@@ -192,3 +192,14 @@ def mask_of(columns: dict[int, float] | Sequence[int]) -> int:
     for column in columns:
         mask |= 1 << column
     return mask
+
+
+def give(rig: Rig, order: str | float) -> None:
+    """Hold or resume the program, or set its override."""
+    mailbox = rig.executor.mailbox
+    if order == "hold":
+        mailbox.set_hold(True, 0)
+    elif order == "resume":
+        mailbox.resume(0)
+    else:
+        mailbox.set_override(float(order), 0)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mcserver.executor.entries import ControlKind
 from mcserver.executor.shm.feedback import SlotState
-from tests.executor.rig import CYCLE_S, Array, Rig, machine
+from tests.executor.rig import CYCLE_S, Array, Rig, give, machine
 
 VELOCITY, ACCELERATION, JERK = 1.0, 10.0, 300.0
 RADIUS = 0.05
@@ -95,16 +95,6 @@ def start(path: str, speed: float, jerk: float | None) -> tuple[Rig, Rows]:
     program.control(ControlKind.END, axes=3)
     program.finish()
     return rig, rows
-
-
-def give(rig: Rig, order: str | float) -> None:
-    mailbox = rig.executor.mailbox
-    if order == "hold":
-        mailbox.set_hold(True, 0)
-    elif order == "resume":
-        mailbox.resume(0)
-    else:
-        mailbox.set_override(float(order), 0)
 
 
 def assert_limits(rig: Rig, jerk: float | None) -> None:

@@ -14,7 +14,7 @@ from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.motion.profile.setpoint_sampling import Rows
-from tests.executor.rig import CYCLE_S, Rig
+from tests.executor.rig import CYCLE_S, Rig, give
 from tests.kinematics import arm7
 from tests.motion.support import Move, at_speed, in_time, line_curve, plan
 
@@ -76,16 +76,6 @@ def at_home(machine: Machine) -> Rig:
     program.u = float(np.ceil(rig.executor.u(0))) + 2.0
     program.position = HOME.copy()
     return rig
-
-
-def give(rig: Rig, order: str | float) -> None:
-    mailbox = rig.executor.mailbox
-    if order == "hold":
-        mailbox.set_hold(True, 0)
-    elif order == "resume":
-        mailbox.resume(0)
-    else:
-        mailbox.set_override(float(order), 0)
 
 
 def play(rig: Rig, rows: list[Rows], rng: np.random.Generator, *, trickle: bool, torques: bool) -> None:

@@ -58,7 +58,7 @@ async def send_until_confirmed(
     """Puts the stop again and again until an event or a state says that it is latched.
 
     Args:
-        number: of this stop, where copies of it go other ways too; a random one without.
+        number: of this stop, the same in copies sent over other connections; None: a random one.
 
     Raises:
         NoAnswerInTime: MC532 no confirmation within the time.

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcserver.executor.headroom import RATE_MAX
+from mcserver.executor.headroom import RATE_MAX, longest_stop
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_plan import RatePlan
 from mcserver.executor.shm.rings import ProgramRing
@@ -90,12 +90,7 @@ class RateControl:
                 playback.most,
             ]
         )
-        stop = max(
-            axis.max_velocity / axis.max_acceleration
-            + (axis.max_acceleration / axis.max_jerk if math.isfinite(axis.max_jerk) else 0.0)
-            for axis in machine.axes
-        )
-        self._stop = stop / dt
+        self._stop = longest_stop(machine) / dt
         self._torques = ring.torque
         # where nothing is to be looked at
         self._no_torques = np.zeros((ring.rows, NUMBERS, 0))

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
+from mcserver.motion.kernels.node_phases import _BEND, _SLOPE, _STEP, _TWIST, _keeps_limits, _to_phases
 from mcserver.motion.kernels.phases import PHASE
-from mcserver.motion.kernels.sample_limits import TINY, Run
+from mcserver.motion.kernels.sample_limits import Run
 
 # Nodes stand this share of the shortest rise of acceleration apart, in these bounds [s]: fewer follow the
 # optimum less closely, and each takes some 10 µs.
@@ -27,9 +28,6 @@ NODE_SHARE, NODES_APART = 0.2, (1e-3, 8e-3)
 NODE_LIMITS = ((0.9985, 1.0, 1.0), (0.996, 0.99, 1.0), (0.99, 0.97, 0.95))
 # Nodes from an end, which may be at its greatest speed, to where all of that margin is kept.
 MARGIN_NODES = 10.0
-# What phases may take in the end, of F and of the axes' limits; and of the greatest speeds by bends, which
-# leave something for acceleration.
-PHASE_LIMITS, PHASE_SPEED = (1.0009, 1.003, 1.035), 1.01
 # The barrier's weight, as a share of the time by the number of limits: at first, its fall with each round,
 # and where it ends, which is what is left to the optimum.
 FIRST_WEIGHT, WEIGHT_FALL, LAST_WEIGHT = 4.0, 0.2, 0.004
@@ -40,16 +38,10 @@ STEPS, HALVINGS, MOST_STEPS = 3, 30, 60
 EASE, WITHIN, MOST_EASED = 1.05, 0.9999, 20
 # A step that changes no speed by more than this share is the last one of its round.
 SETTLED = 1e-4
-# Newton's steps for the time from node to node; corrections of the speed at the end, and the share of it that
-# may be lacking.
-NEWTON, SPREADS, SAME_SPEED = 4, 12, 1e-12
 # Groups with so many samples may be arcs of more than a turn, whose samples stand on one turn only.
 WHOLE_TURNS = 129
 # A path is not solved again where its time is within this of that at its greatest speeds.
 WORTH = 1.005
-
-# Columns of a node's demand for each axis: |q'|, |q''|, |q'''| and steps of q''.
-_SLOPE, _BEND, _TWIST, _STEP = range(4)
 
 
 @compiled
@@ -371,83 +363,6 @@ def _minimize(
                 return bool(worst <= 1.0)
             weight = max(weight * WEIGHT_FALL, LAST_WEIGHT)
     return False
-
-
-@compiled
-def _drive(nodes: Array, acceleration: Array, speed: float, phases: Array) -> float:
-    """Write phases from node to node by accelerations there, linear in time; return the speed at the end."""
-    for i in range(len(nodes) - 1):
-        far, a0, a1 = nodes[i + 1] - nodes[i], acceleration[i], acceleration[i + 1]
-        t = far / max(speed, TINY)
-        for _ in range(NEWTON):
-            short = t * (speed + t * (2.0 * a0 + a1) / 6.0) - far
-            t -= short / max(speed + t * (2.0 * a0 + a1) / 3.0, TINY)
-        phases[i, 0], phases[i, 1], phases[i, 2] = t, nodes[i], speed
-        phases[i, 3], phases[i, 4] = a0, (a1 - a0) / t
-        speed += 0.5 * t * (a0 + a1)
-    return speed
-
-
-@compiled
-def _to_phases(nodes: Array, b: Array, phases: Array) -> bool:
-    """Write phases of constant jerk from node to node, whose accelerations are those of b at the nodes.
-
-    What is lacking of the speed at the end, a small part of it, is spread over all.
-
-    Returns:
-        False where that does not succeed.
-    """
-    count = len(b)
-    last = count - 1
-    acceleration, spread = np.zeros(count), np.zeros(count)
-    for i in range(1, last):
-        # weighed so that the sum over intervals keeps what b gains over them
-        acceleration[i] = 0.5 * (b[i + 1] - b[i - 1]) / (nodes[i + 1] - nodes[i - 1])
-        share = i / last
-        spread[i] = share * share * (1.0 - share) * (1.0 - share)
-    start, end = math.sqrt(b[0]), math.sqrt(b[last])
-    lacks = end - _drive(nodes, acceleration, start, phases)
-    part = lacks / (spread.sum() * phases[:, 0].mean())
-    for _ in range(SPREADS):
-        for i in range(1, last):
-            acceleration[i] += part * spread[i]
-        before, lacks = lacks, end - _drive(nodes, acceleration, start, phases)
-        if abs(lacks) <= SAME_SPEED * end:
-            return True
-        if before == lacks:
-            return False
-        part *= lacks / (before - lacks)
-    return False
-
-
-@compiled
-def _keeps_limits(
-    phases: Array, demand: Array, cap: Array, fed: Array, limits: Array, step_jerk: float
-) -> bool:
-    """Return whether phases keep all limits, at both ends and in the middle of each."""
-    for i in range(len(phases)):
-        duration, jerk = phases[i, 0], abs(phases[i, 4])
-        # both nodes know all between them, and more
-        top = min(PHASE_SPEED * math.sqrt(max(cap[i], cap[i + 1])), PHASE_LIMITS[0] * max(fed[i], fed[i + 1]))
-        for place in (0.0, 0.5, 1.0):
-            x = place * duration
-            v = phases[i, 2] + x * (phases[i, 3] + 0.5 * x * phases[i, 4])
-            a = abs(phases[i, 3] + x * phases[i, 4])
-            if not v > 0.0 or v > top:
-                return False
-            for k in range(limits.shape[1]):
-                d1 = min(demand[i, _SLOPE, k], demand[i + 1, _SLOPE, k])
-                d2 = min(demand[i, _BEND, k], demand[i + 1, _BEND, k])
-                d3 = min(demand[i, _TWIST, k], demand[i + 1, _TWIST, k])
-                step = min(demand[i, _STEP, k], demand[i + 1, _STEP, k])
-                if d1 * v > PHASE_LIMITS[0] * limits[0, k]:
-                    return False
-                if d1 * a + d2 * v * v > PHASE_LIMITS[1] * limits[1, k]:
-                    return False
-                asked = d1 * jerk + 3.0 * d2 * v * a + d3 * v * v * v + step * step_jerk * v * v
-                if asked > PHASE_LIMITS[2] * limits[2, k]:
-                    return False
-    return True
 
 
 @compiled
