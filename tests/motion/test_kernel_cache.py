@@ -78,6 +78,32 @@ def test_comments_docstrings_and_line_numbers_compile_nothing() -> None:
     assert function_digest(kernels(scale=2.5).caller) != before
 
 
+def test_a_kernel_is_compiled_beside_a_kept_one_that_it_calls() -> None:
+    """What is kept has to serve the compiler too, not only the processor."""
+    assert kernels().callee(3.0) == 6.0
+    module = kernels()
+    assert module.caller(3.0) == 7.0
+    assert sum(module.callee.stats.cache_hits.values()) == 1
+    assert sum(module.caller.stats.cache_misses.values()) == 1
+
+
+def test_kept_kernels_are_read_without_the_library_of_numba(tmp_path: Path) -> None:
+    """It brings scipy with it, and takes longer than reading all kernels of a server."""
+    file = tmp_path / "lonely.py"
+    file.write_text(
+        CALLER.format(comment="", docstring="", operator="*", scale=2.0)
+        + "import sys\nassert caller(3.0) == 7.0\n"
+        + "print([each for each in ('numba.np.linalg', 'scipy.linalg') if each in sys.modules])\n"
+    )
+    found = [
+        subprocess.run([sys.executable, str(file)], capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    ]
+    # the one that compiles needs it
+    assert "numba.np.linalg" in found[0]
+    assert found[1] == "[]\n"
+
+
 def test_each_signature_has_a_file_of_its_own() -> None:
     caller = kernels().caller
     assert (caller(3.0), caller(3)) == (7.0, 7.0)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import logging
-import pickle
 import platform
 from collections.abc import Callable
 from typing import Any
@@ -19,11 +18,10 @@ import llvmlite
 import numba
 import numpy as np
 from numba.core import sigutils
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
 
 from mcserver.motion.kernels.cache_folder import read, write
 from mcserver.motion.kernels.function_digest import function_digest
+from mcserver.motion.kernels.kept_code import FORMAT, pack, unpack
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +43,7 @@ class KernelCache:
         settings = [str(getattr(numba.config, each, None)) for each in _SETTINGS]
         versions = [platform.python_implementation(), platform.python_version(), numba.__version__]
         versions += [llvmlite.__version__, np.__version__]
-        parts = [function_digest(self._function), *versions, *settings]
+        parts = [FORMAT, function_digest(self._function), *versions, *settings]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
     def _name(self, signature: Any, codegen: Any) -> str:
@@ -57,12 +55,11 @@ class KernelCache:
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return what was compiled for a signature; None: it has to be compiled."""
-        target.refresh()
         content = read(self._name(signature, target.codegen()))
         if content is None:
             return None
         try:
-            return CompileResult._rebuild(target, *pickle.loads(content))
+            return unpack(content, target)
         except Exception as error:
             # whatever it is, it can be compiled
             log.debug("%s: kept machine code cannot be read: %s", self._function.__name__, error)
@@ -72,7 +69,13 @@ class KernelCache:
         """Keep what was compiled, where it can be kept."""
         if result.library.has_dynamic_globals or any(not each.can_cache for each in result.lifted):
             return
-        write(self._name(signature, result.codegen), dumps(result._reduce()))
+        try:
+            content = pack(result)
+        except Exception as error:
+            # of another release of numba: it is compiled by each process
+            log.debug("%s: machine code cannot be kept: %s", self._function.__name__, error)
+            return
+        write(self._name(signature, result.codegen), content)
 
     def enable(self) -> None:
         """Do nothing: it is on."""
