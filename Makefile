@@ -18,6 +18,8 @@ PROJECTS := pyproject.toml $(SDK)/pyproject.toml
 BESIDE := $(shell command -v chrt >/dev/null 2>&1 && echo 'chrt --idle 0' || echo 'nice -n 19')
 
 export PIP_NO_INPUT := 1
+# each process of a test would read every source anew
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: sdks build-sdks help demo dog test test-computing test-computing-beside test-realtime test-realtime-alone socketcan socketcan-long faults soak fire fuzz schedules lint format bench pictures clean
 
