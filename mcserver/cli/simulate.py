@@ -19,6 +19,7 @@ from mcserver.cli.rejection import reject
 from mcserver.cli.simulation_report import NOTHING_SIMULATED, diagnostics_of, print_report
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.processes import freeze_heap
 from mcserver.simulation.input_script import with_inputs
 from mcserver.simulation.recorder import Recorded
 from mcserver.simulation.recording_file import write_csv, write_npz
@@ -65,6 +66,7 @@ def simulate_program(
         from mcserver.simulation.simulation import simulate
 
         kinematics = build_kinematics(described)
+        freeze_heap()
         with live_progress() as progress:
             simulation = simulate(
                 program.text,

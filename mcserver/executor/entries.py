@@ -47,7 +47,7 @@ class ControlKind(enum.IntEnum):
     INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
 
 
-class Control(msgspec.Struct, frozen=True):
+class Control(msgspec.Struct, frozen=True, gc=False):
     """One control entry.
 
     Attributes:
@@ -133,7 +133,7 @@ class EventKind(enum.IntEnum):
     INPUT = 10  # M66 has read an input
 
 
-class ExecutorEvent(msgspec.Struct, frozen=True):
+class ExecutorEvent(msgspec.Struct, frozen=True, gc=False):
     """One report.
 
     Attributes:

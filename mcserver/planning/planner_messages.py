@@ -116,7 +116,7 @@ class ReportKind(enum.Enum):
     FINISHED = "finished"  # all that was submitted has been handed over, the end of the program included
 
 
-class Report(msgspec.Struct, frozen=True):
+class Report(msgspec.Struct, frozen=True, gc=False):
     """One report of a pipeline about a line.
 
     Attributes:
