@@ -15,7 +15,7 @@ from typing import Any
 import llvmlite.binding as llvm
 from numba.core.compiler import CompileResult
 from numba.core.environment import Environment, _rebuild_env, lookup_environment
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 # Another number is another format, under other names.
@@ -58,7 +58,9 @@ def unpack(content: bytes, target: Any) -> Any:
     entry = target.get_executable(library, description, environment)
     for each in referenced:
         library.codegen.set_env(each.env_name, each)
-    return CompileResult(
+    # its fields are a list in numba, which no checker of types reads
+    make: Any = CompileResult
+    return make(
         target_context=target,
         typing_context=target.typing_context,
         library=library,
