@@ -21,7 +21,7 @@ export PIP_NO_INPUT := 1
 # each process of a test would read every source anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: sdks build-sdks help demo dog test test-computing test-computing-beside test-realtime test-realtime-alone socketcan socketcan-long faults soak fire fuzz schedules lint format bench pictures clean
+.PHONY: sdks build-sdks help demo dog test test-computing test-computing-beside test-realtime test-realtime-alone socketcan socketcan-long faults soak fire fuzz schedules laws lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -111,6 +111,9 @@ fuzz: $(VENV)/.for-development  ## random inputs for all that takes bytes; make 
 
 schedules: $(VENV)/.for-development  ## runs of the simulated cell; make schedules ARGS="--first 5000 --count 1000" (default: 20 000)
 	@$(BIN)/python -m tests.bench.schedules $(ARGS)
+
+laws: $(VENV)/.for-development  ## laws of motion on random programs; make laws ARGS="--first 0 --count 1000" (default: 10 000)
+	@$(BIN)/python -m tests.bench.motion_laws $(ARGS)
 
 pictures: $(VENV)/.for-development  ## draw the pictures of the documentation anew, by the product itself
 	$(BIN)/mcserver plot examples/arcs.gcode --output docs/images/arcs.png

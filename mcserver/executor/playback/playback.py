@@ -39,7 +39,8 @@ class RowWindow:
             the program's first row. from_rest: the motion goes to its first row from where it began.
             ends: its last row is the motion's own end. begun: u where the motion began.
         start: positions where the motion began, shape (K,). displaced: axes that have not come to their first
-            row, and are elsewhere than where they began, shape (K,).
+            row, and are elsewhere than where they began, shape (K,). driven: axes that the rows drive now or
+            before the window's end, shape (K,).
     """
 
     numbers: tuple[int, int, int, int, int]
@@ -48,6 +49,7 @@ class RowWindow:
     begun: float
     start: Array
     displaced: NDArray[np.bool_]
+    driven: NDArray[np.bool_]
 
 
 class Playback:
@@ -296,14 +298,37 @@ class Playback:
             return None
         fresh = self._masks.bools(self._fresh)
         last = ring.velocity[(behind - 1) % ring.rows]
+        driven = self._driven_until(first, behind)
         return RowWindow(
             numbers=(first, self.following, behind, written, self.first),
             from_rest=self.following - 1 < self.first,
-            ends=behind == written and not last[self.driven].any(),
+            ends=behind == written and not last[driven].any(),
             begun=self._begun,
             start=self._start_position,
             displaced=fresh & (self._start_position != self._row.setpoint),
+            driven=driven,
         )
+
+    def _driven_until(self, first: int, behind: int) -> NDArray[np.bool_]:
+        """Return the axes that are driven now, and those that join the motion on rows first to behind - 1.
+
+        A change of the rate that is begun before an axis joins goes on behind that.
+        """
+        driven = self.driven
+        rows = np.arange(first, behind) % self._ring.rows
+        masks = self._ring.row_mask[rows]
+        joining = int(np.bitwise_or.reduce(masks)) & ~self.active
+        if not joining:
+            return driven
+        driven = driven.copy()
+        for column in self._masks.columns(joining):
+            (joined,) = np.nonzero(masks >> np.uint64(column) & np.uint64(1))
+            at = int(joined[0])
+            if at > 0:
+                # behind a stop it may have moved by itself before
+                step = self._ring.position[rows[at], column] - self._ring.position[rows[at - 1], column]
+                driven[column] = abs(float(step)) <= self._jump[column]
+        return driven
 
     def _play_row(self, at: int, rate: float) -> None:
         ring, row = self._ring, self._row

@@ -294,7 +294,7 @@ class RateControl:
             ring.headroom,
             np.array(window.numbers),
             np.array(flags),
-            playback.driven,
+            window.driven,
             window.displaced,
             window.start,
             playback.recent(),

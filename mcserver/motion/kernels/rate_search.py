@@ -51,12 +51,15 @@ from mcserver.motion.kernels.row_torques import change_limit
 # Shares of the limits that a change of rate is tried with, the fastest first: more of them find a faster
 # change where rows leave little.
 SHARES = (1.0, 0.85, 0.65, 0.4, 0.2, 0.08)
-# Rates that a change may go to with each share: what is asked for, what the next rows allow, the present one,
-# 100 %.
-GOALS = 4
+# Rates that a change may go to with each share: what is asked for, what the next rows allow, half of the way
+# there, the present one, 100 %.
+GOALS = 5
+# So many of them come before the others, the largest share first: a rate that is kept is always to be had,
+# and would keep a gentle rise from being tried.
+RISING = 3
 # Where a stop has to end on an edge, shares of the rate that are kept until then: where rows brake before the
 # edge with all that an axis has, only who is slow by then can stop on it.
-NEAR_GOALS = (1.0, 0.6, 0.3, 0.1)
+NEAR_GOALS = (1.0, 0.6, 0.3, 0.1, 0.03)
 TRIES = GOALS * len(SHARES)
 # Parts of a change, and the shares of the limits that each is tried with, the largest first: rows that use
 # all of a torque leave it only bit by bit, since what the motion asks for falls with the square of the rate,
@@ -70,7 +73,7 @@ LEAST_PART = 0.01
 # Motion that stands begins with time stretched by powers of this where no change of full pace keeps the
 # limits: at a rate lower by g, with a slope lower by g² and a curvature lower by g³, velocity, acceleration
 # and jerk of whatever the rows do fall with g, g² and g³.
-SLOWER = 0.82
+SLOWER, SLOWEST = 0.82, 24
 # What is looked at in one cycle before the search goes on in the next one, counted in setpoints of one axis,
 # some 5 ns each: a change is tried as a whole, so one more may be begun below this. Each try costs as much as
 # some cycles.
@@ -180,16 +183,22 @@ def _candidate(
         if target == 1.0:
             return change_onto_rows(phases, u, rate, bend, 1.0, slope, curvature), 1.0
         return add_ramp(phases, 0, rate, bend, target, slope, curvature), target
-    if which == 3:
+    if which == 4:
         if planned or abs(rate - 1.0) <= SAME_RATE:
             return -1, 1.0
         return change_onto_rows(phases, u, rate, bend, 1.0, slope, curvature), 1.0
     capped = min(target, cap)
-    goal = target if which == 0 else (capped if which == 1 else rate)
+    goal = target
+    if which == 1:
+        goal = capped
+    elif which == 2:
+        goal = 0.5 * (max(rate, 1.0) + capped)
+    elif which == 3:
+        goal = rate
     tried = (which >= 1 and abs(goal - target) <= WORTH) or (
-        which == 2 and capped > 1.0 + WORTH and abs(goal - capped) <= WORTH
+        which >= 2 and capped > 1.0 + WORTH and abs(goal - capped) <= WORTH
     )
-    if goal <= 1.0 + WORTH or tried:
+    if goal <= 1.0 + WORTH or tried or (which in (1, 2) and goal < rate + WORTH):
         return -1, 1.0
     return change_and_return(phases, rate, bend, goal, float(CRUISE), slope, curvature), 1.0
 
@@ -233,6 +242,8 @@ def _slow_change(
         As of `_candidate`.
     """
     rate, bend = state[NOW], state[BEND]
+    if number >= SLOWEST:
+        return -1, 0.0
     goal = (rate if rate > 0.0 else min(state[TARGET], 1.0) * SLOWER) * SLOWER**number
     slope, curvature = slope * goal**2, curvature * goal**3
     if near:
@@ -317,8 +328,9 @@ def search_rate(
     while tried < TRIES and looked < BUDGET:
         number = (from_try + tried) % TRIES
         # before an edge a gentle stop is better than an early one
-        which = number // len(SHARES) if near else number % GOALS
-        share = SHARES[number % len(SHARES) if near else number // GOALS]
+        which, share = number // len(SHARES), SHARES[number % len(SHARES)]
+        if not near and number < RISING * len(SHARES):
+            which, share = number % RISING, SHARES[number // RISING]
         if slowly:
             parts, end = _slow_change(number, state, near, slope, curvature, phases)
         elif in_parts and not near and target <= 1.0:

@@ -1,0 +1,214 @@
+"""The laws of motion on random programs: ``make laws ARGS="--first 0 --count 1000"``.
+
+Each seed is a machine, a program of lines, arcs, timed lines and chords of curves, and moments at which the
+planner has to hand over. Judged from outside, on the rows (`tests.motion.measure`): velocity, acceleration
+and jerk of every axis at every cycle, F, the tolerance in both directions, every line reported once and in
+order, and the end. Seeds that break a law are printed; each replays alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.bound import PlanningError
+from mcserver.motion.canonical import FeedGroup
+from mcserver.motion.geometry.curves import Array
+from tests.motion.measure import (
+    ACCELERATION_SLACK,
+    JERK_SLACK,
+    VELOCITY_SLACK,
+    acceleration_ratio,
+    end_of,
+    farthest_from_path,
+    jerk_ratio,
+    path_missed_by,
+    row_velocity_ratio,
+    speed_over_feed,
+    velocity_ratio,
+    vertices_of,
+)
+from tests.motion.support import (
+    AxisSpec,
+    Commit,
+    Motion,
+    Move,
+    arc_curve,
+    at_speed,
+    in_time,
+    line_curve,
+    machine_of,
+    plan,
+)
+
+REPORT_S = 60.0
+# What rounding may take away from a path [m].
+EXACT = 1e-9
+# Most lines that a section of a program has.
+LONGEST = 60
+JERKS = (None, 20_000.0, 50_000.0, 200_000.0, 2_000_000.0)
+TOLERANCES = (0.0, 1e-5, 5e-5, 5e-4)
+
+
+def machine_from(rng: np.random.Generator) -> Machine:
+    """Two or three linear axes, alike or each with limits of its own, all with a jerk limit or none."""
+    count, limited = int(rng.integers(2, 4)), rng.random() < 0.85
+    specs = [
+        AxisSpec(
+            float(rng.choice([50.0, 200.0, 1000.0])),
+            float(rng.choice([500.0, 2000.0, 20_000.0])),
+            float(rng.choice([jerk for jerk in JERKS if jerk is not None])) if limited else None,
+        )
+        for _ in range(count)
+    ]
+    return machine_of([specs[0]] * count if rng.random() < 0.5 else specs)
+
+
+def curve_points(rng: np.random.Generator, count: int) -> Array:
+    """Points along a circle, a clothoid, a Lissajous figure or a wave, from the origin, shape (n, 2) [m]."""
+    chord = float(rng.choice([5e-5, 2e-4, 5e-4, 2e-3]))
+    along = np.arange(count + 1) * chord
+    kind = int(rng.integers(4))
+    if kind < 2:
+        bend = rng.choice([-1.0, 1.0]) / float(rng.choice([2e-3, 1e-2, 5e-2]))
+        heading = bend * along if kind == 0 else bend * along**2 / (2.0 * along[-1])
+        heading = heading + rng.uniform(-3.0, 3.0)
+        steps = chord * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        points = np.concatenate([np.zeros((1, 2)), np.cumsum(steps[:-1], axis=0)])
+    elif kind == 2:
+        size, phase = float(rng.choice([5e-3, 3e-2])), rng.uniform(0.0, 6.0)
+        angle = along / (2.0 * size)
+        points = size * np.stack([np.sin(2.0 * angle + phase), np.sin(3.0 * angle)], axis=1)
+    else:
+        wave = float(rng.choice([3e-3, 2e-2]))
+        points = np.stack([along, 0.1 * wave * np.sin(2.0 * math.pi * along / wave)], axis=1)
+    points = points - points[0]
+    digits = int(rng.integers(6, 9))
+    rounded: Array = np.round(points, digits)
+    keep = np.concatenate([[True], np.abs(np.diff(rounded, axis=0)).max(axis=1) > 0.0])
+    return rounded[keep]
+
+
+def section(rng: np.random.Generator, machine: Machine, start: Array) -> Iterator[FeedGroup]:
+    """One kind of lines, from ``start`` on, which moves to their end."""
+    width = len(machine.axes)
+    axes = tuple(range(width))
+    fastest = min(axis.max_velocity for axis in machine.axes)
+    speed = fastest * float(rng.choice([0.05, 0.3, 0.9, 1.5]))
+    kind = str(rng.choice(["chords", "chords", "lines", "timed", "arcs"]))
+    if kind == "arcs":
+        for _ in range(int(rng.integers(1, 4))):
+            radius, angle = float(rng.choice([1e-3, 1e-2, 0.05])), rng.uniform(-3.1, 3.1)
+            centre = (start[0] + radius * math.cos(angle), start[1] + radius * math.sin(angle))
+            arc = arc_curve(start[:2].tolist(), centre, float(rng.choice([0.3, 1.5, -1.5, -4.0, 6.2])))
+            start[:2] = arc.end[:2]
+            yield at_speed(speed, arc)
+        return
+    count = int(rng.integers(2, LONGEST))
+    if kind == "chords" or (kind == "timed" and rng.random() < 0.5):
+        plane = curve_points(rng, count)
+        points = np.zeros((len(plane), width))
+        points[:, :2] = plane
+        if width > 2 and rng.random() < 0.5:
+            points[:, 2] = np.round(
+                np.linspace(0.0, rng.uniform(-0.2, 0.2) * len(plane) * 5e-4, len(plane)), 7
+            )
+    else:
+        length = float(rng.choice([1e-4, 2e-3, 2e-2]))
+        steps = rng.normal(size=(min(count, 15), width)) * length
+        if rng.random() < 0.5:
+            # nearly straight on
+            steps = steps[0] + 0.1 * steps
+        points = np.concatenate([np.zeros((1, width)), np.cumsum(steps, axis=0)])
+    spread = float(rng.choice([0.0, 0.3]))
+    for here, there in itertools.pairwise(points):
+        line = line_curve(machine, axes, (start + here).tolist(), (start + there).tolist())
+        if kind == "timed":
+            yield in_time(max(line.length, 1e-6) / speed * math.exp(spread * rng.normal()), line)
+        else:
+            yield at_speed(speed, line)
+    start += points[-1]
+
+
+def program_of(seed: int) -> tuple[Machine, list[Move], list[Commit]]:
+    """The machine, the moves and the commits of a seed."""
+    rng = np.random.default_rng(seed)
+    machine = machine_from(rng)
+    tolerance, here = float(rng.choice(TOLERANCES)), np.zeros(len(machine.axes))
+    moves: list[Move] = []
+    for _ in range(int(rng.integers(1, 4))):
+        for group in section(rng, machine, here):
+            moves.append(Move(group, rng.random() < 0.01, tolerance))
+    ahead = [1.0, 50.0, 200.0, 1000.0, math.inf]
+    after = np.sort(rng.integers(1, len(moves) + 1, size=int(rng.integers(0, 6)))).tolist()
+    return machine, moves, [Commit(number, float(rng.choice(ahead)), rng.random() < 0.1) for number in after]
+
+
+def broken_laws(motion: Motion) -> list[str]:
+    """Name the laws that a motion breaks, each with its figure."""
+    machine, tolerance = motion.machine, motion.moves[0].tolerance
+    exact = tolerance == 0.0
+    fastest = max(axis.max_acceleration for axis in machine.axes)
+    bow = math.sqrt(len(machine.axes)) * fastest * motion.cycle**2 / 4.0
+    measured = [
+        ("velocity", velocity_ratio(motion), VELOCITY_SLACK),
+        ("velocity of rows", row_velocity_ratio(motion), VELOCITY_SLACK),
+        ("acceleration", acceleration_ratio(motion), ACCELERATION_SLACK),
+        ("jerk", jerk_ratio(motion, vertices=vertices_of(motion) if exact else ()), JERK_SLACK),
+        ("F", speed_over_feed(motion), VELOCITY_SLACK),
+        ("path left by [m]", farthest_from_path(motion), tolerance + EXACT),
+        ("path missed by [m]", path_missed_by(motion), tolerance + bow + EXACT),
+    ]
+    broken = [f"{name} {value:.6g} > {most:.6g}" for name, value, most in measured if not value <= most]
+    lines = list(range(1, len(motion.moves) + 1))
+    if list(motion.starts) != lines or list(motion.ends) != lines:
+        broken.append("a line is not reported once and in order")
+    if np.abs(motion.position[-1] - end_of(machine, motion.moves, motion.start)).max() > EXACT:
+        broken.append("the end is missed")
+    if motion.velocity[-1].any():
+        broken.append("not at rest at the end")
+    return broken
+
+
+def run(first: int, count: int) -> int:
+    """Run the seeds; return how many break a law."""
+    started = reported = time.monotonic()
+    failed = lines = rows = 0
+    for seed in range(first, first + count):
+        machine, moves, commits = program_of(seed)
+        try:
+            motion = plan(machine, moves, commits=commits)
+            broken = broken_laws(motion)
+        except (AssertionError, PlanningError) as error:
+            broken = [f"{type(error).__name__} {error}".splitlines()[0]]
+        else:
+            lines, rows = lines + len(moves), rows + len(motion.position)
+        if broken:
+            failed += 1
+            print(f"seed {seed}: {'; '.join(broken)}", flush=True)
+        now = time.monotonic()
+        if now - reported >= REPORT_S:
+            reported = now
+            print(f"{now - started:7.0f} s  {seed + 1 - first} programs, {failed} failed", flush=True)
+    print(f"{count} programs from seed {first}, {lines} lines, {rows} cycles: {failed} break a law")
+    return failed
+
+
+def main() -> int:
+    """The exit code: 0 where every program keeps the laws."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--first", type=int, default=0)
+    options.add_argument("--count", type=int, default=10_000)
+    chosen = options.parse_args()
+    return min(run(chosen.first, chosen.count), 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+"""Orders while programs of the planner are played: limits where axes join, and what an override is worth."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from mcserver.executor.entries import Control, ControlKind
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.pieces import Activation, Deactivation
+from mcserver.motion.profile.setpoint_sampling import Rows
+from tests.executor.rig import Rig
+from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
+from tests.motion.support import Motion, Move, alike, arc_curve, at_speed, line_curve, plan
+
+Point = tuple[float, float]
+
+
+def rig_of(machine: Machine, motion: Motion) -> Rig:
+    """All that the planner hands over, ready to be played."""
+    rig = Rig(machine)
+    rig.program.capture()
+    ring = rig.program.ring
+    for piece in motion.pieces:
+        if isinstance(piece, Rows):
+            ring.put_rows(piece.first, piece.position, piece.velocity, piece.axes, piece.line, piece.torque)
+            rig.program.u = float(piece.first + len(piece.line) - 1)
+        elif isinstance(piece, Activation):
+            ring.put_control(Control(ControlKind.BEGIN, piece.u, piece.line, axes=piece.mask))
+        elif isinstance(piece, Deactivation):
+            ring.put_control(Control(ControlKind.END, piece.u, piece.line, axes=piece.mask))
+    rig.program.finish()
+    return rig
+
+
+def assert_limits(rig: Rig) -> None:
+    points = rig.setpoint
+    points = np.concatenate((np.tile(points[:1], (3, 1)), points, np.tile(points[-1:], (3, 1))))
+    axis, cycle = rig.machine.axes[0], rig.machine.cycle_s
+    for order, limit in (
+        (1, VELOCITY_SLACK * axis.max_velocity),
+        (2, ACCELERATION_SLACK * axis.max_acceleration),
+        (3, JERK_SLACK * axis.max_jerk),
+    ):
+        assert np.abs(np.diff(points, order, axis=0)).max() / cycle**order <= limit
+
+
+def lines(machine: Machine, points: Sequence[Point], speed: float) -> list[Move]:
+    curves = [line_curve(machine, moving(a, b), *ends(a, b)) for a, b in itertools.pairwise(points)]
+    return [Move(at_speed(speed, curve), tolerance=5e-5) for curve in curves]
+
+
+def moving(a: Point, b: Point) -> tuple[int, ...]:
+    """The axes that a line names: those that travel."""
+    return tuple(axis for axis in (0, 1) if a[axis] != b[axis])
+
+
+def ends(a: Point, b: Point) -> tuple[list[float], list[float]]:
+    return [a[axis] for axis in moving(a, b)], [b[axis] for axis in moving(a, b)]
+
+
+def flowing() -> Machine:
+    return alike(2, velocity=500.0, acceleration=5000.0, jerk=100_000.0)
+
+
+@pytest.mark.parametrize("rate", [1.5, 1.8, 2.0])
+@pytest.mark.parametrize("speed", [0.12, 0.15])
+def test_a_rate_above_100_percent_minds_an_axis_that_joins_the_motion(speed: float, rate: float) -> None:
+    # until the first corner the second axis is not driven; the change of rate before it goes on behind it
+    machine = flowing()
+    moves = lines(machine, [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1)], speed)
+    rig = rig_of(machine, plan(machine, moves))
+    rig.executor.mailbox.set_override(rate, 0)
+    rig.run()
+    assert rig.setpoint[-1] == pytest.approx([0.1, 0.1], abs=1e-12)
+    assert_limits(rig)
+
+
+def chords(machine: Machine, speed: float) -> list[Move]:
+    angles = np.linspace(0.0, 2.0 * math.pi, 201)
+    points = 0.02 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1)
+    return lines(machine, np.round(points, 7).tolist(), speed)
+
+
+def arcs(_machine: Machine, speed: float) -> list[Move]:
+    first = arc_curve((0.0, 0.0), (0.0, 0.02), 2.0 * math.pi)
+    return [Move(at_speed(speed, first)), Move(at_speed(speed, first))]
+
+
+@pytest.mark.parametrize("rate", [1.5, 2.0])
+@pytest.mark.parametrize("path", [chords, arcs])
+def test_an_override_above_100_percent_is_nearly_as_quick_as_a_program_with_that_f(
+    path: Callable[[Machine, float], list[Move]], rate: float
+) -> None:
+    machine = flowing()
+    took = []
+    for speed, override in ((0.15, rate), (0.15 * rate, 1.0)):
+        rig = rig_of(machine, plan(machine, path(machine, speed)))
+        rig.executor.mailbox.set_override(override, 0)
+        took.append(rig.run())
+        assert_limits(rig)
+    assert took[0] <= 1.08 * took[1]
