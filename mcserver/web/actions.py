@@ -50,8 +50,9 @@ class Actions:
 
     async def do(self, role: Role, name: str, action: Action) -> bool:
         """Carries an action out; whether it was."""
-        if not self.allowed(role):
-            return False
+        return self.allowed(role) and await self._carry_out(name, action)
+
+    async def _carry_out(self, name: str, action: Action) -> bool:
         log.info("%s: %s by %s", self.link.name, name, self.visitor.name)
         self.link.acts.append((time.time(), self.visitor.name, name))
         try:
@@ -66,5 +67,6 @@ class Actions:
         self.link.jobs.stopped = True
         self.link.jobs.clear()
         reason = f"by {self.visitor.name} on the page"
-        if await self.do(Role.OBSERVER, "emergency stop", lambda machine: machine.estop(reason)):
+        # whoever has the button before them may press it: a login that has just ended does not matter
+        if await self._carry_out("emergency stop", lambda machine: machine.estop(reason)):
             ui.notify("emergency stop confirmed", type="warning", position="top")

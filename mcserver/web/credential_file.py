@@ -22,18 +22,25 @@ class CredentialFile:
         self._what = what
         self._remedy = remedy
 
-    def entries(self) -> Iterator[tuple[int, list[str]]]:
+    def changed_at(self) -> int | None:
+        """Return when it was written last [ns]; None where it is gone."""
+        try:
+            return self._path.stat().st_mtime_ns
+        except OSError:
+            return None
+
+    def entries(self, *, may_be_empty: bool = False) -> Iterator[tuple[int, list[str]]]:
         """Yield each entry's line number and fields; blank lines and comments are skipped.
 
         Raises:
-            ConfigurationError: it cannot be read, or holds no entry.
+            ConfigurationError: it cannot be read, or holds no entry where it has to.
         """
         try:
             lines = self._path.read_text("utf-8").splitlines()
         except (OSError, UnicodeDecodeError) as error:
             raise self.refusal(f"cannot be read: {error}") from error
         found = [(number, line.split(":")) for number, line in enumerate(lines, 1) if _is_entry(line)]
-        if not found:
+        if not found and not may_be_empty:
             raise self.refusal("is empty")
         yield from found
 

@@ -7,8 +7,10 @@ from typing import Any
 from nicegui import ui
 
 from mcserver.web.actions import show_refusal
+from mcserver.web.dialogs import ask
 from mcserver.web.fleet import Fleet, Seen
 from mcserver.web.formatting import banner, current_program, is_live, remaining_text
+from mcserver.web.menu import add_menu
 from mcserver.web.sessions import Visitor
 from mcserver.web.users import Role
 
@@ -55,8 +57,8 @@ class FleetPage:
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
             ui.label("Machines").classes("font-bold text-lg")
             self._summary = ui.label("").props("role=status")
-            ui.label(visitor.name).classes("text-xs")
-        with ui.element("main").classes("w-full p-2"):
+            add_menu(visitor)
+        with ui.element("div").classes("w-full p-2"):
             ui.html("<h1 class='sr-only'>Machines</h1>", sanitize=False)
             with ui.row().classes("items-center w-full"):
                 self._search = (
@@ -92,6 +94,9 @@ class FleetPage:
 
     def update(self) -> None:
         """Sends the rows that have changed."""
+        if not self._visitor.is_known():
+            ui.navigate.to("/login")
+            return
         rows = {seen.name: _row(seen) for seen in self._fleet.machines.values()}
         added = [row for name, row in rows.items() if name not in self._sent]
         changed = [row for name, row in rows.items() if name in self._sent and row != self._sent[name]]
@@ -130,13 +135,9 @@ class FleetPage:
         if not names:
             show_refusal("No machine is selected", "tick the machines first")
             return
-        with ui.dialog() as dialog, ui.card():
-            verb = "Hold" if order == "hold" else "Stop"
-            ui.label(f"{verb} {len(names)} machines: {', '.join(names[:8])}{' …' if len(names) > 8 else ''}?")
-            with ui.row():
-                ui.button(verb, on_click=lambda: dialog.submit(True)).props("color=negative")
-                ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat")
-        if await dialog:
+        verb = "Hold" if order == "hold" else "Stop"
+        listed = ", ".join(names[:8]) + (" …" if len(names) > 8 else "")
+        if await ask(f"{verb} {len(names)} machines: {listed}?", verb, colour="negative"):
             failures = await self._fleet.order(order, names)
             for name, message in failures.items():
                 show_refusal(f"{name}: {message}")

@@ -143,6 +143,11 @@ class JobQueue:
         while self.waiting:
             self.waiting.popleft().state = JobState.CANCELLED
 
+    def programs(self) -> set[str]:
+        """Ids of the programs that were jobs of this queue."""
+        jobs = [*self.ended, *([] if self.running is None else [self.running])]
+        return {job.program for job in jobs if job.program is not None}
+
     def remaining_s(self) -> float | None:
         """Time of all that waits, as simulated [s]; None where one of them is not known."""
         total = 0.0

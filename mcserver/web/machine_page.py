@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from mcclient import Machine
+import json
+
+from mcclient import Machine, MachineStatus
 from nicegui import events, ui
 
 from mcserver.web.actions import Actions
-from mcserver.web.formatting import banner
+from mcserver.web.announcements import Announcer, title_of
+from mcserver.web.formatting import banner, current_program
 from mcserver.web.link import MachineLink
+from mcserver.web.menu import add_menu
+from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.arming import ArmingPanel
 from mcserver.web.panels.channels import ChannelsPanel
 from mcserver.web.panels.charts import ChartPanel
@@ -16,6 +21,7 @@ from mcserver.web.panels.homing import HomingPanel
 from mcserver.web.panels.jog import JogPanel
 from mcserver.web.panels.mdi import MdiPanel
 from mcserver.web.panels.messages import EventPanel, FaultPanel
+from mcserver.web.panels.notices import NoticePanel
 from mcserver.web.panels.people import PeoplePanel
 from mcserver.web.panels.picture import PicturePanel
 from mcserver.web.panels.positions import PositionsPanel
@@ -31,6 +37,9 @@ SLOW_EVERY = 4
 BEAT_EVERY = 10
 # between two questions to the server [s]
 SLOW_S = 1.0
+# a message of what has ended stays this long [ms]
+MESSAGE_MS = 15_000
+WHY = "energizing would wait for its end"
 OVERRIDES = (10, 25, 50, 75, 100, 125, 150, 200)
 
 
@@ -39,16 +48,21 @@ class MachinePage:
 
     def __init__(self, visitor: Visitor, link: MachineLink) -> None:
         self._link = link
-        self._visitor_name = visitor.name
+        self._visitor = visitor
         self._actions = actions = Actions(visitor, link)
+        self._announcer = Announcer(link.name)
         self._turn = 0
         self._beat = 0
+        self._title = ""
+        self._stale: bool | None = None
         self._header(visitor)
-        with ui.element("main").classes("w-full p-2"):
+        with ui.element("div").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{link.name}</h1>", sanitize=False)
             with ui.element("div").classes("mc-grid"):
                 # the numbers are the order on a narrow screen, where all of it is one column
                 with ui.element("div").classes("mc-column"):
+                    with _place(0):
+                        self._notices = NoticePanel(link)
                     with _place(1):
                         self._faults = FaultPanel(actions)
                     with _place(2):
@@ -91,9 +105,9 @@ class MachinePage:
 
     def _leave(self) -> None:
         visitors = self._link.visitors
-        visitors[self._visitor_name] -= 1
-        if visitors[self._visitor_name] <= 0:
-            del visitors[self._visitor_name]
+        visitors[self._visitor.name] -= 1
+        if visitors[self._visitor.name] <= 0:
+            del visitors[self._visitor.name]
 
     async def ask(self) -> None:
         """Refresh what the server is asked for, not what it says by itself."""
@@ -109,10 +123,11 @@ class MachinePage:
                 ui.label(self._link.name).classes("font-bold")
                 self._state = ui.label("…").classes("mc-state").props("role=status aria-live=polite")
                 self._late = ui.label("").classes("text-xs hidden sm:block")
-                ui.label(visitor.name).classes("text-xs hidden sm:block")
-            ui.button("E-STOP", on_click=self._actions.emergency_stop).props(
-                'color=negative aria-label="Emergency stop" data-estop'
-            ).classes("mc-estop")
+            with ui.row().classes("items-center no-wrap gap-0"):
+                add_menu(visitor)
+                ui.button("E-STOP", on_click=self._actions.emergency_stop).props(
+                    'color=negative aria-label="Emergency stop" data-estop'
+                ).classes("mc-estop")
 
     def _controls(self) -> None:
         do = self._actions.do
@@ -149,6 +164,9 @@ class MachinePage:
 
     async def _energize(self) -> None:
         async def capture(machine: Machine) -> None:
+            refusal = refusal_of(await machine.programs(ended=False), WHY)
+            if refusal is not None:
+                raise refusal
             async with machine.program("energize") as program:
                 await program.send("G1010")
 
@@ -164,14 +182,18 @@ class MachinePage:
         """Shows the newest state."""
         if self._beat % BEAT_EVERY == 0:
             ui.run_javascript("mcAlive()")
+            if not self._visitor.is_known():
+                ui.navigate.to("/login")
+                return
         self._beat += 1
         status, machine = self._link.status, self._link.machine
         word, kind = banner(status, self._link.online)
         if self._state.text != word:
             self._state.set_text(word)
             self._state.classes(replace=f"mc-state mc-state-{kind}")
+        self._notices.update(status)
+        self._say(status, word)
         if status is None or machine is None:
-            self._late.set_text(self._link.failure)
             return
         self._late.set_text(f"{status.late_cycles} late cycles")
         self._positions.update(machine.info)
@@ -188,6 +210,22 @@ class MachinePage:
             self._people.update(machine.info.epoch)
             self._events.update(machine.info.epoch)
         self._turn += 1
+
+    def _say(self, status: MachineStatus | None, word: str) -> None:
+        """Say in the tab, and in messages, what somebody should know who does not look."""
+        stale = not self._link.online
+        if stale is not self._stale:
+            self._stale = stale
+            ui.run_javascript(f"document.body.classList.toggle('mc-offline', {json.dumps(stale)})")
+        title = title_of(self._link.name, word, None if stale else current_program(status))
+        if title != self._title:
+            self._title = title
+            ui.page_title(title)
+        if status is None or stale:
+            return
+        for kind, head, text in self._announcer.update(status, self._link.jobs.programs()):
+            ui.notify(text, type=kind, position="top", close_button="close", timeout=MESSAGE_MS)
+            ui.run_javascript(f"mcTell({json.dumps(head)}, {json.dumps(text)})")
 
 
 def _place(order: int) -> ui.element:

@@ -14,11 +14,20 @@ MAX_SESSIONS = 1000
 
 
 class Visitor:
-    """Who looks at a page: a user's name, and what the user may do at this moment."""
+    """Who looks at a page: a user's name, and what the user may do at this moment.
 
-    def __init__(self, name: str, role_now: Callable[[], Role | None]) -> None:
+    Attributes:
+        may_leave: whether there is a login that can be ended.
+    """
+
+    def __init__(self, name: str, role_now: Callable[[], Role | None], *, may_leave: bool) -> None:
         self.name = name
+        self.may_leave = may_leave
         self._role_now = role_now
+
+    def is_known(self) -> bool:
+        """Whether the login still counts; asking keeps it in use, as an open page does."""
+        return self._role_now() is not None
 
     def may(self, role: Role) -> bool:
         """Whether the visitor still has this role: a logout or a removed user ends it at once."""
@@ -62,9 +71,9 @@ class Sessions:
     def visitor(self, token: str) -> Visitor | None:
         """The visitor with this cookie; None: not logged in."""
         if self._users is None:
-            return Visitor("local", lambda: Role.ENGINEER)
+            return Visitor("local", lambda: Role.ENGINEER, may_leave=False)
         name = self._name(token)
-        return None if name is None else Visitor(name, lambda: self._role(token))
+        return None if name is None else Visitor(name, lambda: self._role(token), may_leave=True)
 
     def _role(self, token: str) -> Role | None:
         name = self._name(token)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import html
 import logging
 import time
@@ -35,6 +36,9 @@ MAX_FRAME_BYTES = 4 * 1024 * 1024
 # cost an operator what is chosen on the page. That the page is silent is shown long before (page.js).
 RECONNECT_S = 30.0
 STATIC = Path(__file__).parent / "static"
+VERSION = hashlib.sha256(
+    b"".join(path.read_bytes() for path in sorted(STATIC.iterdir()) if path.suffix in (".css", ".js"))
+).hexdigest()[:12]
 
 
 class WebOptions(msgspec.Struct, frozen=True):
@@ -168,8 +172,10 @@ def _from_here(request: Request) -> bool:
 
 def _head() -> None:
     ui.colors(primary="#1d4ed8", positive="#166534", negative="#b91c1c", warning="#92400e")
-    ui.add_head_html('<link rel="stylesheet" href="/mc-static/page.css"><html lang="en">')
-    ui.add_body_html('<script src="/mc-static/page.js"></script>')
+    # browsers keep these files for an hour: those of another version have another address
+    ui.add_head_html(f'<link rel="stylesheet" href="/mc-static/page.css?{VERSION}"><html lang="en">')
+    for script in ("page", "browser", "charts"):
+        ui.add_body_html(f'<script src="/mc-static/{script}.js?{VERSION}"></script>')
 
 
 def _login_page(message: str) -> str:

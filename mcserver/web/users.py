@@ -8,6 +8,7 @@ from __future__ import annotations
 import enum
 import hashlib
 import hmac
+import logging
 import re
 import secrets
 from collections import OrderedDict
@@ -19,6 +20,8 @@ import msgspec
 from mcserver.errors import ConfigurationError
 from mcserver.web.credential_file import CredentialFile
 
+log = logging.getLogger(__name__)
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,62}")
 # scrypt's cost: some 50 ms and 16 MiB a try, the value that RFC 7914 gives for interactive logins
 _N, _R, _P = 2**14, 8, 1
@@ -26,6 +29,8 @@ _N, _R, _P = 2**14, 8, 1
 FREE_TRIES = 5
 LOCKOUT_S = 30.0
 REMEMBERED_TRIES = 1024
+# how often the file is looked at for changes [s]
+LOOK_S = 1.0
 
 
 class Role(enum.IntEnum):
@@ -55,13 +60,22 @@ class User(msgspec.Struct, frozen=True):
 class Users:
     """The users of a password file, and the attempts to log in as one of them.
 
+    The file is read again when it has changed. One that has a line with a fault changes nothing, so that a
+    slip of an editor throws nobody out.
+
     Args:
-        users: by name. clock: seconds, never stepping.
+        file: of the passwords. clock: seconds, never stepping.
+
+    Raises:
+        ConfigurationError: MC060 it cannot be read, is empty, or a line of it is not a user.
     """
 
-    def __init__(self, users: dict[str, User], clock: Callable[[], float]) -> None:
-        self._users = users
+    def __init__(self, file: CredentialFile, clock: Callable[[], float]) -> None:
+        self._file = file
         self._clock = clock
+        self._changed_at = file.changed_at()
+        self._looked_at = clock()
+        self._users = _users_of(file)
         self._tries: OrderedDict[tuple[str, str], tuple[int, float]] = OrderedDict()
 
     def log_in(self, name: str, password: str, address: str) -> User | None:
@@ -70,6 +84,7 @@ class Users:
         tries, since = self._tries.get(key, (0, 0.0))
         if tries >= FREE_TRIES and self._clock() - since < LOCKOUT_S:
             return None
+        self._look()
         user = self._users.get(name)
         # an unknown name costs as much time as a wrong password
         secret = user.secret if user is not None else "00$00"
@@ -84,8 +99,23 @@ class Users:
 
     def role_of(self, name: str) -> Role | None:
         """The role that a user has now; None: there is no such user any more."""
+        self._look()
         user = self._users.get(name)
         return None if user is None else user.role
+
+    def _look(self) -> None:
+        now = self._clock()
+        if now - self._looked_at < LOOK_S:
+            return
+        self._looked_at = now
+        changed_at = self._file.changed_at()
+        if changed_at == self._changed_at:
+            return
+        self._changed_at = changed_at
+        try:
+            self._users = _users_of(self._file, may_be_empty=True)
+        except ConfigurationError as error:
+            log.warning("users stay as they were: %s", error.message)
 
 
 def read_users(path: Path, clock: Callable[[], float]) -> Users:
@@ -94,9 +124,12 @@ def read_users(path: Path, clock: Callable[[], float]) -> Users:
     Raises:
         ConfigurationError: MC060 it cannot be read, or a line of it is not a user.
     """
-    file = _password_file(path)
+    return Users(_password_file(path), clock)
+
+
+def _users_of(file: CredentialFile, *, may_be_empty: bool = False) -> dict[str, User]:
     users: dict[str, User] = {}
-    for number, fields in file.entries():
+    for number, fields in file.entries(may_be_empty=may_be_empty):
         try:
             name, role, secret = fields
             users[name] = User(name, Role.of(role), secret)
@@ -104,7 +137,7 @@ def read_users(path: Path, clock: Callable[[], float]) -> Users:
             bytes.fromhex(salt + digest)
         except ValueError as error:
             raise file.refusal("is not a user: it has to be name:role:salt$hash", number) from error
-    return Users(users, clock)
+    return users
 
 
 def add_user(path: Path, name: str, role: Role, password: str) -> None:

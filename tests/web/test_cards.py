@@ -25,12 +25,13 @@ from mcserver.recorder.reading import RecordedRun
 from mcserver.simulation.recorder import Recorded
 from mcserver.web.jobs import path_from_line
 from mcserver.web.link import MachineLink
+from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.dry_run import report_html
 from mcserver.web.panels.homing import phase_of
 from mcserver.web.panels.messages import black_box_of
 from mcserver.web.panels.people import people_html
 from mcserver.web.panels.picture import tips_of
-from mcserver.web.panels.positions import offsets_html, positions_html, refusal_of, system_name
+from mcserver.web.panels.positions import WHY, offsets_html, positions_html, system_name
 from mcserver.web.replay import MOST_ROWS, main, replay_of
 from mcserver.web.signals import signals_of, value_of
 
@@ -118,7 +119,8 @@ def test_each_work_offset_that_was_set_is_listed() -> None:
 
 @pytest.mark.parametrize(("state", "refused"), [("queued", True), ("held", True), ("finished", False)])
 def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str, refused: bool) -> None:
-    refusal = refusal_of((ProgramStatus("p-1", "finished"), ProgramStatus("p-2", state, name="part.gcode")))
+    programs = (ProgramStatus("p-1", "finished"), ProgramStatus("p-2", state, name="part.gcode"))
+    refusal = refusal_of(programs, WHY)
     assert (refusal is not None) is refused
     if refusal is not None:
         assert refusal.code == "MC512"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import stat
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 
 from mcserver.errors import ConfigurationError
 from mcserver.web.sessions import IDLE_S, Sessions
-from mcserver.web.users import FREE_TRIES, LOCKOUT_S, Role, add_user, read_users
+from mcserver.web.users import FREE_TRIES, LOCKOUT_S, LOOK_S, Role, add_user, read_users
 
 
 class Clock:
@@ -64,6 +65,52 @@ def test_after_some_wrong_passwords_even_the_right_one_has_to_wait(file: Path, c
     assert users.log_in("ada", "correct horse", "here") is not None
     clock.now += LOCKOUT_S
     assert users.log_in("ada", "correct horse", "there") is not None
+
+
+def test_a_user_who_is_taken_out_of_the_file_can_do_nothing_more(file: Path, clock: Clock) -> None:
+    users = read_users(file, clock)
+    sessions = Sessions(users, clock)
+    visitor = sessions.visitor(sessions.log_in("ada", "correct horse", "here") or "")
+    assert visitor is not None
+    kept = [line for line in file.read_text("utf-8").splitlines() if not line.startswith("ada:")]
+    rewrite(file, "\n".join(kept))
+    clock.now += LOOK_S
+    assert not visitor.may(Role.OBSERVER)
+    assert not visitor.is_known()
+    assert users.log_in("ada", "correct horse", "here") is None
+    assert users.role_of("bob") is Role.OBSERVER
+    # nobody is left
+    rewrite(file, "")
+    clock.now += LOOK_S
+    assert users.role_of("bob") is None
+
+
+def test_a_slip_in_the_password_file_throws_nobody_out(file: Path, clock: Clock) -> None:
+    users = read_users(file, clock)
+    rewrite(file, file.read_text("utf-8") + "eve\n")
+    clock.now += LOOK_S
+    assert users.role_of("ada") is Role.OPERATOR
+    file.unlink()
+    clock.now += LOOK_S
+    assert users.role_of("ada") is Role.OPERATOR
+
+
+def rewrite(file: Path, text: str) -> None:
+    file.write_text(text, "utf-8")
+    # as if some time had gone by since the file was written before
+    changed_ns = file.stat().st_mtime_ns + 10**9
+    os.utime(file, ns=(changed_ns, changed_ns))
+
+
+def test_an_open_page_keeps_its_login_in_use(file: Path, clock: Clock) -> None:
+    sessions = Sessions(read_users(file, clock), clock)
+    visitor = sessions.visitor(sessions.log_in("bob", "battery staple", "here") or "")
+    assert visitor is not None
+    for _ in range(3):
+        clock.now += 0.6 * IDLE_S
+        assert visitor.is_known()
+    clock.now += IDLE_S + 1.0
+    assert not visitor.is_known()
 
 
 @pytest.mark.parametrize("line", ["ada", "ada:king:00$00", "ada:operator:zz$00", "ada:operator:00"])

@@ -34,8 +34,11 @@ class ChartPanel:
                 self._span = ui.select(
                     {each: f"{each} s" for each in SPANS_S}, value=30, label="Span"
                 ).classes("w-24")
-                self._freeze = ui.switch("Freeze")
+                self._freeze = ui.switch("Freeze", on_change=self._on_freeze)
             self._chart = ui.echart({}).classes("mc-chart")
+
+    def _on_freeze(self) -> None:
+        ui.run_javascript(f"mcChartFrozen({self._chart.id}, {json.dumps(self._freeze.value)})")
 
     def update(self, status: MachineStatus, info: Info) -> None:
         if info is not self._info:

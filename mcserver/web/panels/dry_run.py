@@ -11,6 +11,7 @@ from nicegui import ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name, clock_text, program_excerpt
 from mcserver.web.jobs import PATH_POINTS, path_from_line
 from mcserver.web.panels.picture import tips_of
@@ -41,7 +42,7 @@ async def show_dry_run(
     finally:
         waiting.dismiss()
 
-    with ui.dialog() as dialog, ui.card().classes("mc-dry-run"):
+    with named_dialog(f"Dry run of {name}") as dialog, ui.card().classes("mc-dry-run"):
         dialog.on("hide", dialog.delete)
         with ui.row().classes("w-full items-center justify-between no-wrap"):
             ui.label(f"Dry run of {name}").classes("font-bold break-all")

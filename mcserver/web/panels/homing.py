@@ -8,6 +8,7 @@ from mcclient import AxisInfo, Event, Info, MachineStatus
 from nicegui import ui
 
 from mcserver.web.actions import Actions
+from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name
 from mcserver.web.link import MachineLink
 from mcserver.web.users import Role
@@ -71,7 +72,7 @@ class HomingPanel:
         if not self._actions.allowed(Role.OPERATOR):
             return
         name = axis_name(axis.index)
-        with ui.dialog() as dialog, ui.card():
+        with named_dialog(f"Reference of axis {name}") as dialog, ui.card():
             ui.label(f"Where is axis {name} now? Its limits count from this number on.")
             number = ui.number(f"{name} [{axis.unit}]", format="%.4f").props("autofocus")
             with ui.row():

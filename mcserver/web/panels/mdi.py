@@ -9,9 +9,11 @@ from nicegui import ui
 
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.web.actions import Actions
+from mcserver.web.open_programs import refusal_of
 from mcserver.web.users import Role
 
 HISTORY = 50
+WHY = "a line typed now would move the axes when nobody expects it any more"
 
 
 class MdiPanel:
@@ -68,9 +70,12 @@ class MdiPanel:
         self._show(f'{html.escape(line)}\n<span class="text-negative">{html.escape(message)}</span>{remedy}')
 
     def _show(self, content: str) -> None:
-        self._answer.set_content(f'<pre class="mc-program">{content}</pre>')
+        self._answer.set_content(f'<pre class="mc-program" tabindex="0" aria-label="Answer">{content}</pre>')
 
 
 async def _run_line(machine: Machine, line: str) -> None:
+    refusal = refusal_of(await machine.programs(ended=False), WHY)
+    if refusal is not None:
+        raise refusal
     async with machine.program("manual input") as program:
         await program.send(line)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
 from functools import partial
 
-from mcclient import AxisInfo, Info, Machine, MachineStatus, MotionError, ProgramStatus
+from mcclient import AxisInfo, Info, Machine, MachineStatus, MotionError
 from nicegui import ui
 
 from mcserver.web.actions import Actions
-from mcserver.web.formatting import axis_name, is_live, position_text, velocity_text
+from mcserver.web.dialogs import named_dialog
+from mcserver.web.formatting import axis_name, position_text, velocity_text
+from mcserver.web.open_programs import refusal_of
 from mcserver.web.users import Role
 
 # Axes with a button: those with a letter.
 LETTERED = 6
+WHY = "zero is set where the axes stand"
 
 
 class PositionsPanel:
@@ -51,7 +53,7 @@ class PositionsPanel:
             offsets = offsets_html(status, info)
             if offsets != self._offsets.content:
                 self._offsets.set_content(offsets)
-            self._allow(refusal_of(status.programs))
+            self._allow(refusal_of(status.programs, WHY))
 
     def _allow(self, refusal: MotionError | None) -> None:
         """Say on the buttons why they do nothing now."""
@@ -79,7 +81,7 @@ class PositionsPanel:
 
         async def send(machine: Machine) -> None:
             # it would wait for the axes, and set where they are when they come free
-            refusal = refusal_of(await machine.programs(ended=False))
+            refusal = refusal_of(await machine.programs(ended=False), WHY)
             if refusal is not None:
                 raise refusal
             async with machine.program("work offset") as program:
@@ -93,7 +95,7 @@ class PositionsPanel:
         if not self._actions.allowed(Role.OPERATOR):
             return
         names = [axis_name(axis.index) for axis in self._axes]
-        with ui.dialog() as dialog, ui.card():
+        with named_dialog("Set a work offset") as dialog, ui.card():
             ui.label("What an axis reads where it is now:")
             axis = ui.select(names, value=names[0], label="Axis").classes("min-w-24")
             number = ui.number("reads [mm, deg]", value=0.0, format="%.4f")
@@ -120,18 +122,6 @@ def work_origin(status: MachineStatus) -> dict[int, float]:
         if offset.system == system_name(1):
             return {int(axis): at for axis, at in offset.origin.items()}
     return {}
-
-
-def refusal_of(programs: Sequence[ProgramStatus]) -> MotionError | None:
-    """Return why zero cannot be set now, as ``mcctl zero`` says it (MC512); None where no program is open."""
-    program = next((each for each in programs if is_live(each)), None)
-    if program is None:
-        return None
-    return MotionError(
-        "MC512",
-        f"{program.name or program.program} is {program.state}: zero is set where the axes stand",
-        "wait for its end, or abort it",
-    )
 
 
 def offsets_html(status: MachineStatus, info: Info) -> str:

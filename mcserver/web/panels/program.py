@@ -1,4 +1,4 @@
-"""The program under way, the programs that are kept, and the queue."""
+"""The program under way, and the programs that are kept."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from nicegui import events, ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.formatting import clock_text, current_program, is_live, program_excerpt, remaining_text
+from mcserver.web.dialogs import ask
+from mcserver.web.formatting import current_program, is_live, program_excerpt, remaining_text
 from mcserver.web.jobs import Job, JobState
 from mcserver.web.panels.dry_run import show_dry_run
+from mcserver.web.panels.queue import QueuePanel
+from mcserver.web.panels.run_from import ask_run_from
 from mcserver.web.store import MAX_PROGRAM_BYTES
 from mcserver.web.users import Role
 
@@ -23,7 +26,7 @@ class ProgramPanel:
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
         self._shown: tuple[object, ...] = ()
-        self._listed: tuple[object, ...] = ()
+        self._listed: tuple[str, ...] = ()
         with ui.card().classes("mc-card"):
             ui.html("<h2>Program</h2>", sanitize=False)
             self._title = ui.label("no program").classes("font-bold")
@@ -47,13 +50,10 @@ class ProgramPanel:
                 self._choice = ui.select([], label="Program", with_input=True).classes("grow min-w-40")
                 self._from_line = ui.number("From line", value=1, min=1, format="%d").classes("w-24")
             with ui.element("div").classes("mc-buttons"):
-                ui.button("Run", on_click=lambda: self._queue()).props("color=positive")
+                ui.button("Run", on_click=self._run).props("color=positive")
                 ui.button("Dry run", on_click=self._dry_run).props("outline")
                 ui.button("Delete", on_click=self._delete).props("outline color=negative")
-            self._queue_html = ui.html("", sanitize=False).classes("w-full")
-            self._go_on = ui.button("Start the queue again", on_click=self._start_again).props(
-                "color=warning"
-            )
+            self._jobs = QueuePanel(actions)
             self._report = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
 
     def update(self) -> None:
@@ -106,29 +106,14 @@ class ProgramPanel:
         self._text.set_content(program_excerpt(job.lines, min(faulty, default=1), faulty))
 
     def _update_store(self) -> None:
-        jobs = self._actions.link.jobs
+        self._jobs.update()
         names = tuple(each.name for each in self._actions.link.store.list())
-        queue = tuple((job.number, job.name, job.duration_s) for job in jobs.waiting)
-        ended = tuple((job.number, job.state) for job in jobs.ended)
-        listed = (names, queue, ended, jobs.stopped)
-        self._go_on.set_visibility(jobs.stopped and bool(jobs.waiting))
-        if listed == self._listed:
+        if names == self._listed:
             return
-        self._listed = listed
+        self._listed = names
         self._choice.set_options(
             list(names), value=self._choice.value if self._choice.value in names else None
         )
-        rows = [
-            f"<li>{html.escape(job.name)} · {clock_text(job.duration_s)} · by {html.escape(job.user)}</li>"
-            for job in jobs.waiting
-        ]
-        waiting = (
-            f"<p>Waiting, {clock_text(jobs.remaining_s())} in all:</p><ol>{''.join(rows)}</ol>"
-            if rows
-            else ""
-        )
-        done = "".join(f"<li>{_ended_text(job)}</li>" for job in list(jobs.ended)[:5])
-        self._queue_html.set_content(waiting + (f"<p>Ended:</p><ul>{done}</ul>" if done else ""))
 
     def _job(self, program: str) -> Job | None:
         jobs = self._actions.link.jobs
@@ -188,21 +173,28 @@ class ProgramPanel:
         except (MotionError, McError) as error:
             show_refusal(error.message, error.hint)
 
-    def _start_again(self) -> None:
-        if self._actions.allowed(Role.OPERATOR):
-            self._actions.link.jobs.start_again()
+    async def _run(self) -> None:
+        name, line = self._choice.value, int(self._from_line.value or 1)
+        # what begins in the middle begins somewhere else than where the axes are
+        if name and line > 1:
+            if not self._actions.allowed(Role.OPERATOR) or not await ask_run_from(self._actions, name, line):
+                return
+            # what was asked for, whatever the fields say by now
+            self._choice.set_value(name)
+            self._from_line.set_value(line)
+        self._queue()
 
-    def _delete(self) -> None:
-        if self._choice.value and self._actions.allowed(Role.OPERATOR):
-            self._actions.link.store.delete(self._choice.value)
+    async def _delete(self) -> None:
+        name = self._choice.value
+        if (
+            name
+            and self._actions.allowed(Role.OPERATOR)
+            and await ask(f"Delete {name}?", "Delete", colour="negative")
+        ):
+            self._actions.link.store.delete(name)
 
     async def _dry_run(self) -> None:
         if not self._choice.value:
             show_refusal("No program is chosen", "choose one, or upload it")
             return
         await show_dry_run(self._actions, self._choice.value, int(self._from_line.value or 1), self._queue)
-
-
-def _ended_text(job: Job) -> str:
-    message = f" · {html.escape(job.message)}" if job.message else ""
-    return f"{html.escape(job.name)} · {job.state.value}{message}"

@@ -7,6 +7,7 @@ from mcclient import MotionError
 from nicegui import ui
 
 from mcserver.web.actions import show_refusal
+from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name, position_text
 from mcserver.web.link import MachineLink
 from mcserver.web.space import Space
@@ -54,7 +55,7 @@ class Player:
     def __init__(self, link: MachineLink, name: str, replay: Replay) -> None:
         self._replay = replay
         self._playing = False
-        with ui.dialog().props("maximized") as self._dialog, ui.card().classes("mc-card"):
+        with named_dialog(f"{name}, played").props("maximized") as self._dialog, ui.card().classes("mc-card"):
             with ui.row().classes("w-full items-center justify-between"):
                 ui.label(name).classes("font-bold grow break-all")
                 ui.button("Close", on_click=self._dialog.close).props("flat")

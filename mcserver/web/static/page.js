@@ -51,16 +51,6 @@
   window.addEventListener("pagehide", release);
   window.addEventListener("offline", release);
 
-  // Quasar's uploader has its input inside a button without a name: the input alone is the control
-  setInterval(() => document.querySelectorAll(".q-uploader a[role=button]").forEach((button) => {
-    const input = button.querySelector("input");
-    if (!input) return;
-    button.removeAttribute("role");
-    button.tabIndex = -1;
-    input.tabIndex = 0;
-    input.setAttribute("aria-label", "Choose a file");
-  }), 500);
-
   // so that the page can tell a delayed message from a prompt one before the first press
   setInterval(() => { if (!held) emitEvent("mc_clock", { sent_s: performance.now() / 1000 }); }, 2000);
 
@@ -78,34 +68,4 @@
     if (event.key === "Escape" && event.shiftKey) emitEvent("mc_key", { key: "estop" });
     else if (event.key === " " && !typing) { event.preventDefault(); emitEvent("mc_key", { key: "hold" }); }
   });
-
-  // the newest samples of the signals shown, kept here so that each is sent once
-  const charts = {};
-  window.mcChart = (id, { names, units, span, rows, restart }) => {
-    const kept = restart ? (charts[id] = { rows: [] }) : (charts[id] ??= { rows: [] });
-    kept.rows.push(...rows);
-    const end = kept.rows.length ? kept.rows[kept.rows.length - 1][0] : 0;
-    const first = kept.rows.findIndex((row) => row[0] >= end - span);
-    if (first > 0) kept.rows.splice(0, first);
-    const chart = getElement(id)?.chart;
-    if (!chart) return;
-    const grids = [...new Set(units)];
-    const height = 100 / Math.max(grids.length, 1);
-    const dark = document.body.classList.contains("body--dark");
-    const text = { color: dark ? "#cbd5e1" : "#334155" };
-    chart.setOption({
-      animation: false,
-      tooltip: { trigger: "axis" },
-      axisPointer: { link: [{ xAxisIndex: "all" }] },
-      legend: { top: 0, right: 8, left: 80, type: "scroll", textStyle: text },
-      grid: grids.map((_, row) => ({ left: 56, right: 12, top: `${row * height + 12}%`, height: `${height - 16}%` })),
-      xAxis: grids.map((_, row) => ({ type: "value", gridIndex: row, min: -span, max: 0, splitNumber: chart.getWidth() < 420 ? 3 : 6, axisLabel: { ...text, show: row === grids.length - 1, formatter: "{value} s", hideOverlap: true } })),
-      yAxis: grids.map((unit, row) => ({ type: "value", gridIndex: row, scale: true, axisLine: { onZero: false }, name: unit, nameTextStyle: { ...text, align: "right" }, axisLabel: text })),
-      series: names.map((name, column) => ({
-        type: "line", name, showSymbol: false, step: units[column] === "on/off" ? "end" : false,
-        xAxisIndex: grids.indexOf(units[column]), yAxisIndex: grids.indexOf(units[column]),
-        data: kept.rows.map((row) => [row[0] - end, row[column + 1]]),
-      })),
-    }, { replaceMerge: ["series", "grid", "xAxis", "yAxis"] });
-  };
 })();

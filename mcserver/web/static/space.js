@@ -3,14 +3,17 @@
 import { THREE, OrbitControls } from "nicegui-scene";
 
 const TRAIL_POINTS = 6000;
-const COLOURS = { come: 0x475569, done: 0x1d4ed8, trail: 0xf97316, tip: 0xdc2626 };
+const ON_LIGHT = { come: 0x475569, done: 0x1d4ed8, trail: 0xf97316, tip: 0xdc2626 };
+const ON_DARK = { come: 0x94a3b8, done: 0x60a5fa, trail: 0xf97316, tip: 0xef4444 };
+const colours = () => (document.body.classList.contains("body--dark") ? ON_DARK : ON_LIGHT);
 
 const decode = (text, Kind) => {
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   return new Kind(bytes.buffer);
 };
 
-const polyline = (colour, count) => {
+const polyline = (kind, count) => {
+  const colour = colours()[kind];
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
   geometry.setDrawRange(0, 0);
@@ -20,6 +23,7 @@ const polyline = (colour, count) => {
   const points = new THREE.Points(geometry, new THREE.PointsMaterial({ color: colour, size: 2.5 * Math.min(window.devicePixelRatio, 2), sizeAttenuation: false }));
   points.frustumCulled = false;
   line.add(points);
+  line.userData.kind = kind;
   return line;
 };
 
@@ -97,7 +101,17 @@ export default {
       this.waiting = true;
       requestAnimationFrame(() => {
         this.waiting = false;
+        if (this.worn !== colours()) this.recolour();
         if (!this.gone) this.renderer.render(this.scene, this.camera);
+      });
+    },
+
+    // light and dark change while the picture is there
+    recolour() {
+      this.worn = colours();
+      this.content.traverse((part) => {
+        const kind = part.userData.kind ?? part.parent?.userData.kind;
+        if (kind) part.material.color.setHex(this.worn[kind]);
       });
     },
 
@@ -171,14 +185,14 @@ export default {
     },
 
     newTrail(label) {
-      const trail = { points: [], line: polyline(COLOURS.trail, TRAIL_POINTS + 64) };
+      const trail = { points: [], line: polyline("trail", TRAIL_POINTS + 64) };
       this.trails.set(label, trail);
       this.content.add(trail.line);
       return trail;
     },
 
     newTip(label) {
-      const tip = new THREE.Mesh(new THREE.SphereGeometry(1, 16, 12), new THREE.MeshLambertMaterial({ color: COLOURS.tip }));
+      const tip = new THREE.Mesh(new THREE.SphereGeometry(1, 16, 12), new THREE.MeshLambertMaterial({ color: colours().tip }));
       this.tips.set(label, tip);
       this.content.add(tip);
       return tip;
@@ -197,7 +211,7 @@ export default {
       for (const each of this.planned) this.content.remove(each.come, each.done);
       this.planned = [];
       for (const { tool, points } of path?.tips ?? []) {
-        const come = polyline(COLOURS.come, points.length), done = polyline(COLOURS.done, points.length);
+        const come = polyline("come", points.length), done = polyline("done", points.length);
         this.fill(come, points);
         done.geometry.setAttribute("position", come.geometry.getAttribute("position"));
         this.content.add(come, done);

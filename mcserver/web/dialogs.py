@@ -1,0 +1,33 @@
+"""Dialogs: each has a name for who cannot see it, and is gone from the page once it is closed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nicegui import ui
+
+
+def named_dialog(name: str) -> ui.dialog:
+    """Return a dialog that a screen reader announces by name."""
+    dialog = ui.dialog()
+    dialog.props["aria-label"] = name
+    return dialog
+
+
+async def ask(question: str, verb: str, *, colour: str, details: Callable[[], object] | None = None) -> bool:
+    """Ask before something is done; whether it shall be.
+
+    Args:
+        verb: on the button that does it. colour: of that button. details: builds what is shown below the
+            question.
+    """
+    with named_dialog(question) as dialog, ui.card().classes("mc-ask"):
+        ui.label(question).classes("font-bold break-words")
+        if details is not None:
+            details()
+        with ui.element("div").classes("mc-buttons"):
+            ui.button(verb, on_click=lambda: dialog.submit(True)).props(f"color={colour}")
+            ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat autofocus")
+    agreed = bool(await dialog)
+    dialog.delete()
+    return agreed

@@ -1,0 +1,25 @@
+"""Why something cannot be done at a machine now: a program is open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mcclient import MotionError, ProgramStatus
+
+from mcserver.web.formatting import is_live
+
+
+def refusal_of(programs: Sequence[ProgramStatus], why: str) -> MotionError | None:
+    """Return the refusal (MC512) where a program is open; None where none is.
+
+    Args:
+        why: what speaks against it, such as ``zero is set where the axes stand``.
+    """
+    program = next((each for each in programs if is_live(each)), None)
+    if program is None:
+        return None
+    return MotionError(
+        "MC512",
+        f"{program.name or program.program} is {program.state}: {why}",
+        "wait for its end, or abort it",
+    )

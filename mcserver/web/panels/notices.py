@@ -1,0 +1,50 @@
+"""What an operator has to know before anything else: the machine is away, or a program waits for somebody."""
+
+from __future__ import annotations
+
+from mcclient import MachineStatus
+from nicegui import ui
+
+from mcserver.web.formatting import is_live
+from mcserver.web.link import MachineLink
+
+
+class NoticePanel:
+    """A card of one sentence each, above all others; hidden while there is nothing to say."""
+
+    def __init__(self, link: MachineLink) -> None:
+        self._link = link
+        self._shown: tuple[tuple[str, str], ...] = ()
+        self._card = ui.card().classes("mc-card").props('role=alert aria-label="Notices"')
+        self._card.set_visibility(False)
+
+    def update(self, status: MachineStatus | None) -> None:
+        found = notices_of(status, online=self._link.online, failure=self._link.failure)
+        if found == self._shown:
+            return
+        self._shown = found
+        self._card.set_visibility(bool(found))
+        self._card.clear()
+        with self._card:
+            for kind, text in found:
+                ui.label(text).classes(f"w-full {kind}")
+
+
+def notices_of(status: MachineStatus | None, *, online: bool, failure: str) -> tuple[tuple[str, str], ...]:
+    """Return what there is to say: the class of the label, and the sentence."""
+    if not online:
+        shown = "what is shown is old" if status is not None else "it has not been seen yet"
+        return (("mc-faults", f"The machine does not answer{': ' + failure if failure else ''}. {shown}."),)
+    if status is None:
+        return ()
+    found = []
+    for program in status.programs:
+        if not is_live(program):
+            continue
+        name = program.name or program.program
+        if program.state == "paused":
+            what = program.notice or "it has come to a stop that it asks for"
+            found.append(("mc-notice", f"{name} waits at line {program.line}: {what}. Then press Resume."))
+        elif program.notice:
+            found.append(("mc-note", f"{name}: {program.notice}"))
+    return tuple(found)

@@ -1,0 +1,78 @@
+"""The queue: what waits with its time, what has ended, and the buttons for both."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from nicegui import ui
+
+from mcserver.web.actions import Actions
+from mcserver.web.formatting import clock_text, current_program, is_live
+from mcserver.web.jobs import Job
+from mcserver.web.users import Role
+
+ENDED_SHOWN = 5
+
+
+class QueuePanel:
+    """A part of the card of programs."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._listed: tuple[object, ...] = ()
+        self._total = ui.label("").classes("font-bold")
+        self._rows = ui.element("div").classes("w-full")
+        self._go_on = ui.button("Start the queue again", on_click=self._start_again).props("color=warning")
+        self._total.set_visibility(False)
+
+    def update(self) -> None:
+        """Show the jobs as they are now; rows are built anew only when they have changed."""
+        jobs = self._actions.link.jobs
+        self._go_on.set_visibility(jobs.stopped and bool(jobs.waiting))
+        self._total.set_visibility(bool(jobs.waiting))
+        self._total.set_text(self._total_text())
+        waiting = tuple((job.number, job.duration_s) for job in jobs.waiting)
+        listed = (waiting, tuple((job.number, job.state) for job in jobs.ended))
+        if listed == self._listed:
+            return
+        self._listed = listed
+        self._rows.clear()
+        with self._rows:
+            for job in jobs.waiting:
+                self._row(job)
+            ended = list(jobs.ended)[:ENDED_SHOWN]
+            if ended:
+                ui.label("Ended:").classes("mt-2")
+            for job in ended:
+                ui.label(ended_text(job)).classes("text-sm break-words")
+
+    def _row(self, job: Job) -> None:
+        with ui.row().classes("w-full items-center no-wrap gap-2 mc-row"):
+            line = f" from line {job.from_line}" if job.from_line > 1 else ""
+            ui.label(f"{job.name}{line} · {clock_text(job.duration_s)} · by {job.user}").classes(
+                "grow break-words min-w-0"
+            )
+            ui.button("Remove", on_click=partial(self._remove, job.number)).props("flat dense no-caps").props[
+                "aria-label"
+            ] = f"remove {job.name} from the queue"
+
+    def _total_text(self) -> str:
+        jobs = self._actions.link.jobs
+        program = current_program(self._actions.link.status)
+        eta = program.eta_s if program is not None and is_live(program) else 0.0
+        waiting = jobs.remaining_s()
+        everything = None if waiting is None or eta is None else waiting + eta
+        return f"{len(jobs.waiting)} waiting: {clock_text(waiting)}; all done in {clock_text(everything)}"
+
+    def _remove(self, number: int) -> None:
+        if self._actions.allowed(Role.OPERATOR):
+            self._actions.link.jobs.remove(number)
+
+    def _start_again(self) -> None:
+        if self._actions.allowed(Role.OPERATOR):
+            self._actions.link.jobs.start_again()
+
+
+def ended_text(job: Job) -> str:
+    """Return how a job went."""
+    return f"{job.name} · {job.state.value}" + (f" · {job.message}" if job.message else "")

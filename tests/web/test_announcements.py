@@ -1,0 +1,124 @@
+"""What a page says to who does not look at it: ends, pauses, alarms, and what is old."""
+
+from __future__ import annotations
+
+import pytest
+from mcclient import Fault, MachineStatus
+from mcclient.types import AxesStatus, ProgramStatus
+
+from mcserver.web.announcements import Announcer, title_of
+from mcserver.web.panels.notices import notices_of
+from mcserver.web.panels.run_from import end_of, start_html
+
+AXES = AxesStatus(
+    index=(0, 1),
+    position=(0.0, 5.0),
+    setpoint=(0.0, 5.0),
+    velocity=(0.0, 0.0),
+    torque=(0.0, 0.0),
+    state=("standstill", "off"),
+)
+
+
+def state(*programs: ProgramStatus, faults: tuple[Fault, ...] = ()) -> MachineStatus:
+    return MachineStatus(
+        t=1.0, wall=0.0, instance="i", state="ready", axes=AXES, programs=programs, faults=faults
+    )
+
+
+def part(
+    word: str, *, lasted: float | None = None, notice: str = "", fault: Fault | None = None
+) -> ProgramStatus:
+    ended = None if lasted is None else 100.0 + lasted
+    return ProgramStatus(
+        "p-1", word, name="part.gcode", opened_at=100.0, ended_at=ended, notice=notice, line=7, fault=fault
+    )
+
+
+def test_the_end_of_a_job_is_announced_once() -> None:
+    announcer = Announcer("cell-1")
+    assert announcer.update(state(part("running")), {"p-1"}) == []
+    (said,) = announcer.update(state(part("finished", lasted=3.0)), {"p-1"})
+    assert said == ("positive", "cell-1: part.gcode", "part.gcode is finished after 0:03")
+    assert announcer.update(state(part("finished", lasted=3.0)), {"p-1"}) == []
+
+
+@pytest.mark.parametrize(("lasted", "said"), [(2.0, 0), (65.0, 1)])
+def test_of_others_programs_only_long_ones_are_announced(lasted: float, said: int) -> None:
+    announcer = Announcer("cell-1")
+    announcer.update(state(part("running")), ())
+    assert len(announcer.update(state(part("finished", lasted=lasted)), ())) == said
+
+
+def test_what_ended_before_the_page_was_opened_is_not_announced() -> None:
+    old = Fault("MC400", "emergency stop", "reset")
+    announcer = Announcer("cell-1")
+    assert announcer.update(state(part("faulted", lasted=65.0), faults=(old,)), ()) == []
+
+
+def test_an_alarm_and_the_program_that_it_ends_are_announced() -> None:
+    fault = Fault("MC421", "axis X does not follow", "look at it", axis=0)
+    announcer = Announcer("cell-1")
+    announcer.update(state(part("running")), ())
+    ended, alarm = announcer.update(state(part("faulted", lasted=65.0, fault=fault), faults=(fault,)), ())
+    assert (ended.kind, alarm.kind) == ("negative", "negative")
+    assert "MC421" in ended.text
+    assert alarm == ("negative", "cell-1: alarm", "axis X does not follow [MC421]")
+    # latched, and cleared: nothing new
+    assert announcer.update(state(faults=(fault,)), ()) == []
+    assert announcer.update(state(), ()) == []
+
+
+def test_a_pause_says_what_the_program_asks_for() -> None:
+    announcer = Announcer("cell-1")
+    announcer.update(state(part("running")), ())
+    (said,) = announcer.update(state(part("paused", notice="fit tool 3")), ())
+    assert said == ("positive", "cell-1: part.gcode waits", "fit tool 3")
+    ((kind, text),) = notices_of(state(part("paused", notice="fit tool 3")), online=True, failure="")
+    assert kind == "mc-notice"
+    assert text == "part.gcode waits at line 7: fit tool 3. Then press Resume."
+
+
+def test_what_a_running_program_says_is_a_note_and_an_ended_one_says_nothing() -> None:
+    ((kind, text),) = notices_of(state(part("running", notice="roughing")), online=True, failure="")
+    assert (kind, text) == ("mc-note", "part.gcode: roughing")
+    assert notices_of(state(part("finished", lasted=1.0, notice="roughing")), online=True, failure="") == ()
+
+
+@pytest.mark.parametrize(
+    ("status", "end"),
+    [(None, "it has not been seen yet."), (state(part("running")), "what is shown is old.")],
+)
+def test_a_machine_that_is_away_says_why_and_what_is_shown_then(
+    status: MachineStatus | None, end: str
+) -> None:
+    ((kind, text),) = notices_of(status, online=False, failure="no server answers")
+    assert kind == "mc-faults"
+    assert text == f"The machine does not answer: no server answers. {end}"
+
+
+def test_a_tab_says_how_far_a_program_is_and_else_what_is_wrong() -> None:
+    running = ProgramStatus("p-1", "running", progress=0.434)
+    assert title_of("cell-1", "running", running) == "43 % running · cell-1"
+    assert title_of("cell-1", "ready", ProgramStatus("p-1", "finished", progress=1.0)) == "cell-1"
+    assert title_of("cell-1", "EMERGENCY STOP", None) == "EMERGENCY STOP · cell-1"
+
+
+def test_a_run_from_a_line_shows_each_axis_that_is_elsewhere() -> None:
+    report = {"ok": True, "axes": {"0": {"position": 200.0}, "1": {"position": 5.0}}}
+    there = end_of(report)
+    assert there == {0: 200.0, 1: 5.0}
+    shown = start_html("G01 <Y100>", {0: 0.0, 1: 5.0}, there, state())
+    assert "<td>X</td><td class=n>0.000</td><td class=n>200.000</td>" in shown
+    assert "<td>Y</td>" not in shown
+    assert "The axes are elsewhere" in shown
+    assert "G01 &lt;Y100&gt;" in shown
+    assert "Without energy: Y" in shown
+
+
+def test_a_run_from_a_line_says_what_is_not_known() -> None:
+    assert end_of({"ok": False, "axes": {}}) is None
+    shown = start_html("G01 Y100", {0: 0.0}, None, state(part("running")))
+    assert "is not known" in shown
+    assert "Another program is open" in shown
+    assert "The axes are where the program has them" in start_html("G01", {0: 1.0}, {0: 1.0}, state())
