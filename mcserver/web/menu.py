@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from nicegui import ui
 
@@ -22,11 +23,11 @@ def add_menu(visitor: Visitor) -> None:
         _item(f"Logged in: {visitor.name}" if visitor.may_leave else "On this computer").props("disable")
         ui.separator()
         for theme, title in THEMES.items():
-            _item(title, lambda theme=theme: ui.run_javascript(f"mcTheme('{theme}')"))
+            _item(title, partial(ui.run_javascript, f"mcTheme('{theme}')"))
         ui.separator()
         _item("Tell me when it is done", _ask_for_messages)
         if visitor.may_leave:
-            _item("Log out", lambda: ui.run_javascript("mcLeave()"))
+            _item("Log out", partial(ui.run_javascript, "mcLeave()"))
 
 
 def _item(title: str, act: Callable[[], object] | None = None) -> ui.menu_item:

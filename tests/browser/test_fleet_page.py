@@ -146,6 +146,18 @@ def test_a_wrong_password_is_refused_and_an_observer_may_look_but_not_hold(
     assert fleet.holds == held
 
 
+def test_who_logs_out_sees_nothing_more_on_any_tab(page: Page, fleet_site: PageProcess) -> None:
+    log_in(page, fleet_site, "bob", "bob's battery staple")
+    other = page.context.new_page()
+    other.goto(fleet_site.url)
+    expect(other.get_by_role("status")).to_contain_text(f"{MACHINES} of {MACHINES}")
+    page.get_by_role("button", name="Menu").click()
+    page.get_by_role("menuitem", name="Log out").click()
+    for each in (page, other):
+        expect(each).to_have_url(f"{fleet_site.url}login")
+    other.close()
+
+
 @pytest.mark.parametrize(("width", "columns"), [(360, ["State"]), (1920, ["State", "Program", "Faults"])])
 def test_what_is_asked_first_is_in_view_on_a_narrow_and_on_a_wide_screen(
     page: Page, fleet_site: PageProcess, width: int, columns: list[str]

@@ -197,21 +197,3 @@ def test_the_emergency_stop_stays_in_view_and_nothing_overflows(
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
     expect(page.get_by_role("button", name="Emergency stop")).to_be_in_viewport()
-
-
-def test_the_page_has_no_serious_accessibility_findings(page: Page, site: PageProcess) -> None:
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
-    page.goto("about:blank")
-    opened(page, site)
-    expect(page.get_by_label("Choose a file")).to_be_attached()
-    # a row of a recording has links of its own
-    page.get_by_role("button", name="Save black box").click()
-    expect(page.get_by_role("link", name=re.compile("^plot ")).first).to_be_visible()
-    # what fades in or out has no contrast of its own: the message goes, and the bar of an upload too
-    expect(page.locator(".q-notification")).to_have_count(0)
-    page.wait_for_function(
-        "[...document.querySelectorAll('.q-loading-bar')].every(bar => getComputedStyle(bar).opacity === '0')"
-    )
-    found = axe.Axe().run(page).response["violations"]
-    serious = [each for each in found if each["impact"] in ("serious", "critical")]
-    assert [(each["id"], [node["html"][:200] for node in each["nodes"][:3]]) for each in serious] == []

@@ -1,0 +1,82 @@
+"""axe looks at a page in use: what is open, what was said, held, stopped; light and dark, wide and narrow."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mcclient import sync
+
+from tests.browser.conftest import WIDE, PageProcess, opened, playwright
+from tests.browser.test_machine_page import upload
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+else:
+    Page = Any
+
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+expect = playwright.expect
+# what fades in or out has no contrast of its own: what is still found after so many looks stays
+LOOKS = 6
+LOOK_MS = 500
+
+
+def nothing_serious(page: Page, where: str) -> None:
+    """Fail with what axe finds, and goes on finding."""
+    for _ in range(LOOKS):
+        found = [
+            (each["id"], [node["html"][:200] for node in each["nodes"][:3]])
+            for each in axe.Axe().run(page).response["violations"]
+            if each["impact"] in ("serious", "critical")
+        ]
+        if not found:
+            return
+        page.wait_for_timeout(LOOK_MS)
+    raise AssertionError(f"{where}: {found}")
+
+
+@pytest.fixture
+def worn(page: Page, request: pytest.FixtureRequest) -> Iterator[Page]:
+    width, scheme = request.param
+    page.set_viewport_size({**WIDE, "width": width})
+    page.emulate_media(color_scheme=scheme)
+    yield page
+    page.emulate_media(color_scheme="light")
+
+
+@pytest.mark.parametrize("worn", [(1920, "light"), (360, "dark")], indirect=True)
+def test_a_page_in_use_has_no_serious_findings(worn: Page, site: PageProcess, machine: sync.Machine) -> None:
+    page = opened(worn, site)
+    upload(page, "used.gcode", "G1010\nG91\nG01 X20 F60\n")
+    page.get_by_text("Drives", exact=True).click()
+    field = page.get_by_label("G-code line")
+    field.fill("G02 X100 Y0 R1")
+    field.press("Enter")
+    expect(page.get_by_text(re.compile(r"\^+ .*\[MC104\]"))).to_be_visible()
+    page.get_by_role("button", name="Save black box").click()
+    for _ in range(2):
+        page.get_by_role("button", name="Run", exact=True).first.click()
+    expect(page.get_by_role("button", name="remove used.gcode from the queue")).to_be_visible()
+    expect(page.get_by_role("link", name=re.compile("^plot ")).first).to_be_visible()
+    nothing_serious(page, "running, another waits, a line was refused")
+    page.get_by_role("button", name="Hold").click()
+    expect(page.get_by_role("status")).to_have_text("held")
+    page.get_by_label("Distance").click()
+    expect(page.get_by_role("option", name="while held")).to_be_visible()
+    nothing_serious(page, "held, a list is open")
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Menu").click()
+    expect(page.get_by_role("menuitem", name="Dark")).to_be_visible()
+    nothing_serious(page, "the menu is open")
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Dry run").click()
+    expect(page.get_by_role("button", name="Run it")).to_be_visible()
+    nothing_serious(page, "a dry run is shown")
+    page.get_by_role("button", name="Close").first.click()
+    page.locator("[data-estop]").click()
+    expect(page.locator(".mc-state")).to_have_text("EMERGENCY STOP")
+    nothing_serious(page, "stopped")
+    assert machine.status().state == "estop"

@@ -1,0 +1,220 @@
+"""What an operator does beside running one file: queue, run from the middle, typed lines, a jog let go."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mcclient import sync
+
+from tests.browser.conftest import PageProcess, choose, opened, playwright
+from tests.browser.test_machine_page import LONG, at_rest, stands, upload, wait_for
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+else:
+    Page = Any
+
+expect = playwright.expect
+
+
+def run(page: Page) -> None:
+    page.get_by_role("button", name="Run", exact=True).first.click()
+
+
+def test_what_waits_has_a_total_time_and_can_be_removed(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    # 20 mm at 1 mm/s, from wherever the axis is
+    upload(page, "slow.gcode", "G1010\nG91\nG01 X20 F60\n")
+    run(page)
+    expect(page.get_by_role("status")).to_have_text("running")
+    run(page)
+    run(page)
+    expect(page.get_by_text(re.compile(r"^2 waiting: 0:40; all done in (0:5\d|1:00)$"))).to_be_visible()
+    remove = page.get_by_role("button", name="remove slow.gcode from the queue")
+    remove.first.click()
+    expect(page.get_by_text(re.compile(r"^1 waiting: 0:20"))).to_be_visible()
+    remove.click()
+    expect(remove).to_have_count(0)
+    page.get_by_role("button", name="Abort").click()
+    wait_for(machine, page, at_rest)
+    assert len(machine.programs(ended=False)) == 0
+
+
+def test_a_run_from_a_line_asks_and_shows_where_the_program_would_be(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    with machine.program("energize") as program:
+        program.send("G1010")
+        program.send("G00 X0 Y0")
+    upload(page, "middle.gcode", "G1010\nG90\nG01 X50 F6000\nG01 Y30\nG01 X60\n")
+    before = wait_for(machine, page, at_rest).axes.position
+    page.get_by_label("From line").fill("4")
+    run(page)
+    dialog = page.get_by_role("dialog", name="Run middle.gcode from line 4?")
+    expect(dialog.get_by_role("row", name=re.compile(r"X\s+0\.000\s+50\.000"))).to_be_visible()
+    expect(dialog).to_contain_text("G01 Y30")
+    dialog.get_by_role("button", name="Cancel").click()
+    expect(dialog).to_have_count(0)
+    assert machine.status().axes.position == pytest.approx(before, abs=1e-3)
+    run(page)
+    dialog.get_by_role("button", name="Run from line 4").click()
+    wait_for(machine, page, lambda status: abs(status.axes.position[0] - 60.0) < 0.05 and stands(status))
+    expect(page.get_by_text(re.compile("^middle.gcode is finished after"))).to_be_visible()
+    page.get_by_label("From line").fill("1")
+
+
+def test_a_pause_says_what_the_program_asks_for(page: Page, site: PageProcess, machine: sync.Machine) -> None:
+    opened(page, site)
+    upload(page, "pause.gcode", "G1010\nM00 ; turn the part\nG04 P0.1\n")
+    run(page)
+    expect(page.get_by_role("status")).to_have_text("paused")
+    expect(page.get_by_role("alert", name="Notices")).to_contain_text("turn the part. Then press Resume")
+    page.get_by_role("button", name="Resume").click()
+    expect(page.get_by_text(re.compile("^pause.gcode is finished after"))).to_be_visible()
+    expect(page.get_by_role("alert", name="Notices")).to_be_hidden()
+    assert not machine.programs(ended=False)
+
+
+def test_a_line_is_completed_remembered_and_refused_while_a_program_runs(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    field = page.get_by_label("G-code line")
+    field.press_sequentially("g103")
+    field.press("Tab")
+    expect(field).to_have_value(re.compile(r"^g1030$", re.IGNORECASE))
+    for line in ("G04 P0.01", "G04 P0.02"):
+        field.fill(line)
+        field.press("Enter")
+        expect(page.get_by_text(f"{line}   done")).to_be_visible()
+    for key, line in (("ArrowUp", "G04 P0.02"), ("ArrowUp", "G04 P0.01"), ("ArrowDown", "G04 P0.02")):
+        field.press(key)
+        expect(field).to_have_value(line)
+    upload(page, "long.gcode", "G1010\nG91\nG01 X20 F60\n")
+    run(page)
+    expect(page.get_by_role("status")).to_have_text("running")
+    field.fill("G00 Y100")
+    field.press("Enter")
+    expect(
+        page.get_by_text(re.compile(r"long.gcode is running: a line typed now .*\[MC512\]"))
+    ).to_be_visible()
+    assert [program.name for program in machine.programs(ended=False)] == ["long.gcode"]
+
+
+@pytest.mark.parametrize("lost", ["focus", "lid"])
+def test_a_page_that_is_left_while_an_axis_is_jogged_stops_it(
+    page: Page, site: PageProcess, machine: sync.Machine, lost: str
+) -> None:
+    opened(page, site)
+    browser = page.context.new_cdp_session(page)
+    start = machine.status().axes.position[1]
+    page.get_by_role("button", name="jog axis Y minus").hover()
+    page.mouse.down()
+    wait_for(machine, page, lambda status: status.axes.position[1] < start - 5.0)
+    if lost == "focus":
+        # as when another window comes before it
+        browser.send("Emulation.setFocusEmulationEnabled", {"enabled": False})
+        other = page.context.new_page()
+        other.bring_to_front()
+    else:
+        # a closed lid stops all timers of the page with nothing said
+        browser.send("Page.setWebLifecycleState", {"state": "frozen"})
+    rest = None
+    for _ in range(10_000):
+        status = machine.status()
+        if at_rest(status):
+            rest = status.axes.position[1]
+            break
+    assert rest is not None
+    if lost == "focus":
+        other.close()
+        browser.send("Emulation.setFocusEmulationEnabled", {"enabled": True})
+    else:
+        browser.send("Page.setWebLifecycleState", {"state": "active"})
+    # back again, with the button still down
+    expect(page.get_by_role("status")).to_have_text("ready")
+    page.wait_for_timeout(500)
+    page.mouse.up()
+    assert machine.status().axes.position[1] == pytest.approx(rest, abs=0.1)
+    browser.detach()
+
+
+def test_who_holds_which_axes_is_shown_and_a_deletion_asks(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    with machine.program("by another", axes=[0, 2]):
+        expect(page.locator(".mc-people")).to_contain_text(re.compile(r"by another holds X, Z \("))
+    upload(page, "gone.gcode", "G1010\n")
+    page.get_by_role("button", name="Delete").click()
+    dialog = page.get_by_role("dialog", name="Delete gone.gcode?")
+    dialog.get_by_role("button", name="Cancel").click()
+    expect(dialog).to_have_count(0)
+    expect(page.get_by_label("Program", exact=True)).to_have_value("gone.gcode")
+    page.get_by_role("button", name="Delete").click()
+    dialog.get_by_role("button", name="Delete").click()
+    expect(page.get_by_label("Program", exact=True)).not_to_have_value("gone.gcode")
+
+
+def test_charts_of_other_signals_go_back_in_time_and_stand_still(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    machine.jog(0, 5.0)
+    wait_for(machine, page, at_rest)
+    choose(page, page.get_by_label("Span"), "120 s")
+    choose(page, page.get_by_label("Signals"), "X position [mm]")
+    page.keyboard.press("Escape")
+    option = "getElement(Number(document.querySelector('.mc-chart').id.slice(1))).chart.getOption()"
+    # what was before the signal was chosen is there too
+    page.wait_for_function(
+        f"{option}.series.some(each => each.name === 'X position' && each.data.length > 20)"
+    )
+    assert page.evaluate(f"{option}.xAxis[0].min") == -120
+    page.get_by_role("switch", name="Freeze").click()
+    page.wait_for_function(f"{option}.dataZoom?.length === 1")
+    page.get_by_role("switch", name="Freeze").click()
+    page.wait_for_function(f"!{option}.dataZoom?.length")
+
+
+def test_the_keyboard_alone_runs_holds_and_ends_a_job(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    upload(page, "keys.gcode", LONG)
+    expect(page.get_by_text("keys.gcode: no faults")).to_be_visible()
+    page.evaluate("document.activeElement.blur()")
+
+    def tab_to(name: str) -> None:
+        for _ in range(200):
+            page.keyboard.press("Tab")
+            if page.evaluate("document.activeElement.innerText?.trim()").lower() == name.lower():
+                return
+        raise AssertionError(f"{name} is not reached by Tab")
+
+    tab_to("10 %")
+    page.keyboard.press("Enter")
+    expect(page.get_by_text("Override 10 %", exact=True)).to_be_visible()
+    tab_to("Run")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("status")).to_have_text("running")
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press(" ")
+    expect(page.get_by_role("status")).to_have_text("held")
+    tab_to("Resume")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("status")).to_have_text("running")
+    tab_to("Abort")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("status")).to_have_text("ready")
+    page.keyboard.press("Shift+Escape")
+    expect(page.get_by_role("status")).to_have_text("EMERGENCY STOP")
+    tab_to("Reset")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("status")).to_have_text("ready")
+    assert machine.status().state == "ready"
