@@ -13,7 +13,7 @@ from tests.e2e.servers import ROOT, ServerProcess
 
 
 def draw(folder: Path) -> None:
-    """``web-dry-run.png`` before the arcs run, ``web-machine.png`` then, and ``web-phone.png``, narrow."""
+    """A dry run before the arcs run; while they do the page wide, in the dark, and narrow as on a phone."""
     with tempfile.TemporaryDirectory() as temporary, sync_playwright() as driver:
         server = ServerProcess(Path(temporary), "cartesian", "cell-1", recorder=True)
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
@@ -33,6 +33,10 @@ def draw(folder: Path) -> None:
                 page.get_by_role("button", name="Run it").click()
                 page.get_by_text("line 13 of").wait_for()
                 page.screenshot(path=folder / "web-machine.png")
+                page.emulate_media(color_scheme="dark")
+                page.wait_for_timeout(1000)
+                page.screenshot(path=folder / "web-dark.png")
+                page.emulate_media(color_scheme="light")
                 page.set_viewport_size({"width": 390, "height": 844})
                 page.wait_for_timeout(1000)
                 page.screenshot(path=folder / "web-phone.png")
