@@ -224,7 +224,8 @@ class MachinePage:
         if status is None or stale:
             return
         for kind, head, text in self._announcer.update(status, self._link.jobs.programs()):
-            ui.notify(text, type=kind, position="top", close_button="close", timeout=MESSAGE_MS)
+            # below: above are the buttons that stop, on a phone
+            ui.notify(text, type=kind, position="bottom", close_button="close", timeout=MESSAGE_MS)
             ui.run_javascript(f"mcTell({json.dumps(head)}, {json.dumps(text)})")
 
 

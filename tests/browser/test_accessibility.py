@@ -86,7 +86,7 @@ def test_a_page_in_use_has_no_serious_findings(worn: Page, site: PageProcess, ma
     page.get_by_role("button", name="Dry run").click()
     expect(page.get_by_role("button", name="Run it")).to_be_visible()
     nothing_serious(page, "a dry run is shown")
-    page.get_by_role("button", name="Close").first.click()
+    page.get_by_role("dialog").get_by_role("button", name="Close").click()
     page.locator("[data-estop]").click()
     expect(page.locator(".mc-state")).to_have_text("EMERGENCY STOP")
     nothing_serious(page, "stopped")

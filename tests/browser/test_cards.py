@@ -153,7 +153,7 @@ def test_a_recording_is_started_stopped_played_and_downloaded(
     assert Path(download.value.path()).read_bytes().startswith(b"\x89MCAP0\r\n")
     page.get_by_role("button", name="play one").click()
     expect(page.get_by_text(re.compile(r"^0\.000 s"))).to_be_visible()
-    page.get_by_role("button", name="Close").click()
+    page.get_by_role("dialog").get_by_role("button", name="Close").click()
     plot = page.get_by_role("link", name="plot one")
     expect(plot).to_have_attribute("href", "/machine/bench/recordings/one/plot")
     refused = page.request.get(f"{site.url}machine/bench/recordings/none/plot")
@@ -170,6 +170,6 @@ def test_an_emergency_stop_leads_to_its_black_box(
     # over a dialog too
     page.locator("[data-estop]").click()
     expect(page.locator(".mc-state")).to_have_text("EMERGENCY STOP")
-    page.get_by_role("button", name="Close").click()
+    page.get_by_role("dialog").get_by_role("button", name="Close").click()
     expect(page.get_by_role("link", name="plot of the black box")).to_be_visible()
     assert machine.status().state == "estop"
