@@ -104,3 +104,25 @@ def test_an_override_above_100_percent_is_nearly_as_quick_as_a_program_with_that
         took.append(rig.run())
         assert_limits(rig)
     assert took[0] <= 1.08 * took[1]
+
+
+@pytest.mark.parametrize("rate", [1.3, 1.7, 2.0])
+@pytest.mark.parametrize("cycles", [60, 190])
+def test_a_change_back_to_100_percent_ends_on_whole_rows_wherever_it_begins(rate: float, cycles: int) -> None:
+    # between rows the vertices of an exact path ask for more acceleration than the rows
+    machine = alike(2, velocity=500.0, acceleration=5000.0)
+    moves = [Move(move.group) for move in chords(machine, 0.08)]
+    rig = rig_of(machine, plan(machine, moves))
+    rig.step(150)
+    rig.executor.mailbox.set_override(rate, 0)
+    rig.step(cycles)
+    # amid the change
+    rig.executor.mailbox.set_override(0.2, 0)
+    rig.step(7)
+    rig.executor.mailbox.set_override(1.0, 0)
+    rig.step(250)
+    assert rig.executor.feedback.slots[0].rate == 1.0
+    assert rig.executor.u(0) == pytest.approx(round(rig.executor.u(0)), abs=1e-6)
+    rig.run()
+    second = np.abs(np.diff(rig.setpoint, 2, axis=0)).max() / machine.cycle_s**2
+    assert second <= ACCELERATION_SLACK * machine.axes[0].max_acceleration

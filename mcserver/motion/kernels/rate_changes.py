@@ -19,6 +19,9 @@ MOST_PHASES = 8
 SAME_RATE = 1e-12
 # Two values of u that are closer are the same [cycles].
 NEAR_U = 1e-7
+# A rate next to 100 %, at which rows interpolated about the vertices of exact paths keep the acceleration
+# that they keep themselves: the square of it leaves what interpolation may add.
+NEXT_RATE = 0.97
 # Longest wait for a change to 100 % to begin so that u meets the rows [cycles].
 LONGEST_LAG = 100.0
 # A rate below which a motion is stopped at once rather than led on at it [1].
@@ -104,11 +107,18 @@ def change_onto_rows(
         The number of phases.
     """
     count = add_ramp(phases, 0, rate, slope, target, most, curvature)
-    if abs(rate - 1.0) <= SAME_RATE or slope != 0.0:
+    if abs(rate - 1.0) <= SAME_RATE and slope == 0.0:
         return count
-    # on whole cycles u is off the rows by this share
-    off = (u + total_advance(phases, count) - total_time(phases, count)) % 1.0
-    if min(off, 1.0 - off) < NEAR_U:
+    off = _off_rows(phases, count, u)
+    if off == 0.0:
+        return count
+    if slope != 0.0:
+        # at a rate next to it until then
+        count = add_ramp(phases, 0, rate, slope, NEXT_RATE, most, curvature)
+        count = add_phase(phases, count, 0.0, NEXT_RATE, 0.0, 0.0)
+        waits = count - 1
+        count = add_ramp(phases, count, NEXT_RATE, 0.0, target, most, curvature)
+        phases[waits, DURATION] = _off_rows(phases, count, u) / (1.0 - NEXT_RATE)
         return count
     lag = off / (1.0 - rate) if rate < 1.0 else (1.0 - off) / (rate - 1.0)
     if lag > LONGEST_LAG:
@@ -117,17 +127,38 @@ def change_onto_rows(
 
 
 @compiled
+def _off_rows(phases: Array, count: int, u: float) -> float:
+    """Return the share of a row that u is off the rows by on whole cycles, once it passes by one a cycle."""
+    off = (u + total_advance(phases, count) - total_time(phases, count)) % 1.0
+    return 0.0 if min(off, 1.0 - off) < NEAR_U else float(off)
+
+
+@compiled
 def change_and_return(
-    phases: Array, rate: float, slope: float, goal: float, cruise: float, most: float, curvature: float
+    phases: Array,
+    u: float,
+    rate: float,
+    slope: float,
+    goal: float,
+    cruise: float,
+    most: float,
+    curvature: float,
 ) -> int:
-    """Write the change to a rate above 100 %, some cycles of it, and the change to 100 %.
+    """Write the change to a rate above 100 %, some cycles of it, and the change to 100 %, with u on whole
+    rows.
 
     Returns:
         The number of phases.
     """
     count = add_ramp(phases, 0, rate, slope, goal, most, curvature)
     count = add_phase(phases, count, cruise, goal, 0.0, 0.0)
-    return add_ramp(phases, count, goal, 0.0, 1.0, most, curvature)
+    cruising = count - 1
+    count = add_ramp(phases, count, goal, 0.0, 1.0, most, curvature)
+    off = _off_rows(phases, count, u)
+    lag = (1.0 - off) / (goal - 1.0) if off > 0.0 else 0.0
+    if lag <= LONGEST_LAG:
+        phases[cruising, DURATION] += lag
+    return count
 
 
 @compiled

@@ -200,7 +200,7 @@ def _candidate(
     )
     if goal <= 1.0 + WORTH or tried or (which in (1, 2) and goal < rate + WORTH):
         return -1, 1.0
-    return change_and_return(phases, rate, bend, goal, float(CRUISE), slope, curvature), 1.0
+    return change_and_return(phases, u, rate, bend, goal, float(CRUISE), slope, curvature), 1.0
 
 
 @compiled
