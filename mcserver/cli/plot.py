@@ -65,7 +65,7 @@ def plot(
 def _draw_program(file: str, described: Machine, output: str, suffix: str, limits: bool | None) -> None:
     program = load_program(file)
     if program.faults:
-        reject(program.faults, program)
+        reject(program.faults, program.lines, program.name)
     prepare_planner(len(program.lines))
     from mcserver.plot.scene import build_scene
     from mcserver.simulation.simulation import simulate
@@ -75,7 +75,7 @@ def _draw_program(file: str, described: Machine, output: str, suffix: str, limit
         simulation = simulate(program.text, described, kinematics=kinematics, progress=progress, record=True)
     diagnostics = diagnostics_of(simulation.report)
     if simulation.exit_code == ExitCode.REJECTED or simulation.recording is None:
-        reject(diagnostics, program)
+        reject(diagnostics, program.lines, program.name)
     scene = build_scene(
         program.name,
         described,

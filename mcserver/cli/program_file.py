@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import stat
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,28 +22,48 @@ def read_program(file: str) -> bytes:
     Raises:
         UsageFault: MC010 it cannot be read, MC011 it holds more than 512 MiB.
     """
+    with open_program(file) as stream:
+        return _bounded(stream, "standard input" if file == STDIN else file)
+
+
+@contextmanager
+def open_program(file: str) -> Iterator[BinaryIO]:
+    """Open ``file`` inside the block; ``-`` is standard input.
+
+    Raises:
+        UsageFault: MC010 it cannot be opened.
+    """
     if file == STDIN:
         if sys.stdin is None:
             raise UsageFault("MC010", "standard input is closed", "pipe a program into it, or name a file")
-        return _bounded(sys.stdin.buffer, "standard input")
+        yield sys.stdin.buffer
+        return
     try:
         if stat.S_ISDIR(os.stat(file).st_mode):
             raise UsageFault("MC010", f"{file} is a folder", "name a file of G-code in it")
-        with Path(file).open("rb") as stream:
-            return _bounded(stream, file)
+        stream = Path(file).open("rb")  # noqa: SIM115 closed below
     except FileNotFoundError as error:
         raise UsageFault(
             "MC010", f"there is no file {file}", "check the spelling and the folder; - reads standard input"
         ) from error
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise UsageFault(
-            "MC010", f"{file} cannot be read: {reason}", "check its permissions; - reads standard input"
-        ) from error
+        raise _unreadable(file, error) from error
+    with stream:
+        yield stream
+
+
+def _unreadable(file: str, error: OSError | ValueError) -> UsageFault:
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return UsageFault(
+        "MC010", f"{file} cannot be read: {reason}", "check its permissions; - reads standard input"
+    )
 
 
 def _bounded(stream: BinaryIO, name: str) -> bytes:
-    program = stream.read(MAX_PROGRAM_BYTES + 1)
+    try:
+        program = stream.read(MAX_PROGRAM_BYTES + 1)
+    except OSError as error:
+        raise _unreadable(name, error) from error
     if len(program) > MAX_PROGRAM_BYTES:
         raise UsageFault(
             "MC011",

@@ -9,14 +9,13 @@ import typer
 
 from mcserver.cli.console import narration, show_diagnostics
 from mcserver.cli.exit_codes import ExitCode
-from mcserver.cli.program_text import ProgramText
 from mcserver.errors import Diagnostic
 
 
-def reject(diagnostics: Sequence[Diagnostic], program: ProgramText) -> NoReturn:
-    """Show every fault and leave with exit code 4."""
-    show_diagnostics(diagnostics, program.lines, program.name)
-    narration().print(count_faults(diagnostics, program.name), style="bold red")
+def reject(diagnostics: Sequence[Diagnostic], lines: Sequence[str], name: str) -> NoReturn:
+    """Show every fault of the program ``name`` with its lines, and leave with exit code 4."""
+    show_diagnostics(diagnostics, lines, name)
+    narration().print(count_faults(diagnostics, name), style="bold red")
     raise typer.Exit(int(ExitCode.REJECTED))
 
 

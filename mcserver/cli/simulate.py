@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Annotated
 
 import typer
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from mcserver.cli.console import json_answer_on_error, narration, show_diagnostics, write_json
+from mcserver.cli.console import json_answer_on_error, narration, show_diagnostics
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument, ZeroOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.cli.planner_warm_up import prepare_planner
-from mcserver.cli.program_text import load_program
+from mcserver.cli.program_lines import keep_shown, program_lines
 from mcserver.cli.rejection import reject
-from mcserver.cli.simulation_report import NOTHING_SIMULATED, diagnostics_of, print_report
+from mcserver.cli.simulation_report import (
+    NOTHING_SIMULATED,
+    diagnostics_of,
+    print_report,
+    shown_rows,
+    write_report,
+)
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.motion.compiling import SHORT_LINES
 from mcserver.processes import freeze_heap
 from mcserver.simulation.input_script import with_inputs
 from mcserver.simulation.recorder import Recorded
@@ -53,39 +60,38 @@ def simulate_program(
     json: JsonOption = False,
 ) -> None:
     """Run a program on a virtual clock, by the same code as the server."""
-    with json_answer_on_error(json, NOTHING_SIMULATED):
-        if output is not None:
-            check_output(output, (".csv", ".npz"))
-        described = with_zeros(with_inputs(load_machine(machine), inputs or ()), zero or ())
-        program = load_program(file)
-        if program.faults:
-            if json:
-                write_json({**NOTHING_SIMULATED, "diagnostics": [each.as_json() for each in program.faults]})
-            reject(program.faults, program)
-        prepare_planner(len(program.lines))
-        from mcserver.simulation.simulation import simulate
+    with ExitStack() as stack:
+        with json_answer_on_error(json, NOTHING_SIMULATED):
+            if output is not None:
+                check_output(output, (".csv", ".npz"))
+            described = with_zeros(with_inputs(load_machine(machine), inputs or ()), zero or ())
+            program = stack.enter_context(program_lines(file))
+            prepare_planner(SHORT_LINES + 1 if program.has_more_than(SHORT_LINES) else 0)
+            from mcserver.simulation.simulation import simulate_lines
 
-        kinematics = build_kinematics(described)
-        freeze_heap()
-        with live_progress() as progress:
-            simulation = simulate(
-                program.text,
-                described,
-                kinematics=kinematics,
-                progress=progress,
-                record=output is not None,
-            )
-        if output is not None and simulation.recording is not None:
-            poses = ToolPoses(described, kinematics)
-            write_recording(output, simulation.recording.with_tools(described, poses))
-    if json:
-        write_json(simulation.report)
-    diagnostics = diagnostics_of(simulation.report)
-    if simulation.exit_code == ExitCode.REJECTED:
-        reject(diagnostics, program)
-    if not json:
-        print_report(simulation.report, program.lines, program.name)
-    show_diagnostics(diagnostics, program.lines, program.name)
+            kinematics = build_kinematics(described)
+            freeze_heap()
+            with live_progress() as progress:
+                simulation = simulate_lines(
+                    program.source,
+                    described,
+                    kinematics=kinematics,
+                    progress=progress,
+                    record=output is not None,
+                )
+            if output is not None and simulation.recording is not None:
+                poses = ToolPoses(described, kinematics)
+                write_recording(output, simulation.recording.with_tools(described, poses))
+        if json:
+            write_report(simulation.report, simulation.times)
+        diagnostics = diagnostics_of(simulation.report)
+        keep_shown(program, diagnostics)
+        if simulation.exit_code == ExitCode.REJECTED:
+            reject(diagnostics, program, program.name)
+        if not json:
+            program.keep(each["line"] for each in shown_rows(simulation.times))
+            print_report(simulation.report, simulation.times, program, program.name)
+        show_diagnostics(diagnostics, program, program.name)
     if simulation.exit_code:
         raise typer.Exit(simulation.exit_code)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -11,7 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from mcserver.cli.console import results
+from mcserver.cli.exit_codes import OutputFault
 from mcserver.errors import Diagnostic
+from mcserver.simulation.line_times import LineTimes
 
 NOTHING_SIMULATED: Mapping[str, Any] = MappingProxyType(
     {"ok": False, "duration_s": 0.0, "feed_length_mm": 0.0, "lines": [], "axes": {}, "diagnostics": []}
@@ -32,25 +35,53 @@ def diagnostics_of(report: Mapping[str, Any]) -> list[Diagnostic]:
     ]
 
 
-def print_report(report: Mapping[str, Any], source_lines: Sequence[str], name: str) -> None:
+def write_report(report: Mapping[str, Any], times: LineTimes) -> None:
+    """Write the report as one JSON object on standard output, its ``lines`` one by one: they may be millions.
+
+    Raises:
+        OutputFault: MC015 standard output is closed.
+        OSError: it could not be written (full disk, reader gone).
+    """
+    if sys.stdout is None:
+        raise OutputFault("MC015", "standard output is closed", "give it a file or a pipe")
+    encode = msgspec.json.encode
+    write = sys.stdout.buffer.write
+    before = b"{"
+    for key, value in report.items():
+        write(before + encode(key) + b":")
+        before = b","
+        if key != "lines":
+            write(encode(value))
+            continue
+        between = b"["
+        for row in times.rows():
+            write(between + encode(row))
+            between = b","
+        write(b"[]" if between == b"[" else b"]")
+    write(b"}\n")
+    sys.stdout.flush()
+
+
+def shown_rows(times: LineTimes) -> list[dict[str, Any]]:
+    """Return the lines that people are shown: all, or of many the most stretched."""
+    return times.most_stretched(MAX_SHOWN_LINES) if len(times) > MAX_SHOWN_LINES else list(times.rows())
+
+
+def print_report(report: Mapping[str, Any], times: LineTimes, source_lines: Sequence[str], name: str) -> None:
     """Times of the lines, travel of the axes, and the sums, on standard output."""
     console = results()
-    lines = report["lines"]
-    shown = lines
-    if len(lines) > MAX_SHOWN_LINES:
-        most_stretched = sorted(lines, key=lambda each: -(each["stretched_by"] or 0.0))[:MAX_SHOWN_LINES]
-        shown = sorted(most_stretched, key=lambda each: float(each["start_s"]))
+    count = len(times)
+    shown = shown_rows(times)
     if shown:
         console.print(_table_of_lines(shown, source_lines, console.width))
-    if len(shown) < len(lines):
-        console.print(f"the {len(shown)} most stretched of {len(lines)} lines; --json gives all")
+    if len(shown) < count:
+        console.print(f"the {len(shown)} most stretched of {count} lines; --json gives all")
     moved = {index: axis for index, axis in report["axes"].items() if axis["max"] > axis["min"]}
     if moved:
         console.print(_table_of_axes(moved))
-    stretched = sum((each["stretched_by"] or 1.0) > 1.0 + 1e-9 and bool(each["bound_by"]) for each in lines)
     console.print(
         f"{name}: {report['duration_s']:.3f} s, feed path {report['feed_length_mm']:.1f} mm, "
-        f"{len(lines)} timed line{'s' * (len(lines) != 1)}, {stretched} stretched by the machine's limits"
+        f"{count} timed line{'s' * (count != 1)}, {times.stretched_count()} stretched by the machine's limits"
     )
 
 

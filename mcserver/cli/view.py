@@ -121,7 +121,7 @@ def _play(file: str, machine: Machine, kinematics: MachineKinematics | None, add
     if program.faults:
         if address.json:
             write_json({"ok": False, "diagnostics": [each.as_json() for each in program.faults]})
-        reject(program.faults, program)
+        reject(program.faults, program.lines, program.name)
     with live_progress() as progress:
         simulation = simulate(program.text, machine, kinematics=kinematics, progress=progress, record=True)
     diagnostics = diagnostics_of(simulation.report)
@@ -129,7 +129,7 @@ def _play(file: str, machine: Machine, kinematics: MachineKinematics | None, add
     if simulation.exit_code == ExitCode.REJECTED or recording is None or not len(recording.time_s):
         if address.json:
             write_json({"ok": False, "diagnostics": simulation.report["diagnostics"]})
-        reject(diagnostics, program)
+        reject(diagnostics, program.lines, program.name)
     show_diagnostics(diagnostics, program.lines, program.name)
     tracks = tracks_of(machine, kinematics, recording)
     with _window(machine, kinematics, tracks, address) as window, _until_stopped() as stop:

@@ -56,6 +56,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC152": "M66 does not say what it waits for",
         "MC156": "the file has a line that no machine takes",
         "MC157": "there is no code",
+        "MC158": "too many faults",
         "MC155": "the probing move cannot be made",
         "MC153": "words of two codes would be mixed up",
         "MC201": "the move leaves the axis's travel",

@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterable, Mapping
 import msgspec
 from mckinematics.pose import Kinematics
 
-from mcserver.errors import Diagnostic
+from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.profiles.codes import SPINDLE
 from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.text.line_window import BLOCK, LineWindow
 from mcserver.gcode.text.profile_words import ProfileWords
-from mcserver.gcode.text.source import find_odd_line, split_lines
+from mcserver.gcode.text.source import split_lines
 from mcserver.machine.dialect_section import CodeOutput
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import (
@@ -27,7 +28,7 @@ from mcserver.motion.canonical import (
 
 Progress = Callable[[int, int], None]
 PROGRESS_STEP = 1000  # lines between two reports
-FIRST_LINES = 100_000  # a text with more lines is not looked through for whether it holds any code
+MOST_FAULTS = 20_000  # a file with more is not one for this machine, and its faults must not fill the memory
 _COMMENTS = re.compile(r"\([^()]*\)?|;.*|%.*")
 
 
@@ -53,33 +54,60 @@ def check_program(
         lease: axes that the program may use; all by default.
         at_rest: no axis is energized at the start, so warn of a first move on such axes (MC144).
     """
-    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease)
     lines = split_lines(text)
-    odd = find_odd_line(lines)
-    if odd is not None:
-        return [odd]
+    told = None if progress is None else lambda done: progress(done, len(lines))
+    return check_lines(lines, machine, kinematics, told, positions=positions, lease=lease, at_rest=at_rest)
+
+
+def check_lines(
+    lines: Iterable[str],
+    machine: Machine,
+    kinematics: Kinematics | None = None,
+    progress: Callable[[int], None] | None = None,
+    *,
+    positions: Mapping[int, float] | None = None,
+    lease: frozenset[int] | None = None,
+    at_rest: bool = False,
+) -> list[Diagnostic]:
+    """Find the faults of a program as `check_program` does, however long it is: it is read line by line.
+
+    Args:
+        lines: without their ends. progress: called with the lines read about every `PROGRESS_STEP` lines,
+            and at the end. The others as in `check_program`.
+
+    Returns:
+        The faults in reading order; behind `MOST_FAULTS` of them the check ends (MC158).
+    """
+    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease)
     survey = _Survey(machine, at_rest)
-    done = 0
-    while done < len(lines) and not interpreter.ended:
-        taken = _check_next(interpreter, lines, done, survey)
-        if progress is not None and (done + taken) // PROGRESS_STEP > done // PROGRESS_STEP:
-            progress(done + taken, len(lines))
-        done += taken
+    try:
+        window = LineWindow(lines)
+        survey.empty = len(window.first) < BLOCK and not any(map(_code, window.first))
+        while not window.ended and not interpreter.ended and survey.room:
+            before = window.done
+            _check_next(interpreter, window, survey)
+            if progress is not None and window.done // PROGRESS_STEP > before // PROGRESS_STEP:
+                progress(window.done)
+    except ProgramRejected as rejected:
+        # bytes that are no text, or a line that no machine takes: what the others say would be guesses
+        return list(rejected.diagnostics)
     if progress is not None:
-        progress(len(lines), len(lines))
-    survey.empty = not any(_code(line) for line in lines[:FIRST_LINES]) and len(lines) <= FIRST_LINES
-    return survey.diagnostics()
+        progress(window.done)
+    return survey.diagnostics(window.done)
 
 
-def _check_next(interpreter: Interpreter, lines: list[str], done: int, survey: _Survey) -> int:
-    """Check the next line, or a whole run of simple blocks; return how many lines were read."""
-    window = interpreter.run_window(done + 1)
-    if window:
-        run = interpreter.interpret_run(lines[done : done + window], done + 1)
+def _check_next(interpreter: Interpreter, window: LineWindow, survey: _Survey) -> None:
+    """Check the next line, or a whole run of simple blocks."""
+    number = window.done + 1
+    most = interpreter.run_window(number)
+    if most:
+        run = interpreter.interpret_run(window.peek(most), number)
         if run is not None:
             survey.motion(run[0].axes, run[0].line)
-            return run[1]
-    parsed = interpreter.parse(lines[done], done + 1)
+            window.drop(run[1])
+            return
+    parsed = interpreter.parse(window.peek(1)[0], number)
+    window.drop(1)
     capture = interpreter.capture_before(parsed)
     if capture is not None:
         survey.value(capture)
@@ -89,7 +117,6 @@ def _check_next(interpreter: Interpreter, lines: list[str], done: int, survey: _
         survey.profile_words(parsed.profile, parsed.number)
     for value in values:
         survey.value(value)
-    return 1
 
 
 def _code(line: str) -> bool:
@@ -105,12 +132,18 @@ class _Survey:
         self._dialect = machine.dialect
         self._found: list[Diagnostic] = []
         self._computes = 0
-        self._without_effect: dict[str, list[int]] = {}
+        # by code: its first line, and how many it has
+        self._without_effect: dict[str, tuple[int, int]] = {}
         self._energized: set[int] = set()
         self._loose: tuple[int, tuple[int, ...]] | None = None
         # the last T, and line and tool of the first M6
         self._tool = 0
         self._first_tool: tuple[int, int] | None = None
+
+    @property
+    def room(self) -> bool:
+        """Whether further faults are kept."""
+        return len(self._found) < MOST_FAULTS
 
     def faults(self, faults: Iterable[Diagnostic]) -> None:
         """Note the faults of a line; of a program that computes only that is said."""
@@ -144,7 +177,8 @@ class _Survey:
             if idle:
                 codes.append(action.code)
         for code in codes:
-            self._without_effect.setdefault(code, []).append(line)
+            first, count = self._without_effect.get(code, (line, 0))
+            self._without_effect[code] = first, count + 1
 
     def value(self, value: Canonical) -> None:
         """Follow which axes are energized."""
@@ -167,14 +201,23 @@ class _Survey:
         if self._loose is None and not self._energized.issuperset(axes):
             self._loose = line, tuple(sorted(set(axes) - self._energized))
 
-    def diagnostics(self) -> list[Diagnostic]:
-        """Return everything, in the order of the program."""
+    def diagnostics(self, last: int) -> list[Diagnostic]:
+        """Return everything, in the order of the program; ``last``: the last line that was read."""
         if self._computes:
             # what its words are and what they do is not known: further faults would be guesses
             (fault,) = self._found
             lines = "a line of it" if self._computes == 1 else f"{self._computes} lines of it"
             return [msgspec.structs.replace(fault, message=f"{fault.message} ({lines})")]
         said: list[Diagnostic] = []
+        if not self.room:
+            said.append(
+                Diagnostic(
+                    code="MC158",
+                    line=last,
+                    message=f"the check ends here, with {len(self._found)} faults",
+                    hint="is it a file for this machine? See the profile of its dialect",
+                )
+            )
         if self._loose is not None and self._at_rest and not self._found:
             line, axes = self._loose
             names = ", ".join(str(axis) for axis in axes)
@@ -210,8 +253,8 @@ class _Survey:
                 )
             )
         if self._without_effect:
-            first = min(lines[0] for lines in self._without_effect.values())
-            counted = (f"{code} ({len(lines)})" for code, lines in sorted(self._without_effect.items()))
+            first = min(line for line, _ in self._without_effect.values())
+            counted = (f"{code} ({count})" for code, (_, count) in sorted(self._without_effect.items()))
             said.append(
                 Diagnostic(
                     code="MC142",

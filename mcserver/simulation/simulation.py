@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 from mckinematics.pose import Kinematics
@@ -16,11 +16,13 @@ from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.gcode.profiles.frame import Frame
-from mcserver.gcode.program_check import check_program
-from mcserver.gcode.text.source import split_lines
+from mcserver.gcode.program_check import check_lines
+from mcserver.gcode.text.source import LineSource, split_lines
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import ReportKind
+from mcserver.simulation.line_times import LineTimes
 from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.recorder import Recorded, Recorder
 from mcserver.simulation.time_sampler import TimeSampler
@@ -32,6 +34,8 @@ from mcserver.units import MM
 BURST = 1000
 # Cycles without any progress after which a run is given up [cycles]: exact stops time out long before.
 STUCK = 600_000
+# Lines that wait to be planned: more than one piece of the planner's work reads.
+AHEAD_LINES = 20_000
 
 SLOT = 0
 
@@ -43,27 +47,13 @@ _ENERGIZED = (
 )
 
 
-@dataclass(slots=True)
-class LineRecord:
-    """What is known of one line that took time."""
-
-    line: int
-    start: float = math.nan
-    end: float = math.nan
-    requested: float | None = None
-    bound_by: str | None = None
-    planning: float = 0.0
-    # motions of the line that have begun, and those that ask for a time
-    begun: int = 0
-    timed: int = 0
-
-
 @dataclass
 class Simulation:
     """Result of a simulation.
 
     Attributes:
-        report: the JSON object of interfaces.md.
+        report: the JSON object of interfaces.md; ``lines`` of `simulate_lines` is empty.
+        times: of its lines. last_line: how many there are.
         exit_code: 0, 1 (a fault while running) or 4 (rejected).
         recording: one row a cycle in mm and degrees, if asked for.
         feed_length: linear part of all G01-G03 commands [m].
@@ -75,6 +65,12 @@ class Simulation:
     recording: Recorded | None = None
     feed_length: float = 0.0
     energized: frozenset[int] = frozenset()
+    times: LineTimes = field(default_factory=LineTimes)
+    last_line: int = 0
+
+    def marks(self) -> LineMarks:
+        """Return when its lines end, in as many marks as it takes."""
+        return self.times.marks(self.report["duration_s"], self.last_line)
 
 
 def simulate(
@@ -100,14 +96,52 @@ def simulate(
     Returns:
         The report; a program with faults is rejected as a whole and nothing of it is simulated.
     """
-    faults = check_program(text, machine, kinematics)
+    lines = split_lines(text)
+    found = simulate_lines(
+        lambda: iter(lines),
+        machine,
+        kinematics=kinematics,
+        progress=progress,
+        record=record,
+        path_points=path_points,
+        clock=clock,
+        moments=moments,
+    )
+    found.report["lines"] = list(found.times.rows())
+    return found
+
+
+def simulate_lines(
+    source: LineSource,
+    machine: Machine,
+    *,
+    kinematics: Kinematics | None = None,
+    progress: Callable[[float, int], None] | None = None,
+    record: bool = False,
+    path_points: int = 0,
+    clock: Callable[[], float] = time.perf_counter,
+    moments: TimeSampler | None = None,
+    times: LineTimes | None = None,
+    checked: bool = False,
+) -> Simulation:
+    """Check a program, then run it, as `simulate` does, however long it is: it is read line by line.
+
+    Args:
+        source: is read twice, and a third time where a line of it fails.
+        times: takes the times of its lines; None: keeps all of them. checked: the program has no faults.
+            The others as in `simulate`.
+    """
+    faults = [] if checked else check_lines(source(), machine, kinematics)
     if any(fault.severity == "error" for fault in faults):
         return Simulation(_rejected(machine, faults), 4)
     sampler = None
     if path_points:
         solver = kinematics if isinstance(kinematics, MachineKinematics) else None
         sampler = PathSampler(machine, ToolPoses(machine, solver), path_points)
-    found = _Run(text, machine, kinematics, progress, record, sampler, moments, clock).run(faults)
+    if times is None:
+        times = LineTimes(planning=bool(machine.tools))
+    run = _Run(source, machine, kinematics, progress, record, sampler, moments, clock, times)
+    found = run.run(faults)
     if sampler is not None:
         found.report["path"] = sampler.path()
     return found
@@ -138,7 +172,7 @@ class _Run:
 
     def __init__(
         self,
-        text: str,
+        source: LineSource,
         machine: Machine,
         kinematics: Kinematics | None,
         progress: Callable[[float, int], None] | None,
@@ -146,10 +180,14 @@ class _Run:
         sampler: PathSampler | None,
         moments: TimeSampler | None,
         clock: Callable[[], float],
+        times: LineTimes,
     ) -> None:
         self._machine = machine
         self._input_names = [each.name for each in machine.inputs]
-        self._lines = split_lines(text)
+        self._source = source
+        self._coming = source()
+        self._read = 0
+        self._times = times
         self._progress = progress
         self._executor = VirtualExecutor(machine)
         mask = (1 << len(machine.axes)) - 1
@@ -158,10 +196,6 @@ class _Run:
         self._pipeline = Pipeline(
             machine, self._executor.sink(SLOT), positions=positions, kinematics=kinematics, clock=clock
         )
-        self._pipeline.lines.put(1, self._lines)
-        self._pipeline.lines.closed = True
-        self._records: dict[int, LineRecord] = {}
-        self._order: list[LineRecord] = []
         self._feed_length = 0.0
         self._end = 0.0
         self._finished = False
@@ -176,8 +210,9 @@ class _Run:
     def run(self, warnings: list[Diagnostic]) -> Simulation:
         idle = 0
         while not self._finished and not self._failed:
+            self._feed()
             while self._pipeline.pump():
-                continue
+                self._feed()
             self._take_reports()
             cycles = self._burst()
             self._executor.step(cycles)
@@ -194,6 +229,8 @@ class _Run:
             self._recorder.recording(),
             self._feed_length,
             self._energized(),
+            self._times,
+            self._read,
         )
 
     @property
@@ -201,6 +238,15 @@ class _Run:
         return any(fault.severity == "error" for fault in self._faults)
 
     # ------------------------------------------------------------------ the run
+
+    def _feed(self) -> None:
+        """Give the planner lines, more than it reads in one go: a window that runs dry ends in a stop."""
+        lines = self._pipeline.lines
+        if not lines.closed and len(lines) < AHEAD_LINES // 2:
+            more = list(islice(self._coming, AHEAD_LINES))
+            lines.put(self._read + 1, more)
+            self._read += len(more)
+            lines.closed = len(more) < AHEAD_LINES
 
     def _burst(self) -> int:
         """Cycles up to which nothing can run dry: motion that is handed over is played before the next
@@ -224,30 +270,17 @@ class _Run:
     def _take_reports(self) -> None:
         for report in self._pipeline.take_reports():
             if report.kind is ReportKind.PLANNED:
-                self._plan(report.line, report.requested_s)
+                if report.requested_s is not None:
+                    self._times.asked(report.line, report.requested_s)
                 self._feed_length += report.feed_length
             elif report.kind is ReportKind.SOLVED:
-                self._record(report.line).planning = report.planning_s
+                self._times.solved(report.line, report.planning_s)
             elif report.kind is ReportKind.BOUND:
-                self._record(report.line).bound_by = report.bound_by
+                self._times.bound(report.line, report.bound_by)
             elif report.kind is ReportKind.FRAME and report.frame is not None:
                 self._zeros.update(report.frame.zeros())
             elif report.kind is ReportKind.REJECTED:
                 self._faults += report.diagnostics
-
-    def _plan(self, line: int, requested: float | None) -> None:
-        """Add up the times that a line's motions ask for; a canned cycle has several."""
-        if requested is not None:
-            record = self._record(line)
-            record.requested = requested + (record.requested or 0.0)
-            record.timed += 1
-
-    def _record(self, line: int) -> LineRecord:
-        record = self._records.get(line)
-        if record is None:
-            record = self._records[line] = LineRecord(line)
-            self._order.append(record)
-        return record
 
     def _take_events(self) -> None:
         for event in self._executor.events():
@@ -256,17 +289,15 @@ class _Run:
 
     def _take_event(self, event: ExecutorEvent) -> None:
         if event.kind is EventKind.LINE_START:
-            record = self._record(event.line)
-            # a line of several motions starts with the first of them
-            record.start = event.time if record.begun == 0 else record.start
-            record.begun += 1
+            self._times.started(event.line, event.time)
         elif event.kind is EventKind.LINE_END:
-            self._record(event.line).end = event.time
+            self._times.ended(event.line, event.time)
             self._end = max(self._end, event.time)
         elif event.kind is EventKind.FINISHED:
             self._finished = True
             self._end = max(self._end, event.time)
         elif event.kind is EventKind.PAUSED:
+            self._times.paused(event.line)
             self._executor.mailbox.resume(SLOT)
         elif event.kind is EventKind.FAULT:
             message, hint = remedy_of(event.code, event.axis, event.values, self._input_names)
@@ -284,7 +315,7 @@ class _Run:
             )
 
     def _text_of(self, line: int) -> str:
-        return self._lines[line - 1] if 0 < line <= len(self._lines) else ""
+        return next(islice(self._source(), line - 1, None), "") if line > 0 else ""
 
     def _come_to_rest(self) -> None:
         """Runs on until every positioned axis is at rest (G1020 too); G1030 and G1040 axes do not hold
@@ -308,25 +339,6 @@ class _Run:
         )
 
     def _report(self, warnings: list[Diagnostic]) -> dict[str, Any]:
-        lines = []
-        self._order.sort(key=lambda each: (each.start, each.line))
-        for record in self._order:
-            if not record.end > record.start:
-                continue
-            actual = record.end - record.start
-            asked = record.requested if record.timed >= record.begun else None
-            stretched = actual / asked if asked else None
-            line = {
-                "line": record.line,
-                "start_s": record.start,
-                "end_s": record.end,
-                "requested_s": asked,
-                "stretched_by": stretched,
-                "bound_by": record.bound_by,
-            }
-            if self._machine.tools:
-                line["planning_s"] = record.planning
-            lines.append(line)
         machine = self._machine
         axes = {}
         low, high, last = self._recorder.low, self._recorder.high, self._recorder.last
@@ -340,7 +352,7 @@ class _Run:
             "ok": not self._failed,
             "duration_s": self._end,
             "feed_length_mm": self._feed_length / MM,
-            "lines": lines,
+            "lines": [],
             "axes": axes,
             "diagnostics": [each.as_json() for each in (*warnings, *self._faults)],
         }

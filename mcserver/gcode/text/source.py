@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+
 from mcserver.errors import Diagnostic, ProgramRejected
 
 BOM = "\ufeff"
 # The longest line of a program that a machine takes, in characters.
 MAX_LINE_LENGTH = 8192
+# A piece without a line end that is cut off: it is no line, and must not fill the memory [bytes].
+MAX_PIECE_BYTES = 1 << 16
+
+# Where a program's lines come from, without their ends: each call begins at the first one.
+LineSource = Callable[[], Iterator[str]]
 
 
 def decode(raw: bytes) -> str:
@@ -18,25 +25,61 @@ def decode(raw: bytes) -> str:
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
-        before = raw[: error.start]
-        line_start = before.rfind(b"\n") + 1
-        column = len(before[line_start:].decode("utf-8").removeprefix(BOM)) + 1
-        hint = "save the file as UTF-8"
-        if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            hint = "the file looks like UTF-16; save it as UTF-8"
-        raise ProgramRejected(
-            [
-                Diagnostic(
-                    code="MC100",
-                    message=f"the byte 0x{raw[error.start]:02X} is not UTF-8",
-                    line=before.count(b"\n") + 1,
-                    column=column,
-                    end_column=column + 1,
-                    hint=hint,
-                )
-            ]
-        ) from error
+        raise ProgramRejected([_no_utf8(raw, error, 0)]) from error
     return text.removeprefix(BOM)
+
+
+def lines_of(blocks: Iterable[bytes]) -> Iterator[str]:
+    """Decode and split a program that comes in blocks, as `decode` and `split_lines` do the whole of it.
+
+    A piece of more than `MAX_PIECE_BYTES` without a line end is the last line that is given.
+
+    Raises:
+        ProgramRejected: MC100 at the first byte that is not UTF-8.
+    """
+    pending, number = b"", 0
+    for block in blocks:
+        whole, end, rest = block.rpartition(b"\n")
+        if end:
+            lines = split_lines(_decoded(pending + whole + end, number))
+            number += len(lines)
+            yield from lines
+            pending = rest
+        else:
+            pending += rest
+        if len(pending) > MAX_PIECE_BYTES:
+            break
+    if pending:
+        yield from split_lines(_decoded(pending, number))
+
+
+def _decoded(raw: bytes, before: int) -> str:
+    """Decode whole lines that stand behind so many others."""
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start > MAX_PIECE_BYTES and b"\n" not in raw:
+            # cut in the middle of a character; the piece is too long for a line anyway
+            return raw[: error.start].decode("utf-8")
+        raise ProgramRejected([_no_utf8(raw, error, before)]) from error
+    return text if before else text.removeprefix(BOM)
+
+
+def _no_utf8(raw: bytes, error: UnicodeDecodeError, lines_before: int) -> Diagnostic:
+    before = raw[: error.start]
+    line_start = before.rfind(b"\n") + 1
+    column = len(before[line_start:].decode("utf-8").removeprefix(BOM)) + 1
+    hint = "save the file as UTF-8"
+    if not lines_before and raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        hint = "the file looks like UTF-16; save it as UTF-8"
+    return Diagnostic(
+        code="MC100",
+        message=f"the byte 0x{raw[error.start]:02X} is not UTF-8",
+        line=lines_before + before.count(b"\n") + 1,
+        column=column,
+        end_column=column + 1,
+        hint=hint,
+    )
 
 
 def split_lines(text: str) -> list[str]:
@@ -49,12 +92,15 @@ def split_lines(text: str) -> list[str]:
     return lines
 
 
-def find_odd_line(lines: list[str]) -> Diagnostic | None:
+def find_odd_line(lines: list[str], first: int = 1) -> Diagnostic | None:
     """Return the fault of the first line that no machine takes (MC156): too long, or a whole file whose lines
     end with CR alone. A CR in one of several lines is a fault of that line.
+
+    Args:
+        lines: from line ``first`` of the file on.
     """
-    for number, text in enumerate(lines, start=1):
-        one = len(lines) == 1 and "\r" in text
+    for number, text in enumerate(lines, start=first):
+        one = number == 1 and len(lines) == 1 and "\r" in text
         if len(text) <= MAX_LINE_LENGTH and not one:
             continue
         if one:
