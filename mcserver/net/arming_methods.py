@@ -49,11 +49,11 @@ class ArmingMethods:
                 "MC511", f"the text needs the axes {', '.join(map(str, named))}", "ask for all of them"
             )
         positions = self._positions()
-        report, path = await self._checker.preview(
+        report, path, marks = await self._checker.preview(
             client, request.text, positions, axes, self._service.work_systems
         )
         found = [wire_diagnostic(msgspec.convert(each, Diagnostic)) for each in report["diagnostics"]]
-        if not report["ok"]:
+        if not report["ok"] or marks is None:
             return wire.RunRequestReply(False, found)
         kept = self._arming.request(
             RunRequest(
@@ -69,7 +69,7 @@ class ArmingMethods:
                 path=msgspec.convert(path, RunPath),
             )
         )
-        self._service.simulated(request.text, report)
+        self._service.foresee(kept.sha256, marks)
         self._publish("run.requested", client, kept)
         return wire.RunRequestReply(True, found, self._status(kept))
 

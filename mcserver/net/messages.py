@@ -118,7 +118,7 @@ class OpenRequest(Request, frozen=True, kw_only=True):
         resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as ``before``.
         step: single line mode: a line starts only when ``step`` asks for it.
         hold: begin held; ``resume`` starts it.
-        sha256: of the whole text; once ``simulate`` was asked for it, the program's status tells its time.
+        sha256: of the whole text; its times, of ``simulate`` or ``put_text``, are those of the program.
     """
 
     name: Annotated[str, Meta(max_length=200)] = ""
@@ -262,10 +262,16 @@ class SetInputRequest(Request, frozen=True, kw_only=True):
 
 
 class CheckRequest(Request, frozen=True, kw_only=True):
-    """Every fault of a program's text; nothing runs. ``positions`` start the axes there [mm, deg]."""
+    """Every fault of a program's text; nothing runs.
 
-    text: str
+    Attributes:
+        text: the whole of it; or sha256: of one that was handed over by ``put_text``.
+        positions: start the axes there [mm, deg].
+    """
+
+    text: str | None = None
     positions: dict[str, float] | None = None
+    sha256: Annotated[str, Meta(pattern="^[0-9a-f]{1,64}$")] | None = None
 
 
 class SimulateRequest(Request, frozen=True, kw_only=True):
@@ -274,11 +280,13 @@ class SimulateRequest(Request, frozen=True, kw_only=True):
     Attributes:
         positions: start the axes there [mm, deg]; None: where the machine file lets simulated drives start.
         path_points: the reply's `path` has so many points at most; 0: no path.
+        lines: whether the reply has the times of every line.
     """
 
     text: str
     positions: dict[str, float] | None = None
     path_points: Annotated[int, Meta(ge=0, le=MAX_PATH_POINTS)] = 0
+    lines: bool = True
 
 
 class StatusRequest(Request, frozen=True, kw_only=True):

@@ -15,18 +15,19 @@ from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
 from mcserver.net import model_messages as model_wire
 from mcserver.net import recording_messages as recording_wire
+from mcserver.net import text_messages as text_wire
 from mcserver.net.arming_methods import ArmingMethods
 from mcserver.net.info_messages import Info
 from mcserver.net.model_methods import ModelMethods
 from mcserver.net.recording_methods import RecordingMethods
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
+from mcserver.net.text_methods import TextMethods
 from mcserver.recorder.views import NoRecorder, RecordingAccess
 from mcserver.service.deferred import Deferred
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
-from mcserver.service.reports import wire_diagnostic
 from mcserver.service.service import MachineService
 from mcserver.simulation.program_checker import ProgramChecker
 
@@ -58,12 +59,12 @@ class Methods:
     ) -> None:
         self._service = service
         self._jogging = jogging
-        self._checker = checker
         self._drives = drives
         self._units = EdgeUnits(service.machine)
         self._homing = HomingService(service)
         self._arming = ArmingMethods(service, checker)
         self._model = ModelMethods(service.machine)
+        self._texts = TextMethods(service, checker)
         self._recordings = RecordingMethods(
             recorder or NoRecorder(),
             lambda client, method, detail: self._record(client, method, None, detail),
@@ -88,6 +89,7 @@ class Methods:
             "set_simulated_input": (wire.SetInputRequest, self.set_simulated_input),
             "estop": (wire.EstopRequest, self.estop),
             "sdo_write": (drive_wire.SdoWriteRequest, self.sdo_write),
+            "put_text": (text_wire.PutTextRequest, self._texts.put_text),
             "request_run": (arming_wire.RunRequestRequest, self._arming.request_run),
             "run_armed": (arming_wire.RunArmedRequest, self._arming.run_armed),
             "arm": (arming_wire.ArmRequest, self._arming.arm),
@@ -99,8 +101,8 @@ class Methods:
             "status": (wire.StatusRequest, self.status),
             "programs": (wire.ProgramsRequest, self.programs),
             "events": (wire.EventsRequest, self.events),
-            "check": (wire.CheckRequest, self.check),
-            "simulate": (wire.SimulateRequest, self.simulate),
+            "check": (wire.CheckRequest, self._texts.check),
+            "simulate": (wire.SimulateRequest, self._texts.simulate),
             "drives": (drive_wire.DrivesRequest, self.drives),
             "drives_scan": (drive_wire.DrivesScanRequest, self.drives_scan),
             "run_preview": (arming_wire.RunPreviewRequest, self._arming.preview),
@@ -131,6 +133,7 @@ class Methods:
             hold=request.hold,
             sha256=request.sha256,
         )
+        self._texts.foresee(request.sha256)
         return wire.OpenReply(
             program=program.program,
             state=program.state,
@@ -237,24 +240,6 @@ class Methods:
             newest=log.newest,
             events=log.since(request.since, request.limit),
         )
-
-    async def check(self, client: str, request: wire.CheckRequest) -> wire.CheckReply:
-        positions = None
-        if request.positions is not None:
-            positions = self._service.positions_si(request.positions)
-        found = await self._checker.check(client, request.text, positions, self._service.work_systems)
-        faulty = any(diagnostic.severity == "error" for diagnostic in found)
-        return wire.CheckReply(not faulty, [wire_diagnostic(diagnostic) for diagnostic in found])
-
-    async def simulate(self, client: str, request: wire.SimulateRequest) -> dict[str, Any]:
-        positions = None
-        if request.positions is not None:
-            positions = self._service.positions_si(request.positions)
-        report = await self._checker.simulate(
-            client, request.text, positions, self._service.work_systems, request.path_points
-        )
-        self._service.simulated(request.text, report)
-        return report
 
     def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
         return drive_wire.DrivesReply(self._drives.drives())

@@ -19,6 +19,7 @@ from mcserver.net import (
     messages,
     model_messages,
     recording_messages,
+    text_messages,
 )
 from mcserver.net.keys import VERSION_CHUNK
 
@@ -35,6 +36,7 @@ def message_types() -> dict[str, type[msgspec.Struct]]:
         arming_messages,
         recording_messages,
         model_messages,
+        text_messages,
     )
     for module in modules:
         named |= vars(module)

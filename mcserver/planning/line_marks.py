@@ -106,28 +106,31 @@ class MarkFitter:
         if len(self._lines) >= self._most:
             self._thin()
 
-    def marks(self, duration_s: float, pauses: tuple[int, ...] = (), *, complete: bool = True) -> LineMarks:
-        """Return what has been taken so far; ``duration_s``: of the program as far as it is known [s]."""
+    def marks(self, duration_s: float | None = None, pauses: tuple[int, ...] = ()) -> LineMarks:
+        """Return what has been taken so far.
+
+        Args:
+            duration_s: of the whole program, which is complete [s]; None: more lines may come.
+        """
         line, end = self._newest
         ends_there = self._lines[-1] == line
         return LineMarks(
             lines=list(self._lines) if ends_there else [*self._lines, line],
             ends=list(self._ends) if ends_there else [*self._ends, end],
-            duration_s=duration_s if complete else end,
+            duration_s=end if duration_s is None else duration_s,
             through=line,
-            complete=complete,
+            complete=duration_s is not None,
             pauses=pauses,
             # each doubling fits the marks of the one before
             within_s=self._tolerance * (2.0 if self._thinned else 1.0),
         )
 
     def _thin(self) -> None:
-        newest = self._newest
         while len(self._lines) > self._most // 2:
-            marks = list(zip(self._lines[1:], self._ends[1:], strict=True))
+            # the newest point ends at a mark or lies behind the last one, with nothing between
+            points = [*zip(self._lines[1:], self._ends[1:], strict=True), self._newest]
             self._thinned = True
             self._tolerance *= 2.0
             self._restart()
-            for line, end in marks:
+            for line, end in points:
                 self.add(line, end)
-        self.add(*newest)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 from mcserver.executor.view import SlotView
+from mcserver.planning.line_marks import LineMarks
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program
 from mcserver.service.timeline import Timeline
 
-# What is kept of simulations, the newest: so many texts, and so many lines of them all.
+# Texts whose times are kept, the newest.
 TEXTS = 16
-LINES = 2_000_000
 
 
 class Forecasts:
@@ -28,28 +27,33 @@ class Forecasts:
         self._cycle_s = cycle_s
         self._timelines: OrderedDict[str, Timeline] = OrderedDict()
 
-    def take(self, sha256: str, report: Mapping[str, Any], programs: Iterable[Program]) -> None:
+    def take(
+        self, sha256: str, marks: LineMarks, programs: Iterable[Program], total: int | None = None
+    ) -> None:
         """Keep the times of a text, and give them to the programs that run it.
 
         Args:
-            report: of the simulation; one with faults has no times. programs: those that are there.
+            marks: of the simulation. programs: those that are there. total: how many lines the text has.
         """
-        if not report["ok"]:
-            return
-        timeline = Timeline(report)
+        timeline = Timeline(marks, total)
         self._timelines.pop(sha256, None)
         self._timelines[sha256] = timeline
-        while len(self._timelines) > TEXTS or (len(self._timelines) > 1 and self._lines() > LINES):
+        while len(self._timelines) > TEXTS:
             self._timelines.popitem(last=False)
         for program in programs:
             if program.sha256 == sha256 and not program.ended:
-                program.clock.simulated(timeline)
+                program.clock.foresee(timeline)
+
+    def knows(self, sha256: str) -> bool:
+        """Whether the times of a text are those of its whole simulation."""
+        timeline = self._timelines.get(sha256)
+        return timeline is not None and timeline.simulated >= 1.0
 
     def begin(self, program: Program) -> None:
         """Give a program that opens the times of its text, where they are known."""
         timeline = self._timelines.get(program.sha256 or "")
         if timeline is not None:
-            program.clock.simulated(timeline)
+            program.clock.foresee(timeline)
 
     def estimate(self, programs: Iterable[Program], now: float) -> None:
         """Bring the time left of all that run up to date; ``now``: executor time [s].
@@ -73,6 +77,3 @@ class Forecasts:
                 slots = slots or self._port.slots()
                 left = max(0.0, program.planned_end_u - slots[program.slot].u) * self._cycle_s
                 program.eta_s = left / (min(1.0, override) if override > 0.0 else 1.0)
-
-    def _lines(self) -> int:
-        return sum(each.size for each in self._timelines.values())

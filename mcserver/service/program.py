@@ -157,6 +157,8 @@ class Program:
             progress=self._share(),
             eta_s=None if self.ended else self.eta_s,
             duration_s=self.clock.total_s,
+            simulated=self.clock.simulated,
+            pauses=0 if self.ended else self.clock.pauses,
             notice=self.notice,
             fault=self.fault,
             rejected=self.rejected,

@@ -119,6 +119,10 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
             planned.
         notice: what it said last to the operator; while it is paused, what to do before it is resumed.
         duration_s: of the whole program at 100 %, as its text was simulated [s]; None: it was not.
+        simulated: share of its lines that the simulation has reached; below 1 `duration_s` is an estimate by
+            the lines so far.
+        pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
+            these waits.
         opened_at, ended_at: Unix time [s].
     """
 
@@ -144,6 +148,8 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     ended_at: float | None = None
     duration_s: float | None = None
     notice: str = ""
+    simulated: float = 1.0
+    pauses: int = 0
 
 
 class AxesStatus(msgspec.Struct, frozen=True):

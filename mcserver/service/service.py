@@ -8,17 +8,17 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.planner_messages import Planning, StepLine
-from mcserver.service.arming import hash_of
 from mcserver.service.channels import Channels
 from mcserver.service.event_log import EventLog
 from mcserver.service.forecasts import Forecasts
 from mcserver.service.journal_reader import check_known, read_lines_before, read_programs
+from mcserver.service.kept_texts import KeptTexts
 from mcserver.service.line_intake import LineIntake
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.motion_port import MotionPort
@@ -58,7 +58,7 @@ class MachineService:
 
     Attributes:
         override: feed override of programs to come, 1 as programmed.
-        lines: takes the lines of its programs.
+        lines: takes the lines of its programs. texts: those that clients handed over as a whole.
         latch: its emergency stop and its faults.
     """
 
@@ -93,6 +93,7 @@ class MachineService:
         self.latch = StopLatch(self._table, port, self._loop, self._journal_stop)
         self._table.on_machine_stop = self.latch.stopped_by_machine
         self.forecasts = Forecasts(port, machine.cycle_s)
+        self.texts = KeptTexts(options.journal.with_suffix(".texts"))
         self._counter = 0
         self._stopping = False
         self._all_axes = tuple(axis.index for axis in machine.axes)
@@ -133,6 +134,7 @@ class MachineService:
         self._table.heartbeat.stop()
         self._table.journal.server_stopped(self.options.instance, self.options.clock())
         await asyncio.to_thread(self._table.close_journal)
+        await asyncio.to_thread(self.texts.close)
 
     @property
     def events(self) -> EventLog:
@@ -413,9 +415,13 @@ class MachineService:
             find_program(self._table.programs, program_id)
         return found[:limit]
 
-    def simulated(self, text: str, report: Mapping[str, Any]) -> None:
-        """Take the times of a text from a simulation: programs that run it tell their time left by them."""
-        self.forecasts.take(hash_of(text), report, self._table.programs.values())
+    def foresee(self, sha256: str, marks: LineMarks, total: int | None = None) -> None:
+        """Take the times of a text from a simulation: programs that run it tell their time left by them.
+
+        Args:
+            total: how many lines the text has.
+        """
+        self.forecasts.take(sha256, marks, self._table.programs.values(), total)
 
     def estimate(self) -> None:
         """Follow the programs that run, so that their time left is true; asked for now and then."""

@@ -1,11 +1,10 @@
-"""When each line of a program ends, as it was simulated, and so how long a run still takes."""
+"""How long a run still takes, by the times of its lines as they were simulated."""
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Mapping
-from itertools import accumulate
-from typing import Any
+from bisect import bisect_right
+
+from mcserver.planning.line_marks import LineMarks
 
 # an override of 0 would make the time left infinite
 LEAST_OVERRIDE = 0.01
@@ -15,21 +14,18 @@ class Timeline:
     """Times of a whole program at 100 %.
 
     Args:
-        report: the answer of the method ``simulate``, ``ok`` true.
+        marks: of its simulation. total: how many lines it has; where the simulation is still under way the
+            lines to come count as quick as those before.
 
     Attributes:
-        duration_s: of the whole program [s]. size: how many lines it has times of.
+        duration_s: of the whole program [s]. simulated: share of its lines that the simulation has reached;
+            1: the times are those of the simulation, not estimated.
     """
 
-    def __init__(self, report: Mapping[str, Any]) -> None:
-        timed = sorted(
-            (int(each["line"]), float(each["start_s"]), float(each["end_s"])) for each in report["lines"]
-        )
-        self._lines = [line for line, _, _ in timed]
-        self._starts = [start for _, start, _ in timed]
-        self._ends = list(accumulate((end for _, _, end in timed), max))
-        self.duration_s = float(report["duration_s"])
-        self.size = len(timed)
+    def __init__(self, marks: LineMarks, total: int | None = None) -> None:
+        self._marks = marks if total is None else marks.stretched_to(total)
+        self.duration_s = self._marks.duration_s
+        self.simulated = 1.0 if marks.complete or not total else min(1.0, marks.through / total)
 
     def remaining_s(self, done: int, in_line_s: float = 0.0) -> float:
         """Return the time from here to the program's end at 100 % [s].
@@ -38,16 +34,18 @@ class Timeline:
             done: the last line of which all before it, and itself, have ended.
             in_line_s: for how long the lines behind it have run since then [s], at 100 %.
         """
-        behind = bisect_right(self._lines, done)
-        reached = self._ends[behind - 1] if behind else 0.0
+        reached = self._marks.end_of(done)
         # a line that takes longer than it was simulated keeps the time at its end
-        limit = self._ends[behind] if behind < len(self._ends) else self.duration_s
-        return max(0.0, self.duration_s - min(reached + in_line_s, max(limit, reached)))
+        limit = max(self._marks.next_end(done), reached)
+        return max(0.0, self.duration_s - min(reached + in_line_s, limit))
 
     def start_of(self, line: int) -> float:
-        """Return when the first timed line from ``line`` on begins [s]."""
-        at = bisect_left(self._lines, line)
-        return self._starts[at] if at < len(self._starts) else self.duration_s
+        """Return when the lines from ``line`` on begin [s]."""
+        return self._marks.end_of(line - 1)
+
+    def pauses_behind(self, line: int) -> int:
+        """Count the pauses behind a line, such as M0, whose waiting is no part of the times."""
+        return len(self._marks.pauses) - bisect_right(self._marks.pauses, line)
 
 
 class RunClock:
@@ -66,7 +64,7 @@ class RunClock:
         self._in_line_s = 0.0
         self._seen_at: float | None = None
 
-    def simulated(self, timeline: Timeline) -> None:
+    def foresee(self, timeline: Timeline) -> None:
         """Take the times of the whole program."""
         self._timeline = timeline
 
@@ -76,6 +74,16 @@ class RunClock:
         if self._timeline is None:
             return None
         return self._timeline.duration_s - self._timeline.start_of(self._first)
+
+    @property
+    def simulated(self) -> float:
+        """Return the share of the program's lines that its simulation has reached; 1 without one."""
+        return 1.0 if self._timeline is None else self._timeline.simulated
+
+    @property
+    def pauses(self) -> int:
+        """Return how many pauses are known to come."""
+        return 0 if self._timeline is None else self._timeline.pauses_behind(self._done)
 
     def observe(
         self, now: float, done: int, override: float, *, running: bool, done_at: float | None = None

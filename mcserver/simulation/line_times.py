@@ -106,15 +106,14 @@ class LineTimes:
 
     # ------------------------------------------------------------ marks
 
-    def marks(self, duration_s: float, last: int, *, complete: bool = True) -> LineMarks:
-        """Return when lines end.
+    def marks(self) -> LineMarks:
+        """Return when those lines end that are over for certain; more may come."""
+        return self._fitter.marks(pauses=tuple(self._pauses))
 
-        Args:
-            duration_s: of the program, where it is complete [s]. last: its last line.
-        """
-        if complete:
-            self._fit(last + 1)
-        return self._fitter.marks(duration_s, tuple(self._pauses), complete=complete)
+    def all_marks(self, duration_s: float, last: int) -> LineMarks:
+        """Return when all lines of a program end: it lasts ``duration_s`` and has ``last`` lines."""
+        self._fit(last + 1)
+        return self._fitter.marks(duration_s, tuple(self._pauses))
 
     def _fit(self, before: int) -> None:
         """Hand the lines before this one to the marks; whole blocks, unless all lines are kept."""

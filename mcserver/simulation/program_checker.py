@@ -9,19 +9,21 @@ from __future__ import annotations
 import asyncio
 import importlib
 import multiprocessing
-import multiprocessing.connection
 import os
-import threading
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 
 from mcserver.errors import Diagnostic, Refused
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.line_marks import LineMarks
+from mcserver.simulation.foresight import Foresight, Listener, check_file
+from mcserver.simulation.worker_process import end_with_parent
 
 T = TypeVar("T")
 Systems = Mapping[int, Mapping[int, float]]
@@ -87,20 +89,27 @@ class ProgramChecker:
         self._waiting: dict[str, deque[asyncio.Future[_Worker]]] = {}
         self._requests: Counter[str] = Counter()
         self._eviction: asyncio.TimerHandle | None = None
+        self._foresight = Foresight()
 
     async def check(
         self,
         client: str,
-        text: str,
+        text: str | Path,
         positions: dict[int, float] | None,
         systems: Systems | None = None,
     ) -> list[Diagnostic]:
-        """Find every fault of a text; ``positions`` [m or rad] by axis number, ``systems``: work offsets.
+        """Find every fault of a text, or of a file's.
+
+        Args:
+            positions: where axes begin, by axis number [m or rad]. systems: work offsets.
 
         Raises:
             ServiceError: MC508 too many wait; MC523 it took too long, or the worker died.
         """
-        return await self._run(client, check_text, text, in_systems(self._machine, systems), positions)
+        machine = in_systems(self._machine, systems)
+        if isinstance(text, Path):
+            return await self._run(client, check_file, str(text), machine, positions)
+        return await self._run(client, check_text, text, machine, positions)
 
     async def simulate(
         self,
@@ -109,14 +118,20 @@ class ProgramChecker:
         positions: Mapping[int, float] | None = None,
         systems: Systems | None = None,
         path_points: int = 0,
-    ) -> dict[str, Any]:
-        """Make the object of ``mcserver simulate --json``; the others as in `check`. Raises as `check`.
+        lines: bool = True,
+    ) -> tuple[dict[str, Any], LineMarks | None]:
+        """Make the object of ``mcserver simulate --json``, and marks of its times; the others as in `check`.
 
-        ``path_points``: with the ``path`` of the tips in so many points at most; 0: without.
+        Args:
+            path_points: with the ``path`` of the tips in so many points at most; 0: without.
+            lines: with the times of every line.
+
+        Returns:
+            The object; the marks, None where the program has faults. Raises as `check`.
         """
         machine = self._machine if positions is None else starting_at(self._machine, positions)
         machine = in_systems(machine, systems)
-        return await self._run(client, simulate_text, text, machine, path_points)
+        return await self._run(client, simulate_text, text, machine, path_points, lines)
 
     async def preview(
         self,
@@ -125,13 +140,28 @@ class ProgramChecker:
         positions: Mapping[int, float],
         axes: Sequence[int],
         systems: Systems | None = None,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    ) -> tuple[dict[str, Any], dict[str, Any], LineMarks | None]:
         """As `simulate`, with samples of the path of some axes (`mcserver.simulation.time_sampler`)."""
         machine = in_systems(starting_at(self._machine, positions), systems)
         return await self._run(client, preview_text, text, machine, tuple(axes))
 
+    def foresee(
+        self,
+        sha256: str,
+        path: Path,
+        listener: Listener,
+        positions: Mapping[int, float],
+        systems: Systems | None = None,
+        *,
+        checked: bool = False,
+    ) -> None:
+        """Simulate a long text while it runs (`mcserver.simulation.foresight.Foresight.begin`)."""
+        machine = in_systems(starting_at(self._machine, positions), systems)
+        self._foresight.begin(sha256, path, machine, listener, checked=checked)
+
     def close(self) -> None:
         """End the workers, whatever they are at."""
+        self._foresight.close()
         if self._eviction is not None:
             self._eviction.cancel()
         for worker in self._workers:
@@ -239,19 +269,6 @@ def prepare_worker() -> None:
     end_with_parent()
 
 
-def end_with_parent() -> None:
-    """Lets this worker end when the server was killed: nobody would ever tell it to."""
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def watch() -> None:
-        multiprocessing.connection.wait([parent.sentinel])
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
 def check_text(text: str, machine: Machine, positions: Mapping[int, float] | None) -> list[Diagnostic]:
     """`mcserver.gcode.program_check.check_program` with the machine's kinematics; runs in the worker."""
     from mcserver.gcode.program_check import check_program
@@ -260,17 +277,21 @@ def check_text(text: str, machine: Machine, positions: Mapping[int, float] | Non
     return check_program(text, machine, build_kinematics(machine), positions=positions)
 
 
-def simulate_text(text: str, machine: Machine, path_points: int = 0) -> dict[str, Any]:
-    """`mcserver.simulation.simulation.simulate`, its report; runs in the worker."""
+def simulate_text(
+    text: str, machine: Machine, path_points: int = 0, lines: bool = True
+) -> tuple[dict[str, Any], LineMarks | None]:
+    """`mcserver.simulation.simulation.simulate`, its report and marks; runs in the worker."""
     simulation = importlib.import_module("mcserver.simulation.simulation")
     kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
-    report: dict[str, Any] = simulation.simulate(
-        text, machine, kinematics=kinematics, path_points=path_points
-    ).report
-    return report
+    found = simulation.simulate(text, machine, kinematics=kinematics, path_points=path_points)
+    if not lines:
+        found.report["lines"] = []
+    return found.report, found.marks() if found.report["ok"] else None
 
 
-def preview_text(text: str, machine: Machine, axes: tuple[int, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
+def preview_text(
+    text: str, machine: Machine, axes: tuple[int, ...]
+) -> tuple[dict[str, Any], dict[str, Any], LineMarks | None]:
     """As `simulate_text`, with samples of the path of some axes; runs in the worker."""
     simulation = importlib.import_module("mcserver.simulation.simulation")
     samples = importlib.import_module("mcserver.simulation.time_sampler")
@@ -279,8 +300,9 @@ def preview_text(text: str, machine: Machine, axes: tuple[int, ...]) -> tuple[di
     poses = poses_of(machine, kinematics)
     columns = 1 + len(axes) + 3 * len(poses.numbers)
     sampler = samples.TimeSampler(samples.moments_for(columns), len(machine.axes))
-    report = simulation.simulate(text, machine, kinematics=kinematics, moments=sampler).report
-    return report, samples.path_of(sampler, machine, poses, axes)
+    found = simulation.simulate(text, machine, kinematics=kinematics, moments=sampler)
+    marks = found.marks() if found.report["ok"] else None
+    return found.report, samples.path_of(sampler, machine, poses, axes), marks
 
 
 def in_systems(machine: Machine, systems: Systems | None) -> Machine:

@@ -70,7 +70,7 @@ class Simulation:
 
     def marks(self) -> LineMarks:
         """Return when its lines end, in as many marks as it takes."""
-        return self.times.marks(self.report["duration_s"], self.last_line)
+        return self.times.all_marks(self.report["duration_s"], self.last_line)
 
 
 def simulate(

@@ -27,10 +27,14 @@ def clock_text(seconds: float | None) -> str:
 
 
 def remaining_text(program: ProgramStatus) -> str:
-    """Time until a program's end; a lower bound where only what is planned of it is known."""
+    """Time until a program's end; a lower bound where only what is planned of it is known, an estimate while
+    its simulation is under way. Pauses are counted beside it."""
     if program.duration_s is None and program.eta_s is not None:
         return f"≥ {clock_text(program.eta_s)}"
-    return clock_text(program.eta_s)
+    shown = clock_text(program.eta_s)
+    if program.simulated < 1.0:
+        shown = f"≈ {shown}"
+    return f"{shown} + {program.pauses} pause{'s' * (program.pauses != 1)}" if program.pauses else shown
 
 
 def size_text(size: float) -> str:

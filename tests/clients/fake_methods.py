@@ -59,6 +59,7 @@ class FakeMethods:
     programs: dict[str, FakeProgram]
     events: list[dict[str, Any]]
     check_diagnostics: list[dict[str, Any]]
+    texts: list[bytes]
     calls: Counter[str]
     _ids: itertools.count[int]
 
@@ -226,6 +227,11 @@ class FakeMethods:
 
     def _do_check(self, _: dict[str, Any]) -> dict[str, Any]:
         return {"ok": not self.check_diagnostics, "diagnostics": self.check_diagnostics}
+
+    def _do_put_text(self, request: dict[str, Any]) -> dict[str, Any]:
+        received = request["offset"] + len(request["part"])
+        self.texts.append(request["part"])
+        return {"received": received, "lines": 1, "complete": received == request["size"]}
 
     def _do_simulate(self, _: dict[str, Any]) -> dict[str, Any]:
         return {"ok": True, "duration_s": 1.0, "lines": [], "diagnostics": []}

@@ -48,6 +48,7 @@ class FakeServer(FakeMethods):
         self.confirm_estop = True
         self.estops = 0
         self.check_diagnostics: list[dict[str, Any]] = []
+        self.texts: list[bytes] = []
         self.events: list[dict[str, Any]] = []
         self.axis_count = axes
         self.unhomed: set[int] = set()

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fake_server import FakeServer
+from mcclient import texts
+from mcclient.cli import ahead
 from mcclient.cli.app import run_command_line
 
 PACKAGE = Path(__file__).resolve().parents[2] / "clients" / "python"
@@ -141,6 +143,23 @@ def test_run_looks_for_faults_first_and_moves_nothing(mcctl: Run, server: FakeSe
     assert "2 | G02 X100\n  |     ^^^^" in err
     assert server.programs == {}
     assert mcctl("run", file, "--no-check")[0] == 0
+
+
+@pytest.mark.parametrize("faulty", [True, False])
+def test_run_hands_a_long_file_over_and_checks_it_first(
+    mcctl: Run, server: FakeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, faulty: bool
+) -> None:
+    monkeypatch.setattr(ahead, "SHORT_BYTES", 10)
+    monkeypatch.setattr(texts, "PART_BYTES", 8)
+    if faulty:
+        server.check_diagnostics = [{"code": "MC104", "message": "too long", "line": 2, "column": 5}]
+    code, _, err = mcctl("run", write(tmp_path, "G01 X1", "G02 X100"))
+    assert b"".join(server.texts).split() == [b"G01", b"X1", b"G02", b"X100"]
+    assert len(server.texts) > 1
+    assert "checking 2 lines" in err
+    assert code == (4 if faulty else 0)
+    assert ("2 | G02 X100" in err) is faulty
+    assert (server.programs == {}) is faulty
 
 
 def test_run_tells_a_line_rejected_on_the_way_and_what_ran_before(

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from mcclient.cli.app import run_command_line
 
+from mcserver.planning.line_marks import LineMarks
 from mcserver.simulation.program_checker import ProgramChecker, Systems, check_text
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
@@ -30,13 +31,14 @@ def quick_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
         positions: dict[int, float],
         wanted: tuple[int, ...],
         _systems: Systems | None = None,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    ) -> tuple[dict[str, Any], dict[str, Any], LineMarks]:
         # in this process: a worker of its own takes seconds to begin on a busy computer
         found = check_text(text, checker._machine, positions)
         axes = {str(axis): {"position": 10.0, "min": 0.0, "max": 10.0, "unit": "mm"} for axis in range(3)}
         shown = [each.as_json() for each in found]
         report = {"ok": not found, "duration_s": 1.0, "lines": [], "axes": axes, "diagnostics": shown}
-        return report, {"time_s": [0.0, 1.0], "positions": [[0.0, 10.0] for _ in wanted], "tools": []}
+        path = {"time_s": [0.0, 1.0], "positions": [[0.0, 10.0] for _ in wanted], "tools": []}
+        return report, path, LineMarks([0, 1], [0.0, 1.0], 1.0, 1)
 
     monkeypatch.setattr(ProgramChecker, "preview", preview)
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
 from mcclient.cli.progress import Snapshot
 
 from mcserver.machine.machine_file import builtin_text, parse_machine
+from mcserver.planning.line_marks import LineMarks
 from mcserver.service import forecasts
 from mcserver.service.arming import hash_of
 from mcserver.service.timeline import RunClock, Timeline
+from mcserver.simulation.line_times import LineTimes
 from mcserver.simulation.simulation import simulate
 from tests.cli.command import EXAMPLES
 from tests.service.conftest import Bench
@@ -33,13 +36,25 @@ def report(request: pytest.FixtureRequest) -> dict[str, Any]:
     return answer
 
 
+def marks_of(report: Mapping[str, Any]) -> LineMarks:
+    times = LineTimes()
+    for each in report["lines"]:
+        times.started(each["line"], each["start_s"])
+        times.ended(each["line"], each["end_s"])
+    return times.all_marks(report["duration_s"], max((each["line"] for each in report["lines"]), default=0))
+
+
+def timeline(report: Mapping[str, Any]) -> Timeline:
+    return Timeline(marks_of(report))
+
+
 def done_at(report: dict[str, Any], time_s: float) -> int:
     return max((each["line"] for each in report["lines"] if each["end_s"] <= time_s), default=0)
 
 
 @pytest.mark.parametrize("override", [1.0, 0.5])
 def test_the_time_left_is_true_at_10_50_and_90_percent(report: dict[str, Any], override: float) -> None:
-    clock = RunClock(1, Timeline(report))
+    clock = RunClock(1, timeline(report))
     whole = report["duration_s"] / override
     step = 0.1
     asked = [round(whole * share / step) for share in (0.1, 0.5, 0.9)]
@@ -52,13 +67,13 @@ def test_the_time_left_is_true_at_10_50_and_90_percent(report: dict[str, Any], o
 
 
 def test_the_whole_duration_is_known_at_the_start(report: dict[str, Any]) -> None:
-    clock = RunClock(1, Timeline(report))
+    clock = RunClock(1, timeline(report))
     assert clock.observe(5.0, 0, 1.0, running=True) == pytest.approx(report["duration_s"], abs=0.01)
 
 
 def test_no_time_passes_while_a_program_is_held() -> None:
     report = {"duration_s": 10.0, "lines": [{"line": 1, "start_s": 0.0, "end_s": 10.0}]}
-    clock = RunClock(1, Timeline(report))
+    clock = RunClock(1, timeline(report))
     clock.observe(0.0, 0, 1.0, running=True)
     assert clock.observe(4.0, 0, 1.0, running=True) == pytest.approx(6.0)
     assert clock.observe(9.0, 0, 1.0, running=False) == pytest.approx(6.0)
@@ -67,21 +82,21 @@ def test_no_time_passes_while_a_program_is_held() -> None:
 
 def test_a_line_that_takes_longer_than_simulated_keeps_the_time_of_those_behind_it() -> None:
     lines = [{"line": 1, "start_s": 0.0, "end_s": 2.0}, {"line": 3, "start_s": 2.0, "end_s": 6.0}]
-    clock = RunClock(1, Timeline({"duration_s": 6.0, "lines": lines}))
+    clock = RunClock(1, timeline({"duration_s": 6.0, "lines": lines}))
     clock.observe(0.0, 0, 1.0, running=True)
     assert clock.observe(5.0, 0, 1.0, running=True) == pytest.approx(4.0)
 
 
 def test_a_run_from_a_later_line_has_the_time_of_the_rest() -> None:
     lines = [{"line": n, "start_s": n - 1.0, "end_s": float(n)} for n in range(1, 11)]
-    clock = RunClock(8, Timeline({"duration_s": 10.0, "lines": lines}))
+    clock = RunClock(8, timeline({"duration_s": 10.0, "lines": lines}))
     assert clock.total_s == pytest.approx(3.0)
     assert clock.observe(0.0, 7, 1.0, running=True) == pytest.approx(3.0)
     assert clock.fraction() == pytest.approx(0.0)
 
 
 def test_a_program_without_times_is_over_at_once() -> None:
-    clock = RunClock(1, Timeline({"duration_s": 0.0, "lines": []}))
+    clock = RunClock(1, timeline({"duration_s": 0.0, "lines": []}))
     assert clock.observe(0.0, 0, 0.0, running=True) == 0.0
     assert clock.fraction() == 1.0
 
@@ -107,14 +122,14 @@ def test_a_simulation_that_comes_late_finds_the_time_that_a_long_line_has_run() 
     for second in range(13):
         assert clock.observe(float(second), 0, 1.0, running=True) is None
     assert clock.fraction() is None
-    clock.simulated(Timeline(report))
+    clock.foresee(timeline(report))
     assert clock.observe(13.0, 0, 1.0, running=True) == pytest.approx(47.0)
     assert clock.fraction() == pytest.approx(13.0 / 60.0)
 
 
 def test_a_line_counts_from_where_the_one_before_it_ended_though_nobody_looked() -> None:
     lines = [{"line": 1, "start_s": 0.0, "end_s": 2.0}, {"line": 2, "start_s": 2.0, "end_s": 12.0}]
-    clock = RunClock(1, Timeline({"duration_s": 12.0, "lines": lines}))
+    clock = RunClock(1, timeline({"duration_s": 12.0, "lines": lines}))
     clock.observe(0.0, 0, 1.0, running=True)
     assert clock.observe(9.0, 1, 1.0, running=True, done_at=2.0) == pytest.approx(3.0)
 
@@ -126,12 +141,12 @@ TIMES = {"ok": True, "duration_s": 12.0, "lines": [{"line": 1, "start_s": 0.0, "
 async def test_a_simulation_of_the_text_tells_the_time_of_its_program(bench: Bench, early: bool) -> None:
     service = bench.service
     if early:
-        service.simulated("move", TIMES)
+        service.foresee(hash_of("move"), marks_of(TIMES))
     program = await service.open("hmi", sha256=hash_of("move"))
     other = await service.open("hmi", sha256=hash_of("another text"))
     if not early:
         assert program.status().duration_s is None
-        service.simulated("move", TIMES)
+        service.foresee(hash_of("move"), marks_of(TIMES))
     service.estimate()
     found = {each.program: each for each in await service.known(program_id=None, ended=False, limit=9)}
     status = found[program.program]
@@ -139,14 +154,22 @@ async def test_a_simulation_of_the_text_tells_the_time_of_its_program(bench: Ben
     assert found[other.program].duration_s is None
 
 
-async def test_a_simulation_with_faults_tells_no_time(bench: Bench) -> None:
-    bench.service.simulated("move", {**TIMES, "ok": False})
-    program = await bench.service.open("hmi", sha256=hash_of("move"))
-    assert program.status().duration_s is None
+async def test_a_simulation_under_way_gives_an_estimate_that_says_so(bench: Bench) -> None:
+    sha256 = hash_of("long")
+    program = await bench.service.open("hmi", sha256=sha256)
+    part = LineMarks([0, 25], [0.0, 5.0], 5.0, 25, complete=False, pauses=(7, 20))
+    bench.service.foresee(sha256, part, total=100)
+    status = program.status()
+    assert (status.duration_s, status.simulated, status.pauses) == (20.0, 0.25, 2)
+    assert not bench.service.forecasts.knows(sha256)
+    bench.service.foresee(sha256, LineMarks([0, 100], [0.0, 16.0], 16.0, 100, pauses=(7, 20)), total=100)
+    status = program.status()
+    assert (status.duration_s, status.simulated) == (16.0, 1.0)
+    assert bench.service.forecasts.knows(sha256)
 
 
 async def test_of_many_simulations_the_newest_are_kept(bench: Bench) -> None:
     for number in range(forecasts.TEXTS + 1):
-        bench.service.simulated(f"text {number}", TIMES)
+        bench.service.foresee(hash_of(f"text {number}"), marks_of(TIMES))
     first, second = [await bench.service.open("hmi", sha256=hash_of(f"text {n}")) for n in (0, 1)]
     assert (first.status().duration_s, second.status().duration_s) == (None, 12.0)

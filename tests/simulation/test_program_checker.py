@@ -23,7 +23,7 @@ async def worker() -> AsyncIterator[ProgramChecker]:
 async def test_a_text_is_checked_and_simulated_beside_the_loop(worker: ProgramChecker) -> None:
     (fault,) = await worker.check("hmi", "G01 X10", None)
     assert (fault.line, fault.severity) == (1, "error")
-    report = await worker.simulate("hmi", "G1010\nG01 X10 F600\n")
+    report = (await worker.simulate("hmi", "G1010\nG01 X10 F600\n"))[0]
     assert report["ok"] is True
     assert report["axes"]["0"]["position"] == pytest.approx(10.0)
 
@@ -71,7 +71,7 @@ async def test_what_computes_long_is_ended_when_another_client_waits() -> None:
 async def test_a_simulation_solves_the_tools_of_the_machine() -> None:
     arm = ProgramChecker(load_machine("arm6"))
     try:
-        report = await arm.simulate("hmi", "G1010\nG93 F60\nG01 T1 Z650\n")
+        report = (await arm.simulate("hmi", "G1010\nG93 F60\nG01 T1 Z650\n"))[0]
     finally:
         arm.close()
     assert report["diagnostics"] == []

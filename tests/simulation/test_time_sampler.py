@@ -34,7 +34,7 @@ def test_a_path_of_many_axes_has_fewer_moments() -> None:
 
 def test_a_preview_has_the_axes_that_are_wanted_and_the_reports_extents() -> None:
     machine = load_machine("cartesian")
-    report, path = preview_text("G1010\nG94 F6000\nG01 X20 Y-5\nG01 Z3\nM30\n", machine, (0, 1, 2))
+    report, path, _ = preview_text("G1010\nG94 F6000\nG01 X20 Y-5\nG01 Z3\nM30\n", machine, (0, 1, 2))
     assert report["ok"]
     assert len(path["time_s"]) > 100
     assert path["time_s"][-1] == pytest.approx(report["duration_s"], abs=0.1)
@@ -48,7 +48,7 @@ def test_a_preview_has_the_axes_that_are_wanted_and_the_reports_extents() -> Non
 
 def test_a_preview_of_a_leg_has_the_path_of_its_foot() -> None:
     machine = load_machine("robot-dog")
-    report, path = preview_text("G1010\nG94 F3000\nT3 G91 G01 Z10\n", machine, (0, 1, 2))
+    report, path, _ = preview_text("G1010\nG94 F3000\nT3 G91 G01 Z10\n", machine, (0, 1, 2))
     assert report["ok"], report["diagnostics"]
     (foot,) = path["tools"]
     assert foot["tool"] == 3
@@ -56,6 +56,6 @@ def test_a_preview_of_a_leg_has_the_path_of_its_foot() -> None:
 
 
 def test_a_program_with_faults_has_no_path() -> None:
-    report, path = preview_text("G01 X99999 F5", load_machine("cartesian"), (0,))
+    report, path, _ = preview_text("G01 X99999 F5", load_machine("cartesian"), (0,))
     assert not report["ok"]
     assert path == {"time_s": [], "positions": [[]], "tools": []}

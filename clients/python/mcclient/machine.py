@@ -27,6 +27,7 @@ from mcclient.reports import Report, open_reports
 from mcclient.starting import Starting
 from mcclient.stream import LineStream
 from mcclient.telemetry import InfoHolder, Samples, open_samples, open_states
+from mcclient.texts import put_text
 from mcclient.transport import Link, Subscription, endpoints_of, user_of
 from mcclient.types import (
     CheckResult,
@@ -209,6 +210,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         step: bool = False,
         hold: bool = False,
         text: str | None = None,
+        sha256: str | None = None,
     ) -> Starting[Program]:
         """Opens a program: ``async with machine.program() as program``.
 
@@ -225,6 +227,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
             hold: begin held.
             text: all of it, if known: once `simulate` was called with it, before or after, the program's
                 status tells how long it takes. It has to be sent all the same.
+            sha256: of all of it, instead of ``text``; for one that `put_text` hands over, before or after.
         """
         request: dict[str, Any] = {
             "name": name[:200],
@@ -236,7 +239,9 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
             "hold": hold,
         }
         if text is not None:
-            request["sha256"] = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+            request["sha256"] = self.hash_of(text)
+        elif sha256 is not None:
+            request["sha256"] = sha256
         return Starting(lambda: self._open_program(request))
 
     def resume_program(
@@ -364,23 +369,53 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
 
     # ------------------------------------------------------------ without motion
 
-    async def check(self, text: str, positions: dict[int, float] | None = None) -> CheckResult:
-        """Every fault of a program's text; ``positions`` start the axes there [mm, deg]."""
+    @staticmethod
+    def hash_of(text: str) -> str:
+        """The SHA-256 by which the server knows a text."""
+        return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+    async def put_text(self, path: Path) -> str:
+        """Hands a long program over as a file, for `check` and for the times of programs that run it.
+
+        Returns:
+            Its SHA-256. Raises as `mcclient.texts.put_text`.
+        """
+        return await put_text(self._caller, path)
+
+    async def check(
+        self,
+        text: str | None = None,
+        positions: dict[int, float] | None = None,
+        *,
+        sha256: str | None = None,
+    ) -> CheckResult:
+        """Every fault of a program's text.
+
+        Args:
+            text: all of it; None: that which `put_text` handed over, by its ``sha256``.
+            positions: start the axes there [mm, deg].
+        """
         written = None if positions is None else {str(axis): at for axis, at in positions.items()}
-        request = {"text": text, "positions": written}
+        request = {"text": text, "positions": written, "sha256": sha256}
         reply = await self._caller.call("check", request, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S)
         return decode(CheckResult, reply)
 
     async def simulate(
-        self, text: str, positions: dict[int, float] | None = None, *, path_points: int = 0
+        self,
+        text: str,
+        positions: dict[int, float] | None = None,
+        *,
+        path_points: int = 0,
+        lines: bool = True,
     ) -> dict[str, Any]:
         """Runs a text on a virtual clock; the object of ``mcserver simulate --json``.
 
         Args:
             positions: start the axes there [mm, deg]; None: where the machine file lets drives start.
             path_points: with ``path``, where the tips go, in so many points at most; 0: without.
+            lines: with the times of every line.
         """
-        request: dict[str, Any] = {"text": text, "path_points": path_points}
+        request: dict[str, Any] = {"text": text, "path_points": path_points, "lines": lines}
         if positions is not None:
             request["positions"] = {str(axis): at for axis, at in positions.items()}
         reply = await self._caller.call("simulate", request, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S)

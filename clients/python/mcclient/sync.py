@@ -397,17 +397,32 @@ class Machine:
             self._machine.sdo_write(axis, index, subindex, value, type=type, node=node, bus=bus)
         )
 
-    def check(self, text: str, positions: dict[int, float] | None = None) -> CheckResult:
-        return self._loop.run(self._machine.check(text, positions))
+    def put_text(self, path: Path) -> str:
+        """As `mcclient.Machine.put_text`."""
+        return self._loop.run(self._machine.put_text(path))
+
+    def check(
+        self,
+        text: str | None = None,
+        positions: dict[int, float] | None = None,
+        *,
+        sha256: str | None = None,
+    ) -> CheckResult:
+        return self._loop.run(self._machine.check(text, positions, sha256=sha256))
 
     def clients(self, *, timeout_s: float = 1.0) -> list[str]:
         """As `mcclient.Machine.clients`."""
         return self._loop.run(self._machine.clients(timeout_s=timeout_s))
 
     def simulate(
-        self, text: str, positions: dict[int, float] | None = None, *, path_points: int = 0
+        self,
+        text: str,
+        positions: dict[int, float] | None = None,
+        *,
+        path_points: int = 0,
+        lines: bool = True,
     ) -> dict[str, Any]:
-        return self._loop.run(self._machine.simulate(text, positions, path_points=path_points))
+        return self._loop.run(self._machine.simulate(text, positions, path_points=path_points, lines=lines))
 
     def telemetry(self) -> Stream[MachineStatus]:
         async def listen() -> Feed[MachineStatus]:

@@ -85,7 +85,9 @@ class ProgramStatus:
 
     ``duration_s`` is known once its text was simulated; then ``progress`` is the share of its time and
     ``eta_s`` the time to its end. Without it they are the share of its lines and the time to the end of what
-    is planned.
+    is planned. ``simulated`` is the share of its lines that the simulation has reached: below 1 the times are
+    estimated by the lines so far. ``pauses``: lines to come that wait for an operator, which ``eta_s`` leaves
+    out.
     """
 
     program: str
@@ -110,6 +112,8 @@ class ProgramStatus:
     ended_at: float | None = None
     duration_s: float | None = None
     notice: str = ""
+    simulated: float = 1.0
+    pauses: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ export interface OpenReply { program: string; state: ProgramState; axes: number[
 export interface SubmitReply { program: string; accepted: number; done: number; credit: number; }
 
 export interface ProgramStatus extends Ack {
-  client: string; name: string; axes: number[]; line: number; closed: boolean; progress: number; eta_s?: number | null; duration_s?: number | null; notice?: string;
+  client: string; name: string; axes: number[]; line: number; closed: boolean; progress: number; eta_s?: number | null; duration_s?: number | null; notice?: string; simulated?: number; pauses?: number;
 }
 
 export interface AxesStatus {

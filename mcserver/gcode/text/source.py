@@ -41,7 +41,7 @@ def lines_of(blocks: Iterable[bytes]) -> Iterator[str]:
     for block in blocks:
         whole, end, rest = block.rpartition(b"\n")
         if end:
-            lines = split_lines(_decoded(pending + whole + end, number))
+            lines = _split(_decoded(pending + whole + end, number))
             number += len(lines)
             yield from lines
             pending = rest
@@ -50,7 +50,7 @@ def lines_of(blocks: Iterable[bytes]) -> Iterator[str]:
         if len(pending) > MAX_PIECE_BYTES:
             break
     if pending:
-        yield from split_lines(_decoded(pending, number))
+        yield from _split(_decoded(pending, number))
 
 
 def _decoded(raw: bytes, before: int) -> str:
@@ -62,7 +62,8 @@ def _decoded(raw: bytes, before: int) -> str:
             # cut in the middle of a character; the piece is too long for a line anyway
             return raw[: error.start].decode("utf-8")
         raise ProgramRejected([_no_utf8(raw, error, before)]) from error
-    return text if before else text.removeprefix(BOM)
+    # as often as `decode` and `split_lines` do
+    return text if before else text.removeprefix(BOM).removeprefix(BOM)
 
 
 def _no_utf8(raw: bytes, error: UnicodeDecodeError, lines_before: int) -> Diagnostic:
@@ -84,7 +85,11 @@ def _no_utf8(raw: bytes, error: UnicodeDecodeError, lines_before: int) -> Diagno
 
 def split_lines(text: str) -> list[str]:
     """Split a text into lines without their ends: LF, CR LF or CR CR LF; a lone CR stays (D-01)."""
-    pieces = text.removeprefix(BOM).split("\n")
+    return _split(text.removeprefix(BOM))
+
+
+def _split(text: str) -> list[str]:
+    pieces = text.split("\n")
     last = pieces.pop()
     lines = [piece.rstrip("\r") if piece.endswith("\r") else piece for piece in pieces]
     if last:

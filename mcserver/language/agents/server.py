@@ -99,7 +99,7 @@ class AgentTools:
 
     async def simulate(self, text: str, picture: bool = False) -> CallToolResult:
         """Run a program on a virtual clock: duration, times of lines, ends and extents of axes."""
-        report = _too_long(text) or await self._checker.simulate(CLIENT, text)
+        report = _too_long(text) or (await self._checker.simulate(CLIENT, text))[0]
         lines = report.get("lines", [])
         shown = {**report, "lines": lines[:MAX_SHOWN_LINES], "lines_in_all": len(lines)}
         content: list[Any] = [TextContent(type="text", text=msgspec.json.encode(shown).decode())]

@@ -11,7 +11,7 @@ from types import TracebackType
 from mcserver.errors import McError
 from mcserver.language.benchmark.tasks import Task
 from mcserver.language.benchmark.verdict import Check, Finding, Verdict
-from mcserver.simulation.program_checker import end_with_parent
+from mcserver.simulation.worker_process import end_with_parent
 
 # Longest time for one answer, compiling and loading of the machine included [s].
 JUDGING_S = 120.0

@@ -139,7 +139,7 @@ class _Documents:
     async def _simulate(self, text: str) -> dict[str, Any]:
         async with self._one_at_a_time:
             try:
-                return await self.checker.simulate("editor", text)
+                return (await self.checker.simulate("editor", text))[0]
             except McError:
                 return {"ok": False, "lines": []}
 

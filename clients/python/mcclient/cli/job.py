@@ -7,14 +7,12 @@ import sys
 import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from mcclient.cli.ahead import Ahead, JobOptions
 from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.interrupt import Interrupts
-from mcclient.cli.options import Target
-from mcclient.cli.output import as_plain, error_as_json, exit_code_of, narration, say, show_error, write_json
+from mcclient.cli.output import error_as_json, exit_code_of, narration, say, show_error, write_json
 from mcclient.cli.progress import Display, LiveDisplay, NoDisplay, PlainDisplay, Snapshot, duration
 from mcclient.cli.source import ProgramSource
 from mcclient.cli.tables import axes_text
@@ -30,31 +28,11 @@ from mcclient.lines import from_thread
 from mcclient.machine import Machine
 from mcclient.program import Program
 from mcclient.recording import Recorder
-from mcclient.types import ENDED, MachineStatus, OnDisconnect, ProgramStatus
+from mcclient.types import ENDED, MachineStatus, ProgramStatus
 
-CHECKED_BYTES = 2 * 1024 * 1024
-# how long the start may wait for the simulation that tells the program's times
-FORESIGHT_S = 3.0
 REFRESH_S = 0.1
 REJECTED = 4
 EMERGENCY_STOP = "MC400"
-# the check is a service: where it is busy or missing, the server judges the lines as they come
-NO_CHECK = frozenset({"MC501", "MC508"})
-
-
-@dataclass(frozen=True, slots=True)
-class JobOptions:
-    """What was asked for; ``interactive``: somebody sits at a terminal and can be asked."""
-
-    target: Target
-    axes: list[int] | None
-    from_line: int
-    record: Path | None
-    step: bool
-    check: bool
-    on_disconnect: OnDisconnect
-    json: bool
-    interactive: bool
 
 
 def behind(waiting: ProgramStatus, programs: Sequence[ProgramStatus]) -> str:
@@ -87,9 +65,7 @@ class Job:
         self._display = self._choose_display()
         self._status: ProgramStatus | None = None
         self._behind = ""
-        # the whole text and where the axes stood before it; None: they are not known
-        self._text: str | None = None
-        self._standing: dict[int, float] | None = None
+        self._ahead = Ahead(options, source)
         self._all_accepted = False
         self._rejection_shown = False
 
@@ -108,11 +84,11 @@ class Job:
         async with self._options.target.open() as machine:
             await self._refuse_under_emergency_stop(machine)
             before = self._source.take(self._options.from_line - 1)
-            if not await self._is_sound(machine):
+            if not await self._ahead.is_sound(machine):
                 return REJECTED
             recorder = await self._start_recording(machine)
             try:
-                async with self._foreseen(machine):
+                async with self._ahead.foreseen(machine):
                     return await self._run_on(machine, before, recorder)
             finally:
                 if recorder is not None:
@@ -130,36 +106,6 @@ class Job:
                 f"{machine.name}: the emergency stop is latched" + (f" ({reason})" if reason else ""),
                 "remove the cause, then mcctl reset",
             )
-
-    async def _is_sound(self, machine: Machine) -> bool:
-        """Whether the whole text has no fault; a text that cannot be known beforehand counts as sound."""
-        text = self._text = self._source.whole_text(CHECKED_BYTES)
-        if text is None:
-            return True
-        status = await machine.status()
-        self._standing = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
-        if not self._options.check or self._options.from_line > 1:
-            return True
-        if any(program.state not in ENDED for program in status.programs):
-            # where the axes will be when this one begins is not known yet
-            return True
-        try:
-            found = await machine.check(text, self._standing)
-        except RequestRefused as error:
-            if error.code in NO_CHECK:
-                return True
-            raise
-        lines = text.removeprefix("\ufeff").split("\n")
-        show_diagnostics(
-            found.diagnostics,
-            lambda line: lines[line - 1] if 0 < line <= len(lines) else None,
-            self._source.name,
-        )
-        if not found.ok:
-            say(f"{self._source.name} is rejected; nothing moved", "bold red")
-            if self._options.json:
-                write_json({"ok": False, "state": "rejected", "diagnostics": as_plain(found.diagnostics)})
-        return found.ok
 
     async def _start_recording(self, machine: Machine) -> Recorder | None:
         if self._options.record is None:
@@ -183,7 +129,7 @@ class Job:
             start_line=options.from_line,
             before=before,
             step=options.step,
-            text=self._text,
+            sha256=self._ahead.sha256,
         )
         if recorder is not None:
             recorder.follow(program)
@@ -264,32 +210,6 @@ class Job:
             await asyncio.gather(telemetry, shown, return_exceptions=True)
             self._display.stop()
 
-    @asynccontextmanager
-    async def _foreseen(self, machine: Machine) -> AsyncIterator[None]:
-        """Let the server simulate the text: a short one before anything moves, a long one while it runs.
-
-        With the times of its lines the program's status tells its whole duration and the true time left.
-        """
-        if self._text is None or self._options.step:
-            yield
-            return
-        simulating = asyncio.create_task(self._simulate_ahead(machine, self._text))
-        try:
-            await asyncio.wait([simulating], timeout=FORESIGHT_S)
-            yield
-        finally:
-            simulating.cancel()
-            await asyncio.gather(simulating, return_exceptions=True)
-
-    async def _simulate_ahead(self, machine: Machine, text: str) -> None:
-        try:
-            report = await machine.simulate(text, self._standing)
-        except MotionError:
-            # the run tells its own faults; the time left is estimated from the lines then
-            return
-        if report["ok"] and self._options.from_line == 1:
-            say(f"{self._source.name}: {duration(report['duration_s'])} at 100 %")
-
     async def _follow_telemetry(self, machine: Machine, program: str) -> None:
         status: MachineStatus
         async for status in machine.telemetry():
@@ -298,7 +218,11 @@ class Job:
                     said = self._status.notice if self._status is not None else ""
                     if each.notice not in ("", said) and each.state != "paused":
                         say(f"{self._source.name}: {each.notice}")
-                    self._status = each
+                    before, self._status = self._status, each
+                    if before is not None and before.simulated < each.simulated == 1.0:
+                        say(
+                            f"{self._source.name}: {duration(each.duration_s)} at 100 %, simulated to its end"
+                        )
                     self._behind = behind(each, status.programs)
 
     async def _show(self, machine: Machine, program: Program) -> None:
@@ -331,6 +255,8 @@ class Job:
             behind=self._behind,
             online=online,
             notice=status.notice if status is not None else "",
+            simulated=1.0 if status is None else status.simulated,
+            pauses=0 if status is None else status.pauses,
         )
 
     # ------------------------------------------------------------ after

@@ -34,6 +34,8 @@ class Snapshot:
         planned_s: until the end of what is planned [s]; None: not known.
         remaining_s: until the program's end, by its simulation [s]. share: of its time that has passed.
         notice: what the program said last to its operator.
+        simulated: share of the lines that the simulation has reached; below 1 the times are estimates.
+        pauses: lines to come that wait for an operator; their waits are not in the times.
         behind: the programs that have the axes, and which; empty: it waits for none.
         online: the server is there.
     """
@@ -52,6 +54,8 @@ class Snapshot:
     remaining_s: float | None = None
     share: float | None = None
     notice: str = ""
+    simulated: float = 1.0
+    pauses: int = 0
 
     @property
     def shown_state(self) -> str:
@@ -102,6 +106,16 @@ def duration(seconds: float | None) -> str:
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
+def eta_text(snapshot: Snapshot) -> str:
+    """``1:05``, ``about 1:05 (12 % simulated)``, ``1:05 + 2 pauses``."""
+    shown = duration(snapshot.eta_s)
+    if snapshot.remaining_s is not None and snapshot.simulated < 1.0:
+        shown = f"about {shown} ({100.0 * snapshot.simulated:.0f} % simulated)"
+    if snapshot.remaining_s is not None and snapshot.pauses:
+        shown += f" + {snapshot.pauses} pause{'s' * (snapshot.pauses != 1)}"
+    return shown
+
+
 def count_of(snapshot: Snapshot) -> str:
     return f"{snapshot.line}/{snapshot.total}" if snapshot.total is not None else f"{snapshot.line}"
 
@@ -141,7 +155,7 @@ class LiveDisplay:
         name.truncate(NAME_COLUMNS, overflow="ellipsis")
         facts = Text.assemble(
             "" if fraction is None else f"{100.0 * fraction:3.0f} %  ",
-            f"line {count_of(snapshot)}  ETA {duration(snapshot.eta_s)}  {snapshot.override:g} %  ",
+            f"line {count_of(snapshot)}  ETA {eta_text(snapshot)}  {snapshot.override:g} %  ",
             Text(
                 snapshot.shown_state,
                 style=STATE_STYLES.get(snapshot.state, "") if snapshot.online else "bold red",
@@ -185,7 +199,7 @@ class PlainDisplay:
         self._said_at, self._state = now, snapshot.shown_state
         fraction = snapshot.fraction
         percent = "" if fraction is None else f" {100.0 * fraction:.0f} %"
-        eta = "" if snapshot.eta_s is None else f", ETA {duration(snapshot.eta_s)}"
+        eta = "" if snapshot.eta_s is None else f", ETA {eta_text(snapshot)}"
         say(
             f"{self._name}: {snapshot.shown_state}, line {count_of(snapshot)}{percent}{eta}, "
             f"override {snapshot.override:g} %"

@@ -10,7 +10,8 @@ from typing import Annotated
 
 import typer
 
-from mcclient.cli.job import Job, JobOptions
+from mcclient.cli.ahead import JobOptions
+from mcclient.cli.job import Job
 from mcclient.cli.options import (
     AxesOption,
     ConfigOption,

@@ -6,6 +6,7 @@ import os
 import sys
 from collections import deque
 from collections.abc import Iterator
+from itertools import islice
 from typing import BinaryIO
 
 from mcclient.errors import RequestRefused
@@ -101,6 +102,17 @@ class ProgramSource:
             return None
         index = number - self._kept[0][0]
         return self._kept[index][1] if 0 <= index < len(self._kept) else None
+
+    def line_at(self, number: int) -> str | None:
+        """A line of the file, wherever reading stands; None: it has none of this number, or is a pipe."""
+        if self.total is None or number < 1:
+            return None
+        with open(self.path, "rb") as file:
+            line = next(islice(file, number - 1, None), None)
+        if line is None:
+            return None
+        text = line.decode("utf-8", "replace").rstrip("\r\n")
+        return text.removeprefix(BOM) if number == 1 else text
 
     def forget(self, through: int) -> None:
         """Lines through this number are not needed any more."""

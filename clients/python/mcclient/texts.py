@@ -1,0 +1,59 @@
+"""Long programs handed over to the server as files, to be checked, and simulated while they run."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import os
+from pathlib import Path
+
+from mcclient.calls import Caller
+from mcclient.errors import RequestRefused
+from mcclient.wire import unpack
+
+PART_BYTES = 1 << 20
+# one part waits for a disk at most so long [s]
+PART_DEADLINE_S = 60.0
+
+
+def hash_of_file(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes, hexadecimal. Raises OSError."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+async def put_text(caller: Caller, path: Path) -> str:
+    """Hand a file over; what the server has of it already is not sent again.
+
+    Returns:
+        Its SHA-256, by which `Machine.check` and `Machine.program` name it.
+
+    Raises:
+        RequestRefused: MC511 it cannot be read, or has changed meanwhile; MC590, MC591 the server does not
+            take it.
+    """
+    try:
+        sha256 = await asyncio.to_thread(hash_of_file, path)
+        size = os.path.getsize(path)
+        with path.open("rb") as file:
+            received, complete = 0, False
+            while not complete:
+                part = await asyncio.to_thread(_part, file.fileno(), received)
+                if not part and received < size:
+                    raise RequestRefused("MC511", f"{path} became shorter", "run it again")
+                request = {"sha256": sha256, "size": size, "offset": received, "part": part}
+                reply = unpack(
+                    await caller.call(
+                        "put_text", request, deadline_s=PART_DEADLINE_S, attempt_s=PART_DEADLINE_S / 4.0
+                    )
+                )
+                received, complete = reply["received"], reply["complete"]
+    except OSError as error:
+        raise RequestRefused(
+            "MC511", f"{path} cannot be read: {error.strerror or error}", "name a G-code file"
+        ) from error
+    return sha256
+
+
+def _part(descriptor: int, offset: int) -> bytes:
+    return os.pread(descriptor, PART_BYTES, offset)

@@ -1,0 +1,98 @@
+"""The remote methods about whole texts: ``check``, ``simulate``, ``put_text``."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mcserver.errors import Refused
+from mcserver.net import messages as wire
+from mcserver.net import text_messages as text_wire
+from mcserver.service.arming import hash_of
+from mcserver.service.program import Program
+from mcserver.service.reports import wire_diagnostic
+from mcserver.service.service import MachineService
+from mcserver.simulation.foresight import Foreseen
+from mcserver.simulation.program_checker import ProgramChecker
+
+
+class TextMethods:
+    """Binds the messages to one machine's service and its checker."""
+
+    def __init__(self, service: MachineService, checker: ProgramChecker) -> None:
+        self._service = service
+        self._checker = checker
+        # parts are written one at a time
+        self._writing = asyncio.Lock()
+
+    async def put_text(self, _client: str, request: text_wire.PutTextRequest) -> text_wire.PutTextReply:
+        """Take a part of a text; with the last one the programs that run it already are foreseen."""
+        async with self._writing:
+            text = await asyncio.to_thread(
+                self._service.texts.take, request.sha256, request.size, request.offset, request.part
+            )
+        if text.complete:
+            self.foresee(request.sha256)
+        return text_wire.PutTextReply(text.received, text.lines, text.complete)
+
+    async def check(self, client: str, request: wire.CheckRequest) -> wire.CheckReply:
+        found = await self._checker.check(
+            client, self._text(request), self._positions(request.positions), self._service.work_systems
+        )
+        faulty = any(diagnostic.severity == "error" for diagnostic in found)
+        if request.sha256 is not None and self._service.texts.has(request.sha256):
+            self._service.texts.find(request.sha256).checked = not faulty
+        return wire.CheckReply(not faulty, [wire_diagnostic(diagnostic) for diagnostic in found])
+
+    async def simulate(self, client: str, request: wire.SimulateRequest) -> dict[str, Any]:
+        report, marks = await self._checker.simulate(
+            client,
+            request.text,
+            self._positions(request.positions),
+            self._service.work_systems,
+            request.path_points,
+            request.lines,
+        )
+        if marks is not None:
+            self._service.foresee(hash_of(request.text), marks)
+        return report
+
+    def foresee(self, sha256: str | None) -> None:
+        """Simulate a text that is kept while programs run it, unless its times are known."""
+        service = self._service
+        if sha256 is None or not service.texts.has(sha256) or service.forecasts.knows(sha256):
+            return
+        if not self._running(sha256):
+            return
+        text = service.texts.find(sha256)
+        position = service.port.snapshot().position
+        positions = {axis.index: float(position[at]) for at, axis in enumerate(service.machine.axes)}
+
+        def listen(found: Foreseen) -> bool:
+            programs = self._running(sha256)
+            if found.marks is not None:
+                service.foresee(sha256, found.marks, text.lines)
+            if found.fault is not None:
+                for program in programs:
+                    program.notice = f"line {found.fault.line} will be refused: {found.fault.message}"
+            return bool(programs)
+
+        self._checker.foresee(
+            sha256, text.path, listen, positions, service.work_systems, checked=text.checked
+        )
+
+    def _running(self, sha256: str) -> list[Program]:
+        """Return the programs of a text that have not ended."""
+        return [each for each in self._service.current() if each.sha256 == sha256 and not each.ended]
+
+    def _text(self, request: wire.CheckRequest) -> str | Path:
+        if (request.text is None) == (request.sha256 is None):
+            raise Refused("MC511", "a check is of one text", "give either `text` or `sha256`")
+        return (
+            request.text if request.text is not None else self._service.texts.find(str(request.sha256)).path
+        )
+
+    def _positions(self, positions: Mapping[str, float] | None) -> dict[int, float] | None:
+        return None if positions is None else self._service.positions_si(positions)

@@ -1,0 +1,217 @@
+"""Simulations of long programs while they run, each in a process of its own at the lowest priority.
+
+They tell how long the rest takes, part by part as they get ahead, and a fault before the machine comes to it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import msgspec
+
+from mcserver.errors import Diagnostic
+from mcserver.machine.machine_file import Machine
+from mcserver.planning.line_marks import LineMarks
+from mcserver.simulation.worker_process import end_with_parent
+
+# Simulations at the same time, and those that wait for one of these.
+AT_ONCE = 2
+WAITING = 16
+# Between two parts [s].
+PART_S = 1.0
+LEAST_NICE = 19
+BLOCK_BYTES = 1 << 20
+
+
+class Foreseen(msgspec.Struct, frozen=True):
+    """What is known so far.
+
+    Attributes:
+        marks: times of lines. fault: the first that the check has found; then there are no times.
+    """
+
+    marks: LineMarks | None = None
+    fault: Diagnostic | None = None
+
+
+# Takes what is known; False: nobody wants to know any more.
+Listener = Callable[[Foreseen], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    sha256: str
+    path: Path
+    machine: Machine
+    listener: Listener
+    checked: bool
+
+
+class Foresight:
+    """The simulations of one machine's programs; belongs to the loop."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, _Job] = {}
+        self._running: dict[str, multiprocessing.process.BaseProcess] = {}
+        self._closed = False
+
+    def begin(
+        self, sha256: str, path: Path, machine: Machine, listener: Listener, *, checked: bool = False
+    ) -> None:
+        """Simulate the text of a file; one that is under way or waits already goes on.
+
+        Args:
+            machine: with its axes and work offsets where the program begins. checked: the text has no faults.
+        """
+        if self._closed or sha256 in self._running or sha256 in self._waiting:
+            return
+        if len(self._waiting) < WAITING:
+            self._waiting[sha256] = _Job(sha256, path, machine, listener, checked)
+            self._start_next()
+
+    def close(self) -> None:
+        """End all of them."""
+        self._closed = True
+        self._waiting.clear()
+        for process in self._running.values():
+            if process.pid is not None:
+                process.terminate()
+
+    def _start_next(self) -> None:
+        while self._waiting and len(self._running) < AT_ONCE:
+            job = self._waiting.pop(next(iter(self._waiting)))
+            context = multiprocessing.get_context("spawn")
+            receiving, sending = context.Pipe(duplex=False)
+            process = context.Process(
+                target=foresee,
+                args=(sending, str(job.path), job.machine, job.checked),
+                daemon=True,
+                name="foresight",
+            )
+            self._running[job.sha256] = process
+            # starting a process takes longer than the loop may wait
+            threading.Thread(
+                target=self._follow,
+                args=(asyncio.get_running_loop(), process, receiving, sending, job),
+                daemon=True,
+            ).start()
+
+    def _follow(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        process: multiprocessing.process.BaseProcess,
+        receiving: Connection,
+        sending: Connection,
+        job: _Job,
+    ) -> None:
+        """Start a simulation, and hand what it tells to the loop until it ends; in a thread of its own."""
+
+        def hand_over(part: Foreseen) -> None:
+            if self._closed or not job.listener(part):
+                process.terminate()
+
+        try:
+            process.start()
+            sending.close()
+            while not self._closed:
+                loop.call_soon_threadsafe(hand_over, receiving.recv())
+            process.terminate()
+        except (EOFError, OSError):
+            # it has told all, was ended, or could not be started
+            pass
+        except RuntimeError:
+            # the loop is closed: the server has stopped
+            process.terminate()
+        finally:
+            receiving.close()
+        if process.pid is not None:
+            process.join()
+        with contextlib.suppress(RuntimeError):
+            loop.call_soon_threadsafe(self._ended, job.sha256)
+
+    def _ended(self, sha256: str) -> None:
+        self._running.pop(sha256, None)
+        if not self._closed:
+            self._start_next()
+
+
+def foresee(sending: Connection, path: str, machine: Machine, checked: bool) -> None:
+    """Check and simulate a file, and send what is known of it about every `PART_S`; a process's main."""
+    # the least share beside others; SCHED_IDLE would give none at all beside any other job in the background
+    os.nice(LEAST_NICE)
+    end_with_parent()
+    foresee_file(path, machine, sending.send, checked=checked)
+
+
+def foresee_file(
+    path: str,
+    machine: Machine,
+    tell: Callable[[Foreseen], None],
+    clock: Callable[[], float] = time.monotonic,
+    part_s: float = PART_S,
+    *,
+    checked: bool = False,
+) -> None:
+    """Check and simulate a file, and tell what is known about every ``part_s`` [s] and at the end.
+
+    Args:
+        checked: it has no faults.
+    """
+    from mcserver.gcode.program_check import check_lines
+    from mcserver.machine.machine_kinematics import build_kinematics
+    from mcserver.simulation.line_times import LineTimes
+    from mcserver.simulation.simulation import simulate_lines
+
+    kinematics = build_kinematics(machine)
+    found = [] if checked else check_lines(lines_in(path), machine, kinematics)
+    faults = [each for each in found if each.severity == "error"]
+    if faults:
+        tell(Foreseen(fault=faults[0]))
+        return
+    times = LineTimes(keep=False)
+    due = clock() + part_s
+
+    def progress(_time_s: float, _line: int) -> None:
+        nonlocal due
+        if clock() >= due:
+            marks = times.marks()
+            if marks.through:
+                tell(Foreseen(marks=marks))
+            due = clock() + part_s
+
+    run = simulate_lines(
+        lambda: lines_in(path), machine, kinematics=kinematics, progress=progress, times=times, checked=True
+    )
+    # of one that a fault has stopped the times go as far as it came
+    marks = run.marks() if run.exit_code == 0 else times.marks()
+    if marks.complete or marks.through:
+        tell(Foreseen(marks=marks))
+
+
+def lines_in(path: str) -> Iterator[str]:
+    """Read the lines of a file.
+
+    Raises:
+        ProgramRejected: MC100 bytes that are no UTF-8. OSError: it cannot be read.
+    """
+    from mcserver.gcode.text.source import lines_of
+
+    with open(path, "rb") as file:
+        yield from lines_of(iter(lambda: file.read(BLOCK_BYTES), b""))
+
+
+def check_file(path: str, machine: Machine, positions: Mapping[int, float] | None) -> list[Diagnostic]:
+    """Find the faults of a file, as `mcserver.simulation.program_checker.check_text`; runs in the worker."""
+    from mcserver.gcode.program_check import check_lines
+    from mcserver.machine.machine_kinematics import build_kinematics
+
+    return check_lines(lines_in(path), machine, build_kinematics(machine), positions=positions)
