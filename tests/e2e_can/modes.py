@@ -29,7 +29,8 @@ async def goes_its_path_on_three_kinds_of_loops(machine: Machine, lag_mm: float)
     assert moved.setpoint[0, : len(PATH)] == pytest.approx(start, abs=0.1)
     behind = np.abs(moved.actual - moved.setpoint).max(axis=0)
     assert behind[2] < lag_mm, "the torque loop is too far behind"
-    assert moved.end[2] == pytest.approx(moved.setpoint[-1, 2], abs=0.6)
+    # within its in_position
+    assert moved.end[2] == pytest.approx(moved.setpoint[-1, 2], abs=1.2)
     assert moved.end[:2] == pytest.approx(moved.setpoint[-1, :2], abs=0.06)
 
 
