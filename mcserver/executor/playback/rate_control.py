@@ -282,6 +282,9 @@ class RateControl:
             if stage in (1, 3):
                 edge = min(edge, u + LITTLE_WAY * self._far)
         by_any = must_stop or (waits and self._refused >= patience)
+        if by_any and target > 1.0 and not near:
+            # nothing is passed to be faster than the rows
+            by_any, target = self.rate < 1.0, 1.0 if self.rate < 1.0 else target
         slowly = (stands or (near and self.rate <= 1.0)) and self._refused // QUICK_TRIES % 2 == 1
         in_parts = self._has_torques or self._refused >= QUICK_TRIES or self._is_partial(wish)
         flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any, slowly, in_parts)
