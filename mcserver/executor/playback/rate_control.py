@@ -50,8 +50,6 @@ SLOW_CYCLES = 4 * CRUISE
 NEAR_ROOM = 0.6
 # Rows ahead without which a stop may be near, beside the distance of the longest stop.
 NEAR_ROWS = 8.0
-# A change that takes longer than this goes slowly: a quicker one is looked for on the way [cycles].
-SLOW_CYCLES = 4 * CRUISE
 # Share of the rows in which a stop is near, that motion goes on by where there is no room for more.
 LITTLE_WAY = 0.99
 
