@@ -14,11 +14,12 @@ SHORT_S = 10.0
 
 
 class Announcement(NamedTuple):
-    """``kind``: ``positive`` or ``negative``, as notifications are coloured."""
+    """``kind``: as notifications are coloured. ``is_alarm``: latched, so that the page shows it anyway."""
 
     kind: Literal["positive", "negative"]
     title: str
     text: str
+    is_alarm: bool = False
 
 
 class Announcer:
@@ -49,7 +50,9 @@ class Announcer:
         for fault in status.faults if self._faults is not None else ():
             if (fault.code, fault.axis) not in (self._faults or ()):
                 found.append(
-                    Announcement("negative", f"{self._machine}: alarm", f"{fault.message} [{fault.code}]")
+                    Announcement(
+                        "negative", f"{self._machine}: alarm", f"{fault.message} [{fault.code}]", True
+                    )
                 )
         self._faults = faults
         return found

@@ -223,9 +223,10 @@ class MachinePage:
             ui.page_title(title)
         if status is None or stale:
             return
-        for kind, head, text in self._announcer.update(status, self._link.jobs.programs()):
-            # below: above are the buttons that stop, on a phone
-            ui.notify(text, type=kind, position="bottom", close_button="close", timeout=MESSAGE_MS)
+        for kind, head, text, is_alarm in self._announcer.update(status, self._link.jobs.programs()):
+            # an alarm has a card of its own. Below: above are the buttons that stop, on a phone
+            if not is_alarm:
+                ui.notify(text, type=kind, position="bottom", close_button="close", timeout=MESSAGE_MS)
             ui.run_javascript(f"mcTell({json.dumps(head)}, {json.dumps(text)})")
 
 

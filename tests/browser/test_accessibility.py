@@ -62,6 +62,8 @@ def worn(page: Page, request: pytest.FixtureRequest) -> Iterator[Page]:
 @pytest.mark.parametrize("worn", [(1920, "light"), (360, "dark")], indirect=True)
 def test_a_page_in_use_has_no_serious_findings(worn: Page, site: PageProcess, machine: sync.Machine) -> None:
     page = opened(worn, site)
+    for waiting in page.get_by_role("button", name=re.compile("from the queue$")).all():
+        waiting.click()
     upload(page, "used.gcode", "G1010\nG91\nG01 X20 F60\n")
     page.get_by_text("Drives", exact=True).click()
     field = page.get_by_label("G-code line")

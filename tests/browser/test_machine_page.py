@@ -164,7 +164,8 @@ def test_the_emergency_stop_is_confirmed_shown_before_all_else_and_reset(
     expect(page.get_by_role("status")).to_have_text("running")
     page.get_by_role("button", name="Emergency stop").click()
     expect(page.get_by_role("status")).to_have_text("EMERGENCY STOP")
-    expect(page.get_by_role("alert").filter(has_text="MC400")).to_be_visible()
+    shown = page.get_by_role("alert").filter(has=page.locator(".mc-faults"))
+    expect(shown).to_contain_text("MC400")
     assert machine.status().state == "estop"
     wait_for(machine, page, stands)
     expect(page.get_by_text("long.gcode · failed").first).to_be_visible()

@@ -39,7 +39,7 @@ def test_the_end_of_a_job_is_announced_once() -> None:
     announcer = Announcer("cell-1")
     assert announcer.update(state(part("running")), {"p-1"}) == []
     (said,) = announcer.update(state(part("finished", lasted=3.0)), {"p-1"})
-    assert said == ("positive", "cell-1: part.gcode", "part.gcode is finished after 0:03")
+    assert said == ("positive", "cell-1: part.gcode", "part.gcode is finished after 0:03", False)
     assert announcer.update(state(part("finished", lasted=3.0)), {"p-1"}) == []
 
 
@@ -63,7 +63,7 @@ def test_an_alarm_and_the_program_that_it_ends_are_announced() -> None:
     ended, alarm = announcer.update(state(part("faulted", lasted=65.0, fault=fault), faults=(fault,)), ())
     assert (ended.kind, alarm.kind) == ("negative", "negative")
     assert "MC421" in ended.text
-    assert alarm == ("negative", "cell-1: alarm", "axis X does not follow [MC421]")
+    assert alarm == ("negative", "cell-1: alarm", "axis X does not follow [MC421]", True)
     # latched, and cleared: nothing new
     assert announcer.update(state(faults=(fault,)), ()) == []
     assert announcer.update(state(), ()) == []
@@ -73,7 +73,7 @@ def test_a_pause_says_what_the_program_asks_for() -> None:
     announcer = Announcer("cell-1")
     announcer.update(state(part("running")), ())
     (said,) = announcer.update(state(part("paused", notice="fit tool 3")), ())
-    assert said == ("positive", "cell-1: part.gcode waits", "fit tool 3")
+    assert said == ("positive", "cell-1: part.gcode waits", "fit tool 3", False)
     ((kind, text),) = notices_of(state(part("paused", notice="fit tool 3")), online=True, failure="")
     assert kind == "mc-notice"
     assert text == "part.gcode waits at line 7: fit tool 3. Then press Resume."
