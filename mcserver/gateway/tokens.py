@@ -24,7 +24,7 @@ _READING = frozenset({"info", "status", "programs", "events", "check", "simulate
 _OPERATING = frozenset(
     {
         *("open", "submit", "close", "hold", "resume", "step", "abort", "override"),
-        *("jog", "home", "reference", "reset", "estop"),
+        *("jog", "home", "reference", "reset", "estop", "put_text"),
     }
     | {"set_output", "set_simulated_input"}
 )

@@ -16,7 +16,7 @@ from typing import Any
 from mcserver.security.site import EVERY_MACHINE, Role, Site, User, machine_identity
 
 LOOKING = ("info", "status", "programs", "events", "recordings", "recording_read", "model", "model_mesh")
-CHECKING = ("check", "simulate", "drives", "sdo_read")
+CHECKING = ("check", "simulate", "put_text", "drives", "sdo_read")
 STOPPING = ("estop",)
 # an agent asks for runs that an operator arms, and may stop along the path
 ASKING = ("request_run", "run_armed", "run_requests", "hold", "abort")

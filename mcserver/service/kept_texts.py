@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import re
 import shutil
 from collections import OrderedDict
 from pathlib import Path
@@ -15,6 +17,7 @@ TEXT_BYTES = 512 << 20
 ALL_BYTES = 1 << 30
 # What stays free on the disk, which is the journal's too [bytes].
 FREE_BYTES = 256 << 20
+_FILE = re.compile(r"[0-9a-f]{1,64}\.gcode")
 
 
 class KeptText:
@@ -61,13 +64,13 @@ class KeptTexts:
     """The texts of one start of a service.
 
     Args:
-        folder: theirs alone; what an earlier start left in it goes.
+        folder: for them; what an earlier start left in it goes.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._texts: OrderedDict[str, KeptText] = OrderedDict()
-        shutil.rmtree(folder, ignore_errors=True)
+        self._remove_files()
 
     def take(self, sha256: str, size: int, offset: int, part: bytes) -> KeptText:
         """Take a part of a text; writes to the disk, for one caller at a time.
@@ -114,7 +117,7 @@ class KeptTexts:
     def close(self) -> None:
         """Remove all of them."""
         self._texts.clear()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._remove_files()
 
     def _begin(self, sha256: str, size: int) -> KeptText:
         if size > TEXT_BYTES:
@@ -135,6 +138,14 @@ class KeptTexts:
             raise Refused("MC591", "the disk is too full to keep the text", _NO_ROOM)
         text = self._texts[sha256] = KeptText(sha256, size, self._folder / f"{sha256}.gcode")
         return text
+
+    def _remove_files(self) -> None:
+        """Remove files named like texts, and the folder where it is empty then; nothing else."""
+        with contextlib.suppress(OSError):
+            for each in self._folder.iterdir():
+                if _FILE.fullmatch(each.name):
+                    each.unlink(missing_ok=True)
+            self._folder.rmdir()
 
     def _drop(self, sha256: str) -> None:
         """Forget a text; who reads its file still reads on."""

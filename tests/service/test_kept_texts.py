@@ -78,3 +78,14 @@ def test_what_an_earlier_start_left_goes(tmp_path: Path) -> None:
     put(first)
     assert not KeptTexts(tmp_path / "texts").has(SHA)
     assert not (tmp_path / "texts").exists()
+
+
+def test_an_end_and_a_start_remove_texts_and_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / "journal.texts"
+    folder.mkdir()
+    (folder / "drawing.gcode").write_text("somebody else's")
+    (folder / ("a" * 64 + ".gcode")).write_text("of an earlier start")
+    texts = KeptTexts(folder)
+    assert [each.name for each in folder.iterdir()] == ["drawing.gcode"]
+    texts.close()
+    assert [each.name for each in folder.iterdir()] == ["drawing.gcode"]
