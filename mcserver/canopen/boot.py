@@ -127,6 +127,8 @@ class NodeBoot:
                 elif write.optional and code in ABSENT:
                     place = object_text(write.index, write.subindex)
                     remarks.append(f"{place} is not there: no {write.what}")
+                elif write.doubt and error.code == "MC551":
+                    remarks.append(f"{object_text(write.index, write.subindex)}: {write.doubt}")
                 elif write.instead and code in OUT_OF_RANGE:
                     remarks.append(self._write_instead(sdo, write))
                 else:

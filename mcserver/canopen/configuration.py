@@ -45,6 +45,11 @@ _OTHER_CYCLE = (
     "the drive does not take this cycle; cycle_hz = 1000, 500, 250, 200, 125 and 100 are whole milliseconds, "
     "which most drives take"
 )
+ENCODER, FEED = 0x608F, 0x6092
+_OTHER_ENCODER = (
+    "the machine file has another encoder, and the drive lets neither be set (608Fh, 6092h): move the axis "
+    "by a little and measure it before anything else"
+)
 # A cycle that 60C2h says less exactly than this would make the drive interpolate to another time.
 _CYCLE_ACCURACY = 1e-4
 # Bits of 6502h: which modes a drive has (CiA 402).
@@ -203,6 +208,7 @@ class _Writer:
         yield from self._on_loss(0x6007 + offset)
         for index, subindex, value in drive.scaling:
             yield from known.if_there(index + offset, subindex, value, "scaling to increments")
+        yield from self._fixed_encoder()
         if drive.mode != Mode.PROFILE_POSITION:
             mantissa, exponent = interpolation_period(cycle_s)
             for write in (
@@ -220,6 +226,18 @@ class _Writer:
         if drive.outputs:
             yield from known.if_there(0x60FE + offset, 2, drive.outputs, "outputs that are switched")
         yield known.number(0x6060 + offset, 0, drive.mode, "mode of operation")
+
+    def _fixed_encoder(self) -> Iterator[SdoWrite]:
+        """Compare an encoder that nobody can set: without a feed constant its increments may be the units."""
+        known, offset = self._dictionary, self._drive.offset
+        if known.writable(FEED + offset, 1) or known.writable(ENCODER + offset, 1):
+            return
+        for index, subindex, value in self._drive.scaling:
+            if index == ENCODER and known.has(index + offset, subindex):
+                write = known.number(
+                    index + offset, subindex, value, "increments of the encoder", optional=True
+                )
+                yield replace(write, verify=True, doubt=_OTHER_ENCODER)
 
     def _on_loss(self, index: int) -> Iterator[SdoWrite]:
         what = "what to do when the master is silent"

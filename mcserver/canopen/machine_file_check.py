@@ -4,12 +4,16 @@ configuration, watching.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from canopen.objectdictionary import ODVariable
 
+from mcserver.canopen.canopen_errors import object_text
 from mcserver.canopen.configuration import configuration_writes
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.eds import Description, load_description
 from mcserver.canopen.listening import MASTER
+from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite
 from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.machine.machine_file import Machine
@@ -27,11 +31,12 @@ def check_drives(machine: Machine) -> list[Diagnostic]:
                 if drive.eds
                 else Description(generic_dictionary(drive.node))
             )
-            configuration_writes(drive, machine.cycle_s, described.dictionary, MASTER)
+            writes = configuration_writes(drive, machine.cycle_s, described.dictionary, MASTER)
         except ConfigurationError as error:
             found.append(Diagnostic(code=error.code, message=error.message, hint=error.hint, axis=drive.axis))
             continue
         found += _doubts(drive, described)
+        found += _doubtful_values(drive, described, writes)
     return found
 
 
@@ -64,6 +69,20 @@ def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
             )
         )
     return doubts
+
+
+def _doubtful_values(
+    drive: DriveSettings, described: Description, writes: Sequence[SdoWrite]
+) -> list[Diagnostic]:
+    """Say where the EDS has another value than the machine file, which the drive lets nobody change."""
+    known = DriveDictionary(drive, described.dictionary)
+    found = []
+    for write in writes:
+        said = known.default(write.index, write.subindex) if write.doubt else None
+        if said is not None and said != int.from_bytes(write.payload, "little"):
+            place = object_text(write.index, write.subindex)
+            found.append(_warning(drive, f"{place} is {said} in the EDS", write.doubt))
+    return found
 
 
 def _has_values(described: Description) -> bool:

@@ -22,6 +22,7 @@ class SdoWrite:
         optional: a device without the object is as good.
         unless: nothing is written where the object holds this.
         verify: nothing is written: the object has to hold the payload.
+        doubt: with `verify`, where the object holds something else this is only said.
         spare_pdo: name of the PDO that the drive may refuse: it is switched off then, and not used.
         instead: what serves nearly as well, best first, where the value is out of the drive's range.
         remedy: what to do where the drive refuses it; empty: what the abort code says.
@@ -34,6 +35,7 @@ class SdoWrite:
     optional: bool = False
     unless: bytes | None = None
     verify: bool = False
+    doubt: str = ""
     spare_pdo: str = ""
     instead: tuple[bytes, ...] = ()
     remedy: str = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -73,3 +74,19 @@ def test_a_drive_of_a_family_is_booted_moved_broken_and_recovered(
             cycle.run(DriveMode.RESET, DriveState.OFF)
     finally:
         cycle.close()
+
+
+def test_an_encoder_that_can_neither_be_changed_nor_scaled_and_is_another_is_said(
+    hub: RunningHub, watched: Watched, tmp_path: Path
+) -> None:
+    text = FAMILIES["Delta"].text.replace("DefaultValue=4096", "DefaultValue=8192")
+    (tmp_path / "drive.eds").write_text(text)
+    drive = FamilyDrive(hub, replace(FAMILIES["Delta"], text=text)).start()
+    try:
+        machine = machine_on(hub.address(), [1], f'eds = "{tmp_path}/drive.eds"')
+        [doubt] = [each for each in check_drives(machine) if "608Fh" in each.message]
+        assert (doubt.code, doubt.severity) == ("MC022", "warning")
+        watched.start(machine)
+        assert "608Fh:01: the machine file has another encoder" in watched.sentences[-1]
+    finally:
+        drive.close()
