@@ -112,7 +112,7 @@ fuzz: $(VENV)/.for-development  ## random inputs for all that takes bytes; make 
 schedules: $(VENV)/.for-development  ## runs of the simulated cell; make schedules ARGS="--first 5000 --count 1000" (default: 20 000)
 	@$(BIN)/python -m tests.bench.schedules $(ARGS)
 
-laws: $(VENV)/.for-development  ## laws of motion on random programs; make laws ARGS="--first 0 --count 1000" (default: 10 000)
+laws: $(VENV)/.for-development  ## laws of motion on random programs; make laws ARGS="--first 0 --count 1000 --orders" (default: 10 000)
 	@$(BIN)/python -m tests.bench.motion_laws $(ARGS)
 
 pictures: $(VENV)/.for-development  ## draw the pictures of the documentation anew, by the product itself

@@ -3,7 +3,8 @@
 Each seed is a machine, a program of lines, arcs, timed lines and chords of curves, and moments at which the
 planner has to hand over. Judged from outside, on the rows (`tests.motion.measure`): velocity, acceleration
 and jerk of every axis at every cycle, F, the tolerance in both directions, every line reported once and in
-order, and the end. Seeds that break a law are printed; each replays alone.
+order, and the end. With ``--orders`` each program is played too, under random holds and overrides of 0 to
+200 %. Seeds that break a law are printed; each replays alone.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Array
+from tests.executor.test_overrides_of_programs import rig_of
 from tests.motion.measure import (
     ACCELERATION_SLACK,
     JERK_SLACK,
@@ -51,6 +53,12 @@ from tests.motion.support import (
 REPORT_S = 60.0
 # What rounding may take away from a path [m].
 EXACT = 1e-9
+# Overrides that are given; below 0: a hold or its end.
+RATES = (-1.0, -1.0, 0.0, 0.3, 0.5, 0.77, 0.97, 1.0, 1.4, 1.7, 2.0)
+# Times the jerk of an exact path's own vertices, where rows are played between whole ones.
+AT_VERTICES = 1.25
+# Longer motions are not played under orders: the ring takes them as a whole.
+MOST_ROWS = 3500
 # Most lines that a section of a program has.
 LONGEST = 60
 JERKS = (None, 20_000.0, 50_000.0, 200_000.0, 2_000_000.0)
@@ -177,7 +185,45 @@ def broken_laws(motion: Motion) -> list[str]:
     return broken
 
 
-def run(first: int, count: int) -> int:
+def broken_under_orders(motion: Motion, seed: int) -> list[str]:
+    """Play a motion under random orders; name the laws that its setpoints break.
+
+    What the rows themselves do at the vertices of an exact path (D-36) is allowed, with what interpolation
+    adds.
+    """
+    rng = np.random.default_rng((seed, 1))
+    rig = rig_of(motion.machine, motion)
+    mailbox, often = rig.executor.mailbox, rng.random() < 0.4
+    for _ in range(int(rng.integers(1, 60 if often else 12))):
+        rig.step(int(rng.integers(1, 10 if often else 300)))
+        rate = float(rng.choice(RATES))
+        if rate >= 0.0:
+            mailbox.set_override(rate, 0)
+        elif rng.random() < 0.5:
+            mailbox.set_hold(True, 0)
+        else:
+            mailbox.resume(0)
+    mailbox.resume(0)
+    mailbox.set_override(float(rng.choice([1.0, 1.3, 2.0])), 0)
+    rig.run(60_000)
+    points, machine = rig.setpoint, motion.machine
+    points = np.concatenate((np.tile(points[:1], (3, 1)), points, np.tile(points[-1:], (3, 1))))
+    own = [velocity_ratio(motion), acceleration_ratio(motion), jerk_ratio(motion)]
+    broken = []
+    for order, (name, slack) in enumerate(
+        [("velocity", VELOCITY_SLACK), ("acceleration", ACCELERATION_SLACK), ("jerk", JERK_SLACK)], start=1
+    ):
+        limit = np.array([getattr(axis, f"max_{name}") for axis in machine.axes])
+        value = float((np.abs(np.diff(points, order, axis=0)) / machine.cycle_s**order / limit).max())
+        most = slack if own[order - 1] <= slack else AT_VERTICES * own[order - 1]
+        if not value <= most:
+            broken.append(f"{name} {value:.6g} > {most:.6g} under orders")
+    if not np.array_equal(points[-1], motion.position[-1]):
+        broken.append("the end is missed under orders")
+    return broken
+
+
+def run(first: int, count: int, *, orders: bool = False) -> int:
     """Run the seeds; return how many break a law."""
     started = reported = time.monotonic()
     failed = lines = rows = 0
@@ -186,6 +232,8 @@ def run(first: int, count: int) -> int:
         try:
             motion = plan(machine, moves, commits=commits)
             broken = broken_laws(motion)
+            if orders and len(motion.position) <= MOST_ROWS:
+                broken += broken_under_orders(motion, seed)
         except (AssertionError, PlanningError) as error:
             broken = [f"{type(error).__name__} {error}".splitlines()[0]]
         else:
@@ -206,8 +254,9 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--first", type=int, default=0)
     options.add_argument("--count", type=int, default=10_000)
+    options.add_argument("--orders", action="store_true")
     chosen = options.parse_args()
-    return min(run(chosen.first, chosen.count), 1)
+    return min(run(chosen.first, chosen.count, orders=chosen.orders), 1)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,25 @@
+"""A few seeds of ``make laws``: chords, lines, arcs and timed lines mixed, as planned and under orders."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.bench.motion_laws import MOST_ROWS, broken_laws, broken_under_orders, program_of
+from tests.motion.support import alike, at_speed, line_curve, plan
+
+
+@pytest.mark.parametrize("seed", [1, 5, 84, 145, 594])
+def test_a_random_program_keeps_every_law_also_under_orders(seed: int) -> None:
+    machine, moves, commits = program_of(seed)
+    motion = plan(machine, moves, commits=commits)
+    assert broken_laws(motion) == []
+    assert len(motion.position) <= MOST_ROWS
+    assert broken_under_orders(motion, seed) == []
+
+
+def test_broken_limits_are_named() -> None:
+    machine = alike(2, velocity=200.0, acceleration=1000.0, jerk=50_000.0)
+    motion = plan(machine, [at_speed(0.2, line_curve(machine, (0, 1), (0.0, 0.0), (0.2, 0.0)))])
+    motion.machine = alike(2, velocity=100.0, acceleration=500.0, jerk=1000.0)
+    broken = " ".join(broken_laws(motion))
+    assert all(name in broken for name in ("velocity", "acceleration", "jerk"))
