@@ -39,4 +39,9 @@ def freeze_heap() -> None:
     For a process that runs for long and makes thousands of values a second.
     """
     gc.freeze()
+    collect_seldom()
+
+
+def collect_seldom() -> None:
+    """Collect garbage seldom: for a process that ends soon, and clears its heap in order then."""
     gc.set_threshold(YOUNG_OBJECTS, 10, 10)

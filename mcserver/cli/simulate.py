@@ -26,7 +26,7 @@ from mcserver.cli.simulation_report import (
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.compiling import SHORT_LINES
-from mcserver.processes import freeze_heap
+from mcserver.processes import collect_seldom
 from mcserver.simulation.input_script import with_inputs
 from mcserver.simulation.recorder import Recorded
 from mcserver.simulation.recording_file import write_csv, write_npz
@@ -70,7 +70,7 @@ def simulate_program(
             from mcserver.simulation.simulation import simulate_lines
 
             kinematics = build_kinematics(described)
-            freeze_heap()
+            collect_seldom()
             with live_progress() as progress:
                 simulation = simulate_lines(
                     program.source,

@@ -12,7 +12,7 @@ from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.motion.canonical import FeedGroup, MotionLine, PlainRun
 from mcserver.motion.planner import MotionPlanner
 from mcserver.planning.pipeline import RUN
-from mcserver.processes import freeze_heap
+from mcserver.processes import collect_seldom
 from tests.bench.figures import Figure, rate, seconds
 from tests.bench.machines import ideal
 
@@ -25,7 +25,7 @@ def measure() -> list[Figure]:
     from mcserver.simulation.simulation import simulate
 
     # as in the planner's process
-    freeze_heap()
+    collect_seldom()
     polyline = [
         f"G01 X{20 * math.cos(i / 40):.4f} Y{20 * math.sin(i / 40):.4f} Z{i / 1000:.4f}"
         for i in range(1, LINES + 1)

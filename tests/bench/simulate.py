@@ -7,7 +7,7 @@ import statistics
 import time
 
 from mcserver.machine.machine_file import Machine
-from mcserver.processes import freeze_heap
+from mcserver.processes import collect_seldom
 from tests.bench.figures import Figure
 from tests.bench.machines import ideal
 
@@ -18,7 +18,7 @@ RUNS = 3
 def measure() -> list[Figure]:
     """Long lines and short chords, with drives that follow exactly and with simulated ones."""
     # as in the command
-    freeze_heap()
+    collect_seldom()
     programs = {"lines of 80 mm": _strokes(), f"chords of {CHORD} mm": _chords()}
     figures = []
     for name, text in programs.items():
