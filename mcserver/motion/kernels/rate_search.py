@@ -72,8 +72,8 @@ PARTIAL = (
 LEAST_PART = 0.01
 # Motion that stands begins with time stretched by powers of this where no change of full pace keeps the
 # limits: at a rate lower by g, with a slope lower by g² and a curvature lower by g³, velocity, acceleration
-# and jerk of whatever the rows do fall with g, g² and g³.
-SLOWER, SLOWEST = 0.82, 24
+# and jerk of whatever the rows do fall with g, g² and g³. So many powers: slower ones take long to try.
+SLOWER, SLOWEST = 0.82, 18
 # What is looked at in one cycle before the search goes on in the next one, counted in setpoints of one axis,
 # some 5 ns each: a change is tried as a whole, so one more may be begun below this. Each try costs as much as
 # some cycles.
