@@ -6,20 +6,22 @@ import numpy as np
 import pytest
 
 from mcserver.can.cob import SYNC, Function
-from mcserver.can.pdo_layout import RPDO1, TPDO1
+from mcserver.can.pdo_layout import RPDO1, RPDO2, TPDO1
 from tests.e2e_can.bus_log import Logged
-from tests.e2e_can.cycles import Rows, Slice, jumps, slices
-from tests.e2e_can.outcome import Outcome, Stop, measure_stop, table
+from tests.e2e_can.cycles import Rows, Slice, first_torques, jumps, slices
+from tests.e2e_can.outcome import Outcome, Stop, greatest_jump, measure_stop, table
 from tests.e2e_can.signs import (
     Behind,
     Evidence,
     InFrames,
     NoFrames,
     Witness,
+    commanded,
     commanded_otherwise,
     has,
     lacks_answer,
     lacks_heartbeat,
+    pulls,
     short_answer,
 )
 
@@ -121,6 +123,18 @@ def test_a_jump_is_target_less_encoder_when_the_drive_is_energized() -> None:
         Logged(0, Function.RPDO1 + NODE, RPDO1.packing.pack(0x0F, 8, 9000)),
     ]
     assert jumps(frames, NODE) == [-2]
+
+
+def test_set_points_and_torques_are_signs_and_the_first_torque_is_the_jump_of_a_torque_loop() -> None:
+    def pull(word: int, torque: int) -> Logged:
+        return Logged(0, Function.RPDO2 + NODE, RPDO2.packing.pack(word, 0, torque))
+
+    offered = Slice((Logged(0, Function.RPDO1 + NODE, RPDO1.packing.pack(0x3F, 1, 0)),))
+    assert (commanded(NODE, 0x10)(offered), commanded(NODE, 0x100)(offered)) == (True, False)
+    assert (pulls(NODE, 800)(Slice((pull(0x0F, -801),))), pulls(NODE, 800)(offered)) == (True, False)
+    frames = [pull(0x07, 0), pull(0x0F, 3), pull(0x0F, 500), pull(0x06, 0), pull(0x0F, -2)]
+    assert first_torques(frames, NODE) == [3, -2]
+    assert greatest_jump(frames, [NODE], by_torque=NODE) == 3
 
 
 def test_the_table_says_what_is_not_there() -> None:
