@@ -48,7 +48,7 @@ async def test_one_short_move_is_true_on_one_bus(machine: Machine, cell: Cell) -
 
 
 async def test_csp_ip_and_cst_go_one_path(machine: Machine) -> None:
-    await modes.goes_its_path_on_three_kinds_of_loops(machine, lag_mm=3.0)
+    await modes.goes_its_path_on_three_kinds_of_loops(machine, lag_mm=6.0)
 
 
 async def test_pp_goes_to_a_point_and_is_refused_a_path(machine: Machine) -> None:
