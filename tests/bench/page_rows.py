@@ -7,6 +7,7 @@ computes, how large its document is, and whether a row is missing where one shou
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 SCROLL_S = 10.0
 REST_MS = 5_000
 LIMIT_MS = 120_000
-# Seconds of the browser's main thread since the page was opened, by what they were spent on.
+# Processor time of the browser's main thread since the page was opened [s], by what it was spent on.
 SPENT = ("ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
 # moves the table a little at each frame, up and down over all rows; keeps how long each frame took [ms],
 # and of every tenth how much of the table is without a row [px]
@@ -60,7 +61,7 @@ SCROLL = """(lasts_ms) => {
 
 @dataclass(frozen=True)
 class Scrolled:
-    """What the browser's own clock said [ms], what the page computed [% of its thread], and what it holds."""
+    """What the browser's clock said [ms], what the page computed [% of a core], and what it holds."""
 
     frames_ms: list[float]
     long_ms: list[float]
@@ -74,8 +75,8 @@ class Scrolled:
 FIGURES: tuple[tuple[str, str, Callable[[Scrolled], float]], ...] = (
     ("elements in the document", "", lambda seen: float(seen.elements)),
     ("rows in the document", "", lambda seen: float(seen.rows)),
-    ("computing at rest (scripts, styles, layout)", "% of its thread", lambda seen: seen.at_rest),
-    ("computing while scrolling", "% of its thread", lambda seen: seen.scrolling),
+    ("computing at rest (scripts, styles, layout)", "% of a core", lambda seen: seen.at_rest),
+    ("computing while scrolling", "% of a core", lambda seen: seen.scrolling),
     (
         "computing a frame",
         "ms",
@@ -128,13 +129,15 @@ class Clock:
 
     def __init__(self, page: Page) -> None:
         self._session = page.context.new_cdp_session(page)
-        self._session.send("Performance.enable")
+        # processor time of the thread, not of the clock on the wall, which others' work makes longer
+        self._session.send("Performance.enable", {"timeDomain": "threadTicks"})
         self._before: dict[str, float] = {}
+        self._since = time.perf_counter()
 
     def share(self) -> float:
         """Percent of the time since the call before that went into scripts, styles and layout."""
         answer = self._session.send("Performance.getMetrics")
         now = {each["name"]: float(each["value"]) for each in answer["metrics"]}
         before, self._before = self._before or now, now
-        lasted = now["Timestamp"] - before["Timestamp"]
-        return 100.0 * sum(now[each] - before[each] for each in SPENT) / lasted if lasted > 0.0 else 0.0
+        since, self._since = self._since, time.perf_counter()
+        return 100.0 * sum(now[each] - before[each] for each in SPENT) / (self._since - since)
