@@ -94,6 +94,25 @@ def test_g28_goes_by_its_point_to_the_stored_position() -> None:
     assert (axes["0"]["position"], axes["0"]["max"]) == (0.0, 60.0)
 
 
+@pytest.mark.parametrize("line", ["G0 G91 G28 Z0", "G28G91G0Z0", "G0 G91 G30 Z0", "G1 G91 G28 Z0"])
+def test_g0_beside_g28_leaves_it_the_words(line: str) -> None:
+    apart = [
+        each
+        for each in line.replace("G28", " G28 ").replace("G0", " ").replace("G1 ", " ").split(" ")
+        if each
+    ]
+    before = "G0 X30 Z-20\n"
+    assert ends(before + line + "\nG90") == ends(before + " ".join(apart) + "\nG90")
+
+
+def test_g0_beside_g28_is_in_force_behind_it() -> None:
+    lines = run("G1 X10 F60\nG0 G91 G28 Z0\nG90 X0", "cnc")["lines"]
+    assert lines[-1]["requested_s"] is None
+    assert errors("G2 G91 G28 Z0", "cnc") != []
+    # P would be another point, which is not there
+    assert [each.code for each in errors("G0 G91 G30 P2 Z0", "cnc")] == ["MC113"]
+
+
 def test_the_spindle_is_an_axis_that_goes_on_turning() -> None:
     report = run("S600 M3\nG4 P1\nG1 X10 F600\nM5\nG4 P1", "cnc")
     assert report["axes"]["6"]["max"] > 3600.0

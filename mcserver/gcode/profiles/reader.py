@@ -218,7 +218,7 @@ class ProfileReader:
             codes.append(msgspec.structs.replace(loose[0], letter="REPEAT"))
         names = {code_name(word.letter, word.value) for word in (*settings, *codes)}
         names |= {"REPEAT"} if repeated else set()
-        if motions and "P" not in taken and "G4" not in names:
+        if motions and "P" not in taken and not names & {"G4", "G28", "G30"}:
             # of an arc: the turns
             loose += [word for word in own if word.letter == "P"]
             own = [word for word in own if word.letter != "P"]
@@ -322,8 +322,14 @@ class ProfileReader:
     def _one_motion(
         self, codes: list[Word], motions: list[Word], machine_frame: bool, faults: FaultList
     ) -> None:
-        """Report codes that would each take the axis words of the line."""
+        """Report codes that would each take the axis words of the line.
+
+        G0 and G1 beside G28 or G30 leave it their words and are in force behind it (D-61), as posts write it.
+        """
         takers = [word for word in codes if code_name(word.letter, word.value) in TAKES_AXES]
+        returning = bool(takers) and code_name(takers[0].letter, takers[0].value) in ("G28", "G30")
+        if returning and not machine_frame:
+            motions = [word for word in motions if code_name(word.letter, word.value) not in ("G0", "G1")]
         for word in [*takers[1:], *(motions if takers else [])]:
             first, name = (code_name(each.letter, each.value) for each in (takers[0], word))
             faults.add("MC153", f"{first} and {name} would share their words", word.span, _OWN_LINE)
