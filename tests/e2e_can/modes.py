@@ -4,34 +4,15 @@ from __future__ import annotations
 
 import asyncio
 
-import numpy as np
 import pytest
 from mcclient import Machine, ProgramRejected, RequestRefused
 
 from tests.e2e.observing import run
 from tests.e2e_can.cell import Cell
 from tests.e2e_can.machines import HOMED, MIXED, POINTED
-from tests.e2e_can.programs import on_the_bus
 
 LIMIT_S = 120.0
-PATH = (0, 1, 2)
-# 10 mm of path in three axes: csp, ip and cst go it together
-ALONG = "G1010 P0\nG1010 P1\nG1010 P2\nG91 G94 F1200\nG01 X6 Y6 Z5\nG04 P0.2\n"
 TO_A_POINT = ["G1010 P3", "G90 G00 [3]42"]
-
-
-async def goes_its_path_on_three_kinds_of_loops(machine: Machine, lag_mm: float) -> None:
-    """The drives of csp and ip follow as closely as they can, the loop of cst within ``lag_mm``."""
-    start = np.array((await machine.status()).axes.position)[list(PATH)]
-    moved = await on_the_bus(machine, ALONG)
-    gone = moved.setpoint[-1, : len(PATH)] - moved.setpoint[0, : len(PATH)]
-    assert gone == pytest.approx([6.0, 6.0, 5.0], abs=1e-6)
-    assert moved.setpoint[0, : len(PATH)] == pytest.approx(start, abs=0.1)
-    behind = np.abs(moved.actual - moved.setpoint).max(axis=0)
-    assert behind[2] < lag_mm, f"the torque loop is {behind[2]:.3f} mm behind"
-    # within its in_position
-    assert moved.end[2] == pytest.approx(moved.setpoint[-1, 2], abs=1.2)
-    assert moved.end[:2] == pytest.approx(moved.setpoint[-1, :2], abs=0.06)
 
 
 async def goes_to_a_point_and_follows_no_path(machine: Machine) -> None:

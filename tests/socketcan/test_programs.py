@@ -47,10 +47,6 @@ async def test_one_short_move_is_true_on_one_bus(machine: Machine, cell: Cell) -
     assert_as_ideal(moved, on_ideal_drives(SHORT, cell.raw), within=0.05, lag=2.0)
 
 
-async def test_csp_ip_and_cst_go_one_path(machine: Machine) -> None:
-    await modes.goes_its_path_on_three_kinds_of_loops(machine, lag_mm=6.0)
-
-
 async def test_pp_goes_to_a_point_and_is_refused_a_path(machine: Machine) -> None:
     await modes.goes_to_a_point_and_follows_no_path(machine)
 
