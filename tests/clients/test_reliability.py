@@ -76,6 +76,18 @@ async def test_a_restarted_server_interrupts_the_program_and_says_how_to_resume(
     assert numbers(server) == [1, 2, 3]
 
 
+async def test_a_server_that_comes_back_as_another_machine_is_asked_what_it_is(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine:
+        assert len(machine.info.axes) == server.axis_count
+        await asyncio.to_thread(server.go_away)
+        server.axis_count = 2
+        await asyncio.to_thread(server.come_back)
+        async with asyncio.timeout(60.0):
+            while len(machine.info.axes) != 2:
+                await asyncio.sleep(0.01)
+        assert machine.info.instance == server.instance
+
+
 async def test_a_line_under_way_when_the_server_restarts_is_reported_as_interrupted(
     server: FakeServer,
 ) -> None:

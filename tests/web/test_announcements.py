@@ -87,7 +87,7 @@ def test_what_a_running_program_says_is_a_note_and_an_ended_one_says_nothing() -
 
 @pytest.mark.parametrize(
     ("status", "end"),
-    [(None, "it has not been seen yet."), (state(part("running")), "what is shown is old.")],
+    [(None, "It has not been seen yet."), (state(part("running")), "What is shown is old.")],
 )
 def test_a_machine_that_is_away_says_why_and_what_is_shown_then(
     status: MachineStatus | None, end: str

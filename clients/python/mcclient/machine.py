@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import hashlib
 import os
 import weakref
@@ -14,7 +16,7 @@ from mcclient.calls import DEADLINE_S, Caller
 from mcclient.channels import ChannelCalls
 from mcclient.discovery import CONNECT_S, find_machine, new_client_id
 from mcclient.drives import DriveCalls
-from mcclient.errors import ProtocolError
+from mcclient.errors import MotionError, ProtocolError
 from mcclient.estop import send_until_confirmed
 from mcclient.events import open_events
 from mcclient.feed import Feed, Queue
@@ -64,6 +66,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         self._patience_s = patience_s
         self._holder: InfoHolder | None = None
         self._watch: Subscription | None = None
+        self._asking_anew: asyncio.Task[None] | None = None
         self._token_declared = False
         self._streams: weakref.WeakSet[LineStream] = weakref.WeakSet()
         self._queues: weakref.WeakSet[Queue[Any]] = weakref.WeakSet()
@@ -145,12 +148,25 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
             )
         self._presence.on_return(self._on_server_return)
 
-    def _on_server_return(self, _instance: str) -> None:
+    def _on_server_return(self, instance: str) -> None:
         for stream in list(self._streams):
             stream.on_server_return()
+        if instance != self.info.instance:
+            if self._asking_anew is not None:
+                self._asking_anew.cancel()
+            self._asking_anew = asyncio.get_running_loop().create_task(self._ask_anew())
+
+    async def _ask_anew(self) -> None:
+        """Learn what a server that was started again is now: its machine file may be another one."""
+        # one that goes away meanwhile is asked when it comes back
+        with contextlib.suppress(MotionError):
+            await self.refresh_info()
 
     async def close(self) -> None:
         """Ends the link; programs still open end as their ``on_disconnect`` says."""
+        if self._asking_anew is not None:
+            self._asking_anew.cancel()
+            await asyncio.gather(self._asking_anew, return_exceptions=True)
         for stream in list(self._streams):
             await stream.stop()
         if self._watch is not None:
@@ -169,7 +185,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
 
     @property
     def info(self) -> Info:
-        """Axes, limits, tools, units; as of the connection or the last `refresh_info`."""
+        """Axes, limits, tools, units; asked for anew when the server was started again."""
         assert self._holder is not None, "set before a machine is handed out"
         return self._holder.info
 
@@ -179,7 +195,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         return self._presence.online
 
     async def refresh_info(self, *, deadline_s: float = DEADLINE_S) -> Info:
-        """Asks again, such as after the server was started anew."""
+        """Asks again now; after a start of the server that is done anyway."""
         info = decode(Info, await self._caller.call("info", deadline_s=deadline_s))
         if self._holder is None:
             self._holder = InfoHolder(info)

@@ -33,7 +33,7 @@ class NoticePanel:
 def notices_of(status: MachineStatus | None, *, online: bool, failure: str) -> tuple[tuple[str, str], ...]:
     """Return what there is to say: the class of the label, and the sentence."""
     if not online:
-        shown = "what is shown is old" if status is not None else "it has not been seen yet"
+        shown = "What is shown is old" if status is not None else "It has not been seen yet"
         return (("mc-faults", f"The machine does not answer{': ' + failure if failure else ''}. {shown}."),)
     if status is None:
         return ()
