@@ -26,7 +26,7 @@ from mcserver.machine.io_process_data import objects_of
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.virtual_executor import VirtualExecutor
-from tests.canopen.eds_files import U8, _record, eds
+from tests.canopen.eds_files import U8, record, eds
 from tests.canopen.local_drives import LocalDrive, until
 from tests.canopen.rig import RunningHub, Watched
 
@@ -106,13 +106,13 @@ def machine(address: str, channels: str = CHANNELS) -> Machine:
 def description(profile: int = 401) -> str:
     more = "\n".join(
         (
-            _record(0x1016, "Consumer heartbeat", (U32,), "rw", ["0"]),
-            _record(0x6000, "Digital inputs", (U8, U8), "ro", ["0", "0"]),
-            _record(0x6200, "Digital outputs", (U8, U8), "rww", ["0", "0"]),
-            _record(0x6206, "Error mode", (U8, U8), "rw", ["255", "255"]),
-            _record(0x6207, "Error value", (U8, U8), "rw", ["0", "0"]),
-            _record(0x6401, "Analog inputs", (I16, I16), "ro", ["0", "0"]),
-            _record(0x6411, "Analog outputs", (I16, I16), "rww", ["0", "0"]),
+            record(0x1016, "Consumer heartbeat", (U32,), "rw", ["0"]),
+            record(0x6000, "Digital inputs", (U8, U8), "ro", ["0", "0"]),
+            record(0x6200, "Digital outputs", (U8, U8), "rww", ["0", "0"]),
+            record(0x6206, "Error mode", (U8, U8), "rw", ["255", "255"]),
+            record(0x6207, "Error value", (U8, U8), "rw", ["0", "0"]),
+            record(0x6401, "Analog inputs", (I16, I16), "ro", ["0", "0"]),
+            record(0x6411, "Analog outputs", (I16, I16), "rww", ["0", "0"]),
         )
     )
     return eds(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -109,4 +110,7 @@ async def test_a_fault_that_is_found_ahead_is_told_while_the_program_runs(
     status = (await client.call("programs", program=program))["programs"][0]
     assert status["notice"] == "line 90 will be refused: the chord is too long"
     await client.call("abort", program=program)
+    async with asyncio.timeout(60.0):
+        while (await client.call("programs", program=program))["programs"][0].get("ended_at") is None:
+            await asyncio.sleep(0.01)
     assert not listener(Foreseen(marks=LineMarks([0, 1], [0.0, 1.0], 1.0, 1, complete=False)))

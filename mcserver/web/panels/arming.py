@@ -109,7 +109,7 @@ def _listing(text: str) -> str:
     lines = text.splitlines()
     width = len(str(len(lines)))
     shown = "\n".join(f"{number:{width}}  {html.escape(line)}" for number, line in enumerate(lines, 1))
-    return f'<pre class="mc-program" tabindex="0" aria-label="Program">{shown}</pre>'
+    return f'<pre class="mc-program" tabindex="0" aria-label="Program to arm">{shown}</pre>'
 
 
 def _state_text(each: RunToArm) -> str:
