@@ -26,7 +26,7 @@ from mcserver.machine.io_process_data import objects_of
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.virtual_executor import VirtualExecutor
-from tests.canopen.eds_files import U8, record, eds
+from tests.canopen.eds_files import U8, eds, record
 from tests.canopen.local_drives import LocalDrive, until
 from tests.canopen.rig import RunningHub, Watched
 
