@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from canopen.objectdictionary import ODVariable
 
+from mcserver.can.pdo_layout import Mode
 from mcserver.canopen.canopen_errors import object_text
 from mcserver.canopen.configuration import configuration_writes
 from mcserver.canopen.dictionary import generic_dictionary
@@ -17,6 +18,9 @@ from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite
 from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.machine.machine_file import Machine
+
+# What a torque loop that is closed over a bus is as stiff as at 100 Hz [1/s²].
+LEAST_STIFFNESS = 20.0
 
 
 def check_drives(machine: Machine) -> list[Diagnostic]:
@@ -36,6 +40,7 @@ def check_drives(machine: Machine) -> list[Diagnostic]:
             found.append(Diagnostic(code=error.code, message=error.message, hint=error.hint, axis=drive.axis))
             continue
         found += _doubts(drive, described)
+        found += _soft_loop(drive, machine)
         found += _doubtful_values(drive, described, writes)
     return found
 
@@ -69,6 +74,30 @@ def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
             )
         )
     return doubts
+
+
+def _soft_loop(drive: DriveSettings, machine: Machine) -> list[Diagnostic]:
+    """Say where a torque loop over the bus is too soft to hold a position.
+
+    It is as stiff as its cycle is short: a load that takes the acceleration a holds the axis off by
+    a / (velocity_gain / inertia · position_gain) until the integral has it.
+    """
+    axis = machine.axis(drive.axis)
+    if drive.mode != Mode.CYCLIC_TORQUE or axis is None:
+        return []
+    gains = axis.drive
+    stiffness = (gains.velocity_gain or 0.0) / gains.inertia * (gains.position_gain or 0.0)
+    # half a per cent: gains are written with few digits
+    if stiffness >= 0.995 * LEAST_STIFFNESS:
+        return []
+    return [
+        _warning(
+            drive,
+            f"its torque loop is soft at {machine.cycle_hz:g} Hz: a load that takes 100 {axis.type.unit}/s² "
+            f"holds the axis {100.0 / stiffness:.3g} {axis.type.unit} off until the integral has it",
+            "a greater cycle_hz, 500 or more, or a mode whose loop is the drive's own",
+        )
+    ]
 
 
 def _doubtful_values(

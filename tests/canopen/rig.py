@@ -92,6 +92,7 @@ def machine_on(
     bus: str = "",
     own_keys: Sequence[str] = (),
     axis_keys: str = "",
+    cycle_hz: float = 100.0,
 ) -> Machine:
     """Axis i has the i-th node; ``keys`` go into every drive's section, ``own_keys`` into one each,
     ``axis_keys`` into every axis's."""
@@ -115,7 +116,8 @@ counts_per_motor_rev = 4096
         for axis, node in enumerate(nodes)
     )
     return parse_machine(
-        f'[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "{address}"\n{bus}\n{axes}'
+        f'[machine]\nname = "m"\ncycle_hz = {cycle_hz}\n'
+        f'[[bus]]\nname = "left"\naddress = "{address}"\n{bus}\n{axes}'
     )
 
 

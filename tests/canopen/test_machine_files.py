@@ -63,6 +63,16 @@ def test_a_drive_that_watches_nobody_earns_a_warning() -> None:
     assert codes(machine_on(NOWHERE, [1], "heartbeat_ms = 0")) == [("MC022", "warning")]
 
 
+@pytest.mark.parametrize(("cycle_hz", "warned"), [(50.0, True), (100.0, False), (1000.0, False)])
+def test_a_torque_loop_over_a_slow_bus_earns_a_warning(cycle_hz: float, warned: bool) -> None:
+    keys = 'mode = "cst"\nrated_torque = 1.0\ninertia = 1e-3'
+    machine = machine_on(NOWHERE, [1], keys, axis_keys="max_following_error = 5.0", cycle_hz=cycle_hz)
+    found = [each.message for each in find_drive_faults(machine) if "soft" in each.message]
+    assert bool(found) is warned
+    # 0.1 / T · 0.2 · 0.1 / T = 5 /s² at 50 Hz
+    assert not warned or "100 mm/s² holds the axis 20 mm off" in found[0]
+
+
 def test_the_simulated_drive_s_eds_is_beyond_doubt_and_a_dcf_of_another_node_is_not(tmp_path: Path) -> None:
     eds = ROOT / "mcserver" / "drive_sim" / "cia402.eds"
     assert codes(machine_on(NOWHERE, [1], f'eds = "{eds}"')) == []
