@@ -46,7 +46,8 @@ class FakeDrive:
         swallowed: writes that are carried out and not answered, and how often. write_only: not to be read.
         slow: how long a write of an object takes [s].
         muted: says nothing, and does nothing. boots: answers a reset with a boot-up message.
-        starts: obeys NMT start. beats: sends heartbeats. written: in order.
+        starts: obeys NMT start. emergency: what it sends as an emergency at each NMT start.
+        beats: sends heartbeats. written: in order.
     """
 
     node: int
@@ -59,6 +60,7 @@ class FakeDrive:
     muted: bool = False
     boots: bool = True
     starts: bool = True
+    emergency: bytes = b""
     beats: bool = True
     state: NmtState = NmtState.PRE_OPERATIONAL
     written: list[tuple[int, int, bytes]] = field(default_factory=list)
@@ -144,8 +146,11 @@ class FakeDrives:
             drive.lose_configuration()
             if drive.boots:
                 self.send(Function.HEARTBEAT + drive.node, bytes((NmtState.BOOT_UP,)))
-        elif command == NmtCommand.START and drive.starts:
-            drive.state = NmtState.OPERATIONAL
+        elif command == NmtCommand.START:
+            if drive.emergency:
+                self.send(Function.EMCY + drive.node, drive.emergency)
+            if drive.starts:
+                drive.state = NmtState.OPERATIONAL
         elif command == NmtCommand.ENTER_PRE_OPERATIONAL:
             drive.state = NmtState.PRE_OPERATIONAL
         elif command == NmtCommand.STOP:

@@ -206,6 +206,16 @@ def test_a_node_that_does_not_start_is_reported(hub: RunningHub, make_drives: Ma
         watched.start(machine_on(hub.address(), [1]))
 
 
+def test_the_emergency_that_explains_it_is_named(
+    hub: RunningHub, make_drives: Make, watched: Watched
+) -> None:
+    drive = make_drives(1)[1]
+    drive.starts = False
+    drive.emergency = bytes.fromhex("2031040000000000")
+    with pytest.raises(DriveError, match=r"MC555: .*pre-operational; it sent the emergency 3120h"):
+        watched.start(machine_on(hub.address(), [1]))
+
+
 def test_a_bus_that_is_not_there_is_reported(watched: Watched) -> None:
     with pytest.raises(RuntimeFault, match="MC424"):
         watched.start(machine_on("socketcand:127.0.0.1:9/can0", [1]))

@@ -200,11 +200,16 @@ def test_an_eds_without_an_optional_object_is_as_good(index: int) -> None:
     assert of(index, writes(dictionary=dictionary)) == []
 
 
-def test_a_mapping_that_is_fixed_is_taken_where_it_is_the_right_one() -> None:
+@pytest.mark.parametrize("what", ["mapping", "identifier"])
+def test_a_pdo_that_is_fixed_is_taken_where_it_is_the_right_one(what: str) -> None:
     dictionary = generic_dictionary(NODE)
     mapping = dictionary[0x1600]
-    for member in mapping.values():
-        member.access_type = "const"
+    if what == "mapping":
+        for member in mapping.values():
+            member.access_type = "const"
+    else:
+        # a PDO that cannot be switched off cannot be mapped either
+        dictionary[0x1400][1].access_type = "ro"
     with pytest.raises(ConfigurationError, match=r"MC552.*1600h:00.*RPDOs cannot be mapped"):
         writes(dictionary=dictionary)
     mapping[0].default = 3
