@@ -55,8 +55,8 @@ def check_program(
         at_rest: no axis is energized at the start, so warn of a first move on such axes (MC144).
     """
     lines = split_lines(text)
-    told = None if progress is None else lambda done: progress(done, len(lines))
-    return check_lines(lines, machine, kinematics, told, positions=positions, lease=lease, at_rest=at_rest)
+    checked = None if progress is None else lambda done: progress(done, len(lines))
+    return check_lines(lines, machine, kinematics, checked, positions=positions, lease=lease, at_rest=at_rest)
 
 
 def check_lines(

@@ -72,6 +72,7 @@ MAX_PATH_POINTS = 10_000
 
 ProgramId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
 RequestId = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{1,64}$")]
 LineNumber = Annotated[int, Meta(ge=1, le=2**53)]
 ChannelName = Annotated[str, Meta(max_length=40)]
 AxisIndex = Annotated[int, Meta(ge=0, le=63)]
@@ -129,7 +130,7 @@ class OpenRequest(Request, frozen=True, kw_only=True):
     resume_of: ProgramId | None = None
     step: bool = False
     hold: bool = False
-    sha256: Annotated[str, Meta(pattern="^[0-9a-f]{1,64}$")] | None = None
+    sha256: Sha256 | None = None
 
 
 class OpenReply(msgspec.Struct, frozen=True):
@@ -271,7 +272,7 @@ class CheckRequest(Request, frozen=True, kw_only=True):
 
     text: str | None = None
     positions: dict[str, float] | None = None
-    sha256: Annotated[str, Meta(pattern="^[0-9a-f]{1,64}$")] | None = None
+    sha256: Sha256 | None = None
 
 
 class SimulateRequest(Request, frozen=True, kw_only=True):

@@ -7,11 +7,9 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from mcserver.net.messages import Request
+from mcserver.net.messages import Request, Sha256
 
 MAX_PART_BYTES = 1 << 20
-
-Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{1,64}$")]
 
 
 class PutTextRequest(Request, frozen=True, kw_only=True):

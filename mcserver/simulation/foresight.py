@@ -126,7 +126,7 @@ class Foresight:
                 loop.call_soon_threadsafe(hand_over, receiving.recv())
             process.terminate()
         except (EOFError, OSError):
-            # it has told all, was ended, or could not be started
+            # it has sent all, was ended, or could not be started
             pass
         except RuntimeError:
             # the loop is closed: the server has stopped

@@ -213,7 +213,7 @@ FAMILIES: Mapping[str, Family] = MappingProxyType(
             Habits(bits=0x0250 & ~0x40, steps=5),
             'mode = "ip"',
         ),
-        # its process data as the profile's defaults, no 1016h, quick stop on loss is none of its options
+        # its process data as the profile's defaults, no 1016h, no quick stop on loss among its options
         "Delta": Family(
             eds(
                 changes=has_modes(0xED),

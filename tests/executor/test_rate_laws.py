@@ -85,15 +85,20 @@ def away_from(path: str, points: Array) -> float:
     return float(np.abs(points[:, 1] - 0.3 * points[:, 0]).max())
 
 
-def start(path: str, speed: float, jerk: float | None) -> tuple[Rig, Rows]:
-    rig = Rig(machine(jerk=None if jerk is None else 1000.0 * jerk))
-    rows = line(speed, jerk) if path == "line" else circle(speed, jerk)
+def hand_over(rig: Rig, rows: Rows) -> None:
+    """One motion, all of it, and the program's end."""
     program = rig.program
     program.capture()
     program.control(ControlKind.BEGIN, axes=3)
     program.rows(rows.position, rows.velocity, 3)
     program.control(ControlKind.END, axes=3)
     program.finish()
+
+
+def start(path: str, speed: float, jerk: float | None) -> tuple[Rig, Rows]:
+    rig = Rig(machine(jerk=None if jerk is None else 1000.0 * jerk))
+    rows = line(speed, jerk) if path == "line" else circle(speed, jerk)
+    hand_over(rig, rows)
     return rig, rows
 
 
@@ -287,12 +292,7 @@ def swinging(jerk: float) -> Rows:
 @pytest.mark.parametrize("rate", [1.2, 2.0])
 def test_no_limit_is_passed_to_be_faster_than_the_rows(rate: float) -> None:
     rig, rows = Rig(machine(jerk=1000.0 * JERK)), swinging(JERK)
-    program = rig.program
-    program.capture()
-    program.control(ControlKind.BEGIN, axes=3)
-    program.rows(rows.position, rows.velocity, 3)
-    program.control(ControlKind.END, axes=3)
-    program.finish()
+    hand_over(rig, rows)
     rig.step(200)
     give(rig, rate)
     rig.run()

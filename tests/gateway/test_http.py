@@ -32,7 +32,7 @@ def ask(gateway: GatewayProcess, path: str, token: str, body: object = None) -> 
 def test_a_program_is_opened_filled_closed_and_finished(gateway: GatewayProcess, tokens: Tokens) -> None:
     token = tokens[1]["operator"]
     for _ in range(100):
-        # the gateway may have begun a moment before the network had told it of the machine
+        # the gateway may have begun a moment before it knows of the machine
         listed = ask(gateway, "/v1/machines", token)
         if listed[1]:
             break

@@ -30,11 +30,11 @@ def small_blocks() -> Iterator[None]:
 def parts(tmp_path_factory: pytest.TempPathFactory) -> list[Foreseen]:
     path = tmp_path_factory.mktemp("texts") / "long.gcode"
     path.write_text("\n".join(LINES))
-    told: list[Foreseen] = []
+    parts: list[Foreseen] = []
     # every look at the clock is a second
     ticks = count()
-    foresee_file(str(path), IDEAL, told.append, lambda: float(next(ticks)), 5.0)
-    return told
+    foresee_file(str(path), IDEAL, parts.append, lambda: float(next(ticks)), 5.0)
+    return parts
 
 
 def test_the_times_come_in_parts_and_end_complete(parts: list[Foreseen]) -> None:
@@ -63,12 +63,12 @@ def test_only_the_latest_lines_are_kept() -> None:
     assert len(times) <= 4 * BLOCK < len(LINES)
 
 
-def test_a_fault_far_down_is_told_without_any_times(tmp_path: Path) -> None:
+def test_a_fault_far_down_is_said_without_any_times(tmp_path: Path) -> None:
     path = tmp_path / "faulty.gcode"
     path.write_text("\n".join([*LINES, "G01 Q5"]))
-    told: list[Foreseen] = []
-    foresee_file(str(path), IDEAL, told.append)
-    (found,) = told
+    parts: list[Foreseen] = []
+    foresee_file(str(path), IDEAL, parts.append)
+    (found,) = parts
     assert found.marks is None
     assert found.fault is not None
     assert found.fault.line == len(LINES) + 1

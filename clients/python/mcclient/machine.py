@@ -390,13 +390,16 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         """The SHA-256 by which the server knows a text."""
         return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
-    async def put_text(self, path: Path) -> str:
+    async def put_text(self, path: Path, sha256: str | None = None) -> str:
         """Hands a long program over as a file, for `check` and for the times of programs that run it.
+
+        Args:
+            sha256: of it, where that is known.
 
         Returns:
             Its SHA-256. Raises as `mcclient.texts.put_text`.
         """
-        return await put_text(self._caller, path)
+        return await put_text(self._caller, path, sha256)
 
     async def check(
         self,

@@ -397,9 +397,9 @@ class Machine:
             self._machine.sdo_write(axis, index, subindex, value, type=type, node=node, bus=bus)
         )
 
-    def put_text(self, path: Path) -> str:
+    def put_text(self, path: Path, sha256: str | None = None) -> str:
         """As `mcclient.Machine.put_text`."""
-        return self._loop.run(self._machine.put_text(path))
+        return self._loop.run(self._machine.put_text(path, sha256))
 
     def check(
         self,

@@ -22,8 +22,11 @@ def hash_of_file(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-async def put_text(caller: Caller, path: Path) -> str:
+async def put_text(caller: Caller, path: Path, sha256: str | None = None) -> str:
     """Hand a file over; what the server has of it already is not sent again.
+
+    Args:
+        sha256: of it, as `hash_of_file` gives it; None: it is reckoned here.
 
     Returns:
         Its SHA-256, by which `Machine.check` and `Machine.program` name it.
@@ -33,7 +36,8 @@ async def put_text(caller: Caller, path: Path) -> str:
             take it.
     """
     try:
-        sha256 = await asyncio.to_thread(hash_of_file, path)
+        if sha256 is None:
+            sha256 = await asyncio.to_thread(hash_of_file, path)
         size = os.path.getsize(path)
         with path.open("rb") as file:
             received, complete = 0, False

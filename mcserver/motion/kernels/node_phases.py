@@ -18,7 +18,7 @@ PHASE_LIMITS, PHASE_SPEED = (1.0009, 1.003, 1.035), 1.01
 NEWTON, SPREADS, SAME_SPEED = 4, 12, 1e-12
 
 # Columns of a node's demand for each axis: |q'|, |q''|, |q'''| and steps of q''.
-_SLOPE, _BEND, _TWIST, _STEP = range(4)
+SLOPE, BEND, TWIST, STEP = range(4)
 
 
 @compiled
@@ -37,7 +37,7 @@ def _drive(nodes: Array, acceleration: Array, speed: float, phases: Array) -> fl
 
 
 @compiled
-def _to_phases(nodes: Array, b: Array, phases: Array) -> bool:
+def to_phases(nodes: Array, b: Array, phases: Array) -> bool:
     """Write phases of constant jerk from node to node, whose accelerations are those of b at the nodes.
 
     What is lacking of the speed at the end, a small part of it, is spread over all.
@@ -69,7 +69,7 @@ def _to_phases(nodes: Array, b: Array, phases: Array) -> bool:
 
 
 @compiled
-def _keeps_limits(
+def keeps_limits(
     phases: Array, demand: Array, cap: Array, fed: Array, limits: Array, step_jerk: float
 ) -> bool:
     """Return whether phases keep all limits, at both ends and in the middle of each."""
@@ -84,10 +84,10 @@ def _keeps_limits(
             if not v > 0.0 or v > top:
                 return False
             for k in range(limits.shape[1]):
-                d1 = min(demand[i, _SLOPE, k], demand[i + 1, _SLOPE, k])
-                d2 = min(demand[i, _BEND, k], demand[i + 1, _BEND, k])
-                d3 = min(demand[i, _TWIST, k], demand[i + 1, _TWIST, k])
-                step = min(demand[i, _STEP, k], demand[i + 1, _STEP, k])
+                d1 = min(demand[i, SLOPE, k], demand[i + 1, SLOPE, k])
+                d2 = min(demand[i, BEND, k], demand[i + 1, BEND, k])
+                d3 = min(demand[i, TWIST, k], demand[i + 1, TWIST, k])
+                step = min(demand[i, STEP, k], demand[i + 1, STEP, k])
                 if d1 * v > PHASE_LIMITS[0] * limits[0, k]:
                     return False
                 if d1 * a + d2 * v * v > PHASE_LIMITS[1] * limits[1, k]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.node_phases import _BEND, _SLOPE, _STEP, _TWIST, _keeps_limits, _to_phases
+from mcserver.motion.kernels.node_phases import BEND, SLOPE, STEP, TWIST, keeps_limits, to_phases
 from mcserver.motion.kernels.phases import PHASE
 from mcserver.motion.kernels.sample_limits import Run
 
@@ -170,7 +170,7 @@ def _merit(
                 return math.inf, math.inf
             product *= ease - share
         for k in range(width):
-            d1, d2 = demand[i, _SLOPE, k], demand[i, _BEND, k]
+            d1, d2 = demand[i, SLOPE, k], demand[i, BEND, k]
             if d1 == 0.0 and d2 == 0.0:
                 continue
             taken, change = d2 * b[i] / limits[1, k], 0.5 * d1 * slope / limits[1, k]
@@ -179,7 +179,7 @@ def _merit(
                 return math.inf, math.inf
             product *= (ease - taken - change) * (ease - taken + change)
             unit = root / limits[2, k]
-            own = unit * b[i] * (demand[i, _TWIST, k] + demand[i, _STEP, k] * step_jerk / root)
+            own = unit * b[i] * (demand[i, TWIST, k] + demand[i, STEP, k] * step_jerk / root)
             turn, push = 1.5 * unit * d2 * slope, 0.5 * unit * d1 * bend
             worst = max(worst, own + turn + push)
             if own + turn + push >= ease:
@@ -246,7 +246,7 @@ def _model(
             _add_barrier(i, ease - b[i] / cap[i], weight, 0.0, 1.0 / cap[i], 0.0, gradient, band)
         slope, bend = _derivative(first, b, i), _derivative(second, b, i)
         for k in range(width):
-            d1, d2 = demand[i, _SLOPE, k], demand[i, _BEND, k]
+            d1, d2 = demand[i, SLOPE, k], demand[i, BEND, k]
             if d1 == 0.0 and d2 == 0.0:
                 continue
             for sign in (1.0, -1.0):
@@ -263,8 +263,8 @@ def _model(
                     band,
                 )
             unit = root / limits[2, k]
-            own = unit * b[i] * (demand[i, _TWIST, k] + demand[i, _STEP, k] * step_jerk / root)
-            rise = unit * (1.5 * demand[i, _TWIST, k] + demand[i, _STEP, k] * step_jerk / root)
+            own = unit * b[i] * (demand[i, TWIST, k] + demand[i, STEP, k] * step_jerk / root)
+            rise = unit * (1.5 * demand[i, TWIST, k] + demand[i, STEP, k] * step_jerk / root)
             for sign in (1.0, -1.0):
                 for other in (1.0, -1.0):
                     turn, push = sign * 1.5 * unit * d2, other * 0.5 * unit * d1
@@ -415,11 +415,11 @@ def quicker_phases(
         found = _minimize(b, nodes, demand, lower, limits, step_jerk, first, second)
         if not found:
             continue
-        joined = _to_phases(nodes, b, phases)
+        joined = to_phases(nodes, b, phases)
         if (
             joined
             and phases[:, 0].sum() < time
-            and _keeps_limits(phases, demand, cap, fed, run.limits, step_jerk)
+            and keeps_limits(phases, demand, cap, fed, run.limits, step_jerk)
         ):
             return phases, True
     return nothing, True

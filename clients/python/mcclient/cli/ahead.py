@@ -107,14 +107,14 @@ class Ahead:
 
     async def _hand_over(self, machine: Machine) -> None:
         assert self._file is not None
-        self.sha256 = await machine.put_text(self._file)
+        await machine.put_text(self._file, self.sha256)
         self._handed_over = True
 
     @asynccontextmanager
     async def foreseen(self, machine: Machine) -> AsyncIterator[None]:
         """Let the server simulate the text: a short one before anything moves, a long one while it runs.
 
-        With the times of its lines the program's status tells its whole duration and the true time left.
+        With the times of its lines the program's status has its whole duration and the true time left.
         """
         if self._options.step or (self._text is None and self._file is None) or self._handed_over:
             yield
@@ -135,7 +135,7 @@ class Ahead:
                 return
             report = await machine.simulate(self._text, self._standing, lines=False)
         except MotionError:
-            # the run tells its own faults; the time left is estimated from the lines then
+            # the run says its own faults; the time left is estimated from the lines then
             return
         if report["ok"] and self._options.from_line == 1:
             say(f"{self._source.name}: {duration(report['duration_s'])} at 100 %")
