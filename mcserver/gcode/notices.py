@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from mcserver.motion.canonical import Canonical, PauseLine
 
 LONGEST = 200  # characters
-_MESSAGE = re.compile(r"\([ \t]*(?:MSG|DEBUG|PRINT)[ \t]*,([^()]*)\)", re.IGNORECASE)
+MESSAGE = re.compile(r"\([ \t]*(?:MSG|DEBUG|PRINT)[ \t]*,([^()]*)\)", re.IGNORECASE)
 _COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
 _DISPLAY = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?M117(?![0-9])(.*)", re.IGNORECASE)
 
@@ -23,7 +23,7 @@ def notice_of(text: str, values: Sequence[Canonical], *, printer: bool = False) 
     pause = next((value for value in values if isinstance(value, PauseLine)), None)
     if pause is not None and pause.notice:
         return pause.notice
-    shown = _MESSAGE.search(text)
+    shown = MESSAGE.search(text)
     if shown is not None:
         return _cut(shown[1])
     if printer and (display := _DISPLAY.match(text)) is not None:

@@ -23,6 +23,8 @@ from mcserver.motion.canonical import (
     DwellGroup,
     FeedGroup,
     MotionLine,
+    PathRun,
+    PlainRun,
     ProbeLine,
 )
 
@@ -103,7 +105,7 @@ def _check_next(interpreter: Interpreter, window: LineWindow, survey: _Survey) -
     if most:
         run = interpreter.interpret_run(window.peek(most), number)
         if run is not None:
-            survey.motion(run[0].axes, run[0].line)
+            survey.run(run[0])
             window.drop(run[1])
             return
     parsed = interpreter.parse(window.peek(1)[0], number)
@@ -195,6 +197,15 @@ class _Survey:
                     self.motion(group.axes, value.line)
                 elif not isinstance(group, DwellGroup):
                     self._energized |= set(group.axes)
+
+    def run(self, run: PlainRun | PathRun) -> None:
+        """Note the first line of a run that moves axes that nothing has energized."""
+        if isinstance(run, PlainRun):
+            self.motion(run.axes, run.line)
+        elif self._loose is None:
+            found = run.first_beyond(self._energized)
+            if found is not None:
+                self.motion(found[1], found[0])
 
     def motion(self, axes: tuple[int, ...], line: int) -> None:
         """Note the first of G01-G03 on axes that nothing has energized."""

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.geometry.curves import Array, Curve, LineCurve
+from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 
 # Comma groups whose T differ by no more than this share have one T.
 SAME_TIME = 1e-9
@@ -153,6 +153,82 @@ class PlainRun(msgspec.Struct, frozen=True, eq=False):
             )
         ):
             curve = LineCurve(self.axes, points[index], points[index + 1], length)
+            duration = requested if self.speeds is None else None
+            group = FeedGroup((curve,), requested, duration, speeds[index])
+            found.append(MotionLine(line, (group,), self.exact_stop, self.tolerance, travel))
+        return found
+
+
+class PathRun(msgspec.Struct, frozen=True, eq=False):
+    """Consecutive lines of one G01, G02 or G03 each, over whatever axes each names, in columns: the same as
+    that many `MotionLine`, without an object a line.
+
+    Attributes:
+        lines: shape (n,), numbers of the lines in the file or program, increasing.
+        axes: K axis numbers, all that any line moves. points: shape (n+1, K), where the first line starts and
+            where each line ends [m or rad].
+        frames: axes of curves, as `Curve.axes` has them. frame: shape (n,), which of them each line has.
+        centres: of arcs, as `ArcCurve.centre`, shape (n, 2) [m]; NaN for lines.
+        sweeps: of arcs, as `ArcCurve.sweep`, shape (n,) [rad]; 0 for lines.
+        lengths, travels, requested, speeds, exact_stop, tolerance: as of `PlainRun`.
+    """
+
+    lines: NDArray[np.int64]
+    axes: tuple[int, ...]
+    points: Array
+    frames: tuple[tuple[int, ...], ...]
+    frame: NDArray[np.intp]
+    centres: Array
+    sweeps: Array
+    lengths: Array
+    travels: Array
+    requested: Array
+    speeds: Array | None
+    exact_stop: bool = False
+    tolerance: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    @property
+    def line(self) -> int:
+        """Number of the first line."""
+        return int(self.lines[0])
+
+    def first_beyond(self, axes: set[int]) -> tuple[int, tuple[int, ...]] | None:
+        """Return the number and the axes of the first line that moves one that is not among ``axes``."""
+        beyond = [not axes.issuperset(frame) for frame in self.frames]
+        if not any(beyond):
+            return None
+        index = int(np.array(beyond)[self.frame].argmax())
+        return int(self.lines[index]), self.frames[int(self.frame[index])]
+
+    def motion_lines(self) -> list[MotionLine]:
+        """Return the lines as objects."""
+        points = self.points.tolist()
+        places = [tuple(self.axes.index(axis) for axis in frame) for frame in self.frames]
+        speeds = [None] * len(self) if self.speeds is None else self.speeds.tolist()
+        found = []
+        for index, (line, frame, centre, sweep, length, travel, requested) in enumerate(
+            zip(
+                self.lines.tolist(),
+                self.frame.tolist(),
+                self.centres.tolist(),
+                self.sweeps.tolist(),
+                self.lengths.tolist(),
+                self.travels.tolist(),
+                self.requested.tolist(),
+                strict=True,
+            )
+        ):
+            before, after, columns = points[index], points[index + 1], places[frame]
+            start = tuple([before[column] for column in columns])
+            end = tuple([after[column] for column in columns])
+            curve: Curve = (
+                ArcCurve(self.frames[frame], start, end, (centre[0], centre[1]), sweep, length)
+                if sweep
+                else LineCurve(self.frames[frame], start, end, length)
+            )
             duration = requested if self.speeds is None else None
             group = FeedGroup((curve,), requested, duration, speeds[index])
             found.append(MotionLine(line, (group,), self.exact_stop, self.tolerance, travel))

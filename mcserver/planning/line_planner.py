@@ -25,6 +25,7 @@ from mcserver.motion.canonical import (
     InputLine,
     MotionLine,
     OutputLine,
+    PathRun,
     PauseLine,
     PlainRun,
     ProbeLine,
@@ -103,7 +104,7 @@ class LinePlanner:
         self.motion = MotionPlanner(machine, start, dynamics)
         self.output = Output(sink)
         self.source: Iterator[Piece | Control] | None = None
-        self.canonical: deque[Canonical | PlainRun | InPosition] = deque()
+        self.canonical: deque[Canonical | PlainRun | PathRun | InPosition] = deque()
         self._energized = set(energized)
         self._ideal = frozenset(axis.index for axis in machine.axes if axis.drive.kind == "ideal")
         # axes that G1020 may still be moving
@@ -212,9 +213,13 @@ class LinePlanner:
             self.canonical.popleft()
             self._due.update((each.column, each.value) for each in line.settings)
             return True
-        if self._due and (isinstance(line, PlainRun) or (isinstance(line, MotionLine) and _travels(line))):
+        if self._due and _travels(line):
             self._at_start[line.line] = self._due
             self._due = {}
+        if isinstance(line, PathRun):
+            self.canonical.popleft()
+            self.canonical.extendleft(reversed(line.motion_lines()))
+            return True
         if isinstance(line, PlainRun):
             self.canonical.popleft()
             if not self._flow_on(line):
@@ -494,6 +499,10 @@ class LinePlanner:
         self.output.put(Control(kind, self.motion.u, line, **more))
 
 
-def _travels(line: MotionLine) -> bool:
+def _travels(line: Canonical | PlainRun | PathRun | InPosition) -> bool:
     """Return True if the line is motion for M62: one of G00 to G03, or G1020."""
-    return any(isinstance(group, FeedGroup | RapidGroup) for group in line.groups)
+    if isinstance(line, PlainRun | PathRun):
+        return True
+    return isinstance(line, MotionLine) and any(
+        isinstance(group, FeedGroup | RapidGroup) for group in line.groups
+    )

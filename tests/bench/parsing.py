@@ -20,6 +20,7 @@ def measure() -> list[Figure]:
     straight = lines_of(LINES)
     arcs = [f"G02 X{100 * (i % 2)} Y0 R{60 + i % 40}" for i in range(1, LINES + 1)]
     text = "\n".join(["G94 F6000", *lines_of(CHECKED)])
+    mixed = "\n".join(["G94 F6000", *slots(CHECKED)])
     floor = rate(lambda: read_numbers(straight), LINES)
     against = "one regular expression and float() a word"
     return [
@@ -39,8 +40,23 @@ def measure() -> list[Figure]:
             against,
             "50 k",
         ),
+        *[
+            Figure(
+                name,
+                rate(lambda lines=lines: interpret_runs(machine, lines), LINES),
+                unit,
+                rate(lambda lines=lines: read_numbers(lines), LINES),
+                against,
+                "rs274 (230 k)",
+            )
+            for name, lines, unit in (
+                ("G02 by radius", arcs, "arcs/s"),
+                ("G03 by I and J, line numbers, F", numbered_arcs(LINES), "arcs/s"),
+                ("G01 and G02 in turn, as CAM writes them", slots(LINES), "lines/s"),
+            )
+        ],
         Figure(
-            "G02 by radius",
+            "G02 by radius, line by line",
             rate(lambda: interpret(machine, arcs), LINES),
             "arcs/s",
             rate(lambda: read_numbers(arcs), LINES),
@@ -54,12 +70,39 @@ def measure() -> list[Figure]:
             floor,
             against,
         ),
+        Figure(
+            f"check of {CHECKED} lines and arcs",
+            rate(lambda: check_program(mixed, machine), CHECKED, runs=3),
+            "lines/s",
+            floor,
+            against,
+        ),
     ]
 
 
 def lines_of(count: int) -> list[str]:
     """G01 with three axes."""
     return [f"G01 X{i % 500}.{i % 10} Y{(i * 7) % 300} Z{i % 50}" for i in range(count)]
+
+
+def numbered_arcs(count: int) -> list[str]:
+    """Half circles on end, and back by a line."""
+    return [
+        f"N{10 * i} G03 X{2 * (i % 400) + 2}.000 Y0.000 I1.000 J0.000 F{600 + i % 5}"
+        if i % 400
+        else "G01 X2. Y0."
+        for i in range(count)
+    ]
+
+
+def slots(count: int) -> list[str]:
+    """Line, arc, line, arc, with the words that each needs."""
+    lines: list[str] = []
+    for i in range(count // 4):
+        x = 10.0 * (i % 50)
+        lines += [f"G1 X{x + 5:.3f} Y0.000", f"G2 X{x + 7:.3f} Y-2.000 I0 J-2.0"]
+        lines += ["G1 Y-20.", f"G3 X{x + 10:.3f} Y-23. R3."]
+    return lines
 
 
 def interpret(machine: Machine, lines: list[str]) -> None:
@@ -71,7 +114,7 @@ def interpret(machine: Machine, lines: list[str]) -> None:
 
 
 def interpret_runs(machine: Machine, lines: list[str]) -> None:
-    """In columns; all of the lines are plain."""
+    """In columns."""
     interpreter = Interpreter(machine)
     interpreter.interpret_text("G94 F6000", 1)
     done = 0

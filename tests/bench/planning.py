@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, load_machine
-from mcserver.motion.canonical import FeedGroup, MotionLine, PlainRun
+from mcserver.motion.canonical import FeedGroup, MotionLine, PathRun, PlainRun
 from mcserver.motion.planner import MotionPlanner
 from mcserver.planning.pipeline import RUN
 from mcserver.processes import collect_seldom
@@ -82,11 +83,11 @@ def _with_tolerance(polyline: list[str]) -> Figure:
     )
 
 
-def canonical(lines: list[str], machine: Machine) -> list[MotionLine | PlainRun]:
+def canonical(lines: list[str], machine: Machine) -> list[MotionLine | PlainRun | PathRun]:
     """Parsed and interpreted, as a program's pipeline does it."""
     interpreter = Interpreter(machine)
     interpreter.interpret_text("G94 F6000", 1)
-    found: list[MotionLine | PlainRun] = []
+    found: list[MotionLine | PlainRun | PathRun] = []
     at = 0
     while at < len(lines):
         window = min(interpreter.run_window(at + 2), RUN)
@@ -102,10 +103,12 @@ def canonical(lines: list[str], machine: Machine) -> list[MotionLine | PlainRun]
     return found
 
 
-def setpoints(lines: list[MotionLine | PlainRun], machine: Machine) -> None:
+def setpoints(lines: list[MotionLine | PlainRun | PathRun], machine: Machine) -> None:
     """Planned with lookahead, and sampled at the cycle."""
     planner = MotionPlanner(machine, np.zeros(len(machine.axes)))
-    for line in lines:
+    for line in itertools.chain.from_iterable(
+        each.motion_lines() if isinstance(each, PathRun) else [each] for each in lines
+    ):
         if planner.full:
             list(planner.commit() or ())
         if isinstance(line, PlainRun):

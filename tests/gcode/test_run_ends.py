@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
-from mcserver.gcode.fast_path.runs import MIN_LINES
+from mcserver.gcode.fast_path.run_state import MIN_LINES
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.motion.canonical import PlainRun
+from mcserver.motion.canonical import PathRun, PlainRun
 from tests.gcode.run_programs import NO_NUMBERS
 from tests.gcode.support import CARTESIAN
 
@@ -41,9 +44,11 @@ def test_what_the_dialect_reads_as_a_number_does_not_end_a_run(number: str) -> N
 
 OTHERS = (
     *(
-        "Y1",
-        "X1 Y1",
-        "G02 X1 Y1 R5",
+        "G02 X1 Y1",
+        "G02 X1 Y1 R5 I1",
+        "G02 X1 Y1 R0",
+        "(MSG, hello)",
+        "X1 (debug, here)",
         "G00 X1",
         "T1",
         "M00",
@@ -95,6 +100,46 @@ def test_a_run_holds_lines_numbers_points_and_times() -> None:
     assert run.requested[:4] == pytest.approx([0.0, 0.05, 0.1, 0.1])
 
 
+def test_lines_and_arcs_of_any_words_are_one_run() -> None:
+    lines = [
+        "G01 X0 Y0 Z1",
+        "G02 X4 I2",
+        "(said)",
+        "X6 Y-2 J-2",
+        "G01 Y-9",
+        "Z-1 F3000",
+        "G03 X9 Y-9 Z0 R1.5",
+    ]
+    found = started("G94 F6000").interpret_run([*lines, *["G1 X1", "Y2"] * 6, "G00 X0", "X1"], 2)
+    assert found is not None
+    run, taken = found
+    assert isinstance(run, PathRun)
+    assert taken == len(lines) + 12
+    assert run.lines[:4].tolist() == [2, 3, 5, 6]
+    assert run.axes == (0, 1, 2)
+    assert run.points[:4] * 1000 == pytest.approx(np.array([[0, 0, 0], [0, 0, 1], [4, 0, 1], [6, -2, 1]]))
+    assert [run.frames[frame] for frame in run.frame[:6]] == [
+        (0, 1, 2),
+        (0, 1),
+        (0, 1),
+        (1,),
+        (2,),
+        (0, 1, 2),
+    ]
+    assert run.centres[[1, 2, 5]] * 1000 == pytest.approx(np.array([[2, 0], [4, -2], [7.5, -9]]))
+    assert run.sweeps[:6] == pytest.approx([0, -math.pi, -math.pi / 2, 0, 0, math.pi])
+    assert run.lengths[5] * 1000 == pytest.approx(math.hypot(1.5 * math.pi, 1))
+    assert run.speeds is not None
+    assert run.speeds[3:6].tolist() == [0.1, 0.05, 0.05]
+    assert run.first_beyond({0, 1}) == (2, (0, 1, 2))
+    assert run.first_beyond({0, 1, 2}) is None
+
+
+@pytest.mark.parametrize("message", ["(MSG, look)", "X1 (msg,look)", "; (PRINT, 5)"])
+def test_what_a_line_says_to_the_operator_is_not_lost_in_a_run(message: str) -> None:
+    assert taken(started("F100 G01"), [*["X1"] * 15, message, *["X2"] * 15]) == 15
+
+
 @pytest.mark.parametrize(
     "before",
     [
@@ -124,7 +169,7 @@ def test_looking_in_vain_pauses_and_a_run_takes_more_next_time() -> None:
     first = interpreter.run_window(100)
     assert taken(interpreter, ["X1"] * first, 100) == first
     assert interpreter.run_window(100 + first) > first
-    vain = ["X1", "Y1"] * 20
+    vain = ["X1", "G00 Y1"] * 20
     assert taken(interpreter, vain, 200) == 0
     assert interpreter.run_window(200) == 0
     assert interpreter.run_window(201) > 0

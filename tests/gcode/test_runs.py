@@ -8,13 +8,16 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic, ProgramRejected
+from mcserver.gcode.fast_path.code_text import CodeText
 from mcserver.gcode.fast_path.columns import read_columns
-from mcserver.gcode.fast_path.runs import MIN_LINES
+from mcserver.gcode.fast_path.run_state import MIN_LINES
+from mcserver.gcode.fast_path.word_columns import WordReader
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import scan_line
 from mcserver.gcode.text.source import find_odd_line, split_lines
 from mcserver.motion.canonical import Canonical
+from tests.gcode.arc_programs import arc_programs, contours
 from tests.gcode.run_programs import programs, stretches
 from tests.gcode.support import machine_of
 
@@ -55,8 +58,8 @@ def by_runs(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonical]
     return values, faults
 
 
-@settings(max_examples=400, deadline=None)
-@given(programs, st.sampled_from([None, frozenset({0, 1, 3, 6})]))
+@settings(max_examples=500, deadline=None)
+@given(st.one_of(programs, arc_programs()), st.sampled_from([None, None, frozenset({0, 1, 3, 6})]))
 def test_runs_and_single_lines_are_equal_to_the_last_bit(
     texts: list[str], lease: frozenset[int] | None
 ) -> None:
@@ -71,8 +74,8 @@ def test_runs_and_single_lines_are_equal_to_the_last_bit(
     assert quick.ended == general.ended
 
 
-@settings(max_examples=150, deadline=None)
-@given(programs)
+@settings(max_examples=200, deadline=None)
+@given(st.one_of(programs, arc_programs()))
 def test_a_check_finds_the_faults_that_single_lines_have(texts: list[str]) -> None:
     text = "\n".join(texts)
     single = Interpreter(MACHINE)
@@ -91,7 +94,7 @@ def test_a_check_finds_the_faults_that_single_lines_have(texts: list[str]) -> No
 @example(["X1\t"])
 @example(["X1\nX2", "X3"])
 def test_what_is_read_in_columns_is_what_the_scanner_reads(texts: list[str]) -> None:
-    columns = read_columns(texts, 1)
+    columns = read_columns(CodeText.of(texts), 1)
     if columns is None:
         return
     rows = dict(zip(columns.lines.tolist(), range(len(columns.lines)), strict=True))
@@ -111,5 +114,38 @@ def test_what_is_read_in_columns_is_what_the_scanner_reads(texts: list[str]) -> 
         assert not simple.curved
         assert simple.axes == columns.axes
         assert simple.values == tuple(column[row] for column in columns.values)
+        assert (simple.feed is None) == math.isnan(feed)
+        assert simple.feed in (None, feed)
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.one_of(stretches(), contours()))
+@example(["X1\t"])
+@example(["5 X1", "X2"])
+@example(["G01 X1 I2 R3"])
+def test_a_table_of_words_holds_what_the_scanner_reads(texts: list[str]) -> None:
+    table = WordReader().read(CodeText.of(texts), 1)
+    if table is None:
+        return
+    rows = dict(zip(table.lines.tolist(), range(len(table.lines)), strict=True))
+    for index, text in enumerate(texts[: table.taken]):
+        parsed = scan_line(text, index + 2)
+        assert not parsed.faults or parsed.simple is None
+        if index not in rows:
+            assert parsed.blank
+            continue
+        simple, row = parsed.simple, rows[index]
+        feed = math.nan if table.feeds is None else table.feeds[row]
+        shape = table.shapes[table.shape[row]]
+        if feed <= 0.0 or (shape.curved and table.codes[row] == 1):
+            assert simple is None  # refused by the block interpreter
+            continue
+        assert simple is not None
+        assert (simple.code or 0) == table.codes[row]
+        assert simple.axes == shape.axes
+        assert simple.values == tuple(table.values[row, [table.axes.index(axis) for axis in shape.axes]])
+        assert simple.offsets == tuple((offset, table.offsets[row, offset]) for offset in shape.offsets)
+        assert (simple.radius is not None) == shape.radius
+        assert simple.radius in (None, table.radii[row])
         assert (simple.feed is None) == math.isnan(feed)
         assert simple.feed in (None, feed)

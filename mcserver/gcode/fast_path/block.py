@@ -7,6 +7,7 @@ axis whose start is not known, a limit, a missing feed, an arc that is not defin
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from mcserver.gcode.fast_path.short_form import SimpleBlock
@@ -50,7 +51,7 @@ def axis_rows(setup: Setup) -> dict[int, AxisRow]:
     }
 
 
-class _ArcFrame(NamedTuple):
+class ArcFrame(NamedTuple):
     """An arc's axes, the plane's two first, with the column of each axis word and of each of I J K."""
 
     axes: tuple[int, ...]
@@ -73,7 +74,7 @@ def _surely_inside(curve: ArcCurve, shape: Arc, rows: tuple[AxisRow, ...]) -> bo
     return True
 
 
-def _inside(curve: ArcCurve, rows: tuple[AxisRow, ...]) -> bool:
+def inside_travels(curve: ArcCurve, rows: tuple[AxisRow, ...]) -> bool:
     """Return True if the arc stays within the axes' travels."""
     low, high = plane_extrema(curve)
     for column, row in enumerate(rows):
@@ -82,6 +83,28 @@ def _inside(curve: ArcCurve, rows: tuple[AxisRow, ...]) -> bool:
         if ordered[0] < row.least or ordered[1] > row.greatest:
             return False
     return True
+
+
+def arc_frame(
+    usable: Mapping[int, AxisRow], chosen: int | None, axes: tuple[int, ...], offsets: tuple[int, ...]
+) -> ArcFrame | None:
+    """Choose an arc's axes by the letters of its words; None if they need the block interpreter.
+
+    Args:
+        usable: rows by axis. chosen: the plane in force. axes, offsets: as of `SimpleBlock`, without values.
+    """
+    if axes and max(axes) > 2:
+        return None
+    try:
+        plane = PLANES[choose_plane(chosen, frozenset(offsets), frozenset(axes))]
+    except NoPlane:
+        return None
+    ordered = plane + tuple([index for index in axes if index not in plane])
+    rows = [row for row in map(usable.get, ordered) if row is not None and row.linear]
+    if len(rows) < len(ordered) or not set(offsets) <= set(plane):
+        return None
+    columns = tuple([ordered.index(index) for index in axes])
+    return ArcFrame(ordered, columns, tuple([plane.index(offset) for offset in offsets]), tuple(rows))
 
 
 class SimpleBlockInterpreter:
@@ -93,7 +116,7 @@ class SimpleBlockInterpreter:
         self._tolerance = setup.machine.path_tolerance
         self._rows = axis_rows(setup)
         # bounded: one entry for each choice and order of X Y Z, I J K and plane, some hundreds
-        self._frames: dict[tuple[int | None, tuple[int, ...], tuple[int, ...]], _ArcFrame | None] = {}
+        self._frames: dict[tuple[int | None, tuple[int, ...], tuple[int, ...]], ArcFrame | None] = {}
 
     def interpret(
         self, number: int, move: SimpleBlock, modal: ModalState, commanded: CommandedState
@@ -166,7 +189,7 @@ class SimpleBlockInterpreter:
         try:
             frame = self._frames[named]
         except KeyError:
-            frame = self._frames[named] = self._arc_frame(*named)
+            frame = self._frames[named] = arc_frame(self._rows, *named)
         if frame is None or not commanded.synced(frame.axes):
             return None
         positions = commanded.positions
@@ -191,28 +214,11 @@ class SimpleBlockInterpreter:
         except ArcFault:
             return None
         curve = shape.curve(frame.axes, starts, finish)
-        if not _surely_inside(curve, shape, frame.rows) and not _inside(curve, frame.rows):
+        if not _surely_inside(curve, shape, frame.rows) and not inside_travels(curve, frame.rows):
             return None
         for index, column in zip(move.axes, frame.columns, strict=True):
             positions[index] = finish[column]
         return self._finish(number, modal, curve, feed, feed.speed, curve.length, motion)
-
-    def _arc_frame(
-        self, chosen: int | None, axes: tuple[int, ...], offsets: tuple[int, ...]
-    ) -> _ArcFrame | None:
-        """Choose an arc's axes by the letters of its words; None if they need the block interpreter."""
-        if axes and max(axes) > 2:
-            return None
-        try:
-            plane = PLANES[choose_plane(chosen, frozenset(offsets), frozenset(axes))]
-        except NoPlane:
-            return None
-        ordered = plane + tuple([index for index in axes if index not in plane])
-        rows = [row for row in map(self._rows.get, ordered) if row is not None and row.linear]
-        if len(rows) < len(ordered) or not set(offsets) <= set(plane):
-            return None
-        columns = tuple([ordered.index(index) for index in axes])
-        return _ArcFrame(ordered, columns, tuple([plane.index(offset) for offset in offsets]), tuple(rows))
 
     def _finish(
         self,

@@ -1,41 +1,30 @@
 """Read many lines of the same words at once, their numbers as columns.
 
 No line is looked at by itself: the letters of all lines are matched against one pattern, and the pieces of
-text between the letters are the numbers. Nothing gets through that the number syntax of D-01 refuses: only
-digits, signs, points and blanks stand between the letters, and of those `float` accepts exactly the numbers
-that `mcserver.gcode.text.scanner.TOKEN` accepts.
+text between the letters are the numbers.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.gcode.text.words import AXIS_LETTERS, LARGEST, MAX_AXIS
+from mcserver.gcode.fast_path.code_text import AXIS_NAMES, CodeText, axis_of
+from mcserver.gcode.text.words import LARGEST
 from mcserver.motion.geometry.curves import Array
 
-_NUMERIC: Final = b"0123456789+-. \t"
-_SEPARATOR: Final = b","
-# every byte that is no part of a number ends one
-_SPLIT: Final = bytes(byte if byte in _NUMERIC else _SEPARATOR[0] for byte in range(256))
-_COMMENT: Final = re.compile(r"\([^()\n]*\)|;[^\n]*")
-_INDEX: Final = re.compile(rb"\[[ \t]*[0-9]{1,3}[ \t]*\]")
-# [n] becomes one byte that is not ASCII, so that it counts as a letter
-_INDEXED: Final = 128
-_AXES: Final = rb"[XYZABC\x80-\xbf]+"
-_FIRST: Final = re.compile(rb"N?G?(?:F?+(%b)|(%b)F)" % (_AXES, _AXES))
+_AXES: Final = rb"[%b]+" % AXIS_NAMES
+_FIRST: Final = re.compile(rb"G?(?:F?+(%b)|(%b)F)" % (_AXES, _AXES))
 _LINEAR_CODES: Final = frozenset((b"1", b"01", b"001"))
-# spellings of [n] in one window; each costs a pass over the text
-_MAX_SPELLINGS: Final = 64
 
 
 class LineColumns(msgspec.Struct, frozen=True, eq=False):
-    """Lines of at most N, G01, the same axis words in the same order, and F; blank lines between them.
+    """Lines of at most G01, the same axis words in the same order, and F; blank lines between them.
 
     Attributes:
         taken: count of lines, blank ones included.
@@ -66,64 +55,40 @@ class LineColumns(msgspec.Struct, frozen=True, eq=False):
         )
 
 
-def read_columns(texts: Sequence[str], least: int) -> LineColumns | None:
-    """Read the longest prefix of ``texts`` with the same words; None below ``least`` lines.
+def read_columns(text: CodeText, least: int) -> LineColumns | None:
+    """Read the longest prefix of lines with the same words; None below ``least`` lines.
 
     It ends before the first lexical error. The numbers are those of `float`, at most `LARGEST`; nothing else
     is checked.
     """
-    code = _code(texts)
-    letters = code.translate(None, _NUMERIC)
+    letters = text.letters
     start = len(letters) - len(letters.lstrip(b"\n"))
     line = letters[start : letters.find(b"\n", start)]
     found = _FIRST.fullmatch(line)
     if found is None:
         return None
     names = found[1] or found[2]
-    axes = tuple(byte - _INDEXED if byte >= _INDEXED else AXIS_LETTERS[chr(byte)] for byte in names)
+    axes = tuple(axis for axis in map(axis_of, names) if axis is not None)
     if len(set(axes)) < len(axes):
         return None
     words = re.escape(names)
-    prefix = re.compile(rb"(?:(?:N?+G?+(?:%bF?+|F%b))?+\n)*+" % (words, words)).match(letters)
+    prefix = re.compile(rb"(?:(?:G?+(?:%bF?+|F%b))?+\n)*+" % (words, words)).match(letters)
     assert prefix is not None  # the pattern matches the empty text too
     letters = prefix[0]
     taken = letters.count(b"\n")
     if taken < least:
         return None
-    if taken < len(texts):
-        code = b"\n".join(code.split(b"\n", taken)[:taken]) + b"\n"
-    columns = _TextColumns(letters, code.translate(_SPLIT).split(_SEPARATOR), start, line)
+    if len(letters) < len(text.letters):
+        text = text.first(taken)
+    columns = _TextColumns(letters, text.numbers(), start, line)
     values = tuple([columns.numbers(name) for name in names])
     columns.check(b"\n"[0], _is_blank)
     if b"G" in letters:
         columns.check(b"G"[0], _is_linear_code)
-    if b"N" in letters:
-        columns.check(b"N"[0], _is_whole)
     feeds = columns.numbers(b"F"[0]) if b"F" in letters else None
     if columns.good < least:
         return None
     return columns.build(b"G" in line, axes, values, feeds)
-
-
-def _code(texts: Sequence[str]) -> bytes:
-    """Join the lines in capitals and without comments, each with a line feed; non-ASCII becomes ``?``."""
-    text = "\n".join(texts) + "\n"
-    if text.count("\n") != len(texts):
-        # a line feed within a line is a fault of that line
-        sound = next(index for index, line in enumerate(texts) if "\n" in line)
-        text = "\n".join([*texts[:sound], "?", ""])
-    if "(" in text or ";" in text:
-        # a nested or unclosed parenthesis stays and so ends the prefix
-        text = _COMMENT.sub(" ", text)
-    code = text.encode("ascii", "replace").upper()
-    if b"[" in code:
-        written = set(_INDEX.findall(code))
-        if len(written) <= _MAX_SPELLINGS:
-            for index in written:
-                axis = int(index[1:-1])
-                if axis <= MAX_AXIS:
-                    code = code.replace(index, bytes((_INDEXED + axis,)))
-    return code
 
 
 def _is_blank(token: bytes) -> bool:
@@ -132,10 +97,6 @@ def _is_blank(token: bytes) -> bool:
 
 def _is_linear_code(token: bytes) -> bool:
     return token.strip() in _LINEAR_CODES
-
-
-def _is_whole(token: bytes) -> bool:
-    return token.strip().isdigit()
 
 
 def _is_number(token: bytes) -> bool:

@@ -1,5 +1,8 @@
 """Interpret runs of simple blocks in columns: the same values as line by line, without an object for each.
 
+Lines of the same words, straight ones, are the quickest (`PlainRun`); all others of G01 to G03 go together
+(`PathRun`).
+
 Bit for bit: numbers are read as `float` reads them; products, sums, quotients and comparisons are the same
 IEEE operations in the same order (an accumulated sum adds one after the other); the root of the sum of
 squares is `math.hypot` itself, since `numpy.hypot` may differ in the last bit.
@@ -10,22 +13,25 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-import msgspec
 import numpy as np
 
 from mcserver.gcode.fast_path.block import AxisRow, axis_rows
+from mcserver.gcode.fast_path.code_text import CodeText
 from mcserver.gcode.fast_path.columns import LineColumns, read_columns
+from mcserver.gcode.fast_path.path_runs import PathRunInterpreter
+from mcserver.gcode.fast_path.run_state import MIN_LINES, feeds_in_force, leading, state_after
 from mcserver.gcode.semantics.axis_words import SMALLEST_FEED
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.feed_time import FeedBasis, feed_basis
-from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed
-from mcserver.gcode.semantics.program_units import move_duration, path_speed, turning_speed
-from mcserver.motion.canonical import PlainRun
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.semantics.program_units import move_duration, turning_speed
+from mcserver.motion.canonical import PathRun, PlainRun
 from mcserver.motion.geometry.curves import Array
 
-MIN_LINES = 12  # fewer lines are slower in columns than one by one
 MAX_LINES = 4096
+# so many lines of the same words are read by themselves; fewer together with those of other words behind them
+_ENOUGH = 256
 _FIRST_WINDOW = 32
 _GROWTH = 4
 _MAX_BACKOFF = 64
@@ -39,11 +45,12 @@ class RunInterpreter:
     and so does a program without runs.
     """
 
-    __slots__ = ("_backoff", "_retry_at", "_rows", "_tolerance", "_window")
+    __slots__ = ("_backoff", "_paths", "_retry_at", "_rows", "_tolerance", "_window")
 
     def __init__(self, setup: Setup) -> None:
         self._tolerance = setup.machine.path_tolerance
         self._rows = axis_rows(setup)
+        self._paths = PathRunInterpreter(self._rows, self._tolerance)
         self._window = _FIRST_WINDOW
         self._backoff = 1
         self._retry_at = 0
@@ -54,7 +61,7 @@ class RunInterpreter:
 
     def interpret(
         self, texts: Sequence[str], number: int, modal: ModalState, commanded: CommandedState, most: int
-    ) -> tuple[ModalState, PlainRun, int] | None:
+    ) -> tuple[ModalState, PlainRun | PathRun, int] | None:
         """Return the modal state after the run, the run and its count of lines, and advance the positions."""
         size = min(len(texts), self.window(number), most)
         if size < MIN_LINES:
@@ -74,11 +81,20 @@ class RunInterpreter:
 
     def _read(
         self, texts: Sequence[str], number: int, modal: ModalState, commanded: CommandedState
-    ) -> tuple[ModalState, PlainRun, int] | None:
+    ) -> tuple[ModalState, PlainRun | PathRun, int] | None:
         if modal.tool is not None or modal.exact_next or modal.relative or commanded.poses:
             return None
-        columns = read_columns(texts, MIN_LINES)
-        if columns is None or not (columns.coded or modal.motion == 1):
+        text = CodeText.of(texts)
+        columns = read_columns(text, min(len(texts), _ENOUGH))
+        if columns is None:
+            return self._paths.interpret(text, number, modal, commanded)
+        return self._plain(columns, number, modal, commanded)
+
+    def _plain(
+        self, columns: LineColumns, number: int, modal: ModalState, commanded: CommandedState
+    ) -> tuple[ModalState, PlainRun, int] | None:
+        """Interpret lines of the same words."""
+        if not (columns.coded or modal.motion == 1):
             return None
         if not commanded.synced(columns.axes):
             return None
@@ -90,13 +106,15 @@ class RunInterpreter:
         if measure is FeedBasis.NONE and not modal.inverse_time:
             return None
         if columns.feeds is not None:
-            columns = columns.first(_leading(~(columns.feeds < SMALLEST_FEED)))
+            columns = columns.first(leading(~(columns.feeds < SMALLEST_FEED)))
         points = _points(columns, rows, modal, commanded.positions)
-        columns = columns.first(max(0, _leading(_inside(points, rows)) - 1))
+        columns = columns.first(max(0, leading(_inside(points, rows)) - 1))
         count = len(columns.lines)
         if columns.taken < MIN_LINES or count < 1:
             return None
-        numbers, speeds = _feeds(columns, modal, measure)
+        numbers, speeds = feeds_in_force(count, columns.feeds, modal)
+        if measure is FeedBasis.TURN:
+            speeds = turning_speed(numbers)
         if not numbers[0] > 0.0:
             return None
         points = points[: count + 1]
@@ -114,12 +132,7 @@ class RunInterpreter:
             self._tolerance if modal.tolerance is None else modal.tolerance,
         )
         commanded.positions.update(zip(columns.axes, points[-1].tolist(), strict=True))
-        return _after(modal, columns.feeds), run, columns.taken
-
-
-def _leading(sound: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> int:
-    """Return how many are sound before the first that is not."""
-    return len(sound) if sound.all() else int(sound.argmin())
+        return state_after(modal, columns.feeds, 1), run, columns.taken
 
 
 def _points(
@@ -149,30 +162,3 @@ def _travels(points: Array, linear: Sequence[int]) -> Array:
         return np.zeros(len(points) - 1)
     steps = (points[1:] - points[:-1]).T.tolist()
     return np.array(list(map(math.hypot, *[steps[column] for column in linear])))
-
-
-def _feeds(columns: LineColumns, modal: ModalState, measure: FeedBasis) -> tuple[Array, Array]:
-    """Return F in force on each line as written and as a speed [m/s or rad/s]; 0: no F is in force."""
-    before = modal.feed or Feed(0.0, 0.0)
-    numbers = np.full(len(columns.lines) + 1, before.number)
-    speeds = np.full(len(columns.lines) + 1, before.speed)
-    if columns.feeds is not None:
-        written = ~np.isnan(columns.feeds)
-        origin = np.maximum.accumulate(np.where(written, np.arange(1, len(numbers)), 0))
-        numbers[1:] = np.where(written, columns.feeds, 0.0)
-        speeds[1:] = path_speed(numbers[1:], modal.inch)
-        numbers[1:], speeds[1:] = numbers[origin], speeds[origin]
-    numbers = numbers[1:]
-    return numbers, turning_speed(numbers) if measure is FeedBasis.TURN else speeds[1:]
-
-
-def _after(modal: ModalState, feeds: Array | None) -> ModalState:
-    """Return the modal state behind a run."""
-    feed = modal.feed
-    if feeds is not None:
-        written = feeds[~np.isnan(feeds)]
-        if len(written):
-            feed = read_feed(float(written[-1]), modal)
-    if modal.motion == 1 and feed is modal.feed:
-        return modal
-    return msgspec.structs.replace(modal, motion=1, feed=feed)

@@ -21,7 +21,7 @@ from mcserver.gcode.semantics.position_sync import find_axes_to_sync
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.words import Word
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.canonical import AxisLine, AxisOperation, Canonical, PlainRun
+from mcserver.motion.canonical import AxisLine, AxisOperation, Canonical, PathRun, PlainRun
 
 
 class Interpreter:
@@ -129,11 +129,11 @@ class Interpreter:
 
     def interpret_run(
         self, texts: Sequence[str], number: int, most: int = MAX_LINES
-    ) -> tuple[PlainRun, int] | None:
-        """Parse and interpret the longest run of simple blocks of the same words that ``texts`` begins with.
+    ) -> tuple[PlainRun | PathRun, int] | None:
+        """Parse and interpret the longest run of simple blocks that ``texts`` begins with.
 
         Values and state are bit for bit those of `interpret_text` line by line. Whatever ends a run is left
-        to `interpret_text`: other words, a fault, a tool in force, an axis whose start only the encoder
+        to `interpret_text`: other codes, a fault, a tool in force, an axis whose start only the encoder
         gives. A failed attempt costs a few microseconds and suppresses the next ones for some lines.
 
         Args:

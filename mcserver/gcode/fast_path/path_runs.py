@@ -1,0 +1,267 @@
+"""Interpret lines of G01, G02 and G03 in columns, whatever words each of them has: the usual parts of CAM.
+
+Bit for bit as `mcserver.gcode.fast_path.block` does it line by line; see `mcserver.gcode.fast_path.runs`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.gcode.fast_path.arc_columns import ArcColumns, arcs_of, hypot
+from mcserver.gcode.fast_path.block import AxisRow, arc_frame, inside_travels
+from mcserver.gcode.fast_path.code_text import CodeText
+from mcserver.gcode.fast_path.run_state import (
+    MIN_LINES,
+    feeds_in_force,
+    last_written,
+    leading,
+    state_after,
+)
+from mcserver.gcode.fast_path.word_columns import Shape, WordReader, WordTable
+from mcserver.gcode.semantics.axis_words import SMALLEST_FEED
+from mcserver.gcode.semantics.commanded_state import CommandedState
+from mcserver.gcode.semantics.feed_time import FeedBasis, feed_basis
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.semantics.program_units import length_scale, move_duration, turning_speed
+from mcserver.motion.canonical import PathRun
+from mcserver.motion.geometry.curves import ArcCurve, Array
+
+Mask = NDArray[np.bool_]
+
+
+class _Kind(NamedTuple):
+    """What lines of one shape make: the axes of their curves, an arc's plane first, and what F measures."""
+
+    axes: tuple[int, ...]
+    curved: bool
+    basis: FeedBasis
+
+
+class _Lines(NamedTuple):
+    """Lines that are usable as far as their words go.
+
+    Attributes:
+        kinds, kind: what each makes, as `WordTable` has shapes. motion: code in force, shape (n,).
+        numbers, speeds: F in force, shape (n,).
+    """
+
+    table: WordTable
+    kinds: dict[int, _Kind]
+    motion: NDArray[np.int64]
+    numbers: Array
+    speeds: Array
+
+    def first(self, count: int) -> _Lines:
+        return _Lines(
+            self.table.first(count),
+            self.kinds,
+            self.motion[:count],
+            self.numbers[:count],
+            self.speeds[:count],
+        )
+
+
+class PathRunInterpreter:
+    """Interprets lines with a table of the usable axes."""
+
+    __slots__ = ("_reader", "_rows", "_tolerance")
+
+    def __init__(self, rows: dict[int, AxisRow], tolerance: float) -> None:
+        self._rows = rows
+        self._tolerance = tolerance
+        self._reader = WordReader()
+
+    def interpret(
+        self, text: CodeText, number: int, modal: ModalState, commanded: CommandedState
+    ) -> tuple[ModalState, PathRun, int] | None:
+        """Return the modal state after the run, the run and its count of lines, and advance the positions.
+
+        Args:
+            number: of the first line.
+        """
+        table = self._reader.read(text, MIN_LINES)
+        if table is None:
+            return None
+        lines = self._usable(table, modal, commanded)
+        axes = tuple(sorted({axis for kind in lines.kinds.values() for axis in kind.axes}))
+        points = self._points(lines.table, axes, modal, commanded)
+        count = leading(self._ends_inside(lines, axes, points))
+        lines, points = lines.first(count), points[: count + 1]
+        centres, sweeps = np.full((count, 2), np.nan), np.zeros(count)
+        lengths, travels = np.zeros(count), np.zeros(count)
+        curved = np.flatnonzero(lines.motion != 1)
+        if len(curved):
+            found, sound = self._arcs(curved, lines, axes, points, modal)
+            sound_lines = leading(sound)
+            if sound_lines < len(curved):
+                count = int(curved[sound_lines])
+            centres[curved], sweeps[curved] = found.centres, found.sweeps
+            lengths[curved] = found.lengths(self._climbs(curved, lines, axes, points))
+            travels[curved] = lengths[curved]
+        lines = lines.first(count)
+        table = lines.table
+        if table.taken < MIN_LINES or count < 1:
+            return None
+        speeds = self._straight(lines, axes, points[: count + 1], lengths, travels)
+        run = PathRun(
+            number + table.lines,
+            axes,
+            points[: count + 1],
+            tuple(kind.axes for kind in lines.kinds.values()),
+            np.searchsorted(np.array(list(lines.kinds)), table.shape),
+            centres[:count],
+            sweeps[:count],
+            lengths[:count],
+            travels[:count],
+            move_duration(lines.numbers) if modal.inverse_time else lengths[:count] / speeds,
+            None if modal.inverse_time else speeds,
+            modal.exact_stop,
+            self._tolerance if modal.tolerance is None else modal.tolerance,
+        )
+        commanded.positions.update(zip(axes, points[count].tolist(), strict=True))
+        return state_after(modal, table.feeds, int(lines.motion[-1])), run, table.taken
+
+    def _usable(self, table: WordTable, modal: ModalState, commanded: CommandedState) -> _Lines:
+        """Return the lines before the first whose words need the block interpreter."""
+        kinds = [self._kind_of(shape, modal, commanded) for shape in table.shapes]
+        curved = np.array([shape.curved for shape in table.shapes])[table.shape]
+        sound = np.array([kind is not None for kind in kinds])[table.shape]
+        codes = np.concatenate(([modal.motion or 0], table.codes))
+        motion = codes[last_written(table.codes > 0)]
+        sound &= (motion > 0) & (curved == (motion != 1))
+        numbers, speeds = feeds_in_force(len(table.lines), table.feeds, modal)
+        if table.feeds is not None:
+            sound &= ~(table.feeds < SMALLEST_FEED)
+        sound &= numbers > 0.0
+        count = leading(sound)
+        used = np.flatnonzero(np.bincount(table.shape[:count])).tolist()
+        known = {index: kind for index in used if (kind := kinds[index]) is not None}
+        return _Lines(table, known, motion, numbers, speeds).first(count)
+
+    def _kind_of(self, shape: Shape, modal: ModalState, commanded: CommandedState) -> _Kind | None:
+        """Return what lines of a shape make; None if that takes the block interpreter."""
+        if shape.curved:
+            frame = arc_frame(self._rows, modal.plane, shape.axes, shape.offsets)
+            if frame is None or not commanded.synced(frame.axes):
+                return None
+            return _Kind(frame.axes, True, FeedBasis.PATH)
+        rows = [row for row in map(self._rows.get, shape.axes) if row is not None]
+        linear = sum(row.linear for row in rows)
+        basis = feed_basis(linear, len(rows) - linear)
+        if len(rows) < len(shape.axes) or not commanded.synced(shape.axes):
+            return None
+        if basis is FeedBasis.NONE and not modal.inverse_time:
+            return None
+        return _Kind(shape.axes, False, basis)
+
+    def _points(
+        self, table: WordTable, axes: tuple[int, ...], modal: ModalState, commanded: CommandedState
+    ) -> Array:
+        """Compute where the first line starts and each ends, shape (n+1, K) [m or rad]."""
+        points = np.empty((len(table.lines) + 1, len(axes)))
+        for column, axis in enumerate(axes):
+            row, start = self._rows[axis], commanded.positions[axis]
+            if axis not in table.axes:
+                points[:, column] = start
+                continue
+            written = table.values[:, table.axes.index(axis)]
+            named = ~np.isnan(written)
+            ends = written[named] * (row.inch if modal.inch else row.metric)
+            if not modal.incremental and modal.shift is not None:
+                ends += modal.shift.get(axis, 0.0)
+            ends = np.concatenate(([start], ends))
+            if modal.incremental:
+                ends = np.add.accumulate(ends)
+            points[0, column] = start
+            points[1:, column] = ends[np.cumsum(named)]
+        return points
+
+    def _ends_inside(self, lines: _Lines, axes: tuple[int, ...], points: Array) -> Mask:
+        """Return which lines start and end within the travels of their axes."""
+        least = np.array([self._rows[axis].least for axis in axes])
+        greatest = np.array([self._rows[axis].greatest for axis in axes])
+        inside = (points >= least) & (points <= greatest)
+        sound = np.ones(len(points) - 1, np.bool_)
+        if inside.all():
+            return sound
+        for index, kind in lines.kinds.items():
+            rows = np.flatnonzero(lines.table.shape == index)
+            for column in map(axes.index, kind.axes):
+                sound[rows] &= inside[rows, column] & inside[rows + 1, column]
+        return sound
+
+    def _arcs(
+        self, curved: NDArray[np.intp], lines: _Lines, axes: tuple[int, ...], points: Array, modal: ModalState
+    ) -> tuple[ArcColumns, Mask]:
+        """Compute the arcs, and which of them are defined and within the travels of their axes."""
+        scale = length_scale(modal.inch)
+        table = lines.table
+        starts, ends, centres = np.empty((3, len(curved), 2))
+        least, greatest = np.empty((2, len(curved), 2))
+        shape = table.shape[curved]
+        for index, kind in lines.kinds.items():
+            if not kind.curved:
+                continue
+            of_kind = np.flatnonzero(shape == index)
+            rows = curved[of_kind]
+            for column, axis in enumerate(kind.axes[:2]):
+                place = axes.index(axis)
+                starts[of_kind, column] = points[rows, place]
+                ends[of_kind, column] = points[rows + 1, place]
+                centres[of_kind, column] = starts[of_kind, column]
+                if axis in table.shapes[index].offsets:
+                    centres[of_kind, column] += table.offsets[rows, axis] * scale
+                least[of_kind, column] = self._rows[axis].least
+                greatest[of_kind, column] = self._rows[axis].greatest
+        found = arcs_of(starts, ends, centres, table.radii[curved] * scale, lines.motion[curved] == 2)
+        reach = (found.radii + np.abs(found.growths))[:, None]
+        sure = ((found.centres - reach >= least) & (found.centres + reach <= greatest)).all(axis=1)
+        sound = found.defined.copy()
+        for index in np.flatnonzero(found.defined & ~sure).tolist():
+            line = int(curved[index])
+            kind = lines.kinds[int(table.shape[line])]
+            columns = [axes.index(axis) for axis in kind.axes]
+            curve = ArcCurve(
+                kind.axes,
+                tuple(points[line, columns].tolist()),
+                tuple(points[line + 1, columns].tolist()),
+                (float(found.centres[index, 0]), float(found.centres[index, 1])),
+                float(found.sweeps[index]),
+                0.0,
+            )
+            sound[index] = inside_travels(curve, tuple(self._rows[axis] for axis in kind.axes))
+        return found, sound
+
+    def _climbs(self, curved: NDArray[np.intp], lines: _Lines, axes: tuple[int, ...], points: Array) -> Array:
+        """Return the displacements of the third axes of helices, shape (n,) [m]; 0 where none is named."""
+        climbs = np.zeros(len(curved))
+        shape = lines.table.shape[curved]
+        for index, kind in lines.kinds.items():
+            for axis in kind.axes[2:] if kind.curved else ():
+                of_kind = np.flatnonzero(shape == index)
+                rows, column = curved[of_kind], axes.index(axis)
+                climbs[of_kind] = points[rows + 1, column] - points[rows, column]
+        return climbs
+
+    def _straight(
+        self, lines: _Lines, axes: tuple[int, ...], points: Array, lengths: Array, travels: Array
+    ) -> Array:
+        """Write lengths and travels of the straight lines; return the speeds of all [m/s or rad/s]."""
+        speeds = lines.speeds.copy()
+        for index, kind in lines.kinds.items():
+            if kind.curved:
+                continue
+            rows = np.flatnonzero(lines.table.shape == index)
+            columns = [axes.index(axis) for axis in kind.axes if self._rows[axis].linear]
+            if columns:
+                steps = points[rows + 1] - points[rows]
+                travels[rows] = hypot(*[steps[:, column] for column in columns])
+            lengths[rows] = travels[rows]
+            if kind.basis is FeedBasis.TURN:
+                column = axes.index(kind.axes[0])
+                lengths[rows] = np.abs(points[rows + 1, column] - points[rows, column])
+                speeds[rows] = turning_speed(lines.numbers[rows])
+        return speeds

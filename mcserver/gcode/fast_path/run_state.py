@@ -1,0 +1,53 @@
+"""Feed and modal state along a run of lines."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed
+from mcserver.gcode.semantics.program_units import path_speed
+from mcserver.motion.geometry.curves import Array
+
+MIN_LINES = 12  # fewer lines are slower in columns than one by one
+
+
+def leading(sound: NDArray[np.bool_]) -> int:
+    """Return how many are sound before the first that is not."""
+    return len(sound) if sound.all() else int(sound.argmin())
+
+
+def last_written(written: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return for each line the index, from 1, of the last one up to it where something is written, or 0."""
+    return np.maximum.accumulate(np.where(written, np.arange(1, len(written) + 1), 0))
+
+
+def feeds_in_force(count: int, feeds: Array | None, modal: ModalState) -> tuple[Array, Array]:
+    """Return F in force on each line as written and as a speed along a path [m/s]; 0: no F is in force.
+
+    Args:
+        feeds: as written, shape (count,), NaN where none is; None where no line has one.
+    """
+    before = modal.feed or Feed(0.0, 0.0)
+    numbers = np.full(count + 1, before.number)
+    speeds = np.full(count + 1, before.speed)
+    if feeds is not None:
+        written = ~np.isnan(feeds)
+        origin = last_written(written)
+        numbers[1:] = np.where(written, feeds, 0.0)
+        speeds[1:] = path_speed(numbers[1:], modal.inch)
+        numbers[1:], speeds[1:] = numbers[origin], speeds[origin]
+    return numbers[1:], speeds[1:]
+
+
+def state_after(modal: ModalState, feeds: Array | None, motion: int) -> ModalState:
+    """Return the modal state behind lines with these feeds, the last of them of that motion code."""
+    feed = modal.feed
+    if feeds is not None:
+        written = feeds[~np.isnan(feeds)]
+        if len(written):
+            feed = read_feed(float(written[-1]), modal)
+    if modal.motion == motion and feed is modal.feed:
+        return modal
+    return msgspec.structs.replace(modal, motion=motion, feed=feed)

@@ -1,0 +1,243 @@
+"""Read many lines of G01, G02 and G03 at once, whatever words each of them has, as a table of numbers.
+
+The letters of a line are its pattern: which words it has and where. A program has few patterns, so each is
+looked at once, and the numbers of all its lines are copied at once to where they belong.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.gcode.fast_path.code_text import CodeText, axis_of
+from mcserver.gcode.text.words import LARGEST
+from mcserver.motion.geometry.curves import Array
+
+_CODES: Final = frozenset(zeros + code for code in (b"1", b"2", b"3") for zeros in (b"", b"0", b"00"))
+_LINE_FEED: Final = b"\n"[0]
+# patterns that are remembered; a program has some tens
+_MAX_PATTERNS: Final = 1024
+
+
+class Shape(NamedTuple):
+    """Words of geometry: axis numbers and those of I J K as 0 1 2, in reading order, and whether R is there.
+
+    Lines of one shape make the same kind of curve over the same axes.
+    """
+
+    axes: tuple[int, ...]
+    offsets: tuple[int, ...]
+    radius: bool
+
+    @property
+    def curved(self) -> bool:
+        """Return True if these are the words of an arc."""
+        return self.radius or bool(self.offsets)
+
+
+class Pattern(NamedTuple):
+    """Places of the words of a line among its letters; -1 for one that is not there.
+
+    Axis words and I J K are in the order of `shape`.
+    """
+
+    shape: Shape
+    axes: tuple[int, ...]
+    offsets: tuple[int, ...]
+    radius: int
+    feed: int
+    code: int
+
+
+class WordTable(msgspec.Struct, frozen=True, eq=False):
+    """Lines of G01, G02 or G03 or none of them, with the numbers of their words as written.
+
+    Attributes:
+        taken: count of lines, blank ones included.
+        lines: shape (n,), indices of those that are not blank, from 0.
+        shapes: of the lines. shape: shape (n,), which of them each line has.
+        axes: K axis numbers, increasing. values: shape (n, K), NaN where an axis is not named.
+        offsets: I J K, shape (n, 3), NaN where not written. radii: R, shape (n,), likewise.
+        codes: 1 to 3 where a code is written, else 0, shape (n,).
+        feeds: shape (n,), F, NaN where none is; None where no line has one.
+    """
+
+    taken: int
+    lines: NDArray[np.int64]
+    shapes: tuple[Shape, ...]
+    shape: NDArray[np.intp]
+    axes: tuple[int, ...]
+    values: Array
+    offsets: Array
+    radii: Array
+    codes: NDArray[np.int64]
+    feeds: Array | None
+
+    def first(self, count: int) -> WordTable:
+        """Return the first ``count`` of `lines`, with the blank lines behind them."""
+        if count >= len(self.lines):
+            return self
+        return WordTable(
+            int(self.lines[count]),
+            self.lines[:count],
+            self.shapes,
+            self.shape[:count],
+            self.axes,
+            self.values[:count],
+            self.offsets[:count],
+            self.radii[:count],
+            self.codes[:count],
+            None if self.feeds is None else self.feeds[:count],
+        )
+
+
+def pattern_of(letters: bytes) -> Pattern | None:
+    """Return the places of the words of a line; None if they are not those of one of G01 to G03."""
+    axes: dict[int, int] = {}
+    offsets: dict[int, int] = {}
+    others = dict.fromkeys(b"RFG", -1)
+    for place, letter in enumerate(letters):
+        axis = axis_of(letter)
+        if letter in b"UVW" or (letter == b"G"[0] and place > 0):
+            return None
+        if axis is not None:
+            words, name = axes, axis
+        elif letter in b"IJK":
+            words, name = offsets, letter - b"I"[0]
+        elif letter in others and others[letter] < 0:
+            others[letter] = place
+            continue
+        else:
+            return None
+        if name in words:
+            return None
+        words[name] = place
+    radius, feed, code = others.values()
+    shape = Shape(tuple(axes), tuple(offsets), radius >= 0)
+    if not (axes or (code >= 0 and offsets)) or (radius >= 0 and offsets):
+        return None
+    return Pattern(shape, tuple(axes.values()), tuple(offsets.values()), radius, feed, code)
+
+
+class WordReader:
+    """Reads words into columns, and remembers the patterns that it has seen."""
+
+    __slots__ = ("_patterns",)
+
+    def __init__(self) -> None:
+        self._patterns: dict[bytes, Pattern | None] = {}
+
+    def read(self, text: CodeText, least: int) -> WordTable | None:
+        """Read the longest prefix of lines with words of G01 to G03 alone; None below ``least`` lines.
+
+        It ends before the first lexical error. The numbers are those of `float`, at most `LARGEST`; nothing
+        else is checked.
+        """
+        letters = text.letters.split(b"\n")
+        letters.pop()
+        known = self._known(set(letters))
+        if None in known.values():
+            taken = next(index for index, each in enumerate(letters) if each and known[each] is None)
+            if taken < least:
+                return None
+            text = text.first(taken)
+            del letters[taken:]
+        kinds = np.frombuffer(text.letters, dtype=np.uint8)
+        # a 0 ahead of what stands before a line's first word: a number only if nothing but blanks does
+        tokens = CodeText(b"0 " + text.code.replace(b"\n", b"\n0 "), b"").numbers()
+        values = _numbers(tokens)
+        taken = int(np.count_nonzero(kinds[: _sound(kinds, tokens, values)] == _LINE_FEED))
+        return _table(letters[:taken], known, kinds, values) if taken >= least else None
+
+    def _known(self, letters: set[bytes]) -> dict[bytes, Pattern | None]:
+        """Return the patterns of lines; those of blank lines are none."""
+        if len(self._patterns) > _MAX_PATTERNS:
+            self._patterns.clear()
+        for each in letters:
+            if each not in self._patterns:
+                self._patterns[each] = pattern_of(each)
+        return {each: self._patterns[each] for each in letters if each}
+
+
+def _numbers(tokens: list[bytes]) -> Array:
+    """Convert pieces of text up to the first that is no number."""
+    try:
+        return np.array(tokens, dtype=np.float64)
+    except ValueError:
+        sound = next(index for index, token in enumerate(tokens) if not _is_number(token))
+        return np.array(tokens[:sound], dtype=np.float64)
+
+
+def _is_number(token: bytes) -> bool:
+    try:
+        float(token)
+    except ValueError:
+        return False
+    return True
+
+
+def _sound(kinds: NDArray[np.uint8], tokens: list[bytes], values: Array) -> int:
+    """Return how many pieces of text are what the letter before them takes: a code of motion, no huge number.
+
+    Args:
+        values: of the first pieces, up to one that is no number. kinds: the letters: that of a piece is one
+            ahead.
+    """
+    sound = len(values)
+    huge = np.abs(values) > LARGEST
+    if huge.any():
+        sound = int(huge.argmax())
+    places = (np.flatnonzero(kinds[: sound - 1] == b"G"[0]) + 1).tolist()
+    refused = {token for token in {tokens[place] for place in places} if token.strip() not in _CODES}
+    return next(place for place in places if tokens[place] in refused) if refused else sound
+
+
+def _table(
+    letters: list[bytes], known: dict[bytes, Pattern | None], kinds: NDArray[np.uint8], values: Array
+) -> WordTable:
+    """Copy the numbers of lines to where they belong."""
+    patterns = {each: pattern for each in dict.fromkeys(letters) if (pattern := known.get(each)) is not None}
+    shapes = tuple(dict.fromkeys(pattern.shape for pattern in patterns.values()))
+    axes = tuple(sorted({axis for shape in shapes for axis in shape.axes}))
+    # by letters: which pattern; that of a blank line is the last
+    place = {each: index for index, each in enumerate(patterns)}
+    blank = len(place)
+    which = np.array([place.get(each, blank) for each in letters], np.intp)
+    lines = np.flatnonzero(which < blank)
+    ends = np.flatnonzero(kinds == _LINE_FEED)[: len(letters)]
+    # where the number of a line's first word stands
+    first = np.concatenate(([1], ends[:-1] + 2))[lines]
+    which = which[lines]
+    count = len(lines)
+    shape = np.empty(count, np.intp)
+    codes = np.zeros(count)
+    columns, offsets = np.full((count, len(axes)), np.nan), np.full((count, 3), np.nan)
+    radii, feeds = np.full(count, np.nan), np.full(count, np.nan)
+    fed = False
+    for index, pattern in enumerate(patterns.values()):
+        rows = np.flatnonzero(which == index)
+        at = first[rows]
+        shape[rows] = shapes.index(pattern.shape)
+        for axis, word in zip(pattern.shape.axes, pattern.axes, strict=True):
+            columns[rows, axes.index(axis)] = values[at + word]
+        for offset, word in zip(pattern.shape.offsets, pattern.offsets, strict=True):
+            offsets[rows, offset] = values[at + word]
+        for column, word in ((radii, pattern.radius), (feeds, pattern.feed), (codes, pattern.code)):
+            if word >= 0:
+                column[rows] = values[at + word]
+        fed = fed or pattern.feed >= 0
+    return WordTable(
+        taken=len(letters),
+        lines=lines,
+        shapes=shapes,
+        shape=shape,
+        axes=axes,
+        values=columns,
+        offsets=offsets,
+        radii=radii,
+        codes=codes.astype(np.int64),
+        feeds=feeds if fed else None,
+    )
