@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections import deque
 
+import numpy as np
+
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.kernels.rate_changes import NEAR_U
+from mcserver.motion.pieces import LineEdges
 
-# Control entries taken out of the ring in a cycle, besides those that this cycle may pass.
-DECODED_A_CYCLE = 64
-# Entries up to this far ahead of u are always taken out [cycles].
-DECODED_AHEAD = 8.0
+# Control entries looked at in a cycle, besides those that this cycle may pass.
+NOTED_A_CYCLE = 64
+# Entries up to this far ahead of u are always looked at [cycles].
+NOTED_AHEAD = 8.0
 
 # Entries at which u may have to wait.
 WAITING = frozenset(
@@ -30,10 +33,12 @@ WAITING = frozenset(
         ControlKind.PROBE,
     )
 )
+# Where lines begin and end: all other kinds have greater numbers.
+_LAST_EDGE = ControlKind.LINE_END
 
 
 class ControlQueue:
-    """Entries taken out of a program's ring, in order.
+    """Entries of a program's ring that u has not come to, in order.
 
     Attributes:
         last_u: u of the last entry known.
@@ -42,15 +47,14 @@ class ControlQueue:
     def __init__(self, ring: ProgramRing, playback: Playback) -> None:
         self._ring = ring
         self._playback = playback
-        self._waiting: deque[Control] = deque()
         self._stops: deque[float] = deque()
         self.open(0)
 
     def open(self, base: int) -> None:
         """Begins with entry number ``base``."""
-        self._waiting.clear()
         self._stops.clear()
-        self._decoded = base
+        self._next = self._noted = base
+        self._head: Control | None = None
         self._open = 0
         self._end = -1.0
         self.last_u = 0.0
@@ -58,59 +62,103 @@ class ControlQueue:
     def drop(self) -> None:
         """Frees everything: nothing more of this program is done."""
         self.open(self._ring.controls_written)
-        self._ring.free_controls(self._decoded)
+        self._ring.free_controls(self._noted)
 
     @property
     def head(self) -> Control | None:
         """The next entry."""
-        return self._waiting[0] if self._waiting else None
+        if self._head is None and self._next < self._noted:
+            self._head = self._ring.control(self._next)
+        return self._head
 
     def pop(self) -> None:
         """The next entry has been reached."""
-        control = self._waiting.popleft()
-        self._ring.free_controls(self._decoded - len(self._waiting))
+        control = self.head
+        assert control is not None
+        self._head = None
+        self._next += 1
+        self._ring.free_controls(self._next)
         if control.kind in WAITING:
             _leave(self._stops, control.u + NEAR_U)
 
-    def decode(self, u: float) -> None:
-        """Take new entries out of the ring and note where motion has to be able to end.
+    def note(self, u: float) -> None:
+        """Let entries that have come count, and note where motion has to be able to end.
 
         An entry whose rows have not come does not count yet: u would run on past a motion that begins.
         """
         ring, playback = self._ring, self._playback
         playback.look()
         written, rows = ring.controls_written, playback.written
-        number, limit = self._decoded, self._decoded + DECODED_A_CYCLE
-        while number < written and (number < limit or self.last_u <= u + DECODED_AHEAD):
+        number, limit = self._noted, self._noted + NOTED_A_CYCLE
+        while number < written and (number < limit or self.last_u <= u + NOTED_AHEAD):
             if ring.rows_with(number) > rows:
                 break
-            control = ring.control(number)
+            if ring.kind_of(number) > _LAST_EDGE:
+                self._note(ring.control(number))
+            self.last_u = ring.u_of(number)
             number += 1
-            self._waiting.append(control)
-            kind = control.kind
-            if kind is ControlKind.BEGIN:
-                self._open |= control.axes
-            elif kind is ControlKind.END:
-                self._open &= ~control.axes
-                self._end = control.u
-            elif self._open and kind in WAITING:
-                self._stops.append(control.u)
-            self.last_u = control.u
-        self._decoded = number
+        self._noted = number
 
-    def marks_until(self, u: float, limit: int) -> int:
-        """Return how many rows after a whole u, up to ``limit``, meet no entry but marks of lines."""
-        for control in self._waiting:
-            if control.u > u + limit:
-                return limit
-            whole = round(control.u)
-            blurred = control.u != whole and abs(control.u - whole) <= 2.0 * NEAR_U
-            if control.kind not in (ControlKind.LINE_START, ControlKind.LINE_END) or blurred:
-                return max(0, math.ceil(control.u - u - 2.0 * NEAR_U) - 1)
-        if self._decoded < self._ring.controls_written:
-            # more entries follow, which have not been taken out yet
+    def note_all(self) -> None:
+        """Let all entries that have come count, as `note` does; on a virtual clock, where time does not
+        matter.
+        """
+        ring, playback = self._ring, self._playback
+        playback.look()
+        places = np.arange(self._noted, ring.controls_written) % ring.controls
+        early = ring.entry_rows[places] > playback.written
+        if early.any():
+            places = places[: int(np.argmax(early))]
+        if not len(places):
+            return
+        for index in np.flatnonzero(ring.entry_kind[places] > _LAST_EDGE).tolist():
+            self._note(ring.control(self._noted + index))
+        self.last_u = float(ring.entry_u[places[-1]])
+        self._noted += len(places)
+
+    def _note(self, control: Control) -> None:
+        if control.kind is ControlKind.BEGIN:
+            self._open |= control.axes
+        elif control.kind is ControlKind.END:
+            self._open &= ~control.axes
+            self._end = control.u
+        elif self._open and control.kind in WAITING:
+            self._stops.append(control.u)
+
+    def edges_until(self, u: float, limit: int) -> int:
+        """Return how many rows after a whole u, up to ``limit``, meet no entry but where lines begin and
+        end.
+        """
+        ring = self._ring
+        places = np.arange(self._next, self._noted) % ring.controls
+        at = ring.entry_u[places]
+        far = at > u + limit
+        ahead = int(np.argmax(far)) if far.any() else len(at)
+        at = at[:ahead]
+        whole = np.rint(at)
+        blurred = (at != whole) & (np.abs(at - whole) <= 2.0 * NEAR_U)
+        others = np.flatnonzero(blurred | (ring.entry_kind[places[:ahead]] > _LAST_EDGE))
+        if len(others):
+            return max(0, math.ceil(float(at[others[0]]) - u - 2.0 * NEAR_U) - 1)
+        if ahead == len(places) and self._noted < ring.controls_written:
+            # more entries follow, whose rows have not come yet
             limit = min(limit, max(0, math.ceil(self.last_u - u) - 1))
         return limit
+
+    def take_edges(self, u: float) -> LineEdges:
+        """Take the entries up to u, all of which are where lines begin and end."""
+        ring = self._ring
+        places = np.arange(self._next, self._noted) % ring.controls
+        at = ring.entry_u[places]
+        behind = at > u
+        if behind.any():
+            places = places[: int(np.argmax(behind))]
+        self._head = None
+        self._next += len(places)
+        ends = ring.entry_kind[places] == ControlKind.LINE_END
+        edges = LineEdges(at[: len(places)].copy(), ring.entry_line[places], ends)
+        ring.free_controls(self._next)
+        return edges
 
     def edge(self, u: float) -> tuple[float | None, bool]:
         """Before which u the motion under way has to be able to stop, and whether more rows would move that

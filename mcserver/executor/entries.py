@@ -113,6 +113,13 @@ class MotionSink(Protocol):
                 so that u does not run on past a motion that begins.
         """
 
+    def put_edges(self, u: Array, line: NDArray[np.int64], ends: NDArray[np.bool_], rows: int = 0) -> None:
+        """Put `LINE_START` and `LINE_END` entries, as `put_control` does one by one.
+
+        Args:
+            u, line: shape (n,). ends: which of them are `LINE_END`, shape (n,).
+        """
+
 
 class EventKind(enum.IntEnum):
     """What the executor reports; kept apart from telemetry and never dropped silently."""

@@ -7,10 +7,8 @@ exchanged with; faults are looked for; barriers see the fresh feedback; the cycl
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcserver.drives.bus import DriveBus
 from mcserver.drives.io_bus import IoBus
@@ -18,7 +16,6 @@ from mcserver.executor.axes import AxisBank
 from mcserver.executor.barriers import Dwell, InputWait
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.headroom import Array
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
@@ -39,6 +36,7 @@ from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.slot import ProgramSlot
 from mcserver.executor.stored_reference import StoredReference
+from mcserver.executor.stretch import Stretch
 from mcserver.executor.supervision import Supervision
 from mcserver.machine.machine_file import Machine
 
@@ -46,15 +44,6 @@ from mcserver.machine.machine_file import Machine
 _RESET_ASKED = 1 << 64
 # Cycles below which a stretch costs more than it saves.
 LEAST_STRETCH = 4
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """Cycles that were played in one go: lines (n,), setpoints and encoder readings (n, K) [m or rad]."""
-
-    lines: NDArray[np.int64]
-    setpoint: Array
-    actual: Array
 
 
 class Executor:
@@ -228,14 +217,14 @@ class Executor:
             ahead.arrive()
         setpoint, actual = setpoint[:count], actual[:count]
         lines = ring.row_line[rows[:count]].copy()
-        slot.play_stretch(setpoint, time)
+        events = slot.play_stretch(setpoint, time)
         self.motions.skip(count)
         cycle = self._cycle
         for number in range(max(0, count - len(cycle.history)), count):
             cycle.history[(cycle.number + number) % len(cycle.history)] = actual[number]
         self._feedback.skip(count)
         cycle.number += count
-        return Stretch(lines, setpoint, actual)
+        return Stretch(lines, setpoint, actual, events)
 
     def stop_all(self, code: FaultCode | None = None) -> None:
         """Stops all motion within its limits, and reports why; axes stay energized."""

@@ -8,8 +8,6 @@ cycles: 1 at its beginning, 0 at the exchange with the drives.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +24,9 @@ from mcserver.executor.playback.rate_control import RateControl
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
+from mcserver.executor.stretch import LineEvents, passing_times
 from mcserver.motion.kernels.rate_changes import NEAR_U
+from mcserver.motion.pieces import LineEdges
 
 # This close to an edge u is put onto it [cycles]: at 1 m/s that is a nanometre, of a jerk of 1 m/s³ at 1 kHz.
 LANDING = 1e-6
@@ -211,7 +211,7 @@ class ProgramSlot:
         self._mean_rate = 0.0
         if not self.running:
             return
-        self._queue.decode(self.u)
+        self._queue.note(self.u)
         self._left = 1.0
         if not self._started:
             nothing = self._queue.head is None and self.playback.empty
@@ -249,7 +249,10 @@ class ProgramSlot:
     # ------------------------------------------------------------------ stretches
 
     def stretch(self, limit: int) -> NDArray[np.intp]:
-        """Return the places in the ring of rows that are played one a cycle, past no entry but marks."""
+        """Return the places in the ring of rows that are played one a cycle.
+
+        They pass no entry but where lines begin and end.
+        """
         nothing = np.zeros(0, np.intp)
         plays = self._state is SlotState.RUNNING and self._started and self.barrier is None
         if not plays or not self.playback.active or not self.ramp.steady or self._starved:
@@ -257,35 +260,28 @@ class ProgramSlot:
         if self.held or self._override != 1.0 or self.u != round(self.u):
             return nothing
         queue = self._queue
-        queue.decode(self.u)
+        queue.note_all()
         self.playback.seek(self.u)
         edge, _ = queue.edge(self.u)
         if edge is not None:
             limit = min(limit, self.ramp.rows_before(self.u, edge))
-        return self.playback.stretch(self.u, min(limit, queue.marks_until(self.u, limit)))
+        return self.playback.stretch(self.u, min(limit, queue.edges_until(self.u, limit)))
 
-    def play_stretch(self, setpoints: Array, time: float) -> None:
-        """Pass the marks and the rows of a stretch.
+    def play_stretch(self, setpoints: Array, time: float) -> LineEvents:
+        """Pass the rows of a stretch, and the beginnings and ends of lines between them.
 
         Args:
             setpoints: of its cycles, shape (n, K). time: executor time of the first one [s].
         """
-        cycle, start = self.cycle, self.u
-        first = round(time / cycle.cycle_s)
-        passed, left, here = 0, 1.0, start
-        while (control := self._queue.head) is not None and control.u <= start + len(setpoints) + NEAR_U:
-            number = max(1, math.ceil(control.u - start - NEAR_U))
-            if number != passed:
-                passed, left, here = number, 1.0, start + number - 1.0
-                cycle.time = (first + number - 1) * cycle.cycle_s
-            if control.u > here:
-                left = max(0.0, left - (control.u - here))
-                here = control.u
-            self._queue.pop()
-            self._pass(control, left)
+        start, cycle_s = self.u, self.cycle.cycle_s
         self.u = start + len(setpoints)
+        edges = self._queue.take_edges(self.u + NEAR_U)
+        times = passing_times(edges.u, start, round(time / cycle_s), cycle_s)
+        if len(edges):
+            self.line = _line_after(edges, self.line)
         self.playback.skip(self.u, setpoints)
         self.shown_line = self.playback.line
+        return LineEvents(self.index, edges.line, times, edges.ends)
 
     def finish(self, line: int, left: float) -> None:
         """The program has ended; axes that move by themselves go on."""
@@ -453,3 +449,14 @@ class ProgramSlot:
             self.state = SlotState.STARVED
         else:
             self.state = SlotState.RUNNING
+
+
+def _line_after(edges: LineEdges, line: int) -> int:
+    """Return the line under way after some that began and ended; ``line`` was before."""
+    begun = np.flatnonzero(~edges.ends)
+    since = 0
+    if len(begun):
+        since = int(begun[-1])
+        line = int(edges.line[since])
+    ended = edges.line[since:][edges.ends[since:]]
+    return 0 if (ended == line).any() else line

@@ -1,8 +1,12 @@
-"""Output of the planner besides rows: marks of lines, and the columns that rows drive."""
+"""Output of the planner besides rows: where lines begin and end, and the columns that rows drive."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.motion.bound import Bound
 from mcserver.motion.profile.setpoint_sampling import Rows
@@ -11,12 +15,24 @@ from mcserver.motion.profile.setpoint_sampling import Rows
 PIECE = 1000
 
 
-class LineMark(msgspec.Struct, frozen=True):
-    """A line begins or ends at u [cycles]."""
+@dataclass(frozen=True, eq=False)
+class LineEdges:
+    """Where lines begin and end, in columns.
 
-    u: float
-    line: int
-    ends: bool
+    Attributes:
+        u: in order, shape (n,) [cycles]. line: their numbers. ends: which of them end, the others begin.
+    """
+
+    u: NDArray[np.float64]
+    line: NDArray[np.int64]
+    ends: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    def part(self, part: slice) -> LineEdges:
+        """Return some of them."""
+        return LineEdges(self.u[part], self.line[part], self.ends[part])
 
 
 class LineBound(msgspec.Struct, frozen=True):
@@ -43,4 +59,4 @@ class Deactivation(msgspec.Struct, frozen=True):
     position: tuple[float, ...]
 
 
-Piece = Rows | LineMark | LineBound | Activation | Deactivation
+Piece = Rows | LineEdges | LineBound | Activation | Deactivation

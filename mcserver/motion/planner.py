@@ -28,9 +28,10 @@ from mcserver.motion.lookahead.commit_moments import commit_moment, last_steady
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
-from mcserver.motion.pieces import PIECE, Activation, Deactivation, LineBound, LineMark, Piece
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows, first_row, sample, whole_cycle
+from mcserver.motion.pieces import Deactivation, Piece
+from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows, whole_cycle
 from mcserver.motion.profile.torque_of_rows import TorqueOfRows
+from mcserver.motion.run_output import RunOutput
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
 from mcserver.units import AxisType
 
@@ -40,8 +41,6 @@ WINDOW = 512
 LARGEST_WINDOW = 8192
 # What is left to a motion before the part of a curve that may still change: its speed has to follow [s].
 ADAPT_S = 0.05
-
-_ALL = (1 << 64) - 1
 
 
 class MotionPlanner:
@@ -69,9 +68,9 @@ class MotionPlanner:
         self._chords: list[Segment] = []
         self._open: OpenCurve | None = None
         self._active = 0
-        self._announced = 0
         torque = self._limits.torque
         self._torques = None if torque is None else TorqueOfRows(torque, machine.cycle_s)
+        self._output = RunOutput(machine.cycle_s, self._torques)
 
     @property
     def torque_stop(self) -> int:
@@ -324,7 +323,7 @@ class MotionPlanner:
         self._left = max(len(table), WINDOW // 2)
         origin, self.u = self.u, self.u + moment / self._cycle
         self._plan = None
-        return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
+        return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
 
     def _settled_until(self, plan: PlannedRun) -> float:
         """Until when nothing of the open curve begins, with time to adapt to what it becomes [s]."""
@@ -355,7 +354,7 @@ class MotionPlanner:
         self._reserve = None
         self._plan = None
         origin, self.u = self.u, self.u + plan.phases.duration / self._cycle
-        return self._output(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)
+        return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)
 
     def close(self) -> Iterator[Piece]:
         """Commit all that is in the window, its stop included."""
@@ -381,67 +380,11 @@ class MotionPlanner:
         yield from self.close()
 
     def _closing(self, plan: PlannedRun, origin: float, end: float, mask: int) -> Iterator[Piece]:
-        yield from self._output(plan, origin, whole_cycle(end), math.inf)
-        self._announced = 0
+        yield from self._output.pieces(plan, origin, whole_cycle(end), math.inf)
+        self._output.announced = 0
         last = plan.segments[-1]
         position = last.sample(np.array([last.finish]))[0][0]
         yield Deactivation(float(whole_cycle(end)), last.line, mask, tuple(position.tolist()))
-
-    def _output(self, plan: PlannedRun, origin: float, last: int, until: float) -> Iterator[Piece]:
-        """Yield rows first_row(origin) … ``last``, with marks of all that happens before ``until`` [s].
-
-        Each piece of rows comes behind the marks that stand before its last row; marks are in order of u.
-        """
-        marks = self._marks(plan, origin, until, float(last) if math.isinf(until) else math.inf)
-        low, mark = first_row(origin), next(marks, None)
-        while low <= last:
-            high = min(low + PIECE - 1, last)
-            starting: list[Activation] = []
-            while mark is not None and mark[0] < high:
-                if isinstance(mark[1], Activation):
-                    starting.append(mark[1])
-                yield mark[1]
-                mark = next(marks, None)
-            rows = sample(plan, origin, low, high, self._cycle)
-            np.bitwise_and(rows.axes, np.uint64(self._announced), out=rows.axes)
-            for activation in starting:
-                # rows drive no column before its activation, which may stand a rounding error behind a row
-                early = max(math.floor(activation.u + CYCLE_ROUNDING) - low + 1, 0)
-                rows.axes[:early] &= np.uint64(~activation.mask & _ALL)
-            yield rows if self._torques is None else self._torques.on_plan(rows, plan, origin)
-            low = high + 1
-        while mark is not None:
-            yield mark[1]
-            mark = next(marks, None)
-
-    def _marks(
-        self, plan: PlannedRun, origin: float, until: float, latest: float
-    ) -> Iterator[tuple[int, Piece]]:
-        """Yield what happens before ``until`` [s], each with the last row that stands before it.
-
-        Where the run closes, rounding must not put a mark behind its last row, ``latest``.
-        """
-        at = origin + plan.times / self._cycle
-        before = np.floor(at + CYCLE_ROUNDING).astype(np.int64).tolist()
-        places = np.minimum(at, latest).tolist()
-        times = plan.times.tolist()
-        for index, segment in enumerate(plan.segments):
-            if times[index] >= until:
-                break
-            u, row = places[index], before[index]
-            new = segment.active & ~self._announced
-            if new:
-                self._announced |= new
-                yield row, Activation(u, segment.line, new)
-            if segment.opens:
-                yield row, LineMark(u, segment.line, ends=False)
-            if times[index + 1] <= until:
-                row = before[index + 1]
-                bound = plan.bound_by[index]
-                if bound is not None:
-                    yield row, LineBound(segment.line, bound)
-                if segment.closes:
-                    yield row, LineMark(places[index + 1], segment.line, ends=True)
 
     # ------------------------------------------------------------------ with an empty window
 

@@ -36,12 +36,12 @@ from mcserver.motion.canonical import (
     requested_of,
 )
 from mcserver.motion.lookahead.planned_run import PlannedRun
-from mcserver.motion.pieces import Activation, Deactivation, LineBound, LineMark, Piece
+from mcserver.motion.pieces import Activation, LineBound, LineEdges, Piece
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
-from mcserver.planning.motion_output import Output
+from mcserver.planning.motion_output import Output, then
 from mcserver.planning.payload_entries import PayloadEntries
-from mcserver.planning.planner_messages import Report, ReportKind
+from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
 
 _OPERATIONS = list(AxisOperation)
 
@@ -51,17 +51,6 @@ class InPosition(msgspec.Struct, frozen=True):
 
     line: int
     axes: tuple[int, ...]
-
-
-def then(first: Iterator[Piece | Control] | None, after: list[Control]) -> Iterator[Piece | Control]:
-    """Merge ``first`` with ``after`` in order of u: motion may end within the cycle whose row is its last."""
-    remaining = list(after)
-    for piece in first or ():
-        if isinstance(piece, Deactivation):
-            while remaining and remaining[0].u < piece.u:
-                yield remaining.pop(0)
-        yield piece
-    yield from remaining
 
 
 class LinePlanner:
@@ -116,7 +105,7 @@ class LinePlanner:
         self._tolerance = 0.0
         self._token = 0
         self.waiting_for: int | None = None
-        self.reports: deque[Report] = deque()
+        self.reports: deque[Report | PlannedLines] = deque()
         self.flush = False
         self.last_line = 0
         self.pause_u: float | None = None
@@ -176,19 +165,28 @@ class LinePlanner:
         elif isinstance(piece, LineBound):
             bound = f"axis {self._machine.axes[piece.bound.column].index} {piece.bound.kind}"
             self.reports.append(Report(ReportKind.BOUND, piece.line, bound_by=bound))
-        elif isinstance(piece, LineMark):
-            kind = ControlKind.LINE_END if piece.ends else ControlKind.LINE_START
-            for entry in () if piece.ends else self._payloads.at(piece.u, piece.line):
-                self.output.put(entry)
-            self.output.put(Control(kind, piece.u, piece.line))
-            if not piece.ends and self._at_start:
-                self._set_outputs(self._at_start.pop(piece.line, {}), piece.u, piece.line)
+        elif isinstance(piece, LineEdges):
+            self._put_edges(piece)
         elif isinstance(piece, Activation):
             self.output.put(Control(ControlKind.BEGIN, piece.u, piece.line, axes=piece.mask))
         else:
             self.output.put(
                 Control(ControlKind.END, piece.u, piece.line, axes=piece.mask, values=piece.position)
             )
+
+    def _put_edges(self, edges: LineEdges) -> None:
+        """Put where lines begin and end, with what comes along at their beginnings."""
+        passed = 0
+        known = [*self._at_start, *self._payloads.lines]
+        for index in np.flatnonzero(~edges.ends & np.isin(edges.line, known)).tolist() if known else ():
+            u, line = float(edges.u[index]), int(edges.line[index])
+            self.output.put(edges.part(slice(passed, index)))
+            for entry in self._payloads.at(u, line):
+                self.output.put(entry)
+            passed = index + 1
+            self.output.put(edges.part(slice(index, passed)))
+            self._set_outputs(self._at_start.pop(line, {}), u, line)
+        self.output.put(edges.part(slice(passed, len(edges))))
 
     def settle(self, axes: frozenset[int]) -> None:
         """Ask the executor to bring axes to rest and to report their positions (D-14, D-25)."""
@@ -299,10 +297,7 @@ class LinePlanner:
         tolerance = min(self._tolerance, run.tolerance)
         if not self.motion.append_run(run, from_rest=self._from_rest, tolerance=tolerance):
             return False
-        for line, requested, travel in zip(
-            run.lines.tolist(), run.requested.tolist(), run.travels.tolist(), strict=True
-        ):
-            self.reports.append(Report(ReportKind.PLANNED, line, requested_s=requested, feed_length=travel))
+        self.reports.append(PlannedLines(run.lines, run.requested, run.travels))
         self._tolerance = run.tolerance
         self._from_rest = False
         return True

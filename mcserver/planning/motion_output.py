@@ -5,9 +5,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from itertools import islice, takewhile
+from collections.abc import Iterator
+
+import numpy as np
 
 from mcserver.executor.entries import Control, MotionSink
+from mcserver.motion.pieces import Deactivation, LineEdges, Piece
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
 
 
@@ -23,15 +26,17 @@ class Output:
 
     def __init__(self, sink: MotionSink) -> None:
         self._sink = sink
-        self._controls: deque[Control] = deque()
+        self._controls: deque[Control | LineEdges] = deque()
+        self._waiting = 0
         self._rows: deque[Rows] = deque()
         self.last_u = 0.0
 
-    def put(self, entry: Control | Rows) -> None:
-        if isinstance(entry, Control):
-            self._controls.append(entry)
-        else:
+    def put(self, entry: Control | LineEdges | Rows) -> None:
+        if isinstance(entry, Rows):
             self._rows.append(entry)
+        elif count := _count(entry):
+            self._controls.append(entry)
+            self._waiting += count
 
     @property
     def blocked(self) -> bool:
@@ -41,6 +46,7 @@ class Output:
     def drop(self) -> None:
         """Forgets what waits: the program was aborted."""
         self._controls.clear()
+        self._waiting = 0
         self._rows.clear()
 
     def flush(self) -> bool:
@@ -52,11 +58,11 @@ class Output:
             if count < 1:
                 break
             room = self._sink.control_room()
-            entries = self._entries_before(rows.first + count, room + 1)
+            entries = self._entries_before(rows.first + count)
             if entries > room:
                 # no room for an entry: the rows that come before it may go
                 entries = room
-                until = math.floor(self._controls[room].u + CYCLE_ROUNDING) + 1
+                until = math.floor(self._u_of(room) + CYCLE_ROUNDING) + 1
                 count = max(0, min(count, until - rows.first))
             moved |= self._put_controls(entries, count)
             if count < 1:
@@ -70,21 +76,62 @@ class Output:
                 return moved
             self._rows.popleft()
         if not self._rows:
-            moved |= self._put_controls(min(len(self._controls), self._sink.control_room()), 0)
+            moved |= self._put_controls(min(self._waiting, self._sink.control_room()), 0)
         return moved
 
-    def _entries_before(self, u: float, most: int) -> int:
-        """Return how many entries come before u, up to ``most``."""
-        return sum(1 for _ in takewhile(lambda each: each.u < u, islice(self._controls, most)))
+    def _entries_before(self, u: float) -> int:
+        """Return how many entries come before u."""
+        count = 0
+        for block in self._controls:
+            before = int(block.u < u) if isinstance(block, Control) else int(np.searchsorted(block.u, u))
+            count += before
+            if before < _count(block):
+                break
+        return count
+
+    def _u_of(self, index: int) -> float:
+        """Return u of an entry that waits."""
+        for block in self._controls:
+            if index < _count(block):
+                return block.u if isinstance(block, Control) else float(block.u[index])
+            index -= _count(block)
+        raise IndexError(index)
 
     def _put_controls(self, count: int, rows: int) -> bool:
         """Hand over the next entries, with which ``rows`` rows come; True if there was one."""
-        for _ in range(count):
-            control = self._controls.popleft()
-            self._sink.put_control(control, rows)
+        left = count
+        while left > 0:
+            block = self._controls.popleft()
+            if isinstance(block, Control):
+                last = block.u
+                self._sink.put_control(block, rows)
+                left -= 1
+            else:
+                if len(block) > left:
+                    self._controls.appendleft(block.part(slice(left, len(block))))
+                    block = block.part(slice(0, left))
+                last = float(block.u[-1])
+                self._sink.put_edges(block.u, block.line, block.ends, rows)
+                left -= len(block)
             if not self._rows:
-                self.last_u = max(self.last_u, control.u)
+                self.last_u = max(self.last_u, last)
+        self._waiting -= count
         return count > 0
+
+
+def then(first: Iterator[Piece | Control] | None, after: list[Control]) -> Iterator[Piece | Control]:
+    """Merge ``first`` with ``after`` in order of u: motion may end within the cycle whose row is its last."""
+    remaining = list(after)
+    for piece in first or ():
+        if isinstance(piece, Deactivation):
+            while remaining and remaining[0].u < piece.u:
+                yield remaining.pop(0)
+        yield piece
+    yield from remaining
+
+
+def _count(entry: Control | LineEdges) -> int:
+    return 1 if isinstance(entry, Control) else len(entry)
 
 
 def _head(rows: Rows, count: int) -> Rows:

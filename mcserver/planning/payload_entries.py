@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from mckinematics.dynamics import JointDynamics
 
 from mcserver.executor.entries import Control, ControlKind
@@ -31,6 +33,11 @@ class PayloadEntries:
                 tools = self._dynamics.bits_of(group.carried)
                 if tools != self._noted:
                     self._noted = self._at[line.line] = tools
+
+    @property
+    def lines(self) -> Collection[int]:
+        """Lines at whose start something changes."""
+        return self._at.keys()
 
     def at(self, u: float, line: int) -> list[Control]:
         """Take the entry noted for the start of a line, at u [cycles]; empty where nothing changes."""

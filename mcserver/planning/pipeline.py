@@ -27,7 +27,7 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.profile.setpoint_sampling import Rows
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.line_planner import LinePlanner
-from mcserver.planning.planner_messages import Report, ReportKind
+from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
 from mcserver.planning.solving_time import TimedKinematics
 
 # How far ahead of the executor motion is handed over [cycles]; what is not can still flow into later lines.
@@ -162,6 +162,16 @@ class Pipeline:
 
     def take_reports(self) -> list[Report]:
         """Reports since the last call."""
+        found: list[Report] = []
+        for report in self.take_reports_in_columns():
+            if isinstance(report, PlannedLines):
+                found += report.reports()
+            else:
+                found.append(report)
+        return found
+
+    def take_reports_in_columns(self) -> list[Report | PlannedLines]:
+        """What `take_reports` returns, with those of runs of lines in columns."""
         reports = list(self._plan.reports)
         self._plan.reports.clear()
         return reports

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import ExecutorEvent
@@ -135,6 +138,27 @@ class Report(msgspec.Struct, frozen=True, gc=False):
     diagnostics: tuple[Diagnostic, ...] = ()
     frame: Frame | None = None
     message: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedLines:
+    """`PLANNED` of lines in columns.
+
+    Attributes:
+        lines: their numbers, which rise, shape (n,). requested_s, feed_lengths: of each, as of `Report`.
+    """
+
+    lines: NDArray[np.int64]
+    requested_s: NDArray[np.float64]
+    feed_lengths: NDArray[np.float64]
+
+    def reports(self) -> list[Report]:
+        """Return the reports one by one."""
+        columns = (self.lines.tolist(), self.requested_s.tolist(), self.feed_lengths.tolist())
+        return [
+            Report(ReportKind.PLANNED, line, requested_s=requested, feed_length=travel)
+            for line, requested, travel in zip(*columns, strict=True)
+        ]
 
 
 class ProgramMessage(msgspec.Struct, frozen=True, tag=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,10 @@ BLOCK = 4096
 
 
 class _Block:
-    """Columns of some lines that follow each other; times in seconds, NaN where there is none."""
+    """Columns of some lines that follow each other; times in seconds, NaN where there is none.
+
+    Those in Python's own arrays take and give one element quickest; ``columns`` are views of them.
+    """
 
     def __init__(self) -> None:
         nothing = [math.nan] * BLOCK
@@ -30,6 +33,48 @@ class _Block:
         self.timed = array("i", bytes(4 * BLOCK))
         # index of the limit's name, 0: none
         self.bound = array("i", bytes(4 * BLOCK))
+        self.columns = _Columns(
+            start=np.frombuffer(self.start),
+            end=np.frombuffer(self.end),
+            requested=np.frombuffer(self.requested),
+            planning=np.frombuffer(self.planning),
+            begun=np.frombuffer(self.begun, np.int32),
+            timed=np.frombuffer(self.timed, np.int32),
+            bound=np.frombuffer(self.bound, np.int32),
+        )
+
+
+class _Columns(NamedTuple):
+    """Columns of lines, as of `_Block`."""
+
+    start: NDArray[np.float64]
+    end: NDArray[np.float64]
+    requested: NDArray[np.float64]
+    planning: NDArray[np.float64]
+    begun: NDArray[np.int32]
+    timed: NDArray[np.int32]
+    bound: NDArray[np.int32]
+
+    @property
+    def took_time(self) -> NDArray[np.bool_]:
+        """Which lines took time."""
+        timed: NDArray[np.bool_] = self.end > self.start
+        return timed
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Of which lines it is known what time they ask for."""
+        known: NDArray[np.bool_] = (self.timed >= self.begun) & ~np.isnan(self.requested)
+        return known
+
+    @property
+    def stretched(self) -> NDArray[np.float64]:
+        """Actual time by requested time; 0 where nothing was asked."""
+        asked = self.known & (self.requested > 0.0)
+        stretched: NDArray[np.float64] = np.divide(
+            self.end - self.start, self.requested, out=np.zeros(len(asked)), where=asked
+        )
+        return stretched
 
 
 class LineTimes:
@@ -67,6 +112,13 @@ class LineTimes:
         block.requested[row] = requested_s + (0.0 if math.isnan(before) else before)
         block.timed[row] += 1
 
+    def asked_in_columns(self, lines: NDArray[np.int64], requested_s: NDArray[np.float64]) -> None:
+        """Add up the times that lines ask for, as `asked` does one by one; each of them comes once."""
+        for columns, rows, part in self._parts(lines):
+            before = columns.requested[rows]
+            columns.requested[rows] = requested_s[part] + np.where(np.isnan(before), 0.0, before)
+            columns.timed[rows] += 1
+
     def bound(self, line: int, by: str | None) -> None:
         """Note which limit stretched a line."""
         block, row = self._at(line)
@@ -99,6 +151,36 @@ class LineTimes:
         if not self._keep and line - self._fitted >= 3 * BLOCK:
             self._fit(line - 2 * BLOCK)
 
+    def passed(self, lines: NDArray[np.int64], at_s: NDArray[np.float64], ends: NDArray[np.bool_]) -> None:
+        """Note where lines begin and end, as `started` and `ended` do one by one.
+
+        Args:
+            lines, at_s: in order of time, shape (n,). ends: which of them end.
+        """
+        for columns, rows, part in self._parts(lines):
+            begin, moments = ~ends[part], at_s[part]
+            opened, since = rows[begin], moments[begin]
+            fresh = columns.begun[opened] == 0
+            # of several beginnings the first, which is written last; of several ends the last
+            columns.start[opened[fresh][::-1]] = since[fresh][::-1]
+            np.add.at(columns.begun, opened, 1)
+            columns.end[rows[~begin]] = moments[~begin]
+        ended = lines[ends]
+        if not self._keep and len(ended) and int(ended[-1]) - self._fitted >= 3 * BLOCK:
+            self._fit(int(ended[-1]) - 2 * BLOCK)
+
+    def _parts(
+        self, lines: NDArray[np.int64]
+    ) -> Iterator[tuple[_Columns, NDArray[np.int64], NDArray[np.intp]]]:
+        """Yield for each block of lines its columns, the rows of lines there, and their places in
+        ``lines``.
+        """
+        numbers = lines // BLOCK
+        for number in np.unique(numbers).tolist():
+            part = np.flatnonzero(numbers == number)
+            block, _ = self._at(number * BLOCK)
+            yield block.columns, lines[part] - number * BLOCK, part
+
     def paused(self, line: int) -> None:
         """Note that a line waits for an operator."""
         if len(self._pauses) < MOST_PAUSES:
@@ -130,72 +212,76 @@ class LineTimes:
     # ------------------------------------------------------------ lines
 
     def __len__(self) -> int:
-        return sum(int(np.count_nonzero(_timed(block))) for block in self._blocks.values())
+        return sum(int(np.count_nonzero(block.columns.took_time)) for block in self._blocks.values())
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Return the lines that took time, by start and number, as the report's ``lines``."""
         numbers, starts = [], []
         for number, block in sorted(self._blocks.items()):
-            timed = np.flatnonzero(_timed(block))
+            timed = np.flatnonzero(block.columns.took_time)
             numbers.append(number * BLOCK + timed)
-            starts.append(np.frombuffer(block.start)[timed])
+            starts.append(block.columns.start[timed])
         if not numbers:
             return
         lines = np.concatenate(numbers)
-        for line in lines[np.lexsort((lines, np.concatenate(starts)))]:
-            yield self._row(int(line))
+        lines = lines[np.lexsort((lines, np.concatenate(starts)))]
+        for first in range(0, len(lines), BLOCK):
+            yield from self._rows(lines[first : first + BLOCK])
 
     def most_stretched(self, most: int) -> list[dict[str, Any]]:
         """Return up to ``most`` lines whose time is the longest against what was asked, by start."""
         found: list[tuple[float, int]] = []
         for number, block in sorted(self._blocks.items()):
-            factor = _stretched(block)
-            timed = np.flatnonzero(_timed(block))
+            factor = block.columns.stretched
+            timed = np.flatnonzero(block.columns.took_time)
             best = timed[np.argsort(-factor[timed], kind="stable")[:most]]
             found += [(-float(factor[row]), number * BLOCK + int(row)) for row in best]
             found = sorted(found)[:most]
-        return sorted((self._row(line) for _, line in found), key=lambda row: (row["start_s"], row["line"]))
+        rows = self._rows(np.array([line for _, line in found], np.int64))
+        return sorted(rows, key=lambda row: (row["start_s"], row["line"]))
 
     def stretched_count(self) -> int:
         """Count the lines that a limit stretched."""
-        return sum(
-            int(
-                np.count_nonzero(
-                    _timed(block) & (_stretched(block) > 1.0 + 1e-9) & _int(block.bound).astype(bool)
-                )
+        count = 0
+        for block in self._blocks.values():
+            columns = block.columns
+            stretched = columns.took_time & (columns.stretched > 1.0 + 1e-9) & (columns.bound != 0)
+            count += int(np.count_nonzero(stretched))
+        return count
+
+    def _rows(self, lines: NDArray[np.int64]) -> list[dict[str, Any]]:
+        """Return the rows of some lines, in their order."""
+        columns: list[NDArray[Any]] = [np.empty(len(lines), each) for each in (*"dddd", *"iii")]
+        for of_block, places, part in self._parts(lines):
+            every: tuple[NDArray[Any], ...] = of_block
+            for own, column in zip(columns, every, strict=True):
+                own[part] = column[places]
+        found = _Columns(*columns)
+        lasts = found.end - found.start
+        asked = found.requested.astype(object)
+        asked[~found.known] = None
+        factor = np.divide(lasts, found.requested, out=lasts, where=found.requested != 0.0).astype(object)
+        factor[~found.known | (found.requested == 0.0)] = None
+        rows = [
+            {
+                "line": line,
+                "start_s": start,
+                "end_s": end,
+                "requested_s": requested,
+                "stretched_by": stretched,
+                "bound_by": self._bounds[bound],
+            }
+            for line, start, end, requested, stretched, bound in zip(
+                lines.tolist(),
+                found.start.tolist(),
+                found.end.tolist(),
+                asked.tolist(),
+                factor.tolist(),
+                found.bound.tolist(),
+                strict=True,
             )
-            for block in self._blocks.values()
-        )
-
-    def _row(self, line: int) -> dict[str, Any]:
-        block, row = self._at(line)
-        start, end, requested = block.start[row], block.end[row], block.requested[row]
-        asked = requested if block.timed[row] >= block.begun[row] and not math.isnan(requested) else None
-        found = {
-            "line": line,
-            "start_s": start,
-            "end_s": end,
-            "requested_s": asked,
-            "stretched_by": (end - start) / asked if asked else None,
-            "bound_by": self._bounds[block.bound[row]],
-        }
+        ]
         if self._planning:
-            found["planning_s"] = block.planning[row]
-        return found
-
-
-def _int(column: array[int]) -> NDArray[np.int32]:
-    return np.frombuffer(column, dtype=np.int32)
-
-
-def _timed(block: _Block) -> NDArray[np.bool_]:
-    """Which lines took time."""
-    timed: NDArray[np.bool_] = np.frombuffer(block.end) > np.frombuffer(block.start)
-    return timed
-
-
-def _stretched(block: _Block) -> NDArray[np.float64]:
-    """Actual time by requested time; 0 where nothing was asked."""
-    start, end, asked = (np.frombuffer(each) for each in (block.start, block.end, block.requested))
-    known = (asked > 0.0) & (_int(block.timed) >= _int(block.begun))
-    return np.divide(end - start, asked, out=np.zeros(BLOCK), where=known)
+            for row, planning_s in zip(rows, found.planning.tolist(), strict=True):
+                row["planning_s"] = planning_s
+        return rows

@@ -15,13 +15,14 @@ from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition
+from mcserver.executor.stretch import LineEvents
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.pipeline import Pipeline
-from mcserver.planning.planner_messages import ReportKind
+from mcserver.planning.planner_messages import PlannedLines, ReportKind
 from mcserver.simulation.line_times import LineTimes
 from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.recorder import Recorded, Recorder
@@ -268,8 +269,11 @@ class _Run:
         return moved
 
     def _take_reports(self) -> None:
-        for report in self._pipeline.take_reports():
-            if report.kind is ReportKind.PLANNED:
+        for report in self._pipeline.take_reports_in_columns():
+            if isinstance(report, PlannedLines):
+                self._times.asked_in_columns(report.lines, report.requested_s)
+                self._feed_length = sum(report.feed_lengths.tolist(), self._feed_length)
+            elif report.kind is ReportKind.PLANNED:
                 if report.requested_s is not None:
                     self._times.asked(report.line, report.requested_s)
                 self._feed_length += report.feed_length
@@ -283,7 +287,11 @@ class _Run:
                 self._faults += report.diagnostics
 
     def _take_events(self) -> None:
-        for event in self._executor.events():
+        for event in self._executor.reports():
+            if isinstance(event, LineEvents):
+                self._times.passed(event.line, event.time, event.ends)
+                self._end = max(self._end, float(event.time[event.ends].max(initial=0.0)))
+                continue
             self._pipeline.on_event(event)
             self._take_event(event)
 

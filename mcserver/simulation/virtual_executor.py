@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mcserver.drives.bus import DriveBus
 from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
-from mcserver.executor.entries import ExecutorEvent
+from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.executor import Executor
 from mcserver.executor.headroom import Array, AxisLimits, torque_axes
 from mcserver.executor.shm.event_ring import EventRing
@@ -20,6 +20,7 @@ from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
 from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
 from mcserver.executor.stored_reference import StoredReference
+from mcserver.executor.stretch import LineEvents
 from mcserver.machine.machine_file import Machine
 
 Recorder = Callable[[float, int, Array, Array], None]
@@ -81,6 +82,7 @@ class VirtualExecutor:
             assume_homed=homed,
         )
         self._cycles = 0
+        self._reports: list[ExecutorEvent | LineEvents] = []
 
     def open_slot(
         self,
@@ -123,6 +125,8 @@ class VirtualExecutor:
                     times = np.array([number * cycle_s for number in numbers])
                     in_stretches.stretch(times, stretch.lines, stretch.setpoint, stretch.actual)
                     self._cycles += len(stretch.lines)
+                    if len(stretch.events.line):
+                        self._reports += [*self._events.take(), stretch.events]
             executor.cycle(self._cycles * cycle_s)
             self._cycles += 1
             if recorder is not None:
@@ -130,7 +134,12 @@ class VirtualExecutor:
 
     def events(self) -> list[ExecutorEvent]:
         """Reports since the last call, in order."""
-        return self._events.take()
+        return [event for report in self.reports() for event in _one_by_one(report)]
+
+    def reports(self) -> list[ExecutorEvent | LineEvents]:
+        """What `events` returns, with those of lines in columns where they came in stretches."""
+        reports, self._reports = [*self._reports, *self._events.take()], []
+        return reports
 
     @property
     def feedback(self) -> FeedbackState:
@@ -162,3 +171,13 @@ class VirtualExecutor:
     def close(self) -> None:
         """Gives the drives back."""
         self.executor.close()
+
+
+def _one_by_one(report: ExecutorEvent | LineEvents) -> list[ExecutorEvent]:
+    if isinstance(report, ExecutorEvent):
+        return [report]
+    columns = (report.line.tolist(), report.time.tolist(), report.ends.tolist())
+    return [
+        ExecutorEvent(EventKind.LINE_END if ends else EventKind.LINE_START, report.program, line, time)
+        for line, time, ends in zip(*columns, strict=True)
+    ]

@@ -66,6 +66,37 @@ def test_control_entries_come_out_as_they_were_put(turns: list[tuple[bool, int]]
                 ring.free_controls(read)
 
 
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 8)), max_size=20))
+def test_edges_of_lines_in_columns_are_the_same_entries_as_one_by_one(turns: list[tuple[int, int]]) -> None:
+    columns, single = (ProgramRing(None, 8, 8, 2) for _ in range(2))
+    number = 0
+    for count, read in turns:
+        numbers = np.arange(number, number + min(count, columns.control_room()))
+        ends = numbers % 2 == 1
+        columns.put_edges(numbers / 3.0, numbers, ends, rows=count)
+        for each in numbers.tolist():
+            kind = ControlKind.LINE_END if each % 2 else ControlKind.LINE_START
+            single.put_control(Control(kind, each / 3.0, each), rows=count)
+        number += len(numbers)
+        assert columns.controls_written == single.controls_written == number
+        for each in range(max(0, number - 8), number):
+            assert columns.control(each) == single.control(each)
+            assert columns.rows_with(each) == single.rows_with(each)
+        for ring in (columns, single):
+            ring.free_controls(max(number - read, number - 8 + ring.control_room()))
+    with pytest.raises(OverflowError):
+        columns.put_edges(np.full(9, number), np.ones(9, np.int64), np.ones(9, np.bool_))
+
+
+def test_edges_in_columns_never_go_back_in_u() -> None:
+    ring = ProgramRing(None, 8, 8, 1)
+    for places in ([1.0, 0.5], [1.0, 2.0, 1.5]):
+        with pytest.raises(ValueError, match="comes after"):
+            ring.put_edges(np.array(places), np.ones(len(places), np.int64), np.zeros(len(places), np.bool_))
+    assert ring.controls_written == 0
+
+
 def test_a_full_ring_refuses_and_keeps_what_it_has() -> None:
     ring = ProgramRing(None, 4, 2, 1)
     put(ring, 0, 4)

@@ -13,7 +13,8 @@ from mckinematics.dynamics import JointDynamics
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
-from mcserver.motion.planner import LineBound, LineMark, MotionPlanner, Piece
+from mcserver.motion.pieces import LineBound, LineEdges, Piece
+from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.profile.setpoint_sampling import Rows
 from mcserver.units import AxisType
 
@@ -206,6 +207,16 @@ def plan(
     return collect(machine, listed, origin, pieces)
 
 
+def edges_of(pieces: list[Piece]) -> list[tuple[float, int, bool]]:
+    """Where lines begin and end in a planner's output: u, the line, and whether it ends."""
+    return [
+        edge
+        for piece in pieces
+        if isinstance(piece, LineEdges)
+        for edge in zip(piece.u.tolist(), piece.line.tolist(), piece.ends.tolist(), strict=True)
+    ]
+
+
 def collect(machine: Machine, moves: list[Move], start: Array, pieces: list[Piece]) -> Motion:
     """Rows and marks out of a planner's output; asserts that rows follow each other without a gap."""
     rows = [piece for piece in pieces if isinstance(piece, Rows)]
@@ -213,7 +224,7 @@ def collect(machine: Machine, moves: list[Move], start: Array, pieces: list[Piec
     for block in rows:
         assert block.first == following
         following += len(block.position)
-    marks = [piece for piece in pieces if isinstance(piece, LineMark)]
+    edges = edges_of(pieces)
     return Motion(
         machine=machine,
         moves=moves,
@@ -222,8 +233,8 @@ def collect(machine: Machine, moves: list[Move], start: Array, pieces: list[Piec
         velocity=np.concatenate([block.velocity for block in rows]),
         row_line=np.concatenate([block.line for block in rows]),
         row_mask=np.concatenate([block.axes for block in rows]),
-        starts={mark.line: mark.u for mark in marks if not mark.ends},
-        ends={mark.line: mark.u for mark in marks if mark.ends},
+        starts={line: u for u, line, ends in edges if not ends},
+        ends={line: u for u, line, ends in edges if ends},
         pieces=pieces,
         bounds={piece.line: piece for piece in pieces if isinstance(piece, LineBound)},
     )

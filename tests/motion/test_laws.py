@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from mcserver.motion.planner import Activation, Deactivation, LineMark, Piece
+from mcserver.motion.pieces import Activation, Deactivation, LineEdges, Piece
 from mcserver.motion.profile.setpoint_sampling import Rows
 from mcserver.units import MM
 from tests.motion.measure import (
@@ -102,8 +102,12 @@ def test_output_is_in_order_of_time_and_says_when_lines_and_axes_begin_and_end(p
     assert np.isfinite(motion.velocity).all()
     assert sorted(motion.starts) == sorted(motion.ends) == list(range(1, len(program.moves) + 1))
     controls = [piece for piece in motion.pieces if not isinstance(piece, Rows)]
-    marks = [piece.u for piece in controls if isinstance(piece, LineMark | Activation | Deactivation)]
-    assert (np.diff(marks) >= -ROUNDING).all()
+    at = [
+        np.atleast_1d(piece.u)
+        for piece in controls
+        if isinstance(piece, LineEdges | Activation | Deactivation)
+    ]
+    assert (np.diff(np.concatenate(at)) >= -ROUNDING).all()
     assert all(motion.starts[line] <= motion.ends[line] for line in motion.starts)
     _assert_rows_stand_between_their_marks(motion.pieces)
 

@@ -14,7 +14,6 @@ from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
 from mcserver.motion.geometry.time_domain_corner import is_time_domain
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
-from mcserver.motion.pieces import LineMark
 from tests.motion.measure import (
     ACCELERATION_SLACK,
     JERK_SLACK,
@@ -35,6 +34,7 @@ from tests.motion.support import (
     alike,
     arc_curve,
     at_speed,
+    edges_of,
     in_time,
     line_curve,
     machine_of,
@@ -191,7 +191,7 @@ def test_lines_begin_and_end_once_however_their_window_is_cut() -> None:
         commits = [Commit(3, float(random.uniform(1.0, 40.0)))]
         for tolerance in (0.0, 5e-5):
             motion = plan(machine, [Move(each, tolerance=tolerance) for each in lines], commits=commits)
-            marks = [(each.line, each.ends) for each in motion.pieces if isinstance(each, LineMark)]
+            marks = [(line, ends) for _, line, ends in edges_of(motion.pieces)]
             assert sorted(marks) == [(line, ends) for line in (1, 2, 3) for ends in (False, True)]
 
 

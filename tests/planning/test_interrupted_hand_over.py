@@ -34,6 +34,12 @@ class InterruptedSink:
         self._pause()
         self._ring.put_control(control, rows)
 
+    def put_edges(
+        self, u: NDArray[np.float64], line: NDArray[np.int64], ends: NDArray[np.bool_], rows: int = 0
+    ) -> None:
+        self._pause()
+        self._ring.put_edges(u, line, ends, rows)
+
     def put_rows(
         self,
         first_u: int,

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.executor.entries import Control, ControlKind
+from mcserver.motion.pieces import LineEdges
 from mcserver.motion.profile.setpoint_sampling import Rows
 from mcserver.planning.motion_output import Output
 from tests.motion.test_laws import law
@@ -39,6 +40,17 @@ class NarrowSink:
         self.controls_free -= 1
         self.taken.append(("control", control.u))
 
+    def put_edges(
+        self,
+        u: np.ndarray[Any, Any],
+        line: np.ndarray[Any, Any],
+        ends: np.ndarray[Any, Any],
+        rows: int = 0,  # noqa: ARG002
+    ) -> None:
+        assert 0 < len(u) == len(line) == len(ends) <= self.controls_free
+        self.controls_free -= len(u)
+        self.taken += [("control", each) for each in u.tolist()]
+
 
 def rows(first: int, count: int) -> Rows:
     return Rows(
@@ -54,19 +66,27 @@ def control(u: float) -> Control:
     return Control(ControlKind.LINE_START, u, 1)
 
 
+def edges(places: list[float]) -> LineEdges:
+    return LineEdges(np.array(places), np.ones(len(places), np.int64), np.zeros(len(places), np.bool_))
+
+
 @given(
     st.lists(st.floats(0.0, 30.0).map(lambda u: round(u, 2)), max_size=20).map(sorted),
     st.integers(1, 30),
     st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=8),
+    st.integers(0, 20),
 )
 @law(100)
 def test_an_entry_is_in_the_ring_before_the_row_that_is_played_at_its_u(
-    places: list[float], count: int, rooms: list[tuple[int, int]]
+    places: list[float], count: int, rooms: list[tuple[int, int]], split: int
 ) -> None:
     sink = NarrowSink()
     output = Output(sink)
-    for u in places:
+    # some one by one, the others in columns
+    for u in places[:split]:
         output.put(control(u))
+    for part in (places[split : 2 * split], places[2 * split :]):
+        output.put(edges(part))
     output.put(rows(1, count))
     for row_room, control_room in [*rooms, *[(2, 2)] * 40]:
         sink.rows_free, sink.controls_free = row_room, control_room

@@ -186,6 +186,9 @@ class FakeSink:
     def put_control(self, _control: object, _rows: int = 0) -> None:
         """Entries go nowhere."""
 
+    def put_edges(self, *_edges: object) -> None:
+        """Beginnings and ends of lines go nowhere."""
+
 
 class FakePipeline:
     """Lines of text with a meaning of their own.

@@ -28,6 +28,11 @@ _ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ, _TORQUE_STOP = ran
 # number of the row after those that come with it; kind, u, line, axes, seconds, operation, token, channel,
 # value, whether values follow
 _CONTROL = struct.Struct("<qqdqQdqqqdq")
+# the same by word
+_WITH, _KIND, _U, _LINE = range(4)
+_WORDS = _CONTROL.size // 8
+# what rounding may take u back by between entries
+_ROUNDING = 1e-6
 # By number: asked for twice a line, where calling the enumeration takes longer than all the rest.
 _KINDS = MappingProxyType({kind.value: kind for kind in ControlKind})
 
@@ -58,6 +63,8 @@ class ProgramRing:
             may be played at any rate.
 
     Attributes:
+        entry_rows, entry_kind, entry_u, entry_line: shape (controls,); entry number n stands at n % controls.
+            ``entry_rows``: number of the row after those that come with it. The reader's view.
         row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); headroom: (rows,);
             torque: (rows, 3, J), see `row_torques`, 0 where it is not known. Row number n of the program
             stands at n % rows. The reader's view.
@@ -92,7 +99,12 @@ class ProgramRing:
         self.torque: Array = self._words(np.float64, rows * NUMBERS * torques).reshape(rows, NUMBERS, torques)
         self._values: Array = self._words(np.float64, controls * axes).reshape(controls, axes)
         self._controls_at = self._offset
-        self._control_words = self._buffer[self._offset : self._offset + controls * _CONTROL.size].cast("q")
+        words = np.frombuffer(self._buffer, np.int64, controls * _WORDS, self._offset)
+        self._entry_words: NDArray[np.int64] = words.reshape(controls, _WORDS)
+        self.entry_rows, self.entry_kind, _, self.entry_line = self._entry_words.T[: _LINE + 1]
+        self.entry_u: Array = self._entry_words.view(np.float64)[:, _U]
+        cells = self._buffer[self._offset : self._offset + controls * _CONTROL.size]
+        self._control_words, self._control_numbers = cells.cast("q"), cells.cast("d")
         self._weigh = None if limits is None else HeadroomWriter(limits)
         self._last_u = -1
         self._last_control_u = 0.0
@@ -176,7 +188,7 @@ class ProgramRing:
         """
         if self.control_room() < 1:
             raise OverflowError("no room for a control entry")
-        if control.u < self._last_control_u - 1e-6:
+        if control.u < self._last_control_u - _ROUNDING:
             raise ValueError(f"a control entry at u = {control.u} comes after one at {self._last_control_u}")
         self._last_control_u = max(control.u, self._last_control_u)
         written = self._counters[_CONTROLS_WRITTEN]
@@ -199,6 +211,36 @@ class ProgramRing:
             control.values is not None,
         )
         self._counters[_CONTROLS_WRITTEN] = written + 1
+
+    def put_edges(self, u: Array, line: NDArray[np.int64], ends: NDArray[np.bool_], rows: int = 0) -> None:
+        """Put entries where lines begin and end (see `MotionSink`).
+
+        Raises:
+            OverflowError: more than `control_room`; none was taken.
+            ValueError: u goes back; none was taken.
+        """
+        count = len(u)
+        if count == 0:
+            return
+        if count > self.control_room():
+            raise OverflowError(
+                f"{count} control entries do not fit, there is room for {self.control_room()}"
+            )
+        latest = np.maximum.accumulate(np.concatenate(([self._last_control_u], u)))
+        back = u < latest[:-1] - _ROUNDING
+        if back.any():
+            at = int(np.argmax(back))
+            raise ValueError(f"a control entry at u = {u[at]} comes after one at {latest[at]}")
+        self._last_control_u = float(latest[-1])
+        written = self._counters[_CONTROLS_WRITTEN]
+        places = np.arange(written, written + count) % self.controls
+        words = np.zeros((count, _WORDS), np.int64)
+        words[:, _WITH] = self._counters[_ROWS_WRITTEN] + rows
+        words[:, _KIND] = np.where(ends, ControlKind.LINE_END, ControlKind.LINE_START)
+        words.view(np.float64)[:, _U] = u
+        words[:, _LINE] = line
+        self._entry_words[places] = words
+        self._counters[_CONTROLS_WRITTEN] = written + count
 
     # ------------------------------------------------------------------ the reader
 
@@ -227,7 +269,15 @@ class ProgramRing:
 
     def rows_with(self, number: int) -> int:
         """Number of the row after those that come with a control entry, which must be there."""
-        return self._control_words[number % self.controls * (_CONTROL.size // 8)]
+        return self._control_words[number % self.controls * _WORDS]
+
+    def kind_of(self, number: int) -> int:
+        """The kind of a control entry, which must be there, as a number."""
+        return self._control_words[number % self.controls * _WORDS + _KIND]
+
+    def u_of(self, number: int) -> float:
+        """Where a control entry stands, which must be there [cycles]."""
+        return self._control_numbers[number % self.controls * _WORDS + _U]
 
     def control(self, number: int) -> Control:
         """The control entry of that number, which must be written and not freed."""

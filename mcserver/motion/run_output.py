@@ -1,0 +1,158 @@
+"""Output of planned runs: rows, and between them what begins and ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.pieces import PIECE, Activation, LineBound, LineEdges, Piece
+from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample
+from mcserver.motion.profile.torque_of_rows import TorqueOfRows
+
+T = TypeVar("T", bound=np.generic)
+_ALL = (1 << 64) - 1
+
+
+class RunOutput:
+    """Output of one program's runs, one after the other.
+
+    Args:
+        cycle: between rows [s]. torques: of the rows; None: nobody asks for them.
+
+    Attributes:
+        announced: mask of the columns that rows drive by what has been put out.
+    """
+
+    def __init__(self, cycle: float, torques: TorqueOfRows | None) -> None:
+        self._cycle = cycle
+        self._torques = torques
+        self.announced = 0
+
+    def pieces(self, plan: PlannedRun, origin: float, last: int, until: float) -> Iterator[Piece]:
+        """Yield rows first_row(origin) … ``last``, with all that happens before ``until`` [s].
+
+        Each piece of rows comes behind what stands before its last row; edges are in order of u.
+        Where the run closes, rounding does not put an edge behind its last row.
+        """
+        latest = float(last) if math.isinf(until) else math.inf
+        happenings = _Happenings.of(plan, origin, until, latest, self._cycle, self.announced)
+        low = first_row(origin)
+        while low <= last:
+            high = min(low + PIECE - 1, last)
+            starting: list[Activation] = []
+            for piece in happenings.before(high):
+                if isinstance(piece, Activation):
+                    self.announced |= piece.mask
+                    starting.append(piece)
+                yield piece
+            rows = sample(plan, origin, low, high, self._cycle)
+            np.bitwise_and(rows.axes, np.uint64(self.announced), out=rows.axes)
+            for activation in starting:
+                # rows drive no column before its activation, which may stand a rounding error behind a row
+                early = max(math.floor(activation.u + CYCLE_ROUNDING) - low + 1, 0)
+                rows.axes[:early] &= np.uint64(~activation.mask & _ALL)
+            yield rows if self._torques is None else self._torques.on_plan(rows, plan, origin)
+            low = high + 1
+        for piece in happenings.before(None):
+            if isinstance(piece, Activation):
+                self.announced |= piece.mask
+            yield piece
+
+
+@dataclass
+class _Happenings:
+    """What happens along a run, in order.
+
+    Attributes:
+        edges: of lines. rows: the last row that stands before each of them, shape (n,).
+        activations: each with its row and how many edges come before it. bounds: each with its row.
+    """
+
+    edges: LineEdges
+    rows: NDArray[np.int64]
+    activations: list[tuple[int, int, Activation]]
+    bounds: list[tuple[int, LineBound]]
+    _edges_passed: int = 0
+    _activations_passed: int = 0
+    _bounds_passed: int = 0
+
+    @classmethod
+    def of(
+        cls, plan: PlannedRun, origin: float, until: float, latest: float, cycle: float, announced: int
+    ) -> _Happenings:
+        """Of a run that starts at u = ``origin`` [cycles] before ``until`` [s]; none stands behind ``latest``
+        [cycles].
+        """
+        times = plan.times
+        count = int(np.searchsorted(times[:-1], until))
+        segments = plan.segments[:count]
+        # in order, whatever rounding has made of the times
+        at = np.maximum.accumulate(origin + times[: count + 1] / cycle)
+        before = np.floor(at + CYCLE_ROUNDING).astype(np.int64)
+        places = np.minimum(at, latest)
+        marked = np.empty((count, 2), np.bool_)
+        marked[:, 0] = [each.opens for each in segments]
+        marked[:, 1] = [each.closes for each in segments]
+        ended = times[1 : count + 1] <= until
+        marked[:, 1] &= ended
+        which = marked.ravel()
+        lines = np.repeat(np.array([each.line for each in segments], np.int64), 2)[which]
+        ends = np.tile(np.array([False, True]), count)[which]
+        edges = LineEdges(_beside(places)[which], lines, ends)
+        passed = np.concatenate(([0], np.cumsum(which)))
+        activations = []
+        for index, mask in _joining([each.active for each in segments], announced):
+            activation = Activation(float(places[index]), segments[index].line, mask)
+            activations.append((int(before[index]), int(passed[2 * index]), activation))
+        bounds = [
+            (int(before[index + 1]), LineBound(segments[index].line, bound))
+            for index, bound in enumerate(plan.bound_by[:count])
+            if bound is not None and ended[index]
+        ]
+        return cls(edges, _beside(before)[which], activations, bounds)
+
+    def before(self, row: int | None) -> Iterator[Piece]:
+        """Yield what is left with rows before ``row``; None: all of it."""
+        bounds, activations = self.bounds, self.activations
+        while self._bounds_passed < len(bounds) and (row is None or bounds[self._bounds_passed][0] < row):
+            yield bounds[self._bounds_passed][1]
+            self._bounds_passed += 1
+        while self._activations_passed < len(activations):
+            own_row, edges_before, activation = activations[self._activations_passed]
+            if row is not None and own_row >= row:
+                break
+            yield from self._edges_to(edges_before)
+            yield activation
+            self._activations_passed += 1
+        yield from self._edges_to(len(self.rows) if row is None else int(np.searchsorted(self.rows, row)))
+
+    def _edges_to(self, index: int) -> Iterator[LineEdges]:
+        if index > self._edges_passed:
+            part = slice(self._edges_passed, index)
+            self._edges_passed = index
+            yield self.edges.part(part)
+
+
+def _beside(values: NDArray[T]) -> NDArray[T]:
+    """Return the values at the start and at the end of each segment, one after the other."""
+    beside: NDArray[T] = np.column_stack((values[:-1], values[1:])).ravel()
+    return beside
+
+
+def _joining(active: list[int], announced: int) -> list[tuple[int, int]]:
+    """Return the segments with which columns join the motion, and the masks of these columns."""
+    found: list[tuple[int, int]] = []
+    known: int | None = None
+    for index, mask in enumerate(active):
+        if mask != known:
+            known = mask
+            if mask & ~announced:
+                found.append((index, mask & ~announced))
+                announced |= mask
+    return found
