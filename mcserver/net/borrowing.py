@@ -24,6 +24,8 @@ class Borrower(Generic[T]):
         inbox: of messages that the loop has to handle, and for those that it is to.
         handle: called with the turn; may give what is left to do once it is given back, which may block.
         ahead: inboxes whose messages came before: while one of them holds any, none is overtaken.
+        finish: called with the turn once that is done, with what nobody waits for; where the turn is taken
+            by then, whoever has it, or the loop, does it.
     """
 
     def __init__(
@@ -32,12 +34,14 @@ class Borrower(Generic[T]):
         inbox: Inbox[T],
         handle: Callable[[T], Callable[[], None] | None],
         ahead: Sequence[Inbox[Any]],
+        finish: Callable[[], None],
     ) -> None:
         # asyncio's debug mode refuses what is scheduled from another thread
         self._loop = loop if isinstance(loop, SharedLoop) and not loop.get_debug() else None
         self._inbox = inbox
         self._handle = handle
         self._ahead = ahead
+        self._finish = finish
         self._failed = DefectLog(log)
 
     def push(self, item: T) -> None:
@@ -51,11 +55,21 @@ class Borrower(Generic[T]):
             # looked at again: nothing is delivered, or comes, while the turn is ours, but by who queues it
             if all(inbox.empty for inbox in self._ahead):
                 then = self._handle(item)
+                if then is None:
+                    self._finish()
             else:
                 self._inbox.push(item)
         except Exception as error:
             self._failed.add(f"a message could not be handled: {error}", error)
         finally:
             loop.turn.give_back()
-        if then is not None:
-            then()
+        if then is None:
+            return
+        then()
+        if loop.turn.borrow():
+            try:
+                self._finish()
+            except Exception as error:
+                self._failed.add(f"what a message left to do failed: {error}", error)
+            finally:
+                loop.turn.give_back()

@@ -193,8 +193,10 @@ class MachineEndpoint:
         strays: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stray, service), limit=64)
 
         ahead = (queries, lines, tokens, stops)
-        quick: Borrower[zenoh.Query] = Borrower(loop, queries, partial(self._answer_now, service, rpc), ahead)
-        single: Borrower[zenoh.Sample] = Borrower(loop, lines, partial(self._take_lines_now, service), ahead)
+        finish = service.send_waiting
+        quick: Borrower[zenoh.Query] = Borrower(loop, queries, partial(self._answer_now, rpc), ahead, finish)
+        take_lines = partial(self._take_lines_now, service)
+        single: Borrower[zenoh.Sample] = Borrower(loop, lines, take_lines, ahead, finish)
 
         def ask(query: zenoh.Query) -> None:
             (quick if rpc.is_quick(query) else queries).push(query)
@@ -238,19 +240,17 @@ class MachineEndpoint:
             await self._emergency.close()
         await self._session.close()
 
-    def _answer_now(self, service: MachineService, rpc: RpcServer, query: zenoh.Query) -> Callable[[], None]:
+    def _answer_now(self, rpc: RpcServer, query: zenoh.Query) -> Callable[[], None]:
         """Answer a query in a borrowed turn; gives what sends the replies."""
         send = rpc.answer_borrowed(query)
-        if not rpc.changes(query):
-            return send
-        service.send_acknowledgements()
-        self._notice()
+        if rpc.changes(query):
+            # should the caller not take its reply, the loop sends what else there is
+            self._notice()
         return send
 
     def _take_lines_now(self, service: MachineService, sample: zenoh.Sample) -> None:
         """Take lines in a borrowed turn."""
         self._on_lines(service, sample, alone=True)
-        service.send_acknowledgements()
         self._notice()
 
     def _notice(self) -> None:

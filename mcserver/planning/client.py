@@ -160,11 +160,19 @@ class PlannerProcess:
         self._connect(self._child)
 
     def send(self, command: PlannerCommand) -> None:
-        """Send a command behind those before it. What waits is bounded by the credit given to clients."""
+        """Send a command behind those before it, all of one turn of the loop together.
+
+        What waits is bounded by the credit given to clients.
+        """
         if self._phase is ConnectionPhase.CONNECTED:
             self._send(self._encode(command))
         elif self._phase is ConnectionPhase.REPLACING:
             self._unsent.append(command)
+
+    def flush(self) -> None:
+        """Send what waits without waiting for the loop to come round."""
+        if self._watched is not None:
+            self._watched.flush()
 
     async def stop(self) -> None:
         """End the process; it is heard until it closes its end."""

@@ -40,14 +40,18 @@ class MessagePipe:
         """Bytes that wait to be sent."""
         return len(self._unsent)
 
+    def queue(self, payload: bytes) -> None:
+        """Keep a message behind those before it, for the next `flush`."""
+        self._unsent += _LENGTH.pack(len(payload))
+        self._unsent += payload
+
     def send(self, payload: bytes) -> None:
         """Send a message behind those before it.
 
         Raises:
             OSError: the other end is gone.
         """
-        self._unsent += _LENGTH.pack(len(payload))
-        self._unsent += payload
+        self.queue(payload)
         self.flush()
 
     def flush(self) -> None:
@@ -105,16 +109,29 @@ class WatchedPipe:
         self._loop = loop
         self._pipe = pipe
         self._writing = False
+        self._due = False
         loop.add_reader(pipe.fileno(), on_readable)
 
     def send(self, payload: bytes) -> None:
-        """Send a message behind those before it; to an end that is gone nothing goes, which is read."""
-        with contextlib.suppress(OSError):
-            self._pipe.send(payload)
-        self._watch_writing()
+        """Send a message behind those before it, once the loop comes round, or with `flush`.
+
+        To an end that is gone nothing goes, which is read.
+        """
+        self._pipe.queue(payload)
+        if not self._due:
+            self._due = True
+            self._loop.call_soon(self.flush)
+
+    def flush(self) -> None:
+        """Send what waits, as far as the other end takes it now."""
+        if not self._due:
+            return
+        self._due = False
+        self._flush()
 
     def release(self) -> None:
-        """Read and write no more."""
+        """Read and write no more, but for what can be sent at once."""
+        self.flush()
         self._loop.remove_reader(self._pipe.fileno())
         self._loop.remove_writer(self._pipe.fileno())
 

@@ -249,7 +249,10 @@ class PlannerClient(Protocol):
     def start(self) -> None: ...
 
     def send(self, command: PlannerCommand) -> None:
-        """Send a command behind those before it; never waits."""
+        """Send a command behind those before it, in this turn of the loop or right behind it; never waits."""
+
+    def flush(self) -> None:
+        """Send what this turn has left, at once."""
 
     async def stop(self) -> None: ...
 

@@ -11,6 +11,7 @@ import msgspec
 from mcserver.errors import ServiceError
 
 SCHEMA_VERSION = 2
+PAGE_BYTES = 1024
 
 CREATE: tuple[str, ...] = (
     "CREATE TABLE IF NOT EXISTS starts(instance TEXT PRIMARY KEY, started_at REAL NOT NULL, stopped_at REAL)",
@@ -67,6 +68,8 @@ def open_journal(path: Path) -> sqlite3.Connection:
     """
     try:
         connection = sqlite3.connect(path, check_same_thread=False, timeout=1.0)
+        # of a new file: a commit writes whole pages, and most commits are a single short row
+        connection.execute(f"PRAGMA page_size={PAGE_BYTES}")
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=NORMAL")
         # a checkpoint syncs, which no commit shall wait for; the thread makes them

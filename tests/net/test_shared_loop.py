@@ -107,7 +107,8 @@ class Handled:
         self.order: list[int] = []
         self.by_loop: list[int] = []
         self.inbox: Inbox[int] = Inbox(loop, self._in_loop, limit=10_000)
-        self.borrower: Borrower[int] = Borrower(loop, self.inbox, self._now, (self.inbox,))
+        self.finished = 0
+        self.borrower: Borrower[int] = Borrower(loop, self.inbox, self._now, (self.inbox,), self._finish)
 
     def _in_loop(self, number: int) -> None:
         self.order.append(number)
@@ -115,6 +116,9 @@ class Handled:
 
     def _now(self, number: int) -> None:
         self.order.append(number)
+
+    def _finish(self) -> None:
+        self.finished += 1
 
 
 async def test_messages_of_one_thread_keep_their_order_whoever_handles_them() -> None:
@@ -150,9 +154,54 @@ async def test_a_message_that_cannot_be_handled_keeps_no_turn() -> None:
         raise RuntimeError(f"message {number}")
 
     inbox: Inbox[int] = Inbox(loop, fail, limit=10)
-    borrower: Borrower[int] = Borrower(loop, inbox, fail, (inbox,))
+    borrower: Borrower[int] = Borrower(loop, inbox, fail, (inbox,), lambda: None)
     for number in range(10):
         await in_thread(lambda number=number: borrower.push(number))  # type: ignore[misc]
+    assert await asyncio.wait_for(asyncio.sleep(0, "awake"), LIMIT_S) == "awake"
+
+
+async def test_an_answer_leaves_without_the_turn_and_before_what_nobody_waits_for() -> None:
+    loop = shared_loop()
+    done: list[str] = []
+
+    def answer() -> None:
+        # the turn is free again, or the loop has it: nobody else is there to take it
+        assert threading.current_thread() is not threading.main_thread()
+        done.append("answered")
+
+    def handle(_: int) -> Callable[[], None]:
+        done.append("handled")
+        return answer
+
+    inbox: Inbox[int] = Inbox(loop, lambda _: None, limit=10)
+    borrower: Borrower[int] = Borrower(loop, inbox, handle, (inbox,), lambda: done.append("finished"))
+
+    def send() -> None:
+        # sooner or later the loop is asleep at both moments; else the test runs into its limit
+        while "finished" not in done:
+            done.clear()
+            borrower.push(1)
+
+    await in_thread(send)
+    assert done == ["handled", "answered", "finished"]
+
+
+async def test_a_finish_that_fails_keeps_no_turn() -> None:
+    loop = shared_loop()
+    tried: list[int] = []
+
+    def finish() -> None:
+        tried.append(1)
+        raise RuntimeError("finish")
+
+    inbox: Inbox[int] = Inbox(loop, lambda _: None, limit=10)
+    borrower: Borrower[int] = Borrower(loop, inbox, lambda _: lambda: None, (inbox,), finish)
+
+    def send() -> None:
+        while not tried:
+            borrower.push(1)
+
+    await in_thread(send)
     assert await asyncio.wait_for(asyncio.sleep(0, "awake"), LIMIT_S) == "awake"
 
 

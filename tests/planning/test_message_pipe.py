@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import select
 import socket
 
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcserver.planning.message_pipe import READ_BYTES, MessagePipe
+from mcserver.planning.message_pipe import READ_BYTES, MessagePipe, WatchedPipe
 
 
 def pair() -> tuple[MessagePipe, MessagePipe]:
@@ -66,3 +67,21 @@ def test_sending_to_one_that_is_gone_is_an_error() -> None:
     with pytest.raises(BrokenPipeError):
         ours.send(b"x")
     ours.close()
+
+
+async def test_messages_of_one_turn_of_the_loop_leave_together_behind_it() -> None:
+    ours, theirs = pair()
+    watched = WatchedPipe(asyncio.get_running_loop(), ours, lambda: None)
+    watched.send(b"first")
+    watched.send(b"second")
+    assert theirs.receive() == []
+    await asyncio.sleep(0)
+    assert theirs.receive() == [b"first", b"second"]
+    watched.send(b"third")
+    watched.flush()
+    assert theirs.receive() == [b"third"], "whoever cannot wait for the loop flushes"
+    watched.send(b"last")
+    watched.release()
+    assert theirs.receive() == [b"last"]
+    ours.close()
+    theirs.close()

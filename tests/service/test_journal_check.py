@@ -15,12 +15,12 @@ import pytest
 from mcserver.errors import ServiceError
 from mcserver.service.journal import Journal
 from mcserver.service.journal_check import JournalLock, database_damage, repair_journal, wal_damage
-from mcserver.service.journal_file import open_journal
+from mcserver.service.journal_file import PAGE_BYTES, open_journal
 from mcserver.service.journal_reader import read_lines_before, read_programs
 from tests.service.conftest import Bench
 
 LIMIT_S = 5.0
-FRAME = 24 + 4096
+FRAME = 24 + PAGE_BYTES
 
 
 def crashed_journal(path: Path, programs: int = 8) -> None:
@@ -99,7 +99,7 @@ def test_what_came_before_the_damage_of_the_log_is_kept_and_the_rest_is_put_asid
     path = tmp_path / "journal.db"
     crashed_journal(path)
     wal = Path(f"{path}-wal")
-    flip(wal, wal.stat().st_size // 2)
+    flip(wal, 3 * wal.stat().st_size // 4)
     before = wal.read_bytes()
     damage = repair_journal(path)
     assert damage is not None
