@@ -94,6 +94,7 @@ class MotionSink(Protocol):
         axes: NDArray[np.uint64],
         line: NDArray[np.int64],
         torque: Array | None = None,
+        feed_scale: Array | None = None,
     ) -> None:
         """Rows at u = first_u, first_u + 1, …
 
@@ -103,6 +104,7 @@ class MotionSink(Protocol):
             axes: shape (n,), bit mask of the columns that the row drives.
             line: shape (n,), the line that each row belongs to.
             torque: shape (n, 3, J), what the rows ask of limited joints (`row_torques`); None: not known.
+            feed_scale: shape (n,), the feed override at which the rows are played as they are [1]; None: 1.
         """
 
     def put_control(self, control: Control, rows: int = 0) -> None:

@@ -22,7 +22,7 @@ from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
 from mcserver.executor.shm.feedback import SlotState
-from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
+from mcserver.executor.shm.mailbox import OVERRIDE_MAX, MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.stretch import LineEvents, passing_times
 from mcserver.motion.kernels.rate_changes import NEAR_U
@@ -156,10 +156,10 @@ class ProgramSlot:
         """Whether an input holds the program, or has held it and nobody has resumed it since."""
         return self._interlocked
 
-    def _wanted(self, most: float) -> float:
+    def _wanted(self, most: float, feed_scale: float = 1.0) -> float:
         if self.held or self._state is SlotState.STOPPING:
             return 0.0
-        return min(self._override, most)
+        return min(min(self._override, OVERRIDE_MAX) / feed_scale, most)
 
     # ------------------------------------------------------------------ stopping
 
@@ -402,7 +402,7 @@ class ProgramSlot:
                 ramp.jump(wanted)
             mean = ramp.rate
         else:
-            wanted = self._wanted(2.0)
+            wanted = self._wanted(OVERRIDE_MAX, self.playback.feed_scale(self.u))
             edge, dry = self._queue.edge(self.u)
             if self._too_dry(edge, dry):
                 ramp.jump(0.0)

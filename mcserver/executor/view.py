@@ -22,10 +22,11 @@ ENERGIZED = frozenset(
 
 
 class SlotView(msgspec.Struct, frozen=True):
-    """One executor slot: where its program is on its time axis, and how fast that passes."""
+    """One executor slot: where its program is on its time axis, how fast that passes, its override."""
 
     u: float
     rate: float
+    override: float = 1.0
 
 
 class ExecutorView:

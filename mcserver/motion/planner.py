@@ -25,11 +25,12 @@ from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
 from mcserver.motion.lookahead.commit_moments import commit_moment, last_steady
+from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import Deactivation, Piece
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows, whole_cycle
+from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, whole_cycle
 from mcserver.motion.profile.torque_of_rows import TorqueOfRows
 from mcserver.motion.run_output import RunOutput
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
@@ -49,6 +50,7 @@ class MotionPlanner:
     Attributes:
         u: end of what has been committed, on the program's time axis [cycles].
         position: commanded end of all columns, shape (K,) [m or rad].
+        feed_scale: that what is not committed yet is planned at: the override above 100 %, else 1.
     """
 
     def __init__(self, machine: Machine, position: Array, dynamics: JointDynamics | None = None) -> None:
@@ -58,6 +60,7 @@ class MotionPlanner:
         self._linear = np.array([axis.type is AxisType.LINEAR for axis in machine.axes])
         self.position: Array = position.copy()
         self.u = 0.0
+        self.feed_scale = 1.0
         self._window = Lookahead(self._limits)
         self._plan: PlannedRun | None = None
         # how what is left in the window was planned before the last segments came: it ends at rest
@@ -109,6 +112,8 @@ class MotionPlanner:
     def segment(self, group: FeedGroup, line: int) -> Segment:
         """Return the segment of a group; the commanded position advances to its end."""
         segment = segment_of(group, line, self._slots, self._linear)
+        if self.feed_scale != 1.0:
+            segment = segment.at_feed_scale(self.feed_scale)
         anchor(segment, self.position)
         return segment
 
@@ -123,7 +128,7 @@ class MotionPlanner:
         segment.active = self._active
         self._plan = None
         segment.tolerance = 0.0 if from_rest else tolerance
-        if segment.tolerance > 0.0 and _may_be_chord(segment):
+        if segment.tolerance > 0.0 and segment.straight:
             self._chords.append(segment)
             return
         self._take_chords()
@@ -145,7 +150,7 @@ class MotionPlanner:
         Args:
             from_rest: the motion stops before it. tolerance: how far the corner before it may be rounded [m].
         """
-        straight = StraightRun.of(run, self._slots, self._linear, self.position)
+        straight = StraightRun.of(run, self._slots, self._linear, self.position, self.feed_scale)
         if straight is None or self._limits.torque is not None:
             return False
         self._active |= straight.mask
@@ -209,7 +214,7 @@ class MotionPlanner:
             if further is not None and self._put(len(table) - len(curve.chords), None, further):
                 return
         last = table.segments[-1] if table else None
-        if last is None or not (last.closes and _may_be_chord(last)):
+        if last is None or not (last.closes and last.straight):
             if not self._put(len(table), None, self._smoother.smooth(lines, rests=False)):
                 self._append_each(lines)
             return
@@ -285,13 +290,22 @@ class MotionPlanner:
 
     # ------------------------------------------------------------------ committing
 
-    def commit(self, want: float = math.inf) -> Iterator[Piece] | None:
+    def _follow_feed_scale(self) -> None:
+        self._take_chords()
+        found = plan_at_feed_scale(self._window, self.feed_scale)
+        if found is not None:
+            self._plan = found
+
+    def commit(self, want: float = math.inf, *, closing: bool = False) -> Iterator[Piece] | None:
         """Commit up to ``want`` [cycles] or a little more, but not the stop at the window's end.
+
+        Args:
+            closing: no more lines come into the window: what is left keeps its plan.
 
         Returns:
             The output, to be taken in full before the next call; None where only the stop is left.
         """
-        self._take_chords()
+        self._follow_feed_scale()
         if not self._window.table:
             return None
         try:
@@ -299,8 +313,8 @@ class MotionPlanner:
         except PlanningError:
             return self._fall_back()
         wanted = (want - self.u) * self._cycle
-        moment = commit_moment(plan, wanted)
-        settled = self._settled_until(plan)
+        moment = commit_moment(plan, wanted, at_peaks=closing)
+        settled = math.inf if closing else self._settled_until(plan)
         if moment > settled and (math.isinf(want) or wanted <= settled):
             # what a curve still changes in is handed over only if it is needed
             moment = last_steady(plan, settled)
@@ -322,7 +336,7 @@ class MotionPlanner:
         self._window.entry = max(float(rest.phases.velocity[0]), 0.0)
         self._left = max(len(table), WINDOW // 2)
         origin, self.u = self.u, self.u + moment / self._cycle
-        self._plan = None
+        self._plan = rest if closing else None
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
 
     def _settled_until(self, plan: PlannedRun) -> float:
@@ -358,7 +372,7 @@ class MotionPlanner:
 
     def close(self) -> Iterator[Piece]:
         """Commit all that is in the window, its stop included."""
-        self._take_chords()
+        self._follow_feed_scale()
         if not self._window.table:
             return iter(())
         try:
@@ -409,9 +423,8 @@ class MotionPlanner:
             PlanningError: their torques together cannot be kept.
         """
         base = self.position.copy()
-        segments = [segment_of(group, line, self._slots, self._linear) for group in groups]
+        segments = [self.segment(group, line) for group in groups]
         for segment in segments:
-            anchor(segment, self.position)
             segment.active = segment.mask
         mask = functools.reduce(operator.or_, (segment.mask for segment in segments), 0)
         runs = plan_parallel(segments, base, self._limits)
@@ -422,17 +435,5 @@ class MotionPlanner:
         self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
         pieces = sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle)
         if self._torques is not None:
-            pieces = _with_torques(pieces, self._torques, segments[0].carried)
+            pieces = self._torques.on_pieces(pieces, segments[0].carried)
         return pieces, runs, end
-
-
-def _with_torques(
-    pieces: Iterator[Piece], torques: TorqueOfRows, carried: tuple[int, ...]
-) -> Iterator[Piece]:
-    for piece in pieces:
-        yield torques.on(piece, [carried] * len(piece.line)) if isinstance(piece, Rows) else piece
-
-
-def _may_be_chord(segment: Segment) -> bool:
-    """Whether a curve may stand for a segment."""
-    return segment.straight

@@ -68,7 +68,15 @@ class Output:
             if count < 1:
                 return moved
             part = _head(rows, count)
-            self._sink.put_rows(part.first, part.position, part.velocity, part.axes, part.line, part.torque)
+            self._sink.put_rows(
+                part.first,
+                part.position,
+                part.velocity,
+                part.axes,
+                part.line,
+                part.torque,
+                part.feed_scale,
+            )
             self.last_u = max(self.last_u, part.first + count - 1)
             moved = True
             if count < len(rows.line):
@@ -142,6 +150,7 @@ def _head(rows: Rows, count: int) -> Rows:
         rows.axes[:count],
         rows.line[:count],
         None if rows.torque is None else rows.torque[:count],
+        None if rows.feed_scale is None else rows.feed_scale[:count],
     )
 
 
@@ -153,4 +162,5 @@ def _tail(rows: Rows, count: int) -> Rows:
         rows.axes[count:],
         rows.line[count:],
         None if rows.torque is None else rows.torque[count:],
+        None if rows.feed_scale is None else rows.feed_scale[count:],
     )

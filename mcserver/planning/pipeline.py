@@ -38,6 +38,8 @@ LONGEST_STOP = 2500
 URGENT = 80
 # Below this lead the stop at the window's end is handed over too: no more lines came in time [cycles].
 DRY = 40
+# How much of a window that has to end is handed over at once [cycles].
+CLOSING = 100
 # Lines read in one piece of work.
 BITE = 64
 # Lines that are read in columns at once: a piece of work of some milliseconds.
@@ -191,17 +193,19 @@ class Pipeline:
 
     # ------------------------------------------------------------------ work
 
-    def pump(self, u: float | None = None) -> bool:
+    def pump(self, u: float | None = None, override: float = 1.0) -> bool:
         """Do a bounded piece of work.
 
         Args:
             u: where the executor is on this program's time axis [cycles]; None where nothing hurries (a
                 virtual clock): then nothing is handed over before the window is full or closed.
+            override: the feed override, 1 as programmed; above 1 motion is planned with so much more F.
 
         Returns:
             True if something was done.
         """
         plan = self._plan
+        plan.motion.feed_scale = max(1.0, override)
         worked = plan.output.flush()
         if plan.output.blocked or self._phase is Phase.ABORTED:
             return worked
@@ -210,10 +214,13 @@ class Pipeline:
         if self._phase is Phase.FINISHED:
             return worked
         lead = None if u is None else plan.motion.u - u
-        due = plan.flush or plan.motion.full or (lead is not None and self._hurry(lead))
-        if due and self._hand_over(u, lead):
+        due = plan.flush or plan.motion.full
+        if plan.flush and lead is not None and plan.motion.pending:
+            # later is soon enough, and an override that comes until then is planned with
+            due = False
+        if (due or (lead is not None and self._hurry(lead))) and self._hand_over(u, lead):
             return True
-        if plan.waiting_for is not None:
+        if plan.flush or plan.waiting_for is not None:
             return worked
         try:
             return self._read() or worked
@@ -254,8 +261,11 @@ class Pipeline:
     def _hand_over(self, u: float | None, lead: float | None) -> bool:
         plan, motion = self._plan, self._plan.motion
         if plan.flush:
-            plan.flush = False
-            plan.source = motion.close()
+            if u is not None:
+                plan.source = motion.commit(u + self._stop + AHEAD + CLOSING, closing=True)
+            if plan.source is None:
+                plan.flush = False
+                plan.source = motion.close()
             return True
         want = float("inf") if u is None else max(u, motion.u) + self._stop + AHEAD
         plan.source = motion.commit(want)

@@ -61,7 +61,7 @@ class PlannerPort(Protocol):
         """Events since the last call, in order."""
 
     def slots(self) -> Sequence[SlotView]:
-        """Every slot's place on its program's time axis."""
+        """Every slot's place on its program's time axis, and its override."""
 
     def sink(self, slot: int) -> MotionSink:
         """Where a program that begins in the slot puts its rows and control entries."""
@@ -74,7 +74,7 @@ class LinePipeline(Protocol):
     def planned_line(self) -> int: ...
     @property
     def planned_end_u(self) -> float: ...
-    def pump(self, u: float | None = None) -> bool: ...
+    def pump(self, u: float | None = None, override: float = 1.0) -> bool: ...
     def on_event(self, event: ExecutorEvent) -> None: ...
     def take_reports(self) -> Sequence[Report]: ...
 
@@ -172,7 +172,7 @@ class Planner:
         if running:
             slots = self._port.slots()
             for plan in running:
-                self._busy |= self._advance(plan, slots[plan.slot].u)
+                self._busy |= self._advance(plan, slots[plan.slot])
         events, self._events = self._events, []
         return events
 
@@ -214,12 +214,12 @@ class Planner:
                 self._fail(plan, f"{type(error).__name__}: {error}")
         self._events.append(ExecutorEvents(events))
 
-    def _advance(self, plan: _Plan, u: float) -> bool:
+    def _advance(self, plan: _Plan, slot: SlotView) -> bool:
         pipeline = plan.pipeline
         if pipeline is None:
             return False
         try:
-            more = pipeline.pump(u)
+            more = pipeline.pump(slot.u, slot.override)
             reports = pipeline.take_reports()
             if plan.lines.consumed > plan.consumed:
                 plan.consumed = plan.lines.consumed

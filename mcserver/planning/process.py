@@ -54,7 +54,10 @@ class SharedPlannerPort:
         return self._parts.events.take()
 
     def slots(self) -> list[SlotView]:
-        return self.view.slots()
+        override_of = self._parts.mailbox.effective_override
+        return [
+            SlotView(slot.u, slot.rate, override_of(index)) for index, slot in enumerate(self.view.slots())
+        ]
 
     def sink(self, slot: int) -> MotionSink:
         ring = self._parts.rings[slot]

@@ -26,6 +26,7 @@ SECTIONS = {
     "gait": "a line of four legs",
     "inverse_kinematics": "tool waypoints a second",
     "hold": "feed hold",
+    "override": "an override above 100 %",
     "executor_cycle": "the cycle's body",
     "can_cycle": "an exchange with CAN drives",
     "canopen_boot": "eight CANopen drives, from nothing to operational",

@@ -48,9 +48,10 @@ class InterruptedSink:
         axes: NDArray[np.uint64],
         line: NDArray[np.int64],
         torque: NDArray[np.float64] | None = None,
+        feed_scale: NDArray[np.float64] | None = None,
     ) -> None:
         self._pause()
-        self._ring.put_rows(first_u, position, velocity, axes, line, torque)
+        self._ring.put_rows(first_u, position, velocity, axes, line, torque, feed_scale)
 
 
 @settings(max_examples=25, deadline=None)

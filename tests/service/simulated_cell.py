@@ -147,7 +147,7 @@ class SimulatedPipeline:
         self._reports: list[Report] = []
         self._ended = False
 
-    def pump(self, u: float | None = None) -> bool:  # noqa: ARG002
+    def pump(self, u: float | None = None, override: float = 1.0) -> bool:  # noqa: ARG002
         if self._ended:
             return False
         for _ in range(self._cell.random.randint(1, 5)):

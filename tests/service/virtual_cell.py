@@ -11,7 +11,7 @@ from mcserver.errors import ServiceError
 from mcserver.executor.entries import ExecutorEvent, MotionSink
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import CommandMailbox
-from mcserver.executor.view import ExecutorView
+from mcserver.executor.view import ExecutorView, SlotView
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
@@ -89,8 +89,11 @@ class _Planning:
     def poll_events(self) -> list[ExecutorEvent]:
         return self._executor.events()
 
-    def slots(self) -> object:
-        return self.view.slots()
+    def slots(self) -> list[SlotView]:
+        override_of = self._executor.mailbox.effective_override
+        return [
+            SlotView(slot.u, slot.rate, override_of(index)) for index, slot in enumerate(self.view.slots())
+        ]
 
     def sink(self, slot: int) -> MotionSink:
         ring = self._executor.sink(slot)

@@ -75,6 +75,7 @@ class Playback:
         self._u_cells = scalar_view(ring.row_u)
         self._mask_cells = scalar_view(ring.row_mask)
         self._line_cells = scalar_view(ring.row_line)
+        self._scale_cells = scalar_view(ring.feed_scale)
         self._scratch = np.zeros(count)
         self.most = np.array(
             [np.inf if np.isfinite(axis.max_jerk) else axis.max_acceleration for axis in machine.axes]
@@ -117,6 +118,12 @@ class Playback:
     def empty(self) -> bool:
         """Whether no row of this program has come yet."""
         return self.written == self.first
+
+    def feed_scale(self, u: float) -> float:
+        """Return the override at which the rows after u are played as they are [1]."""
+        self.seek(u)
+        number = min(self.following, self.written - 1)
+        return 1.0 if number < self.first else float(self._scale_cells[number % self._ring.rows])
 
     @property
     def last_u(self) -> float:
@@ -242,7 +249,8 @@ class Playback:
     def stretch(self, u: float, limit: int) -> NDArray[np.intp]:
         """Return the places in the ring of up to ``limit`` rows after a whole u that are played one a cycle.
 
-        They follow u and each other without a gap, drive all active columns, and each belongs to a line.
+        They follow u and each other without a gap, drive all active columns, are planned at 100 %, and each
+        belongs to a line.
         """
         ring, number = self._ring, self.following
         nothing = np.zeros(0, np.intp)
@@ -253,6 +261,7 @@ class Playback:
         rows = np.arange(number, min(self.written, number + limit)) % ring.rows
         active = np.uint64(self.active)
         fits = (ring.row_u[rows] == int(u) + 1 + np.arange(len(rows))) & (ring.row_line[rows] != 0)
+        fits &= ring.feed_scale[rows] == 1.0
         fits &= (ring.row_mask[rows] & active) == active
         return rows if fits.all() else rows[: int(np.argmin(fits))]
 

@@ -302,6 +302,11 @@ class CommandMailbox:
             words[_RESUME],
         )
 
+    def effective_override(self, slot: int) -> float:
+        """Return the feed override of a slot's program, the machine's included."""
+        own = self._numbers[self._of(slot) + _S_OVERRIDE]
+        return min(own * self._numbers[_OVERRIDE], OVERRIDE_MAX)
+
     def slot_orders(self, slot: int) -> SlotOrders:
         at = _HEAD + slot * _SLOT
         words = self._words

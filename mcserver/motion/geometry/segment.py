@@ -95,6 +95,8 @@ class Segment:
         feed: greatest ds/dt under G94 [1/s], infinite under G93: speed / length of the reference curve.
         feed_speed, feed_columns: that speed [m/s or rad/s], and the columns that it counts (D-30).
         requested: [s].
+        feed_scale: by which F is multiplied, and T divided, in all of these: the feed override above 100 %
+            that it is planned for [1].
         first, last: dp/ds at s = 0 and 1, shape (K,); zero where an axis has no part.
         d2q_start, d2q_end: d²p/ds² there.
         scale: length of the tangent that the coordinate σ is measured in; set along a run [m or rad].
@@ -135,6 +137,7 @@ class Segment:
     tolerance: float = 0.0
     corner: KnownBlend | None = None
     carried: tuple[int, ...] = ()
+    feed_scale: float = 1.0
 
     @property
     def only_feed_columns(self) -> bool:
@@ -162,6 +165,19 @@ class Segment:
         if duration is not None:
             duration *= (finish - begin) / (self.finish - self.begin)
         return dataclasses.replace(self, begin=begin, finish=finish, duration=duration)
+
+    def at_feed_scale(self, scale: float) -> Segment:
+        """Return the segment with another feed scale."""
+        share = scale / self.feed_scale
+        return dataclasses.replace(
+            self,
+            duration=None if self.duration is None else self.duration / share,
+            feed=self.feed * share,
+            feed_speed=self.feed_speed * share,
+            requested=self.requested / share,
+            feed_scale=scale,
+            corner=None,
+        )
 
     def sample(self, s: Array) -> tuple[Array, Array]:
         """Return the position and dp/ds in all columns, shape (len(s), K); other columns rest at ``base``."""
@@ -260,7 +276,7 @@ class StraightRun:
     Attributes:
         points: shape (n+1, K), where each segment starts and the last one ends. travels: shape (n, K).
         scales: lengths of the travels, shape (n,). feeds: as `Segment.feed`, shape (n,). feed_columns: as of
-            `Segment`, of all.
+            `Segment`, of all. feed_scale: that `feeds` are for.
     """
 
     run: PlainRun
@@ -270,10 +286,16 @@ class StraightRun:
     scales: Array
     feeds: Array
     feed_columns: NDArray[np.intp]
+    feed_scale: float = 1.0
 
     @classmethod
     def of(
-        cls, run: PlainRun, slots: dict[int, int], linear: NDArray[np.bool_], position: Array
+        cls,
+        run: PlainRun,
+        slots: dict[int, int],
+        linear: NDArray[np.bool_],
+        position: Array,
+        feed_scale: float = 1.0,
     ) -> StraightRun | None:
         """Return the segments from a ``position`` of all columns, shape (K,); None where a line does not
         travel.
@@ -294,23 +316,26 @@ class StraightRun:
             long = run.lengths > NO_TRAVEL
             np.divide(run.speeds, run.lengths, out=feeds, where=long)
             np.divide(1.0, run.requested, out=feeds, where=~long & (run.requested > 0.0))
+            feeds *= feed_scale
         mask = sum(1 << column for column in columns.tolist())
         feed_columns = columns[linear[columns]] if linear[columns].any() else columns
-        return cls(run, mask, points, travels, scales, feeds, feed_columns)
+        return cls(run, mask, points, travels, scales, feeds, feed_columns, feed_scale)
 
     @property
     def timing(self) -> Array:
         """Feed [1/s], requested time and T (NaN without one) of each segment [s], shape (n, 3)."""
-        requested = self.run.requested
+        requested = self.run.requested / self.feed_scale
         duration = requested if self.run.speeds is None else np.full(len(requested), math.nan)
         return np.column_stack((self.feeds, requested, duration))
 
     def segments(self, scales: list[float], active: int) -> Iterator[Segment]:
         """Yield the segments, with coordinates scaled by ``scales``."""
         still = np.zeros(len(self.points[0]))
-        requested = self.run.requested.tolist()
+        requested = (self.run.requested / self.feed_scale).tolist()
         timed = self.run.speeds is None
-        speeds = [math.inf] * len(requested) if self.run.speeds is None else self.run.speeds.tolist()
+        speeds = [math.inf] * len(requested)
+        if self.run.speeds is not None:
+            speeds = (self.run.speeds * self.feed_scale).tolist()
         for index, (line, feed, scale) in enumerate(
             zip(self.run.lines.tolist(), self.feeds.tolist(), scales, strict=True)
         ):
@@ -334,6 +359,7 @@ class StraightRun:
                 straight=True,
                 feed_speed=speeds[index],
                 feed_columns=self.feed_columns,
+                feed_scale=self.feed_scale,
             )
 
 

@@ -7,11 +7,26 @@ import numpy as np
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.profile.velocity_profile import Phases
 
+# Where speed is never steady until so much later than wanted, a moment at which it has a peak will do: a feed
+# override finds less that is planned already [s].
+LATE_S = 1.0
 
-def commit_moment(plan: PlannedRun, want: float) -> float:
+
+def commit_moment(plan: PlannedRun, want: float, *, at_peaks: bool = False) -> float:
     """Return a time with zero acceleration at or after ``want`` [s], before the stop begins; 0
     without one.
+
+    Args:
+        at_peaks: a moment at which speed has a peak will do, however near a steady one is. What is left of
+            its segment has less room for a corner in a time of its own, should it be planned again.
     """
+    moment = _moment(plan, want, at_peaks=at_peaks)
+    if moment > want + LATE_S and not at_peaks:
+        moment = _moment(plan, want, at_peaks=True)
+    return moment
+
+
+def _moment(plan: PlannedRun, want: float, *, at_peaks: bool) -> float:
     safe = _stop_begins(plan)
     if want >= safe:
         return safe
@@ -25,6 +40,9 @@ def commit_moment(plan: PlannedRun, want: float) -> float:
         if free and constant and phases.velocity[index] > 0.0:
             break
         if free and moment == phases.start[index] and _is_knot(phases, index):
+            break
+        peak = at_peaks and abs(phases.acceleration[index]) <= trace and phases.velocity[index] > 0.0
+        if free and moment == phases.start[index] and peak:
             break
         index += 1
         if index < len(phases.start):

@@ -109,7 +109,14 @@ def sample_parallel(
             position[:, moved] = part.position[:, moved]
             velocity[:, moved] = part.velocity[:, moved]
         count = high - low + 1
-        yield Rows(low, position, velocity, np.full(count, mask, np.uint64), np.full(count, line, np.int64))
+        yield Rows(
+            low,
+            position,
+            velocity,
+            np.full(count, mask, np.uint64),
+            np.full(count, line, np.int64),
+            feed_scale=np.full(count, travelling[0].segments[0].feed_scale),
+        )
         low = high + 1
     final = base.copy()
     for run in travelling:

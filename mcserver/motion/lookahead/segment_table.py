@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import Segment, StraightRun
+from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.groups import SegmentColumns, Segments
 from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.lookahead.growable_array import GrowableArray
@@ -218,10 +219,7 @@ class SegmentTable:
         columns.junction_vmax[:] = np.inf
         columns.axis_vmax[:] = vmax
         columns.duration[:], columns.tolerance[:] = [_duration_of(each) for each in parts], 0.0
-        np.minimum(vmax, columns.feed, out=columns.segment_vmax)
-        steps = np.floor(np.log(columns.segment_vmax) / SPEED_STEP + STEP_ROUNDING)
-        stepped = np.minimum(np.exp(SPEED_STEP * steps), columns.segment_vmax)
-        np.copyto(columns.segment_vmax, stepped, where=np.isnan(columns.duration))
+        columns.segment_vmax[:] = _stepped(np.minimum(vmax, columns.feed), np.isnan(columns.duration))
         columns.limit_column[:], columns.limit_kind[:] = by.T
         columns.sample_end[:] = self._dropped + len(self.samples) + offset[1:]
         columns.vertex_before[:] = columns.vertex_after[:] = columns.knot_edges[:] = 0
@@ -238,6 +236,23 @@ class SegmentTable:
         self.segments[index] = segment
         self.columns.length[index] = segment.extent
         self.columns.duration[index] = _duration_of(segment)
+
+    def set_feed_scale(self, scale: float, first: int = 0) -> None:
+        """Let the segments from ``first`` on have a feed scale."""
+        columns, segments = self.columns, self.segments
+        shares = scale / np.array([each.feed_scale for each in segments[first:]])
+        splines = np.zeros(len(shares), np.bool_)
+        for index in np.nonzero(shares != 1.0)[0].tolist():
+            segment = segments[first + index]
+            segments[first + index] = segment.at_feed_scale(scale)
+            splines[index] = segment.duration is None and spline_part(segment) is not None
+        columns.feed[first:] *= shares
+        columns.requested[first:] /= shares
+        columns.duration[first:] /= shares
+        vmax = _stepped(np.minimum(columns.axis_vmax[first:], columns.feed[first:]), splines)
+        np.copyto(columns.segment_vmax[first:], vmax, where=shares != 1.0)
+        # found at another speed
+        columns.knot_edges[first:] = 0
 
     def drop(self, count: int) -> None:
         """Remove the first segments."""
@@ -313,6 +328,12 @@ class SegmentTable:
     def mark_knots(self, indices: NDArray[np.intp], bits: NDArray[np.intp]) -> None:
         """Note which edges of which segments a plan had to make knots; the next plan begins with them."""
         np.bitwise_or.at(self.columns.knot_edges, indices, bits)
+
+
+def _stepped(vmax: Array, where: NDArray[np.bool_]) -> Array:
+    """Return greatest speeds with some of them lowered to whole steps."""
+    steps = np.floor(np.log(vmax, where=where, out=np.zeros_like(vmax)) / SPEED_STEP + STEP_ROUNDING)
+    return np.where(where, np.minimum(np.exp(SPEED_STEP * steps), vmax), vmax)
 
 
 def _duration_of(segment: Segment) -> float:

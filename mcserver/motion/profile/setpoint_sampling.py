@@ -21,7 +21,8 @@ CYCLE_ROUNDING = 1e-6
 @dataclass(frozen=True)
 class Rows:
     """Rows at u = first, first + 1, …: positions and velocities (n, K), masks and lines (n,), and what they
-    ask of joints whose torques are limited (n, 3, J), see `row_torques`; None without limits.
+    ask of joints whose torques are limited (n, 3, J), see `row_torques`; None without limits. The feed scales
+    that they are planned at (n,); None: all 1.
     """
 
     first: int
@@ -30,6 +31,7 @@ class Rows:
     axes: NDArray[np.uint64]
     line: NDArray[np.int64]
     torque: Array | None = None
+    feed_scale: Array | None = None
 
 
 def whole_cycle(u: float) -> int:
@@ -92,7 +94,8 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
                 velocity[part] = slope * (speed[part, None] / segment.scale)
     axes = np.array([each.active for each in segments], dtype=np.uint64)[here]
     line = np.array([each.line for each in segments], dtype=np.int64)[here]
-    return Rows(first, position, velocity, axes, line)
+    feed_scale = np.array([each.feed_scale for each in segments])[here]
+    return Rows(first, position, velocity, axes, line, feed_scale=feed_scale)
 
 
 def _sample_splines(

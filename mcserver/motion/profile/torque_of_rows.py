@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
@@ -12,6 +12,7 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.row_torques import NUMBERS, stop_cycles
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.pieces import Piece
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
 
 
@@ -38,6 +39,11 @@ class TorqueOfRows:
         index = np.searchsorted(plan.times, time - CYCLE_ROUNDING * self._cycle) - 1
         index = np.clip(index, 0, len(plan.segments) - 1)
         return self.on(rows, [plan.segments[each].carried for each in index.tolist()])
+
+    def on_pieces(self, pieces: Iterator[Piece], carried: tuple[int, ...]) -> Iterator[Piece]:
+        """Yield the output of a line by itself, its rows with their torques."""
+        for piece in pieces:
+            yield self.on(piece, [carried] * len(piece.line)) if isinstance(piece, Rows) else piece
 
     def on(self, rows: Rows, carried: Sequence[tuple[int, ...]]) -> Rows:
         """Return rows that follow those of the calls before with their torques, in shares of the limits, by

@@ -292,6 +292,7 @@ class ChordSmoother:
                 feed_speed=line.feed_speed,
                 feed_columns=line.feed_columns,
                 carried=line.carried,
+                feed_scale=line.feed_scale,
             )
             for index, line in enumerate(lines)
         ]

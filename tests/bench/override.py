@@ -1,0 +1,152 @@
+"""A program at an override above 100 % against the same text with an F that is as much higher."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcserver.executor.entries import EventKind
+from mcserver.machine.machine_file import Machine
+from mcserver.planning.pipeline import Pipeline
+from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.bench.figures import Figure
+from tests.bench.machines import ideal
+
+# Cycles after which a run that has not ended is a fault.
+LONGEST_RUN = 200_000
+# Cycles between two looks of the planner at the executor.
+PLANNER_PERIOD = 4
+
+Program = Callable[[float], list[str]]
+Order = tuple[int, float]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A program as it was played.
+
+    Attributes:
+        setpoint: of every cycle, shape (n, K) [m]. moved_s: from the first cycle that moves to the last [s].
+        lines: reported as ended, in order. faults: how many there were.
+    """
+
+    setpoint: np.ndarray[tuple[int, int], np.dtype[np.float64]]
+    moved_s: float
+    lines: list[int]
+    faults: int
+
+
+def long_lines(k: float) -> list[str]:
+    """Four lines about a rectangle, bound by F."""
+    points = [(300, 0), (300, 200), (0, 200), (0, 0)]
+    return ["G94", *(f"G01 X{x} Y{y} F{3600 * k:g}" for x, y in points)]
+
+
+def zigzag(k: float) -> list[str]:
+    """Lines of 5 mm with corners of 90°."""
+    lines = ["G94"]
+    for index in range(120):
+        lines.append(f"G01 X{5 * ((index + 2) // 2)} Y{5 * ((index + 1) // 2)} F{2400 * k:g}")
+    return lines
+
+
+def arcs(k: float) -> list[str]:
+    """Full circles, one after the other."""
+    return ["G94", *(f"G02 X0 Y0 I{15 + index % 3 * 5} J0 F{3000 * k:g}" for index in range(6))]
+
+
+def chords(k: float) -> list[str]:
+    """Chords of 0.4 mm of a Lissajous figure."""
+    t = np.linspace(0.0, 2.0 * math.pi, 1200)
+    x, y = 40.0 * np.sin(2.0 * t), 40.0 * np.sin(3.0 * t)
+    return ["G94", *(f"G01 X{a:.3f} Y{b:.3f} F{2400 * k:g}" for a, b in zip(x, y, strict=True))]
+
+
+def timed(k: float) -> list[str]:
+    """Lines of half a second each (G93)."""
+    points = [(10 * index, 8 * (index % 2)) for index in range(1, 21)]
+    return ["G93", *(f"G01 X{x} Y{y} F{120 * k:g}" for x, y in points)]
+
+
+PROGRAMS: dict[str, Program] = {
+    "long lines": long_lines,
+    "lines of 5 mm with corners": zigzag,
+    "circles": arcs,
+    "chords": chords,
+    "G93 lines": timed,
+}
+
+
+def play(machine: Machine, lines: Sequence[str], orders: Sequence[Order]) -> Run:
+    """Play a program while the planner works beside it.
+
+    Args:
+        orders: overrides, each with the cycle of the motion that it comes in, in order.
+    """
+    rows: list[np.ndarray[tuple[int], np.dtype[np.float64]]] = []
+    executor = VirtualExecutor(
+        machine, recorder=lambda _t, _line, setpoint, _actual: rows.append(setpoint.copy())
+    )
+    pipeline = Pipeline(machine, executor.open_slot(0), positions={axis.index: 0.0 for axis in machine.axes})
+    pipeline.lines.put(1, ["G1010", *lines])
+    pipeline.lines.closed = True
+    waiting = list(orders)
+    ended: list[int] = []
+    faults, begun = 0, -1
+    for cycle in range(LONGEST_RUN):
+        if begun < 0 and len(rows) > 1 and (rows[-1] != rows[0]).any():
+            begun = cycle
+        while waiting and (waiting[0][0] <= 0 or (begun >= 0 and cycle - begun >= waiting[0][0])):
+            executor.mailbox.set_override(waiting.pop(0)[1], 0)
+        if cycle % PLANNER_PERIOD == 0:
+            override = executor.mailbox.effective_override(0)
+            while pipeline.pump(executor.u(0), override):
+                pass
+        executor.step()
+        events = executor.events()
+        for event in events:
+            pipeline.on_event(event)
+            faults += event.kind is EventKind.FAULT
+            if event.kind is EventKind.LINE_END:
+                ended.append(event.line)
+        if any(event.kind in (EventKind.FINISHED, EventKind.STOPPED) for event in events):
+            break
+    executor.step(3)
+    points = np.array(rows)
+    (moving,) = np.nonzero((np.diff(points, axis=0) != 0.0).any(axis=1))
+    span = 0.0 if not len(moving) else float(moving[-1] - moving[0] + 1) * machine.cycle_s
+    return Run(points, span, ended, faults)
+
+
+def worst_ratios(machine: Machine, run: Run) -> tuple[float, float, float]:
+    """Return velocity, acceleration and jerk at every cycle, each in shares of its limit."""
+    points = np.concatenate((np.tile(run.setpoint[:1], (3, 1)), run.setpoint))
+    found = []
+    for order, name in enumerate(("max_velocity", "max_acceleration", "max_jerk"), start=1):
+        limits = np.array([getattr(axis, name) for axis in machine.axes])
+        found.append(float((np.abs(np.diff(points, order, axis=0)) / machine.cycle_s**order / limits).max()))
+    return found[0], found[1], found[2]
+
+
+def measure() -> list[Figure]:
+    """150 and 200 % from the start, and from the middle of the time of 100 %."""
+    machine = ideal(axes=2, velocity=500.0, acceleration=3000.0, jerk=60_000.0, tolerance_mm=0.02)
+    figures = []
+    for name, program in PROGRAMS.items():
+        whole = play(machine, program(1.0), []).moved_s
+        for k in (1.5, 2.0):
+            floor = play(machine, program(k), []).moved_s
+            for place, order, ideal_s in (
+                ("from the start", 0, floor),
+                ("from the middle", round(0.5 * whole / machine.cycle_s), 0.5 * (whole + floor)),
+            ):
+                run = play(machine, program(1.0), [(order, k)])
+                figures.append(
+                    Figure(
+                        f"{name}, {100 * k:.0f} % {place}", run.moved_s, "s", ideal_s, f"F x {k:g}", "≤ 1.02"
+                    )
+                )
+    return figures

@@ -1,0 +1,150 @@
+"""Overrides above 100 % are planned: what is not handed over yet runs as with an F that is as much higher."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mcserver.executor.shm.mailbox import OVERRIDE_MAX
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
+from mcserver.motion.lookahead.commit_moments import commit_moment
+from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
+from mcserver.motion.lookahead.lookahead import Lookahead
+from tests.bench.machines import ideal
+from tests.bench.override import Program, Run, play, worst_ratios
+from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
+from tests.motion.support import alike, at_speed, line_curve
+
+
+def machine() -> Machine:
+    return ideal(axes=2, velocity=500.0, acceleration=3000.0, jerk=60_000.0, tolerance_mm=0.02)
+
+
+def zigzag(k: float) -> list[str]:
+    points = [(5 * ((index + 2) // 2), 5 * ((index + 1) // 2)) for index in range(24)]
+    return ["G94", f"F{2400 * k:g}", *(f"G01 X{x} Y{y}" for x, y in points)]
+
+
+def line_and_circles(k: float) -> list[str]:
+    return ["G94", f"G01 X60 F{3600 * k:g}", "G02 X60 Y0 I0 J15", "G02 X60 Y0 I0 J15", "G01 X0"]
+
+
+def timed(k: float) -> list[str]:
+    points = [(10 * index, 8 * (index % 2)) for index in range(1, 9)]
+    return ["G93", *(f"G01 X{x} Y{y} F{120 * k:g}" for x, y in points)]
+
+
+def stops_and_commas(k: float) -> list[str]:
+    f = f"F{2400 * k:g}"
+    return [
+        "G94",
+        "G61",
+        f"G01 X20 {f}",
+        "G01 Y10",
+        "G04 P0.02",
+        f"G01 X0 {f}, G01 Y20 F{1200 * k:g}",
+        "G01 Y0",
+    ]
+
+
+def assert_laws(run: Run) -> None:
+    velocity, acceleration, jerk = worst_ratios(machine(), run)
+    assert velocity <= VELOCITY_SLACK
+    assert acceleration <= ACCELERATION_SLACK
+    assert jerk <= JERK_SLACK
+    assert run.faults == 0
+    assert run.lines == sorted(set(run.lines))
+
+
+@pytest.mark.parametrize(
+    ("program", "k"), [(zigzag, 2.0), (line_and_circles, 1.37), (timed, 2.0), (stops_and_commas, 1.5)]
+)
+def test_an_override_from_the_start_takes_as_long_as_the_text_with_that_f(program: Program, k: float) -> None:
+    run, floor = play(machine(), program(1.0), [(0, k)]), play(machine(), program(k), [])
+    assert run.moved_s == pytest.approx(floor.moved_s, abs=0.002)
+    assert run.lines == floor.lines
+    assert run.setpoint[-1] == pytest.approx(floor.setpoint[-1], abs=1e-12)
+    assert_laws(run)
+
+
+@pytest.mark.parametrize("program", [zigzag, timed])
+def test_an_override_on_the_way_is_planned_for_all_that_is_not_handed_over(program: Program) -> None:
+    slow, fast = play(machine(), program(1.0), []).moved_s, play(machine(), program(2.0), []).moved_s
+    run = play(machine(), program(1.0), [(1000, 2.0)])
+    # rows in the ring are played faster by their headroom
+    assert run.moved_s <= 1.0 + fast * (1.0 - 1.0 / slow) + 0.25
+    assert_laws(run)
+
+
+def test_a_line_alone_is_planned_again_while_it_runs() -> None:
+    # its end is known, yet not all of it is handed over
+    program = ["G94", "G01 X200 F2400", "G01 Y5", "G01 X190", "G01 Y0", "G01 X180"]
+    run = play(machine(), program, [(1500, 2.0)])
+    floor = play(machine(), [line.replace("F2400", "F4800") for line in program], [])
+    assert run.moved_s <= 1.5 + floor.moved_s * (1.0 - 60.0 / 218.0) + 0.2
+    assert_laws(run)
+
+
+@pytest.mark.parametrize("program", [zigzag, line_and_circles])
+def test_back_at_100_percent_no_motion_is_faster_than_f_and_little_slower(program: Program) -> None:
+    whole = play(machine(), program(1.0), [])
+    ordered = 500
+    run = play(machine(), program(1.0), [(0, 2.0), (ordered, 1.0)])
+    assert_laws(run)
+    # what was handed over for 200 % is played at half its rate
+    assert run.moved_s <= whole.moved_s + 0.3
+    (moving,) = np.nonzero((np.diff(run.setpoint, axis=0) != 0.0).any(axis=1))
+    speed = np.linalg.norm(np.diff(run.setpoint[int(moving[0]) + ordered + 200 :], axis=0), axis=1)
+    feed = 2400 if program is zigzag else 3600
+    assert speed.max() <= feed / 60_000 * machine().cycle_s * 1.001
+
+
+def test_orders_every_few_cycles_keep_all_limits_and_report_each_line_once() -> None:
+    rng = np.random.default_rng(5)
+    cycles = np.cumsum(rng.integers(1, 60, 60)).tolist()
+    rates = rng.choice([0.2, 0.7, 1.0, 1.3, 1.7, 2.0], 60).tolist()
+    run = play(machine(), zigzag(1.0), [*zip(cycles, rates, strict=True), (cycles[-1] + 1, 2.0)])
+    assert run.lines == list(range(4, 28))
+    assert run.setpoint[-1] == pytest.approx([0.06, 0.06], abs=1e-12)
+    assert_laws(run)
+
+
+def window_of(*speeds: float) -> Lookahead:
+    """Lines of 20 mm on end, each with its F."""
+    machine = alike(1, velocity=500.0, acceleration=1000.0, jerk=20_000.0)
+    window, position = Lookahead(AxisLimits.of(machine)), np.zeros(1)
+    for index, speed in enumerate(speeds):
+        curve = line_curve(machine, (0,), [0.02 * index], [0.02 * (index + 1)])
+        segment = segment_of(at_speed(speed, curve), index + 1, {0: 0}, np.ones(1, np.bool_))
+        anchor(segment, position)
+        window.append(segment)
+    return window
+
+
+def test_a_motion_too_fast_for_a_lower_scale_keeps_its_own_until_it_has_slowed_down() -> None:
+    window = window_of(0.05, 0.05, 0.05, 0.05)
+    faster = plan_at_feed_scale(window, OVERRIDE_MAX)
+    assert faster is not None
+    assert {each.feed_scale for each in faster.segments} == {OVERRIDE_MAX}
+    window.entry = 0.1
+    slower = plan_at_feed_scale(window, 1.0)
+    assert slower is not None
+    scales = [each.feed_scale for each in slower.segments]
+    assert scales[0] == OVERRIDE_MAX
+    assert scales[-1] == 1.0
+    assert scales == sorted(scales, reverse=True)
+    speeds = slower.phases.at(np.linspace(0.0, slower.phases.duration, 500))
+    bounds = np.searchsorted(slower.bounds, speeds[0], side="right") - 1
+    feeds = np.array([each.feed * each.scale for each in slower.segments])
+    assert (speeds[1] <= feeds[np.minimum(bounds, len(feeds) - 1)] * (1.0 + 1e-6)).all()
+
+
+def test_a_window_of_one_scale_is_not_planned_again() -> None:
+    window = window_of(0.05, 0.08)
+    assert plan_at_feed_scale(window, 1.0) is None
+
+
+def test_a_motion_that_has_peaks_of_speed_only_is_handed_over_up_to_one() -> None:
+    plan = window_of(0.4, 0.4).plan()
+    assert commit_moment(plan, 0.0, at_peaks=True) > 0.0
