@@ -354,6 +354,23 @@ def requested_of(line: MotionLine) -> float | None:
     return max(times) if times else None
 
 
+def moves_axes(line: object) -> bool:
+    """Return True if a line, or a run of them, is motion for M62: one of G00 to G03, or G1020."""
+    if isinstance(line, PlainRun | PathRun):
+        return True
+    return isinstance(line, MotionLine) and any(
+        isinstance(group, FeedGroup | RapidGroup) for group in line.groups
+    )
+
+
+def may_flow(line: MotionLine) -> bool:
+    """Return whether a line may flow into its neighbours: one feed group, or comma groups of feed alone
+    without an exact stop (D-32).
+    """
+    feeds = sum(isinstance(group, FeedGroup) for group in line.groups)
+    return feeds == len(line.groups) > 0 and (feeds == 1 or not line.exact_stop)
+
+
 def one_path(line: MotionLine) -> FeedGroup | None:
     """Return the feed group that a line is; comma groups that have one T are one together (D-32).
 

@@ -25,7 +25,9 @@ from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
 from mcserver.motion.lookahead.commit_moments import commit_moment, last_steady
+from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
+from mcserver.motion.lookahead.leading_group import CommaLine, Companions, MachineAxes, comma_line
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
@@ -73,7 +75,8 @@ class MotionPlanner:
         self._active = 0
         torque = self._limits.torque
         self._torques = None if torque is None else TorqueOfRows(torque, machine.cycle_s)
-        self._output = RunOutput(machine.cycle_s, self._torques)
+        self._companions = CompanionMotions(machine.cycle_s)
+        self._output = RunOutput(machine.cycle_s, self._companions, self._torques)
 
     @property
     def torque_stop(self) -> int:
@@ -117,14 +120,31 @@ class MotionPlanner:
         anchor(segment, self.position)
         return segment
 
-    def append(self, segment: Segment, *, from_rest: bool = False, tolerance: float = 0.0) -> None:
+    def comma_line(self, groups: list[FeedGroup], line: int, tolerance: float) -> CommaLine | None:
+        """Return a line of several groups as one that flows; None: it has to stand (`comma_line`)."""
+        axes = MachineAxes(self._limits, self._slots, self._linear, self.feed_scale)
+        found = comma_line(groups, line, tolerance, self.position, axes)
+        if found is not None:
+            self.position[:] = found.end
+        return found
+
+    def append(
+        self,
+        segment: Segment,
+        *,
+        from_rest: bool = False,
+        tolerance: float = 0.0,
+        companions: Companions | None = None,
+    ) -> None:
         """Append a segment that travels to the window.
 
         Args:
             from_rest: the motion stops before it.
             tolerance: how far the corner before it may be rounded [m].
+            companions: what runs beside it.
         """
-        self._active |= segment.mask
+        from_rest = self._companions.begins_at_rest(segment, companions, from_rest=from_rest)
+        self._active |= segment.mask if companions is None else segment.mask | companions.mask
         segment.active = self._active
         self._plan = None
         segment.tolerance = 0.0 if from_rest else tolerance
@@ -153,6 +173,7 @@ class MotionPlanner:
         straight = StraightRun.of(run, self._slots, self._linear, self.position, self.feed_scale)
         if straight is None or self._limits.torque is not None:
             return False
+        from_rest = self._companions.run_begins_at_rest(straight, from_rest=from_rest)
         self._active |= straight.mask
         self._plan = None
         if run.tolerance > 0.0:
@@ -286,12 +307,16 @@ class MotionPlanner:
                 if self._reserve is None or self._reserve.window < len(self._window.table):
                     raise
                 self._plan = self._reserve
+        self._plan = self._companions.last_to_end(self._window, self._plan, self.u)
         return self._plan
 
     # ------------------------------------------------------------------ committing
 
     def _follow_feed_scale(self) -> None:
         self._take_chords()
+        if self._companions.present:
+            # what runs beside its lines is planned already
+            return
         found = plan_at_feed_scale(self._window, self.feed_scale)
         if found is not None:
             self._plan = found
@@ -384,6 +409,7 @@ class MotionPlanner:
         # the row at the first whole cycle holds the target; what follows starts there
         self.u = float(whole_cycle(end))
         self._window = Lookahead(self._limits)
+        self._companions.closed()
         self._open = None
         self._plan = None
         mask = self._active
@@ -398,6 +424,7 @@ class MotionPlanner:
         self._output.announced = 0
         last = plan.segments[-1]
         position = last.sample(np.array([last.finish]))[0][0]
+        self._companions.put_ends_on(position, last.line)
         yield Deactivation(float(whole_cycle(end)), last.line, mask, tuple(position.tolist()))
 
     # ------------------------------------------------------------------ with an empty window

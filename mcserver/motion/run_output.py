@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, LineBound, LineEdges, Piece
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample
@@ -23,14 +24,16 @@ class RunOutput:
     """Output of one program's runs, one after the other.
 
     Args:
-        cycle: between rows [s]. torques: of the rows; None: nobody asks for them.
+        cycle: between rows [s]. companions: what runs beside the runs. torques: of the rows; None: nobody
+            asks for them.
 
     Attributes:
         announced: mask of the columns that rows drive by what has been put out.
     """
 
-    def __init__(self, cycle: float, torques: TorqueOfRows | None) -> None:
+    def __init__(self, cycle: float, companions: CompanionMotions, torques: TorqueOfRows | None) -> None:
         self._cycle = cycle
+        self._companions = companions
         self._torques = torques
         self.announced = 0
 
@@ -40,6 +43,7 @@ class RunOutput:
         Each piece of rows comes behind what stands before its last row; edges are in order of u.
         Where the run closes, rounding does not put an edge behind its last row.
         """
+        self._companions.begin(plan, origin, until, last)
         latest = float(last) if math.isinf(until) else math.inf
         happenings = _Happenings.of(plan, origin, until, latest, self._cycle, self.announced)
         low = first_row(origin)
@@ -52,6 +56,7 @@ class RunOutput:
                     starting.append(piece)
                 yield piece
             rows = sample(plan, origin, low, high, self._cycle)
+            self._companions.put_on(rows)
             np.bitwise_and(rows.axes, np.uint64(self.announced), out=rows.axes)
             for activation in starting:
                 # rows drive no column before its activation, which may stand a rounding error behind a row

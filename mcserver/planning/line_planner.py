@@ -32,10 +32,13 @@ from mcserver.motion.canonical import (
     RapidGroup,
     SpeedGroup,
     TorqueGroup,
+    may_flow,
+    moves_axes,
     one_path,
     requested_of,
 )
-from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.lookahead.leading_group import Companions
+from mcserver.motion.lookahead.parallel_groups import last_bound
 from mcserver.motion.pieces import Activation, LineBound, LineEdges, Piece
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
@@ -211,7 +214,7 @@ class LinePlanner:
             self.canonical.popleft()
             self._due.update((each.column, each.value) for each in line.settings)
             return True
-        if self._due and _travels(line):
+        if self._due and moves_axes(line):
             self._at_start[line.line] = self._due
             self._due = {}
         if isinstance(line, PathRun):
@@ -223,10 +226,9 @@ class LinePlanner:
             if not self._flow_on(line):
                 self.canonical.extendleft(reversed(line.motion_lines()))
             return True
-        group = one_path(line) if isinstance(line, MotionLine) else None
-        if isinstance(line, MotionLine) and group is not None:
+        if isinstance(line, MotionLine) and may_flow(line):
             self.canonical.popleft()
-            if self._flow(line, group):
+            if self._flow(line):
                 return True
             self.canonical.appendleft(line)
         if self.motion.pending:
@@ -302,24 +304,34 @@ class LinePlanner:
         self._from_rest = False
         return True
 
-    def _flow(self, line: MotionLine, group: FeedGroup) -> bool:
-        """Append the line to the window as a segment; False where it does not travel or an axis does not
-        hold."""
-        if not self._energized.issuperset(group.axes) or self._independent.intersection(group.axes):
+    def _flow(self, line: MotionLine) -> bool:
+        """Append the line to the window as a segment, with what runs beside it; False where it does not
+        travel, an axis does not hold, or none of its groups is sure to end last."""
+        group = one_path(line)
+        feeds = [each for each in line.groups if isinstance(each, FeedGroup)]
+        axes = tuple(axis for each in feeds for axis in each.axes)
+        if not self._energized.issuperset(axes) or self._independent.intersection(axes):
             return False
-        segment = self.motion.segment(group, line.line)
-        if not segment.travels:
-            return False
+        companions: Companions | None = None
+        if group is not None:
+            segment = self.motion.segment(group, line.line)
+            if not segment.travels:
+                return False
+        else:
+            found = self.motion.comma_line(feeds, line.line, line.tolerance)
+            if found is None:
+                return False
+            segment, companions = found.segment, found.companions
         self._payloads.note(line)
         self._report(line)
         tolerance = min(self._tolerance, line.tolerance)
-        self.motion.append(segment, from_rest=self._from_rest, tolerance=tolerance)
+        self.motion.append(segment, from_rest=self._from_rest, tolerance=tolerance, companions=companions)
         self._tolerance = line.tolerance
         # with drives that follow in the same cycle an exact stop is a stop, and waits for nothing
         self._from_rest = line.exact_stop
-        if line.exact_stop and not self._ideal.issuperset(group.axes):
+        if line.exact_stop and not self._ideal.issuperset(axes):
             segment.closes = False
-            self.canonical.appendleft(InPosition(line.line, group.axes))
+            self.canonical.appendleft(InPosition(line.line, axes))
             self.flush = True
         return True
 
@@ -355,7 +367,7 @@ class LinePlanner:
         bound: Bound | None = None
         if feeds:
             pieces, runs, end = planner.together(feeds, line.line)
-            bound = self._last_bound(runs)
+            bound = last_bound(runs)
             if bound is not None:
                 self.put(LineBound(line.line, bound))
         # what lasts without moving: a dwell beside other groups, a G93 line without travel (D-30)
@@ -383,13 +395,6 @@ class LinePlanner:
             self._independent -= waits
         after.append(Control(ControlKind.LINE_END, end, line.line))
         self.source = then(self.source, after)
-
-    def _last_bound(self, runs: list[PlannedRun | None]) -> Bound | None:
-        """Find what stretched the group that ends last."""
-        travelling = [run for run in runs if run is not None]
-        if not travelling:
-            return None
-        return max(travelling, key=lambda run: run.phases.duration).bound_by[0]
 
     def _transmit(self, group: Group, line: int) -> None:
         """Start what the executor does by itself: independent motion, speed, torque."""
@@ -492,12 +497,3 @@ class LinePlanner:
     def control(self, kind: ControlKind, line: int, **more: Any) -> None:
         """Put a control entry where the plan ends."""
         self.output.put(Control(kind, self.motion.u, line, **more))
-
-
-def _travels(line: Canonical | PlainRun | PathRun | InPosition) -> bool:
-    """Return True if the line is motion for M62: one of G00 to G03, or G1020."""
-    if isinstance(line, PlainRun | PathRun):
-        return True
-    return isinstance(line, MotionLine) and any(
-        isinstance(group, FeedGroup | RapidGroup) for group in line.groups
-    )

@@ -1,8 +1,9 @@
-"""Comma groups of one T flow into their neighbours; others start and end at rest (D-32)."""
+"""Comma lines flow: groups of one T together, of several T the one that ends last (D-32)."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from mcserver.simulation.simulation import Simulation, simulate
 from tests.motion.support import AxisSpec, machine_of
@@ -35,7 +36,37 @@ def test_comma_groups_whose_speeds_give_one_time_flow_under_g94() -> None:
     assert np.allclose(speeds_at_ends(found), 50.0, rtol=1e-3)
 
 
-def test_comma_groups_of_different_times_start_and_end_at_rest() -> None:
+def test_the_group_that_ends_last_goes_on_without_a_stop_and_the_other_rests() -> None:
     found = run(["G93", *(f"G01 F60 X{50 * n}, G01 F120 [2]{90 * n}" for n in range(1, 4))])
-    assert max(speeds_at_ends(found)) < 1.0
+    assert np.allclose(speeds_at_ends(found), 50.0, rtol=1e-3)
     assert [round(line["end_s"] - line["start_s"], 6) for line in found.report["lines"]] == [1.0] * 3
+    assert found.recording is not None
+    turning = found.recording.setpoint[:, 2]
+    for line, number in zip(found.report["lines"], range(1, 4), strict=True):
+        half = round((line["start_s"] + 0.5) * 1000.0)
+        assert turning[half + 2 : half + 480] == pytest.approx(90.0 * number, abs=1e-9)
+
+
+def test_a_group_of_the_time_of_another_ends_with_it_and_does_not_stop() -> None:
+    lines = [f"G01 X{10 * n} F6000, G01 Y{9.8 * n} F6000" for n in range(1, 5)]
+    flowing, resting = run(["G94", *lines]), run(["G94 G61", *lines])
+    took = [line["end_s"] - line["start_s"] for line in flowing.report["lines"]]
+    # Y from rest to rest
+    assert np.allclose(took, 0.188, atol=5e-4)
+    assert min(speeds_at_ends(flowing)) > 40.0
+    assert flowing.report["lines"][-1]["end_s"] < resting.report["lines"][-1]["end_s"]
+
+
+def test_axes_that_change_from_leading_to_ending_early_rest_between_the_lines() -> None:
+    found = run(["G94 F6000", "G01 X100, G01 [2]5", "G01 X110, G01 [2]95", "G01 X210, G01 [2]100"])
+    assert max(speeds_at_ends(found)) < 1.0
+
+
+def test_a_plain_line_flows_into_and_out_of_a_comma_line() -> None:
+    found = run(["G94 F3000", "G01 X50", "G01 X100, G01 [2]9 F5400", "G01 X150 F3000"])
+    assert np.allclose(speeds_at_ends(found), 50.0, rtol=1e-3)
+
+
+def test_comma_groups_under_an_exact_stop_rest_at_both_ends() -> None:
+    found = run(["G61 G93", *(f"G01 F60 X{50 * n}, G01 F120 [2]{90 * n}" for n in range(1, 4))])
+    assert max(speeds_at_ends(found)) < 1.0

@@ -8,6 +8,7 @@ the tangent is. Its nodes are the joints, each with the greatest speed at which 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -231,6 +232,23 @@ class Lookahead:
             rows,
         )
         self.table.append_run(run, active, columns, rows[:samples], leads=leads)
+
+    def lengthen(self, line: int, seconds: float) -> None:
+        """Give a line with a T of its own more time, in the longest of its segments [s].
+
+        Raises:
+            PlanningError: none of its segments has a T.
+        """
+        timed = [
+            (each.duration, index)
+            for index, each in enumerate(self.table.segments)
+            if each.line == line and each.duration is not None
+        ]
+        if not timed:
+            raise PlanningError(line)
+        duration, index = max(timed)
+        segment = dataclasses.replace(self.table.segments[index], duration=duration + seconds)
+        self.table.replace(index, segment)
 
     def joint_speed(self, segment: Segment) -> float:
         """Return the greatest speed over the junction with a segment that is not in the run yet [m/s or

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mcserver.motion.bound import PlanningError
+from mcserver.motion.bound import Bound, PlanningError
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
 from mcserver.motion.geometry.torque_limits import TorqueLimits
@@ -124,3 +124,11 @@ def sample_parallel(
         moved = [column for column in range(len(base)) if segment.mask >> column & 1]
         final[moved] = segment.sample(np.array([1.0]))[0][0][moved]
     yield Deactivation(float(last), line, mask, tuple(final.tolist()))
+
+
+def last_bound(runs: list[PlannedRun | None]) -> Bound | None:
+    """Find what stretched the group that ends last."""
+    travelling = [run for run in runs if run is not None]
+    if not travelling:
+        return None
+    return max(travelling, key=lambda run: run.phases.duration).bound_by[0]

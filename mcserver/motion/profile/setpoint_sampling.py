@@ -141,7 +141,8 @@ def _sample_splines(
         found = spline.at(t)
         found[0][t >= spline.breaks[-1]] = spline.end
         columns = segments[0].columns[0]
-        position[at], velocity[at] = segments[0].base, 0.0
+        # columns beside the spline may rest elsewhere from line to line
+        position[at], velocity[at] = np.array([each.base for each in segments])[here], 0.0
         position[at, columns] = found[0]
         velocity[at, columns] = found[1] * (rates[here] * speed[at])[:, None]
         first += len(curves)

@@ -284,7 +284,7 @@ class ChordSmoother:
                 d2q_start=starts[index],
                 d2q_end=ends[index],
                 scale=lengths[index],
-                base=lines[0].base,
+                base=line.base,
                 end=line.end,
                 active=active,
                 opens=line.opens,

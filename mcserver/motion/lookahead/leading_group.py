@@ -1,0 +1,193 @@
+"""Comma lines in the flow: the group that ends last flows, the others run beside it from rest to rest (D-32).
+
+The groups of a line start together and each ends at its own time, so only the one that ends last may carry
+a speed from line to line. It is the line's segment in the lookahead window; the others are companions, whose
+velocity profiles are known from the outset and start when the line does.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.bound import PlanningError
+from mcserver.motion.canonical import SAME_TIME, FeedGroup
+from mcserver.motion.geometry.curves import Array, SampledCurve
+from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, anchor, columns_of, segment_of
+from mcserver.motion.lookahead.lookahead import Lookahead
+from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.units import MM
+
+# What rounding its ends may take from a line's path, in tolerances, and from its least time.
+ROUNDED, LEAST = 4.0, 0.999
+
+
+@dataclass(frozen=True)
+class Companions:
+    """Groups that end before the leading group of their line.
+
+    Attributes:
+        runs: their velocity profiles, each from rest to rest. mask: their columns. duration: of the longest,
+            those without travel included [s]. set_time: whether the line's time is theirs, not that of
+            the leading group's own speed.
+    """
+
+    runs: tuple[PlannedRun, ...]
+    mask: int
+    duration: float
+    set_time: bool = False
+
+
+@dataclass(frozen=True)
+class CommaLine:
+    """A comma line that flows.
+
+    Attributes:
+        segment: of its leading group. companions: the other groups. end: commanded end of all columns,
+            shape (K,).
+    """
+
+    segment: Segment
+    companions: Companions
+    end: Array
+
+
+@dataclass(frozen=True)
+class MachineAxes:
+    """Limits of the machine's columns, the columns of axis numbers, which columns are linear, shape (K,), and
+    the feed scale that lines are planned at.
+    """
+
+    limits: AxisLimits
+    slots: dict[int, int]
+    linear: NDArray[np.bool_]
+    feed_scale: float = 1.0
+
+
+def comma_line(
+    groups: Sequence[FeedGroup],
+    line: int,
+    tolerance: float,
+    position: Array,
+    axes: MachineAxes,
+) -> CommaLine | None:
+    """Return a line of several groups as one that flows.
+
+    Args:
+        tolerance: path tolerance at both ends of the line [m]. position: of all columns at its start,
+            shape (K,).
+
+    Returns:
+        None where none of the groups is sure to end last while it flows.
+    """
+    if axes.limits.torque is not None:
+        # a torque is that of all groups together, which are not known together
+        return None
+    end = position.copy()
+    paths = [_Path.of(group, line, position, end, axes) for group in _merged(groups)]
+    known = [path for path in paths if path is not None]
+    if len(known) < len(paths):
+        return None
+    lead = max(known, key=lambda path: path.time)
+    others = [path for path in known if path is not lead]
+    if lead.run is None:
+        return None
+    longest = max((path.time for path in others), default=0.0)
+    segment, set_time = lead.segment, False
+    if segment.duration is not None:
+        if longest > segment.duration * (1.0 + SAME_TIME):
+            return None
+    elif longest > lead.least_time(tolerance):
+        # as quick as its speed allows it might not end last: it takes the time of the longest of the others
+        segment.duration = max(longest, segment.requested)
+        segment.requested = segment.duration
+        set_time = True
+    runs = tuple(path.run for path in others if path.run is not None)
+    mask = 0
+    for run in runs:
+        mask |= run.segments[0].mask
+    return CommaLine(segment, Companions(runs, mask, longest, set_time), end)
+
+
+@dataclass(frozen=True)
+class _Path:
+    """A group alone, from rest to rest.
+
+    Attributes:
+        run: None without travel. time: what it takes [s]. least: what it takes at least, with any speed at
+            its ends [s]. in_metres: whether its path speed counts linear columns only.
+    """
+
+    group: FeedGroup
+    segment: Segment
+    run: PlannedRun | None
+    time: float
+    least: float
+    in_metres: bool
+
+    @classmethod
+    def of(
+        cls,
+        group: FeedGroup,
+        line: int,
+        position: Array,
+        end: Array,
+        axes: MachineAxes,
+    ) -> _Path | None:
+        """Plan a group from a ``position`` (K,); its part of ``end`` (K,) is written. None where no profile
+        exists.
+        """
+        segment = segment_of(group, line, axes.slots, axes.linear)
+        if axes.feed_scale != 1.0:
+            segment = segment.at_feed_scale(axes.feed_scale)
+        ahead = position.copy()
+        anchor(segment, ahead)
+        moved = columns_of(segment.mask)
+        end[moved] = ahead[moved]
+        segment.active = segment.mask
+        if not segment.travels:
+            lasting = segment.duration or 0.0
+            return cls(group, segment, None, lasting, lasting, False)
+        window = Lookahead(axes.limits)
+        window.append(dataclasses.replace(segment))
+        try:
+            run = window.plan()
+        except PlanningError:
+            return None
+        least = segment.extent / float(window.table.columns.segment_vmax[0])
+        in_metres = bool(axes.linear[segment.feed_columns].all())
+        return cls(group, segment, run, run.phases.duration, least, in_metres)
+
+    def least_time(self, tolerance: float) -> float:
+        """Return what it takes at least where its ends may be rounded within a tolerance [m], in s."""
+        curve = self.group.curves[self.group.reference]
+        if curve.length <= NO_TRAVEL:
+            return 0.0
+        # a degree counts as a millimetre
+        metres = self.in_metres and not isinstance(curve, SampledCurve)
+        rounded = ROUNDED * tolerance * (1.0 if metres else math.radians(1.0) / MM)
+        return LEAST * self.least * max(0.0, 1.0 - rounded / curve.length)
+
+
+def _merged(groups: Sequence[FeedGroup]) -> list[FeedGroup]:
+    """Return the groups, those of one T as one that shares a path fraction."""
+    found: list[FeedGroup] = []
+    for group in groups:
+        for index, other in enumerate(found):
+            timed = (group.duration is None) == (other.duration is None)
+            if (
+                timed
+                and group.requested > 0.0
+                and math.isclose(group.requested, other.requested, rel_tol=SAME_TIME)
+            ):
+                found[index] = msgspec.structs.replace(other, curves=other.curves + group.curves)
+                break
+        else:
+            found.append(group)
+    return found

@@ -1,0 +1,192 @@
+"""Random programs of comma lines by seed, each beside plain lines, and what a planner makes of them."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.canonical import FeedGroup, MotionLine, one_path
+from mcserver.motion.geometry.curves import Array, Curve
+from mcserver.motion.pieces import LineEdges, Piece
+from mcserver.motion.planner import MotionPlanner
+from mcserver.motion.profile.setpoint_sampling import Rows
+from tests.motion.support import AxisSpec, arc_curve, at_speed, edges_of, in_time, line_curve, machine_of
+
+# Travels of a group [m or rad], and times that groups ask for [s].
+LENGTHS = (2e-4, 1e-3, 5e-3, 0.02, 0.05)
+TIMES = (0.05, 0.1, 0.2, 0.4)
+
+
+@dataclass(frozen=True)
+class CommaProgram:
+    """A machine, its lines with their groups, how far corners may be rounded [m], and after which lines the
+    planner has to hand over, and how many cycles.
+    """
+
+    machine: Machine
+    lines: tuple[tuple[FeedGroup, ...], ...]
+    tolerance: float
+    commits: dict[int, float]
+
+
+@dataclass
+class CommaMotion:
+    """Rows u = 1, 2, … (N, K) and the moments of lines [cycles].
+
+    Attributes:
+        edges: u, the line, and whether it ends there, in order of output.
+        flowing: the comma lines that were planned in the flow.
+    """
+
+    position: Array
+    starts: dict[int, float]
+    ends: dict[int, float]
+    edges: list[tuple[float, int, bool]]
+    flowing: set[int] = field(default_factory=set)
+
+    @property
+    def duration(self) -> float:
+        """From the first line's start to the last one's end [cycles]."""
+        return max(self.ends.values()) - min(self.starts.values())
+
+    @property
+    def rested(self) -> Array:
+        """Rows with three rows of rest before and after, shape (N + 6, K)."""
+        return np.concatenate([np.zeros((3, self.position.shape[1])), self.position, [self.position[-1]] * 3])
+
+
+def comma_program(seed: int, *, jerk: bool = True, tolerance: float | None = None) -> CommaProgram:
+    """Return the program of a seed: two to three mechanisms of one or two axes, 2 to 9 lines."""
+    draw = random.Random(seed)
+    machine = _machine(draw, jerk=jerk)
+    mechanisms = _mechanisms(draw, machine)
+    position = np.zeros(len(machine.axes))
+    headings: dict[tuple[int, ...], Array] = {}
+    lines = []
+    timed = draw.random() < 0.5
+    for _ in range(draw.randint(2, 9)):
+        if draw.random() < 0.15:
+            timed = not timed
+        count = 1 if draw.random() < 0.2 else len(mechanisms)
+        chosen = draw.sample(mechanisms, count)
+        lines.append(tuple(_group(draw, machine, axes, position, headings, timed=timed) for axes in chosen))
+    allowed = draw.choice((0.0, 1e-5, 1e-4)) if tolerance is None else tolerance
+    commits = {
+        draw.randint(1, len(lines)): draw.choice((1.0, 20.0, 150.0, math.inf))
+        for _ in range(draw.choice((0, 0, 2, 6)))
+    }
+    return CommaProgram(machine, tuple(lines), allowed, commits)
+
+
+def _machine(draw: random.Random, *, jerk: bool) -> Machine:
+    specs = []
+    for index in range(draw.randint(3, 5)):
+        rotary = index > 2 and draw.random() < 0.5
+        specs.append(
+            AxisSpec(
+                velocity=draw.choice((100.0, 300.0)),
+                acceleration=draw.choice((1000.0, 4000.0)),
+                jerk=draw.choice((30_000.0, 200_000.0)) if jerk else None,
+                rotary=rotary,
+            )
+        )
+    return machine_of(specs)
+
+
+def _mechanisms(draw: random.Random, machine: Machine) -> list[tuple[int, ...]]:
+    axes = list(range(len(machine.axes)))
+    first = draw.choice((1, 2))
+    found = [tuple(axes[:first])]
+    rest = axes[first:]
+    second = draw.choice((1, 2)) if len(rest) > 1 else 1
+    found.append(tuple(rest[:second]))
+    if len(rest) > second and draw.random() < 0.5:
+        found.append((rest[second],))
+    return found
+
+
+def _group(
+    draw: random.Random,
+    machine: Machine,
+    axes: tuple[int, ...],
+    position: Array,
+    headings: dict[tuple[int, ...], Array],
+    *,
+    timed: bool,
+) -> FeedGroup:
+    start = position[list(axes)].copy()
+    length = draw.choice(LENGTHS)
+    plane = len(axes) == 2 and all(machine.axes[axis].type.unit == "mm" for axis in axes)
+    curve: Curve
+    if plane and draw.random() < 0.25:
+        sweep = draw.choice((1.0, -2.0))
+        angle = draw.uniform(-math.pi, math.pi)
+        centre = (start[0] + length * math.cos(angle), start[1] + length * math.sin(angle))
+        curve = arc_curve(start.tolist(), centre, sweep, axes=axes)
+    else:
+        heading = headings.get(axes)
+        if heading is None or draw.random() < 0.4:
+            heading = np.array([draw.choice((1.0, -1.0, 0.4)) for _ in axes])
+            headings[axes] = heading = heading / np.linalg.norm(heading)
+        curve = line_curve(machine, axes, start.tolist(), (start + length * heading).tolist())
+    position[list(axes)] = curve.position(np.array([1.0]))[0]
+    mixed = len({machine.axes[axis].type for axis in axes}) > 1
+    rotary = machine.axes[axes[0]].type.unit != "mm"
+    if timed or mixed or (rotary and len(axes) > 1):
+        return in_time(draw.choice(TIMES), curve)
+    share = draw.choice((0.2, 0.6, 1.5))
+    return at_speed(share * min(machine.axes[axis].max_velocity for axis in axes), curve)
+
+
+def run(program: CommaProgram, *, at_rest: bool = False) -> CommaMotion:
+    """Plan a program.
+
+    Args:
+        at_rest: comma lines of several T start and end at rest, as rapids do.
+    """
+    machine = program.machine
+    planner = MotionPlanner(machine, np.zeros(len(machine.axes)))
+    pieces: list[Piece] = []
+    flowing: set[int] = set()
+    for number, groups in enumerate(program.lines, start=1):
+        path = one_path(MotionLine(number, groups))
+        if path is not None:
+            planner.append(planner.segment(path, number), tolerance=program.tolerance)
+        else:
+            found = None if at_rest else planner.comma_line(list(groups), number, program.tolerance)
+            if found is not None:
+                flowing.add(number)
+                planner.append(found.segment, tolerance=program.tolerance, companions=found.companions)
+            else:
+                pieces += planner.close()
+                start = planner.u
+                made, _, end = planner.together(list(groups), number)
+                pieces += [_edge(start, number, ends=False), *made, _edge(end, number, ends=True)]
+        if number in program.commits:
+            pieces += planner.commit(planner.u + program.commits[number]) or ()
+    pieces += planner.close()
+    return _collect(pieces, flowing)
+
+
+def _edge(u: float, line: int, *, ends: bool) -> LineEdges:
+    return LineEdges(np.array([u]), np.array([line]), np.array([ends]))
+
+
+def _collect(pieces: list[Piece], flowing: set[int]) -> CommaMotion:
+    rows = [piece for piece in pieces if isinstance(piece, Rows)]
+    following = 1
+    for block in rows:
+        assert block.first == following
+        following += len(block.position)
+    edges = edges_of(pieces)
+    return CommaMotion(
+        position=np.concatenate([block.position for block in rows]),
+        starts={line: u for u, line, ends in edges if not ends},
+        ends={line: u for u, line, ends in edges if ends},
+        edges=edges,
+        flowing=flowing,
+    )
