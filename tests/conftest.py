@@ -45,9 +45,28 @@ REALTIME = (
 )
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out the files of the other group, which each worker would import to run none of their tests."""
+    if not collection_path.is_relative_to(ROOT) or collection_path == ROOT:
+        return None
+    place = collection_path.relative_to(ROOT)
+    match config.option.markexpr:
+        case "realtime":
+            leads_there = any(Path(each).is_relative_to(place) for each in REALTIME)
+            return None if is_realtime(place) or leads_there else True
+        case "not realtime":
+            return True if is_realtime(place) else None
+        case _:
+            return None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests with servers, executors or buses in real time."""
     for item in items:
-        place = item.path.relative_to(ROOT)
-        if any(place.is_relative_to(each) for each in REALTIME):
+        if is_realtime(item.path.relative_to(ROOT)):
             item.add_marker(pytest.mark.realtime)
+
+
+def is_realtime(place: Path) -> bool:
+    """Whether a file or folder below this one has servers, executors or buses in real time."""
+    return any(place.is_relative_to(each) for each in REALTIME)

@@ -97,13 +97,13 @@ def page_of(endpoint: str, folder: Path, *options: str) -> Iterator[PageProcess]
         made.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     with serving(tmp_path_factory.mktemp("server"), "cartesian", "bench", recorder=True) as made:
         yield made
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def site(server: ServerProcess, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageProcess]:
     with page_of(server.endpoint, tmp_path_factory.mktemp("programs")) as made:
         yield made

@@ -52,7 +52,7 @@ drive = {{ kind = "ideal" }}
     )
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     folder = tmp_path_factory.mktemp("server")
     (folder / "cell.toml").write_text(cell(3), "utf-8")
@@ -62,7 +62,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     made.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def tokens(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
     """The token file, and a token for each role."""
     from mcserver.gateway.tokens import add_token
@@ -72,7 +72,7 @@ def tokens(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, st
     return file, {role.name.lower(): add_token(file, role.name.lower(), role) for role in Role}
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def gateway(server: ServerProcess, tokens: tuple[Path, dict[str, str]]) -> Iterator[GatewayProcess]:
     made = GatewayProcess(server.endpoint, "--tokens", str(tokens[0]), "--origin", "https://panel.example")
     yield made

@@ -21,6 +21,7 @@ from mcclient import sync
 from tests.e2e.servers import ROOT, ServerProcess
 from tests.gateway.conftest import GatewayProcess, cell, tokens
 from tests.sdks import maven
+from tests.sdks.built import build_once
 from tests.sdks.cargo import cargo
 
 __all__ = ["tokens"]
@@ -44,9 +45,14 @@ def python() -> Sdk:
 def typescript() -> Sdk:
     node, npm = needed("node"), needed("npm")
     folder = ROOT / "clients" / "typescript"
-    if not (folder / "node_modules" / "ws").is_dir():
-        build([npm, "install", "--no-audit", "--no-fund", "--silent"], folder)
-    build([npm, "run", "--silent", "build"], folder)
+
+    def compile_it() -> None:
+        if not (folder / "node_modules" / "ws").is_dir():
+            build([npm, "install", "--no-audit", "--no-fund", "--silent"], folder)
+        build([npm, "run", "--silent", "build"], folder)
+
+    sources = [folder / each for each in ("src", "package.json", "package-lock.json", "tsconfig.json")]
+    build_once("typescript", sources, [folder / "dist", folder / "node_modules" / "ws"], compile_it)
     return Sdk((node, str(folder / "conformance" / "main.mjs")), "gateway")
 
 
@@ -66,7 +72,14 @@ def rust() -> Sdk:
 def java() -> Sdk:
     needed("java")
     needed("mvn")
-    maven.maven("-DskipTests", "test")
+    target = maven.FOLDER / "target"
+    outputs = [target / "classes", target / "test-classes", target / "classpath"]
+    build_once(
+        "java",
+        [maven.FOLDER / "src", maven.FOLDER / "pom.xml"],
+        outputs,
+        lambda: maven.maven("-DskipTests", "test"),
+    )
     return Sdk((*maven.java(), "org.mcserver.client.Conformance"), "gateway")
 
 
@@ -106,7 +119,7 @@ def sdk(request: pytest.FixtureRequest) -> Sdk:
     return SDKS[request.param]()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     folder = tmp_path_factory.mktemp("server")
     (folder / "cell.toml").write_text(cell(AXES), "utf-8")
@@ -116,7 +129,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     made.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def gateway(server: ServerProcess, tokens: tuple[Path, dict[str, str]]) -> Iterator[GatewayProcess]:
     made = GatewayProcess(server.endpoint, "--tokens", str(tokens[0]))
     yield made
