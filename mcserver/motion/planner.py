@@ -8,13 +8,13 @@ the motion can always stop on the path, and never stops where more lines are the
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
 import math
 import operator
 from collections.abc import Iterator
 
+import msgspec
 import numpy as np
 from mckinematics.dynamics import JointDynamics
 
@@ -186,9 +186,7 @@ class MotionPlanner:
         return True
 
     def _append_chords(self, straight: StraightRun, *, from_rest: bool, tolerance: float) -> None:
-        first, *others = straight.segments(straight.scales.tolist(), self._active)
-        for segment in others:
-            segment.tolerance = straight.run.tolerance
+        first, *others = straight.segments(straight.scales.tolist(), self._active, straight.run.tolerance)
         first.tolerance = 0.0 if from_rest else tolerance
         if first.tolerance > 0.0:
             self._chords.append(first)
@@ -356,7 +354,7 @@ class MotionPlanner:
         first = rest.segments[0]
         if first.begin > table.segments[0].begin:
             # what is left of a segment under way
-            table.replace(0, dataclasses.replace(table.segments[0], begin=first.begin, opens=False))
+            table.replace(0, msgspec.structs.replace(table.segments[0], begin=first.begin, opens=False))
         self._reserve = rest
         self._window.entry = max(float(rest.phases.velocity[0]), 0.0)
         self._left = max(len(table), WINDOW // 2)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from itertools import islice
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
@@ -26,27 +25,37 @@ class LineBuffer:
         self.closed = False
         self.consumed = 0
         self.single_line = False
-        self._lines: deque[tuple[int, str]] = deque()
+        # lines as they came: the number of the first, and the lines
+        self._blocks: deque[tuple[int, list[str]]] = deque()
+        # how many of the front block have been taken, and how many wait in all
+        self._taken = 0
+        self._count = 0
         # lines that are no lines, by number; in order, as they came
         self._unfit: deque[tuple[int, Diagnostic]] = deque()
         self._steps = 0
 
     def __len__(self) -> int:
-        return len(self._lines)
+        return self._count
 
     @property
     def ready(self) -> int:
         """Count the lines that may be taken now."""
-        return min(len(self._lines), self._steps) if self.single_line else len(self._lines)
+        return min(self._count, self._steps) if self.single_line else self._count
 
     def put(self, first: int, lines: Sequence[str]) -> None:
         """Append lines ``first``, ``first + 1``, …; nothing once it is closed."""
-        if self.closed:
+        if self.closed or not lines:
             return
-        for number, text in enumerate(lines, first):
-            if len(text) > MAX_LINE_LENGTH or "\n" in text or "\r" in text:
-                self._unfit.append((number, _diagnose(number, text)))
-            self._lines.append((number, text))
+        block = list(lines)
+        every = "".join(block)
+        if max(map(len, block)) > MAX_LINE_LENGTH or "\n" in every or "\r" in every:
+            self._unfit.extend(
+                (number, _diagnose(number, text))
+                for number, text in enumerate(block, first)
+                if len(text) > MAX_LINE_LENGTH or "\n" in text or "\r" in text
+            )
+        self._blocks.append((first, block))
+        self._count += len(block)
 
     def step(self) -> None:
         """Release one more line in single-line mode."""
@@ -57,18 +66,22 @@ class LineBuffer:
         count = min(most, self.ready)
         if not count:
             return []
-        first = self._lines[0][0]
+        front = self.next_number
         if self._unfit:
-            count = min(count, self._unfit[0][0] - first)
-        found = list(islice(self._lines, count))
-        if found and found[-1][0] - first != len(found) - 1:
-            return []
-        return [text for _, text in found]
+            count = min(count, self._unfit[0][0] - front)
+        found: list[str] = []
+        at = self._taken
+        for first, lines in self._blocks:
+            if len(found) >= count or first + at != front + len(found):
+                break
+            found += lines[at : at + count - len(found)]
+            at = 0
+        return found
 
     @property
     def next_number(self) -> int:
         """Number of the line at the front."""
-        return self._lines[0][0]
+        return self._blocks[0][0] + self._taken
 
     def take(self) -> tuple[int, str]:
         """Take the line at the front; there must be a `ready` one.
@@ -76,28 +89,33 @@ class LineBuffer:
         Raises:
             ProgramRejected: MC513 it is too long or holds a line end.
         """
-        number, text = self._lines.popleft()
-        self._note(number, 1)
+        number, text = self.next_number, self._blocks[0][1][self._taken]
+        self.drop(1)
         if self._unfit and self._unfit[0][0] == number:
             raise ProgramRejected([self._unfit.popleft()[1]])
         return number, text
 
     def drop(self, count: int) -> None:
         """Take ``count`` lines, which `run` has shown."""
-        number = 0
-        for _ in range(count):
-            number, _ = self._lines.popleft()
-        self._note(number, count)
+        left = count
+        while left > 0:
+            first, lines = self._blocks[0]
+            part = min(left, len(lines) - self._taken)
+            self._taken += part
+            left -= part
+            self.consumed = first + self._taken - 1
+            if self._taken == len(lines):
+                self._blocks.popleft()
+                self._taken = 0
+        self._count -= count
+        if self.single_line:
+            self._steps -= count
 
     def clear(self) -> None:
         """Forget what waits: a line before it was faulty, or the program has ended."""
-        self._lines.clear()
+        self._blocks.clear()
+        self._taken = self._count = 0
         self._unfit.clear()
-
-    def _note(self, number: int, count: int) -> None:
-        self.consumed = number
-        if self.single_line:
-            self._steps -= count
 
 
 def _diagnose(line: int, text: str) -> Diagnostic:

@@ -20,10 +20,15 @@ def test_lines_come_out_in_order_and_are_counted() -> None:
 
 def test_a_run_ends_before_a_gap_in_the_numbers() -> None:
     buffer = LineBuffer()
-    buffer.put(1, ["a"])
+    buffer.put(1, ["a", "b"])
     buffer.put(3, ["c"])
-    assert buffer.run(10) == []
+    buffer.put(5, ["e", "f"])
+    assert buffer.run(10) == ["a", "b", "c"]
     assert buffer.run(1) == ["a"]
+    buffer.drop(3)
+    assert (buffer.consumed, buffer.next_number, buffer.run(10)) == (3, 5, ["e", "f"])
+    assert buffer.take() == (5, "e")
+    assert (len(buffer), buffer.run(10)) == (1, ["f"])
 
 
 @pytest.mark.parametrize("text", ["x" * (MAX_LINE_LENGTH + 1), "G01 X1\nG01 X2", "G01\r"])

@@ -8,10 +8,10 @@ measured and d reduced until it fits (D-35, D-36).
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -225,12 +225,12 @@ def _between(before: Segment, after: Segment, leave: float, join: float, power: 
     first.opens = False
     second.closes = False
     return Blend(
-        dataclasses.replace(
+        msgspec.structs.replace(
             before.between(before.begin, leave), last=before_slope[0], d2q_end=before_bend[0], closes=False
         ),
         first,
         second,
-        dataclasses.replace(
+        msgspec.structs.replace(
             after.between(join, after.finish),
             first=after_slope[0],
             d2q_start=after_bend[0],
@@ -335,7 +335,7 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
         coefficients=part[:, columns],
         length=float(np.trapezoid(speeds, dx=1.0 / (SAMPLES - 1))),
     )
-    return dataclasses.replace(
+    return msgspec.structs.replace(
         side.segment,
         curves=(curve,),
         columns=(columns,),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+
+import msgspec
 
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.blend import Blend, blend, straight_blend
@@ -36,7 +37,7 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
                 found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, gain)
         return found
     best: Blend | None = None
-    whole = [before, dataclasses.replace(after, tolerance=0.0)]
+    whole = [before, msgspec.structs.replace(after, tolerance=0.0)]
     from_rest, _ = _time(limits, whole, fast=False, stops=speed <= 0.0)
     least = math.inf
     if speed <= 0.0:
@@ -64,8 +65,8 @@ def _gain_in_time(limits: AxisLimits, before: Segment, after: Segment) -> float:
     [s].
     """
     window = Lookahead(limits)
-    window.append(dataclasses.replace(before))
-    behind = dataclasses.replace(after)
+    window.append(msgspec.structs.replace(before))
+    behind = msgspec.structs.replace(after)
     window.append(behind)
     try:
         run = window.plan()
@@ -85,7 +86,7 @@ def _time(
     """
     window = Lookahead(limits)
     for part in parts:
-        window.append(dataclasses.replace(part), from_rest=stops)
+        window.append(msgspec.structs.replace(part), from_rest=stops)
     top = float(window.table.columns.segment_vmax[1:-1].min(initial=math.inf))
     if fast:
         window.enter_fast()

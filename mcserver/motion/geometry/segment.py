@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
+import msgspec
 import numpy as np
 from mckinematics.dynamics import JointDynamics
 from numpy.typing import NDArray
@@ -82,8 +81,7 @@ class KnownBlend:
     ramp_time: float
 
 
-@dataclass(slots=True)
-class Segment:
+class Segment(msgspec.Struct, eq=False, gc=False):
     """A piece of path with its requested time or speed.
 
     Attributes:
@@ -126,14 +124,14 @@ class Segment:
     scale: float
     begin: float = 0.0
     finish: float = 1.0
-    base: Array = field(default_factory=lambda: _NOWHERE)
-    end: Array = field(default_factory=lambda: _NOWHERE)
+    base: Array = msgspec.field(default_factory=lambda: _NOWHERE)
+    end: Array = msgspec.field(default_factory=lambda: _NOWHERE)
     active: int = 0
     opens: bool = True
     closes: bool = True
     straight: bool = False
     feed_speed: float = math.inf
-    feed_columns: NDArray[np.intp] = field(default_factory=lambda: _NO_COLUMNS)
+    feed_columns: NDArray[np.intp] = msgspec.field(default_factory=lambda: _NO_COLUMNS)
     tolerance: float = 0.0
     corner: KnownBlend | None = None
     carried: tuple[int, ...] = ()
@@ -164,12 +162,12 @@ class Segment:
         duration = self.duration
         if duration is not None:
             duration *= (finish - begin) / (self.finish - self.begin)
-        return dataclasses.replace(self, begin=begin, finish=finish, duration=duration)
+        return msgspec.structs.replace(self, begin=begin, finish=finish, duration=duration)
 
     def at_feed_scale(self, scale: float) -> Segment:
         """Return the segment with another feed scale."""
         share = scale / self.feed_scale
-        return dataclasses.replace(
+        return msgspec.structs.replace(
             self,
             duration=None if self.duration is None else self.duration / share,
             feed=self.feed * share,
@@ -328,39 +326,60 @@ class StraightRun:
         duration = requested if self.run.speeds is None else np.full(len(requested), math.nan)
         return np.column_stack((self.feeds, requested, duration))
 
-    def segments(self, scales: list[float], active: int) -> Iterator[Segment]:
-        """Yield the segments, with coordinates scaled by ``scales``."""
+    def segments(self, scales: list[float], active: int, tolerance: float = 0.0) -> list[Segment]:
+        """Return the segments, with coordinates scaled by ``scales``."""
+        count, mask, feed_columns, feed_scale = len(scales), self.mask, self.feed_columns, self.feed_scale
         still = np.zeros(len(self.points[0]))
-        requested = (self.run.requested / self.feed_scale).tolist()
-        timed = self.run.speeds is None
-        speeds = [math.inf] * len(requested)
+        requested = (self.run.requested / feed_scale).tolist()
+        speeds = [math.inf] * count
         if self.run.speeds is not None:
-            speeds = (self.run.speeds * self.feed_scale).tolist()
-        for index, (line, feed, scale) in enumerate(
-            zip(self.run.lines.tolist(), self.feeds.tolist(), scales, strict=True)
-        ):
-            displacement = self.travels[index]
-            yield Segment(
-                line=line,
-                curves=(),
-                columns=(),
-                mask=self.mask,
-                duration=requested[index] if timed else None,
-                feed=feed,
-                requested=requested[index],
-                first=displacement,
-                last=displacement,
-                d2q_start=still,
-                d2q_end=still,
-                scale=scale,
-                base=self.points[index],
-                end=self.points[index + 1],
-                active=active,
-                straight=True,
-                feed_speed=speeds[index],
-                feed_columns=self.feed_columns,
-                feed_scale=self.feed_scale,
+            speeds = (self.run.speeds * feed_scale).tolist()
+        nothing: list[float | None] = [None] * count
+        places = list(self.points)
+        columns = zip(
+            self.run.lines.tolist(),
+            requested if self.run.speeds is None else nothing,
+            self.feeds.tolist(),
+            requested,
+            list(self.travels),
+            scales,
+            places[:-1],
+            places[1:],
+            speeds,
+            strict=True,
+        )
+        # by position: by name it takes three times as long, and there is one for every line
+        return [
+            Segment(
+                line,
+                (),
+                (),
+                mask,
+                duration,
+                feed,
+                asked,
+                travel,
+                travel,
+                still,
+                still,
+                scale,
+                0.0,
+                1.0,
+                start,
+                end,
+                active,
+                True,
+                True,
+                True,
+                speed,
+                feed_columns,
+                tolerance,
+                None,
+                (),
+                feed_scale,
             )
+            for line, duration, feed, asked, travel, scale, start, end, speed in columns
+        ]
 
 
 def anchor(segment: Segment, position: Array) -> None:

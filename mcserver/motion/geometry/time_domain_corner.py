@@ -11,10 +11,10 @@ D-36).
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -368,7 +368,7 @@ def _corner(
     base = stop.after.base
 
     def part(segment: Segment, low: float, high: float, *, opens: bool) -> Segment:
-        return dataclasses.replace(
+        return msgspec.structs.replace(
             segment,
             curves=(curve,),
             columns=(columns,),

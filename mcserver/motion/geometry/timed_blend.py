@@ -8,8 +8,9 @@ it was; and the shorter the blend, the more of the line is left to get to that s
 
 from __future__ import annotations
 
-import dataclasses
 import math
+
+import msgspec
 
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.blend import Blend, blend
@@ -38,7 +39,7 @@ def timed_blend(window: Lookahead, after: Segment, limits: AxisLimits, handle: f
         None where the corner is passed as soon as that, or the lines would take longer than with it.
     """
     before = window.table.segments[-1]
-    whole = [before, dataclasses.replace(after, tolerance=0.0)]
+    whole = [before, msgspec.structs.replace(after, tolerance=0.0)]
     trial = _chain(limits, whole)
     wanted = STEADY * min(_mean(trial, 0), _mean(trial, 1))
     if window.joint_speed(after) >= wanted:
@@ -62,7 +63,7 @@ def timed_blend(window: Lookahead, after: Segment, limits: AxisLimits, handle: f
 def _keep_times(found: Blend, before: Segment, after: Segment, limits: AxisLimits) -> float:
     """Give both halves of a blend their parts of the lines' T; return the speed over it, 0 without one."""
     parts = [found.before, found.first, found.second, found.after]
-    window = _chain(limits, [dataclasses.replace(part, duration=None) for part in parts])
+    window = _chain(limits, [msgspec.structs.replace(part, duration=None) for part in parts])
     columns = window.table.columns
     ends = window.table.segments
     lengths = [each.extent for each in ends]
@@ -98,7 +99,7 @@ def _even(found: Blend, before: Segment, after: Segment) -> bool:
 def _chain(limits: AxisLimits, parts: list[Segment]) -> Lookahead:
     window = Lookahead(limits)
     for part in parts:
-        window.append(dataclasses.replace(part))
+        window.append(msgspec.structs.replace(part))
     return window
 
 

@@ -7,7 +7,6 @@ velocity profiles are known from the outset and start when the line does.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -155,7 +154,7 @@ class _Path:
             lasting = segment.duration or 0.0
             return cls(group, segment, None, lasting, lasting, False)
         window = Lookahead(axes.limits)
-        window.append(dataclasses.replace(segment))
+        window.append(msgspec.structs.replace(segment))
         try:
             run = window.plan()
         except PlanningError:

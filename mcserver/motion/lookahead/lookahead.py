@@ -8,10 +8,10 @@ the tangent is. Its nodes are the joints, each with the greatest speed at which 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -247,7 +247,7 @@ class Lookahead:
         if not timed:
             raise PlanningError(line)
         duration, index = max(timed)
-        segment = dataclasses.replace(self.table.segments[index], duration=duration + seconds)
+        segment = msgspec.structs.replace(self.table.segments[index], duration=duration + seconds)
         self.table.replace(index, segment)
 
     def joint_speed(self, segment: Segment) -> float:

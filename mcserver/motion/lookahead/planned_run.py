@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,7 +68,7 @@ class PlannedRun:
             # what is left of a segment under way
             first = segments[0]
             begin = first.begin + (sigma - float(self.bounds[index])) / first.scale
-            segments[0] = dataclasses.replace(first, begin=begin, opens=False)
+            segments[0] = msgspec.structs.replace(first, begin=begin, opens=False)
         phases = self.phases.after(moment)
         return PlannedRun(
             segments=segments,
@@ -120,8 +120,10 @@ class PlannedRun:
             low, since = stop, corner.join
         segments += self.segments[low:]
         for stop, corner in zip((at + 2 * np.arange(len(at))).tolist(), corners, strict=True):
-            segments[stop - 1] = dataclasses.replace(segments[stop - 1], finish=corner.leave_s, closes=False)
-            segments[stop + 2] = dataclasses.replace(segments[stop + 2], begin=corner.join_s, opens=False)
+            segments[stop - 1] = msgspec.structs.replace(
+                segments[stop - 1], finish=corner.leave_s, closes=False
+            )
+            segments[stop + 2] = msgspec.structs.replace(segments[stop + 2], begin=corner.join_s, opens=False)
         parts.append(self.phases.between(since, self.phases.duration))
         sealed.append(self._sealed(since, self.phases.duration))
         phases = join_phases(np.concatenate(parts), self.phases.end, np.concatenate(sealed))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -181,10 +181,10 @@ class ChordSmoother:
         )
         made: list[Item] = []
         if jet is None and begin > before.begin:
-            made.append(dataclasses.replace(before.between(before.begin, begin), closes=False))
+            made.append(msgspec.structs.replace(before.between(before.begin, begin), closes=False))
         made.append(curve)
         if finish < after.finish:
-            made.append(dataclasses.replace(after.between(finish, after.finish), opens=False))
+            made.append(msgspec.structs.replace(after.between(finish, after.finish), opens=False))
         return made
 
     def _fit(
@@ -336,7 +336,7 @@ def _open_curve(
     if lead is not None or bounds.start == AT_REST:
         return OpenCurve(lead, list(lines), jets)
     # it begins on a line, which leads to it without a turn
-    rest = dataclasses.replace(
+    rest = msgspec.structs.replace(
         lines[0].between(bounds.begin, lines[0].finish), opens=False, tolerance=lines[1].tolerance
     )
     return OpenCurve(lines[0], [rest, *lines[1:]], jets)
