@@ -269,30 +269,36 @@ class ChordSmoother:
         lengths = (np.linalg.norm(jets[:, 1], axis=1)[:-1] * spans).tolist()
         firsts, lasts = (list(each * spans[:, None]) for each in (jets[:-1, 1], jets[1:, 1]))
         starts, ends = (list(each * spans[:, None] ** 2) for each in (jets[:-1, 2], jets[1:, 2]))
-        places = t.tolist()
+        places, in_columns = t.tolist(), (columns,)
+        # by position: by name it takes three times as long, and there is one for every line
         parts = [
             Segment(
-                line=line.line,
-                curves=(SplineCurve(axes, spline, places[index], places[index + 1]),),
-                columns=(columns,),
-                mask=mask,
-                duration=line.duration,
-                feed=feeds[index],
-                requested=line.requested,
-                first=firsts[index],
-                last=lasts[index],
-                d2q_start=starts[index],
-                d2q_end=ends[index],
-                scale=lengths[index],
-                base=line.base,
-                end=line.end,
-                active=active,
-                opens=line.opens,
-                closes=line.closes,
-                feed_speed=line.feed_speed,
-                feed_columns=line.feed_columns,
-                carried=line.carried,
-                feed_scale=line.feed_scale,
+                line.line,
+                (SplineCurve(axes, spline, places[index], places[index + 1]),),
+                in_columns,
+                mask,
+                line.duration,
+                feeds[index],
+                line.requested,
+                firsts[index],
+                lasts[index],
+                starts[index],
+                ends[index],
+                lengths[index],
+                0.0,
+                1.0,
+                line.base,
+                line.end,
+                active,
+                line.opens,
+                line.closes,
+                False,
+                line.feed_speed,
+                line.feed_columns,
+                0.0,
+                None,
+                line.carried,
+                line.feed_scale,
             )
             for index, line in enumerate(lines)
         ]
