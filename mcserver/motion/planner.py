@@ -20,9 +20,10 @@ from mckinematics.dynamics import JointDynamics
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.canonical import FeedGroup, PlainRun
+from mcserver.motion.canonical import FeedGroup, PathRun, PlainRun
 from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
 from mcserver.motion.lookahead.commit_moments import commit_moment, last_steady
 from mcserver.motion.lookahead.companion_motions import CompanionMotions
@@ -161,8 +162,8 @@ class MotionPlanner:
             return
         self._window.append(segment, from_rest=from_rest)
 
-    def append_run(self, run: PlainRun, *, from_rest: bool = False, tolerance: float = 0.0) -> bool:
-        """Append a run of G01 lines; return False, with nothing done, where one does not travel, or torques
+    def append_run(self, run: PlainRun | PathRun, *, from_rest: bool = False, tolerance: float = 0.0) -> bool:
+        """Append a run of lines; return False, with nothing done, where one does not travel, or torques
         are limited.
 
         The commanded position moves on to its end.
@@ -170,6 +171,8 @@ class MotionPlanner:
         Args:
             from_rest: the motion stops before it. tolerance: how far the corner before it may be rounded [m].
         """
+        if isinstance(run, PathRun):
+            return self._append_path(run, from_rest=from_rest, tolerance=tolerance)
         straight = StraightRun.of(run, self._slots, self._linear, self.position, self.feed_scale)
         if straight is None or self._limits.torque is not None:
             return False
@@ -183,6 +186,24 @@ class MotionPlanner:
             self._open = None
             self._window.append_run(straight, self._active, from_rest=from_rest)
         self.position[:] = straight.points[-1]
+        return True
+
+    def _append_path(self, run: PathRun, *, from_rest: bool, tolerance: float) -> bool:
+        """Append lines and arcs, as `append_run` says."""
+        path = PathSegments.of(run, self._slots, self._linear, self.position, self.feed_scale)
+        if path is None or self._limits.torque is not None:
+            return False
+        if run.tolerance > 0.0:
+            for segment in path.segments(path.scales.tolist(), self._active):
+                self.append(segment, from_rest=from_rest, tolerance=tolerance)
+                from_rest, tolerance = False, run.tolerance
+        else:
+            from_rest = self._companions.run_begins_at_rest(path, from_rest=from_rest)
+            self._take_chords()
+            self._plan = self._open = None
+            self._window.append_path(path, self._active, from_rest=from_rest)
+            self._active |= path.mask
+        self.position[:] = path.points[-1]
         return True
 
     def _append_chords(self, straight: StraightRun, *, from_rest: bool, tolerance: float) -> None:

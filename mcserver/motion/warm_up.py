@@ -14,7 +14,7 @@ from enum import Enum
 
 import numpy as np
 
-from mcserver.motion.canonical import FeedGroup, PlainRun
+from mcserver.motion.canonical import FeedGroup, PathRun, PlainRun
 from mcserver.motion.compiling import (
     BACKGROUND,
     NICE,
@@ -27,6 +27,7 @@ from mcserver.motion.compiling import (
 from mcserver.motion.geometry.blend import straight_blend
 from mcserver.motion.geometry.blend_choice import HANDLE, TOLERANCE_SHARES, best_blend
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
+from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
 from mcserver.motion.kernels.cache_folder import cache_folder, remove_unused
 from mcserver.motion.kernels.corner_trajectory import path_deviation_of
@@ -133,10 +134,36 @@ def _plan_lines(limits: AxisLimits) -> None:
     window.append(_segment(FeedGroup((line,), requested=0.2, duration=0.2), 3, position))
     window.enter_fast()
     window.entry = 0.0
+    _plan_arcs(limits)
     sample(window.plan(), 0.0, 1, 10, limits.cycle)
     quickest = min_time_profiles(0.01, 0.0, 0.0, [AccelerationLimit(0.1, 1.0, 10.0)])
     assert quickest is not None
     join(quickest).time_at(np.array([0.0, 0.01]))
+
+
+def _plan_arcs(limits: AxisLimits) -> None:
+    """Plan a line and an arc in columns, and sample them."""
+    turn = math.pi / 2.0
+    lengths = np.array([0.01, 0.01 * turn])
+    run = PathRun(
+        lines=np.array([1, 2]),
+        axes=(0, 1),
+        points=np.array([[0.0, 0.0], [0.01, 0.0], [0.02, 0.01]]),
+        frames=((0, 1),),
+        frame=np.zeros(2, np.intp),
+        centres=np.array([[math.nan, math.nan], [0.01, 0.01]]),
+        sweeps=np.array([0.0, turn]),
+        lengths=lengths,
+        travels=lengths,
+        requested=lengths / 0.1,
+        speeds=np.array([0.1, 0.1]),
+    )
+    path = PathSegments.of(run, _SLOTS, np.ones(2, np.bool_), np.zeros(2))
+    assert path is not None
+    window = Lookahead(limits)
+    window.append_path(path, 0)
+    plan = window.plan()
+    sample(plan, 0.0, 1, math.ceil(plan.phases.duration / limits.cycle), limits.cycle)
 
 
 def _segment(group: FeedGroup, line: int, position: Array) -> Segment:

@@ -217,11 +217,7 @@ class LinePlanner:
         if self._due and moves_axes(line):
             self._at_start[line.line] = self._due
             self._due = {}
-        if isinstance(line, PathRun):
-            self.canonical.popleft()
-            self.canonical.extendleft(reversed(line.motion_lines()))
-            return True
-        if isinstance(line, PlainRun):
+        if isinstance(line, PlainRun | PathRun):
             self.canonical.popleft()
             if not self._flow_on(line):
                 self.canonical.extendleft(reversed(line.motion_lines()))
@@ -291,8 +287,8 @@ class LinePlanner:
             )
         )
 
-    def _flow_on(self, run: PlainRun) -> bool:
-        """Append a run of plain lines to the window at once; False where they have to go one by one."""
+    def _flow_on(self, run: PlainRun | PathRun) -> bool:
+        """Append a run of lines to the window at once; False where they have to go one by one."""
         loose = not self._energized.issuperset(run.axes) or self._independent.intersection(run.axes)
         if loose or run.exact_stop:
             return False

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from pathlib import Path
 
@@ -106,12 +105,10 @@ def canonical(lines: list[str], machine: Machine) -> list[MotionLine | PlainRun 
 def setpoints(lines: list[MotionLine | PlainRun | PathRun], machine: Machine) -> None:
     """Planned with lookahead, and sampled at the cycle."""
     planner = MotionPlanner(machine, np.zeros(len(machine.axes)))
-    for line in itertools.chain.from_iterable(
-        each.motion_lines() if isinstance(each, PathRun) else [each] for each in lines
-    ):
+    for line in lines:
         if planner.full:
             list(planner.commit() or ())
-        if isinstance(line, PlainRun):
+        if isinstance(line, PlainRun | PathRun):
             assert planner.append_run(line, tolerance=line.tolerance)
             continue
         group = line.groups[0]

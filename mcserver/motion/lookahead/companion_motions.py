@@ -9,6 +9,7 @@ import numpy as np
 
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import Segment, StraightRun, columns_of
 from mcserver.motion.lookahead.leading_group import Companions
 from mcserver.motion.lookahead.lookahead import Lookahead
@@ -86,9 +87,11 @@ class CompanionMotions:
             self._known[segment.line] = companions
         return self._take(_Ends(segment.mask, segment.first, segment.last), companions, from_rest)
 
-    def run_begins_at_rest(self, run: StraightRun, *, from_rest: bool) -> bool:
-        """Take a run of plain lines into the window, as `begins_at_rest` does one line."""
-        return self._take(_Ends(run.mask, run.travels[0], run.travels[-1]), None, from_rest)
+    def run_begins_at_rest(self, run: StraightRun | PathSegments, *, from_rest: bool) -> bool:
+        """Take a run of lines into the window, as `begins_at_rest` does one line."""
+        if isinstance(run, StraightRun):
+            return self._take(_Ends(run.mask, run.travels[0], run.travels[-1]), None, from_rest)
+        return self._take(_Ends(run.mask, run.ends[0, 0], run.ends[-1, 1]), None, from_rest)
 
     def _take(self, ends: _Ends, companions: Companions | None, from_rest: bool) -> bool:
         beside, set_time = (0, False) if companions is None else (companions.mask, companions.set_time)

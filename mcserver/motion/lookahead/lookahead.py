@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from mcserver.motion.bound import Bound, PlanningError
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun
 from mcserver.motion.geometry.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
+from mcserver.motion.kernels.arc_segments import append_path_junctions
 from mcserver.motion.kernels.groups import START, Groups, Segments, group_segments
 from mcserver.motion.kernels.junctions import PrecedingEnd, append_straight_junctions, length_of
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
@@ -249,6 +251,29 @@ class Lookahead:
         duration, index = max(timed)
         segment = msgspec.structs.replace(self.table.segments[index], duration=duration + seconds)
         self.table.replace(index, segment)
+
+    def append_path(self, path: PathSegments, active: int, *, from_rest: bool = False) -> None:
+        """Append lines and arcs on end, as `append` does one by one."""
+        width = path.points.shape[1]
+        still = path.ends[0, 2]
+        before = PrecedingEnd(still, still, 0.0, False)
+        if self.table and not from_rest:
+            last = self.table.segments[-1]
+            before = PrecedingEnd(last.last, last.d2q_end, last.scale, last.may_be_split)
+        columns = empty_columns(len(path.scales))
+        rows = np.zeros((int(path.arcs[:, -1].sum()) + 2 * len(path.scales), 5 * width + 2))
+        samples, leads = append_path_junctions(
+            before,
+            path.ends,
+            path.arcs,
+            path.scales,
+            path.timing,
+            self._limits.rows,
+            self._limits.cycle,
+            columns,
+            rows,
+        )
+        self.table.append_run(path, active, columns, rows[:samples], leads=leads)
 
     def joint_speed(self, segment: Segment) -> float:
         """Return the greatest speed over the junction with a segment that is not in the run yet [m/s or

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array, LineCurve, PolynomialCurve, SampledCurve
-from mcserver.motion.geometry.segment import AxisLimits, Segment
+from mcserver.motion.geometry.segment import AxisLimits, Segment, samples_of_arc
 from mcserver.motion.geometry.spline_curve import SplineCurve
+from mcserver.motion.kernels.arc_segments import arc_samples
 from mcserver.motion.kernels.junctions import junction_vmax_of, line_sample
 from mcserver.motion.kernels.polynomials import KINDS, SAMPLES, limit_of, polynomial_samples
 from mcserver.motion.kernels.ramp_kernels import MAX_TABLE_ROWS
@@ -92,6 +93,10 @@ def _samples_of_axes(segment: Segment, limits: AxisLimits) -> tuple[Array, Speed
         scale = segment.scale
         rows = sample_rows(slope / scale, bend / scale**2, twist / scale**3)
         return rows, speed_limit(rows, limits)
+    if segment.arc is not None:
+        rows = np.zeros((int(segment.arc[-1]), 5 * width + 2))
+        velocity, column, kind = arc_samples(segment.arc, segment.first, segment.scale, limits.rows, rows)
+        return rows, SpeedLimit(velocity, column, KINDS[kind])
     count = 2
     for curve in segment.curves:
         if isinstance(curve, SampledCurve):
@@ -99,9 +104,8 @@ def _samples_of_axes(segment: Segment, limits: AxisLimits) -> tuple[Array, Speed
         elif isinstance(curve, PolynomialCurve):
             count = max(count, SAMPLES)
         elif not isinstance(curve, LineCurve):
-            # derivatives of a circle repeat after one turn: 128 points a turn miss an extreme by 0.03 %
-            sweep = abs(getattr(curve, "sweep", 2.0 * math.pi))
-            count = max(count, min(129, 3 + int(128 * min(sweep, 2.0 * math.pi) / (2.0 * math.pi))))
+            sweep = np.array(getattr(curve, "sweep", 2.0 * math.pi))
+            count = max(count, int(samples_of_arc(sweep)))
     s = np.linspace(0.0, 1.0, count)
     sweeps = [abs(getattr(curve, "sweep", 0.0)) for curve in segment.curves]
     if max(sweeps) > 2.0 * math.pi and not any(

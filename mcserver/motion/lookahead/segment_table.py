@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import Segment, StraightRun
 from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.groups import SegmentColumns, Segments
@@ -179,9 +180,15 @@ class SegmentTable:
         self.segments.append(segment)
 
     def append_run(
-        self, run: StraightRun, active: int, columns: SegmentColumns, samples: Array, *, leads: bool
+        self,
+        run: StraightRun | PathSegments,
+        active: int,
+        columns: SegmentColumns,
+        samples: Array,
+        *,
+        leads: bool,
     ) -> None:
-        """Add straight segments on end.
+        """Add straight segments, or lines and arcs, on end.
 
         Args:
             columns: of them, with ``sample_end`` counted from the first of ``samples``. samples: theirs.

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.spline_curve import spline_part
+from mcserver.motion.kernels.arc_segments import ARC, sample_arcs
 from mcserver.motion.kernels.row_sampling import locate_samples, sample_lines
 from mcserver.motion.lookahead.planned_run import PlannedRun
 
 # Cycles by which a time may miss a whole cycle through rounding.
 CYCLE_ROUNDING = 1e-6
+_NO_ARC = np.zeros(ARC)
 
 
 @dataclass(frozen=True)
@@ -60,31 +62,30 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
     segments = run.segments[low:high]
     position = np.empty((len(u), len(segments[0].base)))
     velocity = np.empty_like(position)
-    straight = [each.straight for each in segments]
+    straight = np.array([each.straight for each in segments])
+    arcs = np.array([each.arc is not None for each in segments])
     here = index - low
-    if any(straight):
-        curved = np.logical_not(straight)
-        lines = np.where(curved[here], -1, here)
+    if straight.any() or arcs.any():
         spans = np.array([(each.scale, each.begin, each.finish) for each in segments])
         spans = np.column_stack((run.bounds[low:high], run.bounds[low + 1 : high + 1], spans))
-        sample_lines(
-            sigma,
-            speed,
-            lines,
-            spans,
-            np.array([each.base for each in segments]),
-            np.array([each.first for each in segments]),
-            np.array([each.end if each.straight else each.base for each in segments]),
-            position,
-            velocity,
-        )
-    if not all(straight):
+        starts = np.array([each.base for each in segments])
+        travels = np.array([each.first for each in segments])
+        ends = np.array([each.end if len(each.end) else each.base for each in segments])
+        if straight.any():
+            lines = np.where(straight[here], here, -1)
+            sample_lines(sigma, speed, lines, spans, starts, travels, ends, position, velocity)
+        if arcs.any():
+            curved = np.where(arcs[here], here, -1)
+            of_arcs = np.array([_NO_ARC if each.arc is None else each.arc for each in segments])
+            sample_arcs(sigma, speed, curved, spans, of_arcs, starts, travels, ends, position, velocity)
+    if not (straight | arcs).all():
         # segments are in order along time, so equal indices stand together
         of_splines = _sample_splines(run, index, low, high, sigma, speed, position, velocity)
         cuts = [0, *(np.nonzero(np.diff(here))[0] + 1).tolist(), len(u)]
         for start, stop in pairwise(cuts):
             segment = segments[here[start]]
-            if not segment.straight and not of_splines[here[start]]:
+            simple = segment.straight or segment.arc is not None
+            if not simple and not of_splines[here[start]]:
                 part = slice(start, stop)
                 which = int(index[start])
                 s = segment.begin + (sigma[part] - run.bounds[which]) / segment.scale

@@ -1,0 +1,175 @@
+"""Lines and arcs on end in all columns of the machine: what the planner needs of a `PathRun`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.canonical import PathRun
+from mcserver.motion.geometry.curves import ArcCurve, Array
+from mcserver.motion.geometry.segment import NO_TRAVEL, Segment, samples_of_arc
+from mcserver.motion.kernels.arc_segments import ARC
+
+
+@dataclass(frozen=True)
+class PathSegments:
+    """A run of lines and arcs in all columns of the machine: n segments on end.
+
+    Attributes:
+        columns, masks, feed_columns: by the run's frames: the machine's columns of their axes, the same as
+            bits, and as `Segment.feed_columns`.
+        points: shape (n+1, K), where each segment starts and the last one ends.
+        arcs: shape (n, `ARC`), see `mcserver.motion.kernels.arc_segments`.
+        ends: dp/ds at the start and the end of each and d²p/ds² there, shape (n, 4, K).
+        scales: lengths of dp/ds at the starts, shape (n,). feeds: as `Segment.feed`, shape (n,).
+        feed_scale: that ``feeds`` are for.
+    """
+
+    run: PathRun
+    columns: tuple[NDArray[np.intp], ...]
+    masks: tuple[int, ...]
+    feed_columns: tuple[NDArray[np.intp], ...]
+    points: Array
+    arcs: Array
+    ends: Array
+    scales: Array
+    feeds: Array
+    feed_scale: float = 1.0
+
+    @classmethod
+    def of(
+        cls,
+        run: PathRun,
+        slots: dict[int, int],
+        linear: NDArray[np.bool_],
+        position: Array,
+        feed_scale: float = 1.0,
+    ) -> PathSegments | None:
+        """Return the segments from a ``position`` of all columns, shape (K,); None where a line does not
+        travel.
+
+        Args:
+            slots, linear: as of `segment_of`.
+        """
+        count, width = len(run), len(position)
+        columns = tuple(np.array([slots[axis] for axis in frame], np.intp) for frame in run.frames)
+        points = np.tile(position, (count + 1, 1))
+        points[:, [slots[axis] for axis in run.axes]] = run.points
+        ends = np.zeros((count, 4, width))
+        ends[:, 0] = ends[:, 1] = np.diff(points, axis=0)
+        arcs = np.zeros((count, ARC))
+        arcs[:, -1] = 1.0
+        (curved,) = np.nonzero(run.sweeps)
+        planes = np.array([each[:2] if len(each) > 1 else (0, 0) for each in columns])[run.frame]
+        if len(curved):
+            arcs[curved], plane_ends = _arcs(points, planes[curved], curved, run)
+            for at in range(4):
+                ends[curved[:, None], at, planes[curved]] = plane_ends[at]
+        scales = np.sqrt(np.einsum("ij,ij->i", ends[:, 0], ends[:, 0]))
+        if not scales.min() > NO_TRAVEL:
+            return None
+        feeds = np.full(count, math.inf)
+        if run.speeds is not None:
+            long = run.lengths > NO_TRAVEL
+            np.divide(run.speeds, run.lengths, out=feeds, where=long)
+            np.divide(1.0, run.requested, out=feeds, where=~long & (run.requested > 0.0))
+            feeds *= feed_scale
+        masks = tuple(sum(1 << column for column in each.tolist()) for each in columns)
+        counted = tuple(each[linear[each]] if linear[each].any() else each for each in columns)
+        return cls(run, columns, masks, counted, points, arcs, ends, scales, feeds, feed_scale)
+
+    @property
+    def mask(self) -> int:
+        """Bits of all columns that any of them moves."""
+        mask = 0
+        for each in self.masks:
+            mask |= each
+        return mask
+
+    @property
+    def timing(self) -> Array:
+        """Feed [1/s], requested time and T (NaN without one) of each segment [s], shape (n, 3)."""
+        requested = self.run.requested / self.feed_scale
+        duration = requested if self.run.speeds is None else np.full(len(requested), math.nan)
+        return np.column_stack((self.feeds, requested, duration))
+
+    def segments(self, scales: list[float], active: int) -> Iterator[Segment]:
+        """Yield the segments, with coordinates scaled by ``scales``.
+
+        Args:
+            active: mask of the columns that the run of motion has moved before.
+        """
+        run = self.run
+        requested = (run.requested / self.feed_scale).tolist()
+        timed = run.speeds is None
+        speeds = [math.inf] * len(requested)
+        if run.speeds is not None:
+            speeds = (run.speeds * self.feed_scale).tolist()
+        centres, lengths = run.centres.tolist(), run.lengths.tolist()
+        for index, (line, frame, sweep, feed, scale) in enumerate(
+            zip(
+                run.lines.tolist(),
+                run.frame.tolist(),
+                run.sweeps.tolist(),
+                self.feeds.tolist(),
+                scales,
+                strict=True,
+            )
+        ):
+            active |= self.masks[frame]
+            base, end, columns = self.points[index], self.points[index + 1], self.columns[frame]
+            curves: tuple[ArcCurve, ...] = ()
+            if sweep:
+                start, last = tuple(base[columns].tolist()), tuple(end[columns].tolist())
+                centre = (centres[index][0], centres[index][1])
+                curves = (ArcCurve(run.frames[frame], start, last, centre, sweep, lengths[index]),)
+            ends = self.ends[index]
+            yield Segment(
+                line=line,
+                curves=curves,
+                columns=(columns,) if sweep else (),
+                mask=self.masks[frame],
+                duration=requested[index] if timed else None,
+                feed=feed,
+                requested=requested[index],
+                first=ends[0],
+                last=ends[1],
+                d2q_start=ends[2],
+                d2q_end=ends[3],
+                scale=scale,
+                base=base,
+                end=end,
+                active=active,
+                straight=not sweep,
+                feed_speed=speeds[index],
+                feed_columns=self.feed_columns[frame],
+                feed_scale=self.feed_scale,
+                arc_row=self.arcs[index] if sweep else None,
+            )
+
+
+def _arcs(
+    points: Array, planes: NDArray[np.intp], curved: NDArray[np.intp], run: PathRun
+) -> tuple[Array, Array]:
+    """Return the rows of arcs, shape (m, `ARC`), and their `PathSegments.ends` in their planes, (4, m, 2).
+
+    Args:
+        planes: columns of their planes' axes, shape (m, 2). curved: which of the run's lines they are, (m,).
+    """
+    centres, sweeps = run.centres[curved], run.sweeps[curved]
+    x0, y0 = (points[curved[:, None], planes] - centres).T
+    x1, y1 = (points[curved[:, None] + 1, planes] - centres).T
+    angles, radii = np.arctan2(y0, x0), np.hypot(x0, y0)
+    growths = np.hypot(x1, y1) - radii
+    arcs = np.column_stack((planes, centres, angles, sweeps, radii, growths, samples_of_arc(sweeps)))
+    ends = np.empty((4, len(curved), 2))
+    for at, (angle, radius) in enumerate(((angles, radii), (angles + sweeps, radii + growths))):
+        cos, sin = np.cos(angle), np.sin(angle)
+        ends[at] = np.stack((growths * cos - radius * sweeps * sin, growths * sin + radius * sweeps * cos), 1)
+        along, across = 2.0 * growths * sweeps, radius * sweeps * sweeps
+        ends[2 + at] = np.stack((-along * sin - across * cos, along * cos - across * sin), 1)
+    return arcs, ends

@@ -1,0 +1,168 @@
+"""Lines and arcs on end: samples of their limits, junctions, and setpoint rows of arcs.
+
+An arc is a row of `ARC` numbers: the columns of its plane's two axes, its centre there, the angle at its
+start, its sweep, the radius at its start, how far the radius grows, and how many samples its limits take; all
+zeros but the last, a 1, is a straight line.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.kernels.compiled import compiled
+from mcserver.motion.kernels.groups import SegmentColumns
+from mcserver.motion.kernels.junctions import PrecedingEnd, junction_vmax_of, line_sample
+from mcserver.motion.kernels.polynomials import limit_of
+
+# Length of the row of an arc.
+ARC = 9
+
+
+@compiled
+def arc_samples(
+    arc: Array, travel: Array, scale: float, limits: Array, rows: Array
+) -> tuple[float, int, int]:
+    """Write samples of an arc or helix in σ = s·scale, of one turn if it has more.
+
+    Args:
+        arc: shape (`ARC`,). travel: dp/ds of the columns beside the plane, shape (K,).
+        rows: shape (n, 5 K + 2), zeroed; written.
+
+    Returns:
+        As `limit_of`.
+    """
+    width, count = len(travel), len(rows)
+    first, second = int(arc[0]), int(arc[1])
+    angle, sweep, radius, growth = arc[4], arc[5], arc[6], arc[7]
+    # derivatives repeat after one turn
+    most = min(1.0, 2.0 * math.pi / abs(sweep))
+    for i in range(count):
+        s = most * (i / (count - 1))
+        cos, sin = math.cos(angle + sweep * s), math.sin(angle + sweep * s)
+        r = radius + growth * s
+        for k in range(width):
+            rows[i, k] = abs(travel[k]) / scale
+        rows[i, first] = abs(growth * cos - r * sweep * sin) / scale
+        rows[i, second] = abs(growth * sin + r * sweep * cos) / scale
+        bend, twist = sweep / scale**2, sweep**2 / scale**3
+        rows[i, width + first] = abs((2.0 * growth * sin + r * sweep * cos) * bend)
+        rows[i, width + second] = abs((2.0 * growth * cos - r * sweep * sin) * bend)
+        rows[i, 2 * width + first] = abs((3.0 * growth * cos - r * sweep * sin) * twist)
+        rows[i, 2 * width + second] = abs((3.0 * growth * sin + r * sweep * cos) * twist)
+        rows[i, 5 * width] = math.inf
+        rows[i, 5 * width + 1] = math.inf
+    return limit_of(rows, limits)
+
+
+@compiled
+def append_path_junctions(
+    before: PrecedingEnd,
+    ends: Array,
+    arcs: Array,
+    scales: Array,
+    timing: Array,
+    limits: Array,
+    cycle: float,
+    columns: SegmentColumns,
+    rows: Array,
+) -> tuple[int, bool]:
+    """Compute what `append_straight_junctions` does, of n lines and arcs on end.
+
+    Args:
+        ends: dp/ds at the start and end of each and d²p/ds² there, shape (n, 4, K).
+        arcs: shape (n, `ARC`). scales: lengths of dp/ds at the starts, shape (n,). The others are those of
+            `append_straight_junctions`, with ``rows`` for all samples and two more a segment.
+    """
+    vertex = np.zeros((2, rows.shape[1]))
+    at, last_scale, last_in_parts = 0, before.scale, before.may_be_split
+    leads = False
+    for i in range(len(ends)):
+        speed = scale = 0.0
+        curved = arcs[i, 5] != 0.0
+        may_be_split = math.isnan(timing[i, 2]) and not curved
+        last, d2q = (ends[i - 1, 1], ends[i - 1, 3]) if i > 0 else (before.last, before.d2q)
+        if last_scale > 0.0:
+            parts = may_be_split and last_in_parts
+            speed, scale = junction_vmax_of(
+                last, d2q, last_scale, ends[i, 0], ends[i, 2], limits, cycle, parts, False, vertex
+            )
+        if not scale > 0.0:
+            scale = scales[i]
+        bounded = 0.0 < speed < math.inf
+        if bounded:
+            rows[at] = vertex[0]
+            at += 1
+            if i > 0:
+                columns.sample_end[i - 1] += 1
+                columns.vertex_after[i - 1] = 1
+            else:
+                leads = True
+        kind = 0
+        count = int(arcs[i, 8])
+        if curved:
+            own = rows[at : at + count]
+            top, column, kind = arc_samples(arcs[i], ends[i, 0], scale, limits, own)
+        else:
+            top, column = line_sample(ends[i, 0], scale, limits, rows[at : at + count])
+        at += count
+        if bounded:
+            rows[at] = vertex[1]
+            at += 1
+        feed = timing[i, 0] * scale
+        columns.length[i], columns.junction_vmax[i] = scale, speed
+        columns.axis_vmax[i], columns.feed[i], columns.segment_vmax[i] = top, feed, min(top, feed)
+        columns.requested[i], columns.duration[i] = timing[i, 1], timing[i, 2]
+        columns.limit_column[i], columns.limit_kind[i] = column, kind
+        columns.sample_end[i], columns.knot_edges[i] = at, 0
+        columns.vertex_before[i], columns.vertex_after[i] = 1 if bounded else 0, 0
+        last_scale, last_in_parts = scale, may_be_split
+    return at, leads
+
+
+@compiled
+def sample_arcs(
+    sigma: Array,
+    speed: Array,
+    index: NDArray[np.intp],
+    spans: Array,
+    arcs: Array,
+    starts: Array,
+    travels: Array,
+    ends: Array,
+    position: Array,
+    velocity: Array,
+) -> None:
+    """Write position and velocity (n, K) of rows on arcs; leave the others alone.
+
+    Args:
+        index: each row's segment; below 0 it is no arc. arcs: shape (m, `ARC`).
+        sigma, speed, spans, starts, ends: as of `sample_lines`. travels: dp/ds of the columns beside the
+            arc's plane, shape (m, K).
+    """
+    width = starts.shape[1]
+    for row in range(len(sigma)):
+        which = index[row]
+        if which < 0:
+            continue
+        first, last, scale = spans[which, 0], spans[which, 1], spans[which, 2]
+        begin, finish = spans[which, 3], spans[which, 4]
+        s = begin + (sigma[row] - first) / scale
+        s = finish if sigma[row] >= last else min(max(s, begin), finish)
+        rate = speed[row] / scale
+        for k in range(width):
+            # the programmed ends are exact, whatever the rounding of cos and sin
+            position[row, k] = ends[which, k] if s >= 1.0 else starts[which, k] + s * travels[which, k]
+            velocity[row, k] = travels[which, k] * rate
+        one, other = int(arcs[which, 0]), int(arcs[which, 1])
+        sweep, growth = arcs[which, 5], arcs[which, 7]
+        angle, radius = arcs[which, 4] + sweep * s, arcs[which, 6] + growth * s
+        cos, sin = math.cos(angle), math.sin(angle)
+        if s < 1.0:
+            position[row, one] = arcs[which, 2] + radius * cos if s > 0.0 else starts[which, one]
+            position[row, other] = arcs[which, 3] + radius * sin if s > 0.0 else starts[which, other]
+        velocity[row, one] = (growth * cos - radius * sweep * sin) * rate
+        velocity[row, other] = (growth * sin + radius * sweep * cos) * rate
