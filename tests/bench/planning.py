@@ -15,6 +15,7 @@ from mcserver.planning.pipeline import RUN
 from mcserver.processes import collect_seldom
 from tests.bench.figures import Figure, rate, seconds
 from tests.bench.machines import ideal
+from tests.bench.parsing import slots
 
 LINES = 5000
 ARCS = Path(__file__).resolve().parents[2] / "examples" / "arcs.gcode"
@@ -55,6 +56,7 @@ def measure() -> list[Figure]:
             ),
         ]
     figures.append(_with_tolerance(polyline))
+    figures.append(_arcs())
     text = ARCS.read_text("utf-8")
     cartesian = load_machine("cartesian")
     motion = simulate(text, cartesian).report["duration_s"]
@@ -63,6 +65,23 @@ def measure() -> list[Figure]:
         Figure("simulating examples/arcs.gcode", 1.0 / speed, "s", motion, "the motion itself", "far below 1")
     )
     return figures
+
+
+def _arcs() -> Figure:
+    """Lines and arcs in turn, as CAM writes them, with a jerk limit."""
+    machine = ideal(axes=6, jerk=50_000.0)
+    lines = slots(LINES)
+    parsed = seconds(lambda: canonical(lines, machine), runs=3)
+    found = canonical(lines, machine)
+    setpoints(found, machine)
+    planned = seconds(lambda: setpoints(found, machine), runs=3)
+    return Figure(
+        "text → setpoints, lines and arcs in turn, with jerk",
+        LINES / (parsed + planned),
+        "lines/s",
+        LINES / parsed,
+        "parse and interpret alone",
+    )
 
 
 def _with_tolerance(polyline: list[str]) -> Figure:
