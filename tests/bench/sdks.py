@@ -8,12 +8,11 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-import pytest
-
 from tests.bench.figures import Figure, NotAvailable
 from tests.e2e.servers import ServerProcess
 from tests.gateway.conftest import GatewayProcess, cell
-from tests.sdks.conftest import AXES, SDKS, Sdk, environment, program_file
+from tests.sdks.conftest import AXES, environment, program_file
+from tests.sdks.languages import SDKS, Sdk, ToolMissing
 
 LINES = 20_000
 LIMIT_S = 120.0
@@ -67,7 +66,7 @@ def built_sdk(name: str) -> Sdk | None:
     """An SDK's conformance program; None where its tools are not installed."""
     try:
         return SDKS[name]()
-    except pytest.skip.Exception:
+    except ToolMissing:
         return None
 
 

@@ -99,7 +99,14 @@ def page_of(endpoint: str, folder: Path, *options: str) -> Iterator[PageProcess]
 
 @pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    with serving(tmp_path_factory.mktemp("server"), "cartesian", "bench", recorder=True) as made:
+    folder = tmp_path_factory.mktemp("server")
+    # at a quarter of its rate, which would cost a seventh of a core as long as browsers run: test_cards has a
+    # machine at 1 kHz
+    text = (ROOT / "mcserver" / "machine" / "builtin" / "cartesian.toml").read_text("utf-8")
+    slower = text.replace("cycle_hz = 1000", "cycle_hz = 250")
+    assert slower != text
+    (folder / "cartesian.toml").write_text(slower, "utf-8")
+    with serving(folder, str(folder / "cartesian.toml"), "bench", recorder=True) as made:
         yield made
 
 
@@ -109,8 +116,8 @@ def site(server: ServerProcess, tmp_path_factory: pytest.TempPathFactory) -> Ite
         yield made
 
 
-# not longer than a module: while it is open, no other loop can run in this thread
-@pytest.fixture(scope="module")
+# not longer than this folder: while it is open, no other loop can run in this thread
+@pytest.fixture(scope="package")
 def browser() -> Iterator[playwright.Browser]:
     with playwright.sync_playwright() as driver:
         made = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)

@@ -1,122 +1,51 @@
-"""Each SDK's conformance program, built once; one server of 64 axes and one gateway to it for all tests.
-
-A language takes part by a function in `SDKS` that builds its conformance program and gives its command.
-"""
+"""Each SDK's conformance program, built once; one server of 64 axes and one gateway to it for all tests."""
 
 from __future__ import annotations
 
 import os
-import re
-import shutil
-import subprocess
-import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from functools import wraps
 from pathlib import Path
-from typing import Literal
+from typing import ParamSpec, TypeVar
 
 import pytest
 from mcclient import sync
 
 from tests.e2e.servers import ROOT, ServerProcess
 from tests.gateway.conftest import GatewayProcess, cell, tokens
-from tests.sdks import maven
-from tests.sdks.built import build_once
-from tests.sdks.cargo import cargo
+from tests.sdks import languages
+from tests.sdks.languages import SDKS, Sdk, ToolMissing
 
 __all__ = ["tokens"]
 
 AXES = 64
-BUILD_LIMIT_S = 900.0
+
+_P = ParamSpec("_P")
+_Found = TypeVar("_Found")
 
 
-@dataclass(frozen=True)
-class Sdk:
-    """An SDK's conformance program: its command, and what it reaches a machine through."""
+def skipped_without(function: Callable[_P, _Found]) -> Callable[_P, _Found]:
+    """Skip a test, by the tool's name, where the tool that a function needs is not installed."""
 
-    command: tuple[str, ...]
-    through: Literal["gateway", "zenoh"]
+    @wraps(function)
+    def found(*arguments: _P.args, **options: _P.kwargs) -> _Found:
+        try:
+            return function(*arguments, **options)
+        except ToolMissing as missing:
+            pytest.skip(str(missing))
 
-
-def python() -> Sdk:
-    return Sdk((sys.executable, str(ROOT / "clients" / "python" / "conformance" / "main.py")), "zenoh")
-
-
-def typescript() -> Sdk:
-    node, npm = needed("node"), needed("npm")
-    folder = ROOT / "clients" / "typescript"
-
-    def compile_it() -> None:
-        if not (folder / "node_modules" / "ws").is_dir():
-            build([npm, "install", "--no-audit", "--no-fund", "--silent"], folder)
-        build([npm, "run", "--silent", "build"], folder)
-
-    sources = [folder / each for each in ("src", "package.json", "package-lock.json", "tsconfig.json")]
-    build_once("typescript", sources, [folder / "dist", folder / "node_modules" / "ws"], compile_it)
-    return Sdk((node, str(folder / "conformance" / "main.mjs")), "gateway")
-
-
-def go() -> Sdk:
-    folder = ROOT / "clients" / "go"
-    made = ROOT / "build" / "go" / "conformance"
-    build([go_tool(), "build", "-o", str(made), "./cmd/conformance"], folder)
-    return Sdk((str(made),), "gateway")
-
-
-def rust() -> Sdk:
-    needed("cargo")
-    cargo("build", "--locked", "--example", "conformance")
-    return Sdk((str(ROOT / "clients" / "rust" / "target" / "debug" / "examples" / "conformance"),), "zenoh")
-
-
-def java() -> Sdk:
-    needed("java")
-    needed("mvn")
-    target = maven.FOLDER / "target"
-    outputs = [target / "classes", target / "test-classes", target / "classpath"]
-    build_once(
-        "java",
-        [maven.FOLDER / "src", maven.FOLDER / "pom.xml"],
-        outputs,
-        lambda: maven.maven("-DskipTests", "test"),
-    )
-    return Sdk((*maven.java(), "org.mcserver.client.Conformance"), "gateway")
-
-
-SDKS = {each.__name__: each for each in (python, typescript, go, rust, java)}
-
-
-def go_tool() -> str:
-    """Go, of the version that the module needs: older ones than 1.21 do not fetch it by themselves."""
-    tool = needed("go")
-    shown = subprocess.run([tool, "version"], capture_output=True, text=True, check=True).stdout
-    version = re.search(r"go(\d+)\.(\d+)", shown)
-    if version is None or (int(version[1]), int(version[2])) < (1, 21):
-        pytest.skip(f"go is too old: {shown.strip()}")
-    return tool
-
-
-def needed(tool: str) -> str:
-    """Path of a language's tool; the test is skipped by its name where it is not installed."""
-    found = shutil.which(tool)
-    if found is None:
-        pytest.skip(f"{tool} is not installed")
     return found
 
 
-def build(command: list[str], folder: Path) -> str:
-    """Build, with the registry's proxy if there is one, and say why where it fails; what was printed."""
-    done = subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=BUILD_LIMIT_S, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+needed = skipped_without(languages.needed)
+go_tool = skipped_without(languages.go_tool)
+typescript = skipped_without(languages.typescript)
 
 
 @pytest.fixture(scope="session", params=SDKS)
 def sdk(request: pytest.FixtureRequest) -> Sdk:
     """One SDK's conformance program, built."""
-    return SDKS[request.param]()
+    return skipped_without(SDKS[request.param])()
 
 
 @pytest.fixture(scope="package")

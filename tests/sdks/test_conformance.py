@@ -19,7 +19,8 @@ from mcclient import sync
 
 from tests.e2e.servers import ServerProcess
 from tests.gateway.conftest import GatewayProcess
-from tests.sdks.conftest import AXES, Sdk, environment, program_file, to_zero
+from tests.sdks.conftest import AXES, environment, program_file, to_zero
+from tests.sdks.languages import Sdk
 from tests.sdks.link import CuttableLink
 
 Tokens = tuple[Path, dict[str, str]]

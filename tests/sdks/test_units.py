@@ -5,7 +5,8 @@ from __future__ import annotations
 import shutil
 
 from tests.e2e.servers import ROOT
-from tests.sdks.conftest import build, go_tool, needed, typescript
+from tests.sdks.conftest import go_tool, needed, typescript
+from tests.sdks.languages import build
 
 
 def test_the_go_sdk_passes_its_tests_under_the_race_detector() -> None:
