@@ -134,14 +134,21 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --upgrade 'pip>=25.1'
 
-# pip ≥ 25.1 reads [dependency-groups]; the stamps are remade when a project file changes
+# pip ≥ 25.1 reads [dependency-groups]; the stamps are remade when a project file changes. pip would compile one
+# module after the other, those of its packages' own tests too
+INSTALL := $(PIP) install --quiet --no-compile
+COMPILE = $(BIN)/python -m compileall -qq -j 0 -x '/tests/' $(VENV)/lib >/dev/null || true
+WARM_UP = echo "compiling the planner, once for this computer"; $(BIN)/python -m mcserver.motion.warm_up
+
 $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
-	$(PIP) install --quiet --editable '.[plot]'
-	$(PIP) install --quiet --editable '$(SDK)[cli]'
-	@echo "compiling the planner, once for this computer"
-	@$(BIN)/python -m mcserver.motion.warm_up
+	$(INSTALL) --editable '.[plot]' --editable '$(SDK)[cli]'
+	@$(COMPILE)
+	@$(WARM_UP)
 	@touch $@
 
-$(VENV)/.for-development: $(VENV)/.for-demo
-	$(PIP) install --quiet --editable '.[plot,view,lsp,mcp]' --group dev
-	@touch $@
+# on a new clone not behind the other one: what both need is looked for and installed once
+$(VENV)/.for-development: $(PROJECTS) | $(BIN)/python
+	$(INSTALL) --editable '.[plot,view,lsp,mcp]' --editable '$(SDK)[cli]' --group dev
+	@$(COMPILE)
+	@$(WARM_UP)
+	@touch $(VENV)/.for-demo $@
