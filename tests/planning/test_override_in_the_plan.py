@@ -148,3 +148,16 @@ def test_a_window_of_one_scale_is_not_planned_again() -> None:
 def test_a_motion_that_has_peaks_of_speed_only_is_handed_over_up_to_one() -> None:
     plan = window_of(0.4, 0.4).plan()
     assert commit_moment(plan, 0.0, at_peaks=True) > 0.0
+
+
+def test_a_motion_is_not_cut_where_two_corners_in_a_time_of_their_own_meet() -> None:
+    # each takes half of a line, and at its middle the speed of the path is that of neither
+    quick = ideal(axes=2, velocity=600.0, acceleration=3000.0, jerk=200_000.0, tolerance_mm=0.1)
+    turns = [(2.94, 1.38), (3.82, 1.04), (4.58, -1.04), (0.69, 2.13), (2.28, -2.4), (0.6, 3.33), (1.28, 0.28)]
+    program = ["G94", "G91", "F5749", *(f"G01 X{x} Y{y}" for _ in range(3) for x, y in turns)]
+    # each order plans anew from the cut
+    run = play(quick, program, [(60 * index, 2.0 - 0.7 * (index % 2)) for index in range(30)])
+    velocity, acceleration, jerk = worst_ratios(quick, run)
+    assert velocity <= VELOCITY_SLACK
+    assert acceleration <= ACCELERATION_SLACK
+    assert jerk <= JERK_SLACK

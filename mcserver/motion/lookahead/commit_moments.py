@@ -10,6 +10,8 @@ from mcserver.motion.profile.velocity_profile import Phases
 # Where speed is never steady until so much later than wanted, a moment at which it has a peak will do: a feed
 # override finds less that is planned already [s].
 LATE_S = 1.0
+# A shorter phase is none [s].
+LEAST_PHASE_S = 1e-6
 
 
 def commit_moment(plan: PlannedRun, want: float, *, at_peaks: bool = False) -> float:
@@ -41,8 +43,7 @@ def _moment(plan: PlannedRun, want: float, *, at_peaks: bool) -> float:
             break
         if free and moment == phases.start[index] and _is_knot(phases, index):
             break
-        peak = at_peaks and abs(phases.acceleration[index]) <= trace and phases.velocity[index] > 0.0
-        if free and moment == phases.start[index] and peak:
+        if at_peaks and free and moment == phases.start[index] and _is_peak(plan, index, trace):
             break
         index += 1
         if index < len(phases.start):
@@ -86,6 +87,17 @@ def _is_knot(phases: Phases, index: int) -> bool:
     """
     sealed = phases.sealed
     return bool((index > 0 and sealed[index - 1]) or (index + 1 < len(sealed) and sealed[index + 1]))
+
+
+def _is_peak(plan: PlannedRun, index: int, trace: float) -> bool:
+    """Return whether a phase begins with speed and no acceleration, away from corners in a time of their own:
+    where two of them meet, the speed between them is that of neither.
+    """
+    phases = plan.phases
+    ends = phases.start[index + 1] if index + 1 < len(phases.start) else phases.duration
+    if ends - phases.start[index] <= LEAST_PHASE_S or (index > 0 and plan.timed[index - 1]):
+        return False
+    return bool(abs(phases.acceleration[index]) <= trace and phases.velocity[index] > 0.0)
 
 
 def last_steady(plan: PlannedRun, until: float) -> float:
