@@ -80,19 +80,20 @@ PROGRAMS: dict[str, Program] = {
 }
 
 
-def play(machine: Machine, lines: Sequence[str], orders: Sequence[Order]) -> Run:
+def play(machine: Machine, lines: Sequence[str], orders: Sequence[Order], *, every: int = 0) -> Run:
     """Play a program while the planner works beside it.
 
     Args:
         orders: overrides, each with the cycle of the motion that it comes in, in order.
+        every: cycles between two lines of a program that is streamed; 0: all of it is there at once.
     """
     rows: list[np.ndarray[tuple[int], np.dtype[np.float64]]] = []
     executor = VirtualExecutor(
         machine, recorder=lambda _t, _line, setpoint, _actual: rows.append(setpoint.copy())
     )
     pipeline = Pipeline(machine, executor.open_slot(0), positions={axis.index: 0.0 for axis in machine.axes})
-    pipeline.lines.put(1, ["G1010", *lines])
-    pipeline.lines.closed = True
+    texts = ["G1010", *lines]
+    sent = 0
     waiting = list(orders)
     ended: list[int] = []
     faults, begun = 0, -1
@@ -101,6 +102,11 @@ def play(machine: Machine, lines: Sequence[str], orders: Sequence[Order]) -> Run
             begun = cycle
         while waiting and (waiting[0][0] <= 0 or (begun >= 0 and cycle - begun >= waiting[0][0])):
             executor.mailbox.set_override(waiting.pop(0)[1], 0)
+        due = len(texts) if every == 0 else min(cycle // every + 1, len(texts))
+        if due > sent:
+            pipeline.lines.put(sent + 1, texts[sent:due])
+            sent = due
+            pipeline.lines.closed = sent == len(texts)
         if cycle % PLANNER_PERIOD == 0:
             override = executor.mailbox.effective_override(0)
             while pipeline.pump(executor.u(0), override):
