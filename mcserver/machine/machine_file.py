@@ -86,6 +86,8 @@ class Machine(msgspec.Struct, frozen=True):
         path_tolerance: how far G64 may round a corner [m].
         exact_stop_timeout: [s]. exact_stop_cycles: cycles that the encoder has to stay in tolerance.
         tool_tolerance [m], tool_tolerance_angle [rad]: D-54.
+        joint_tolerance [m], joint_tolerance_angle [rad]: how far corners of tool paths may be rounded at the
+            joints, whatever that is at the tool; 0: by the path tolerance alone (D-36).
         urdf: absolute path or a built-in name, None without kinematics.
         buses: CAN buses, those of ``[[bus]]`` first.
         dialect: what its programs may say.
@@ -112,6 +114,8 @@ class Machine(msgspec.Struct, frozen=True):
     probe: Probe | None = None
     recorder: RecorderSection = RecorderSection()
     gravity: tuple[float, float, float] = EARTH
+    joint_tolerance: float = 0.0
+    joint_tolerance_angle: float = 0.0
 
     @property
     def cycle_s(self) -> float:
@@ -279,6 +283,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         exact_stop_cycles=motion.exact_stop_cycles,
         tool_tolerance=motion.tool_tolerance_mm * MM,
         tool_tolerance_angle=motion.tool_tolerance_deg * DEGREE,
+        joint_tolerance=motion.joint_tolerance_mm * MM,
+        joint_tolerance_angle=motion.joint_tolerance_deg * DEGREE,
         urdf=urdf,
         tools=tools,
         buses=tuple(buses),

@@ -202,6 +202,8 @@ class MotionSection(msgspec.Struct, frozen=True):
     exact_stop_cycles: Annotated[int, Meta(ge=1, description="3 is usual")] = 3
     tool_tolerance_mm: Positive = 0.01
     tool_tolerance_deg: Positive = 0.01
+    joint_tolerance_deg: Annotated[float, Meta(ge=0.0, le=30.0, description="0: at the tool alone")] = 0.0
+    joint_tolerance_mm: Annotated[float, Meta(ge=0.0, le=100.0, description="0: at the tool alone")] = 0.0
 
 
 class KinematicsSection(msgspec.Struct, frozen=True):

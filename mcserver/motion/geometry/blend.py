@@ -49,7 +49,12 @@ class Blend:
 
 
 def blend(
-    before: Segment, after: Segment, tolerance: float, per_axis: Array, handle_share: float
+    before: Segment,
+    after: Segment,
+    tolerance: float,
+    per_axis: Array,
+    handle_share: float,
+    per_joint: Array | None = None,
 ) -> Blend | None:
     """Round the corner between two segments; return None where that is not possible.
 
@@ -58,6 +63,7 @@ def blend(
         per_axis: weight of each column in that distance, shape (K,): 1 for metres; for radians what makes a
             degree count as a millimetre.
         handle_share: share of d that a Bezier handle takes at a right angle.
+        per_joint: weight of each column that moves a tool: its distance is measured there; None: at the tool.
     """
     if not (can_be_rounded(before) and can_be_rounded(after)):
         return None
@@ -65,7 +71,12 @@ def blend(
     t2 = after.first / math.sqrt(float(after.first @ after.first))
     if float(t1 @ t2) < REVERSAL:
         return None
-    metric = corner_metric(before, after, per_axis)
+    if per_joint is None:
+        metric = corner_metric(before, after, per_axis)
+    else:
+        metric = np.diag(np.where(_moves_tool(before, after), per_joint, per_axis))
+        if not np.isfinite(metric).all():
+            return None
     longest = SHARE * min(_length_in(before), _length_in(after))
     # the corner of two lines is missed by 0.22 to 0.3 d |t2 - t1|
     deviation_per_distance = 0.22 * float(np.linalg.norm(metric @ (t2 - t1)))
@@ -73,7 +84,7 @@ def blend(
     cosine = float(t1 @ t2)
     handle = _handle(handle_share, cosine)
     for _ in range(40):
-        made = _fit(before, after, distance, handle, metric)
+        made = _fit(before, after, distance, handle, metric, at_joints=per_joint is not None)
         if made is None:
             return None
         rounded, error = made
@@ -128,8 +139,33 @@ def corner_metric(before: Segment, after: Segment, per_axis: Array) -> Array:
     return metric
 
 
-def _side(segment: Segment, end: int, slope: Array, mask: int, base: Array) -> _Side:
-    return _Side(segment, mask, base, length_of(slope), _feed_rates(segment, end))
+def joint_weights(before: Segment, after: Segment, limits: AxisLimits) -> Array | None:
+    """Return what each column weighs where a corner is measured at a tool's joints, shape (K,): the
+    path tolerance for a joint's own.
+
+    Returns:
+        None where no joint of the tool may differ, or the corner is no tool's.
+    """
+    allowed = limits.joint_tolerance
+    if allowed is None or not _moves_tool(before, after).any():
+        return None
+    with np.errstate(divide="ignore"):
+        weights: Array = after.tolerance / allowed
+    return weights
+
+
+def _moves_tool(before: Segment, after: Segment) -> NDArray[np.bool_]:
+    """Return which columns move a tool by inverse kinematics, shape (K,)."""
+    moves = np.zeros(len(before.base), np.bool_)
+    for segment in (before, after):
+        for curve, columns in zip(segment.curves, segment.columns, strict=True):
+            if isinstance(curve, SampledCurve):
+                moves[columns] = True
+    return moves
+
+
+def _side(segment: Segment, end: int, slope: Array, mask: int, base: Array, *, at_joints: bool) -> _Side:
+    return _Side(segment, mask, base, length_of(slope), _feed_rates(segment, end), at_joints)
 
 
 def _feed_rates(segment: Segment, end: int) -> Array | None:
@@ -155,7 +191,7 @@ def _length_in(segment: Segment) -> float:
 
 
 def _fit(
-    before: Segment, after: Segment, distance: float, handle: float, metric: Array
+    before: Segment, after: Segment, distance: float, handle: float, metric: Array, *, at_joints: bool
 ) -> tuple[Blend, float] | None:
     leave = before.finish - distance / length_of(before.last)
     join = after.begin + distance / length_of(after.first)
@@ -184,7 +220,7 @@ def _fit(
         sample_programmed_path(before, after, leave, join)[:, columns] @ weight,
         straight=before.straight and after.straight,
     )
-    made = _between(before, after, leave, join, power)
+    made = _between(before, after, leave, join, power, at_joints=at_joints)
     return None if made is None else (made, error)
 
 
@@ -195,6 +231,7 @@ class _Side:
     Attributes:
         mask, base: of the blend. length: |dp/ds| of the line where it meets the blend. feed_rates: what turns
             rates of the columns into those that a tool's path speed counts, shape (3, K); None: no tool's.
+        at_joints: whether the blend may be so long that these rates change on it.
     """
 
     segment: Segment
@@ -202,9 +239,12 @@ class _Side:
     base: Array
     length: float
     feed_rates: Array | None
+    at_joints: bool
 
 
-def _between(before: Segment, after: Segment, leave: float, join: float, power: Array) -> Blend | None:
+def _between(
+    before: Segment, after: Segment, leave: float, join: float, power: Array, *, at_joints: bool = False
+) -> Blend | None:
     """Return two segments trimmed at s = ``leave`` and ``join``, with the curve of ``power`` between
     them.
     """
@@ -217,9 +257,10 @@ def _between(before: Segment, after: Segment, leave: float, join: float, power: 
         power,
         0.0,
         columns,
-        _side(before, 1, before_slope[0], mask, after.base),
+        _side(before, 1, before_slope[0], mask, after.base, at_joints=at_joints),
     )
-    second = _half(power, 0.5, columns, _side(after, 0, after_slope[0], mask, after.base))
+    side = _side(after, 0, after_slope[0], mask, after.base, at_joints=at_joints)
+    second = _half(power, 0.5, columns, side)
     if first is None or second is None:
         return None
     first.opens = False
@@ -323,8 +364,14 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
     # the path speed of the line it belongs to is kept where the parameter runs fastest
     feed = side.segment.feed * side.length / float(speeds.max())
     if side.feed_rates is not None:
-        counted = PolynomialCurve((), part, 0.0).derivatives(_S)[0] @ side.feed_rates.T
-        fastest = RATES_CHANGE * float(np.linalg.norm(counted, axis=1).max())
+        curve_of_half = PolynomialCurve((), part, 0.0)
+        slopes = curve_of_half.derivatives(_S)[0]
+        counted = np.linalg.norm(slopes @ side.feed_rates.T, axis=1)
+        if side.at_joints:
+            of_tool = _moves_tool(side.segment, side.segment)
+            away = curve_of_half.position(_S) - side.base
+            counted += _change_of_rates(away[:, of_tool], slopes[:, of_tool], side.feed_rates[:, of_tool])
+        fastest = RATES_CHANGE * float(counted.max())
         feed = side.segment.feed_speed / max(fastest, 1e-300)
     elif not side.segment.only_feed_columns:
         counted = PolynomialCurve((), part[:, side.segment.feed_columns], 0.0).derivatives(_S)[0]
@@ -355,6 +402,27 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
         straight=False,
         tolerance=0.0,
     )
+
+
+def _change_of_rates(away: Array, slopes: Array, rates: Array) -> Array:
+    """Bound what joints away from a corner add to the tool's rates that the Jacobian there gives.
+
+    The lever of a joint turns with the joints before it and changes by the levers of those behind it, so
+    |∂J_j/∂q_i| is at most the longer one of the levers of i and j.
+
+    Args:
+        away: of the joints from the corner, shape (n, J). slopes: their derivatives, shape (n, J).
+        rates: the Jacobian at the corner, shape (3, J).
+
+    Returns:
+        Shape (n,).
+    """
+    levers = np.linalg.norm(rates, axis=0)
+    turned = np.abs(away)
+    first = np.einsum("ni,ij,nj->n", turned, np.maximum.outer(levers, levers), np.abs(slopes))
+    # levers are longer away from the corner, too
+    found: Array = first * (1.0 + turned.sum(axis=1)) ** 2
+    return found
 
 
 def sample_programmed_path(before: Segment, after: Segment, leave: float, join: float) -> Array:

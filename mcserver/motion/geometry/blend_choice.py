@@ -7,7 +7,8 @@ import math
 import msgspec
 
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.geometry.blend import Blend, blend, straight_blend
+from mcserver.motion.geometry.blend import Blend, blend, joint_weights, straight_blend
+from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.timed_blend import timed_blend
 from mcserver.motion.kernels.straight_corner import BETTER, FASTER, is_worthwhile
@@ -17,6 +18,8 @@ from mcserver.motion.lookahead.lookahead import Lookahead
 # fall beside the nearest place.
 HANDLE = 0.4
 TOLERANCE_SHARES = (0.85, 0.3)
+# The same of a tolerance at the joints, which may be far more than is worth it.
+JOINT_SHARES = (0.98, 0.4, 0.15, 0.05)
 
 
 def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend | None:
@@ -43,8 +46,12 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
     if speed <= 0.0:
         least, _ = _time(limits, [before, after], fast=True)
     fastest = FASTER * speed
-    for share in TOLERANCE_SHARES:
-        found = blend(before, after, share * after.tolerance, limits.weights, HANDLE)
+    at_joints = joint_weights(before, after, limits)
+    shares: list[tuple[Array | None, float]] = [(None, share) for share in TOLERANCE_SHARES]
+    if at_joints is not None:
+        shares += [(at_joints, share) for share in JOINT_SHARES]
+    for per_joint, share in shares:
+        found = blend(before, after, share * after.tolerance, limits.weights, HANDLE, per_joint)
         if found is None:
             continue
         parts = [found.before, found.first, found.second, found.after]

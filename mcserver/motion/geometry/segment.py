@@ -16,7 +16,7 @@ from mcserver.motion.bound import Bound
 from mcserver.motion.canonical import FeedGroup, PlainRun
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.geometry.torque_limits import TorqueLimits
-from mcserver.units import MM, TURN
+from mcserver.units import MM, TURN, AxisType
 
 _NOWHERE = np.zeros(0)
 _NO_COLUMNS = np.zeros(0, np.intp)
@@ -32,6 +32,8 @@ class AxisLimits:
         cycle: [s]. weights: of the columns in the distance from the programmed path: 1 for metres; a degree
             counts as a millimetre.
         torque: limits of the joints' torques; None without any.
+        joint_tolerance: how far a corner of a tool's path may be rounded at the columns, 0 not at all
+            [m or rad]; None: at none of them.
     """
 
     velocity: Array
@@ -40,6 +42,7 @@ class AxisLimits:
     cycle: float
     weights: Array
     torque: TorqueLimits | None = None
+    joint_tolerance: Array | None = None
 
     @cached_property
     def rows(self) -> Array:
@@ -60,8 +63,15 @@ class AxisLimits:
 
     @classmethod
     def of(cls, machine: Machine, dynamics: JointDynamics | None = None) -> AxisLimits:
+        allowed = {
+            AxisType.LINEAR: machine.joint_tolerance,
+            AxisType.ROTARY: machine.joint_tolerance_angle,
+        }
         return cls(
             torque=TorqueLimits.of(machine, dynamics),
+            joint_tolerance=(
+                np.array([allowed[axis.type] for axis in machine.axes]) if any(allowed.values()) else None
+            ),
             velocity=np.array([axis.max_velocity for axis in machine.axes]),
             acceleration=np.array([axis.max_acceleration for axis in machine.axes]),
             jerk=np.array([axis.max_jerk for axis in machine.axes]),

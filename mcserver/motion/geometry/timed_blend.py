@@ -13,7 +13,8 @@ import math
 import msgspec
 
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.geometry.blend import Blend, blend
+from mcserver.motion.geometry.blend import Blend, blend, joint_weights
+from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.lookahead.lookahead import Lookahead
 
@@ -45,24 +46,54 @@ def timed_blend(window: Lookahead, after: Segment, limits: AxisLimits, handle: f
     if window.joint_speed(after) >= wanted:
         return None
     entry = _entry(window, trial)
+    best, speed = _shortest(before, after, limits, handle, wanted, None)
+    if best is not None and speed >= wanted and entry >= wanted and _even(best, before, after):
+        return best
+    least = _time(limits, whole, entry)
+    if best is not None:
+        rounded = _time(limits, _parts(best), entry)
+        best, least = (best, rounded) if rounded <= least * (1.0 + ROUNDING) else (None, least)
+    at_joints = joint_weights(before, after, limits)
+    if at_joints is not None:
+        # a T that is kept is kept nearer to the path
+        longer, _ = _shortest(before, after, limits, handle, wanted, at_joints)
+        if longer is not None and _time(limits, _parts(longer), entry) < least * (1.0 - ROUNDING):
+            best = longer
+    return best
+
+
+def _parts(found: Blend) -> list[Segment]:
+    return [found.before, found.first, found.second, found.after]
+
+
+def _shortest(
+    before: Segment,
+    after: Segment,
+    limits: AxisLimits,
+    handle: float,
+    wanted: float,
+    per_joint: Array | None,
+) -> tuple[Blend | None, float]:
+    """Return the shortest blend that is passed at the speed wanted, or else the longest, and its speed.
+
+    Args:
+        per_joint: as of `blend`.
+    """
     best: Blend | None = None
-    steady = False
+    fastest = 0.0
     for share in TOLERANCE_SHARES:
-        found = blend(before, after, share * after.tolerance, limits.weights, handle)
+        found = blend(before, after, share * after.tolerance, limits.weights, handle, per_joint)
         speed = 0.0 if found is None else _keep_times(found, before, after, limits)
-        if speed < wanted and (steady or best is not None):
+        if speed < wanted and best is not None:
             break
         if speed > 0.0:
-            best, steady = found, speed >= wanted
-    if best is None or (steady and entry >= wanted and _even(best, before, after)):
-        return best
-    rounded = _time(limits, [best.before, best.first, best.second, best.after], entry)
-    return best if rounded <= _time(limits, whole, entry) * (1.0 + ROUNDING) else None
+            best, fastest = found, speed
+    return best, fastest
 
 
 def _keep_times(found: Blend, before: Segment, after: Segment, limits: AxisLimits) -> float:
     """Give both halves of a blend their parts of the lines' T; return the speed over it, 0 without one."""
-    parts = [found.before, found.first, found.second, found.after]
+    parts = _parts(found)
     window = _chain(limits, [msgspec.structs.replace(part, duration=None) for part in parts])
     columns = window.table.columns
     ends = window.table.segments
