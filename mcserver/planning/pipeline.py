@@ -43,7 +43,7 @@ CLOSING = 100
 # Lines read in one piece of work.
 BITE = 64
 # Lines that are read in columns at once: a piece of work of some milliseconds.
-RUN = 256
+RUN = 512
 # Lines in the window that a program at rest waits for before its first motion, while more are queued.
 FIRST_WINDOW = 64
 
