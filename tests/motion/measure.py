@@ -88,8 +88,10 @@ def end_of(machine: Machine, moves: Sequence[Move], start: Array) -> Array:
 
 def bases(motion: Motion) -> Iterator[Array]:
     """Positions before each move, shape (K,) each."""
-    for count in range(len(motion.moves)):
-        yield end_of(motion.machine, motion.moves[:count], motion.start)
+    at = motion.start
+    for move in motion.moves:
+        yield at
+        at = end_of(motion.machine, [move], at)
 
 
 def group_position(machine: Machine, group: FeedGroup, base: Array, s: Array) -> Array:
