@@ -38,8 +38,9 @@ LONGEST_STOP = 2500
 URGENT = 80
 # Below this lead the stop at the window's end is handed over too: no more lines came in time [cycles].
 DRY = 40
-# How much of a window that has to end is handed over at once [cycles].
-CLOSING = 100
+# The same for a window that has to end, and how much of it is handed over at once [cycles]: a planner that is
+# late by less slows nothing down, and an override finds no more of it planned.
+CLOSING_AHEAD, CLOSING = 400, 100
 # Lines read in one piece of work.
 BITE = 64
 # Lines that are read in columns at once: a piece of work of some milliseconds.
@@ -256,13 +257,15 @@ class Pipeline:
         if more and not motion.moving:
             # a start from rest: the first lines decide how soon, those behind them how fast
             return motion.pending >= FIRST_WINDOW
+        if self._plan.flush:
+            return lead < self._stop + CLOSING_AHEAD
         return lead < self._stop + (URGENT if more else AHEAD)
 
     def _hand_over(self, u: float | None, lead: float | None) -> bool:
         plan, motion = self._plan, self._plan.motion
         if plan.flush:
             if u is not None:
-                plan.source = motion.commit(u + self._stop + AHEAD + CLOSING, closing=True)
+                plan.source = motion.commit(u + self._stop + CLOSING_AHEAD + CLOSING, closing=True)
             if plan.source is None:
                 plan.flush = False
                 plan.source = motion.close()
