@@ -57,6 +57,16 @@ def test_a_group_of_the_time_of_another_ends_with_it_and_does_not_stop() -> None
     assert flowing.report["lines"][-1]["end_s"] < resting.report["lines"][-1]["end_s"]
 
 
+def test_groups_whose_times_are_out_of_reach_flow_in_that_of_the_shorter_one() -> None:
+    # from rest to rest X takes 0.19 s and the rotary axis 0.17 s, whatever is asked for
+    lines = [f"G01 X{10 * n} F600, G01 [2]{15 * n} F900" for n in range(1, 5)]
+    flowing, resting = run(["G93", *lines]), run(["G93 G61", *lines])
+    took = [line["end_s"] - line["start_s"] for line in flowing.report["lines"]]
+    assert max(took) < 0.95 * min(line["end_s"] - line["start_s"] for line in resting.report["lines"])
+    assert min(speeds_at_ends(flowing)) > 40.0
+    assert [line["bound_by"] for line in flowing.report["lines"]] == ["axis 2 jerk"] * 4
+
+
 def test_axes_that_change_from_leading_to_ending_early_rest_between_the_lines() -> None:
     found = run(["G94 F6000", "G01 X100, G01 [2]5", "G01 X110, G01 [2]95", "G01 X210, G01 [2]100"])
     assert max(speeds_at_ends(found)) < 1.0

@@ -157,7 +157,8 @@ class CompanionMotions:
         return next(each.companions for each in self._begun if each.line == line)
 
     def begin(self, plan: PlannedRun, origin: float, until: float, last: int) -> None:
-        """Begin the lines whose start is handed over, and end those whose end is.
+        """Begin the lines whose start is handed over, and end those whose end is; a line whose companions set
+        its time is bound by what bound them.
 
         Args:
             until: what of the plan is handed over [s]; infinite: all, and rows go on to ``last``.
@@ -176,6 +177,8 @@ class CompanionMotions:
                 for each in self._begun:
                     if each.line == segment.line:
                         each.end = origin + times[index + 1] / self._cycle
+                        if each.companions.set_time and plan.bound_by[index] is None:
+                            plan.bound_by[index] = each.companions.bound
         if math.isinf(until):
             for each in self._begun:
                 if each.line == plan.segments[-1].line:

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.bound import PlanningError
+from mcserver.motion.bound import Bound, PlanningError
 from mcserver.motion.canonical import SAME_TIME, FeedGroup
 from mcserver.motion.geometry.curves import Array, SampledCurve
 from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, anchor, columns_of, segment_of
@@ -34,13 +34,14 @@ class Companions:
     Attributes:
         runs: their velocity profiles, each from rest to rest. mask: their columns. duration: of the longest,
             those without travel included [s]. set_time: whether the line's time is theirs, not that of
-            the leading group's own speed.
+            the leading group's own speed or T. bound: what stretched the longest of them.
     """
 
     runs: tuple[PlannedRun, ...]
     mask: int
     duration: float
     set_time: bool = False
+    bound: Bound | None = None
 
 
 @dataclass(frozen=True)
@@ -97,21 +98,24 @@ def comma_line(
     others = [path for path in known if path is not lead]
     if lead.run is None:
         return None
-    longest = max((path.time for path in others), default=0.0)
+    last = max(others, key=lambda path: path.time, default=None)
+    longest = 0.0 if last is None else last.time
+    bound = None if last is None or last.run is None else last.run.bound_by[0]
     segment, set_time = lead.segment, False
     if segment.duration is not None:
-        if longest > segment.duration * (1.0 + SAME_TIME):
-            return None
-    elif longest > lead.least_time(tolerance):
-        # as quick as its speed allows it might not end last: it takes the time of the longest of the others
+        # a T that is out of reach from rest to rest: the others are not through by then
+        set_time = longest > segment.duration * (1.0 + SAME_TIME)
+    else:
+        # as quick as its speed allows it might not end last
+        set_time = longest > lead.least_time(tolerance)
+    if set_time:
         segment.duration = max(longest, segment.requested)
         segment.requested = segment.duration
-        set_time = True
     runs = tuple(path.run for path in others if path.run is not None)
     mask = 0
     for run in runs:
         mask |= run.segments[0].mask
-    return CommaLine(segment, Companions(runs, mask, longest, set_time), end)
+    return CommaLine(segment, Companions(runs, mask, longest, set_time, bound), end)
 
 
 @dataclass(frozen=True)
