@@ -135,6 +135,13 @@ def test_lines_and_arcs_of_any_words_are_one_run() -> None:
     assert run.first_beyond({0, 1, 2}) is None
 
 
+@pytest.mark.parametrize("blank", ["", "; the tools", "(what it is)", " \t"])
+def test_many_blank_lines_are_no_run(blank: str) -> None:
+    assert taken(started("F100 G01"), [blank] * 40) == 0
+    assert taken(started("F100 G01"), [*[blank] * 40, "5 X1", "G5 X1"], most=42) == 0
+    assert taken(started("F100 G01"), [*[blank] * 14, *["X1", "Y2"] * 6]) == 26
+
+
 @pytest.mark.parametrize("message", ["(MSG, look)", "X1 (msg,look)", "; (PRINT, 5)"])
 def test_what_a_line_says_to_the_operator_is_not_lost_in_a_run(message: str) -> None:
     assert taken(started("F100 G01"), [*["X1"] * 15, message, *["X2"] * 15]) == 15

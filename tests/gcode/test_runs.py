@@ -122,7 +122,10 @@ def test_what_is_read_in_columns_is_what_the_scanner_reads(texts: list[str]) -> 
 @given(st.one_of(stretches(), contours()))
 @example(["X1\t"])
 @example(["5 X1", "X2"])
+@example(["5 X1", "G5 X1"])
 @example(["G01 X1 I2 R3"])
+@example(["", "", "X-"])
+@example(["", "; said", ""])
 def test_a_table_of_words_holds_what_the_scanner_reads(texts: list[str]) -> None:
     table = WordReader().read(CodeText.of(texts), 1)
     if table is None:

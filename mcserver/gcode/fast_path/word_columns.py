@@ -131,7 +131,8 @@ class WordReader:
         self._patterns: dict[bytes, Pattern | None] = {}
 
     def read(self, text: CodeText, least: int) -> WordTable | None:
-        """Read the longest prefix of lines with words of G01 to G03 alone; None below ``least`` lines.
+        """Read the longest prefix of lines with words of G01 to G03 alone; None below ``least`` lines, and
+        where all of them are blank.
 
         It ends before the first lexical error. The numbers are those of `float`, at most `LARGEST`; nothing
         else is checked.
@@ -150,7 +151,8 @@ class WordReader:
         tokens = CodeText(b"0 " + text.code.replace(b"\n", b"\n0 "), b"").numbers()
         values = _numbers(tokens)
         taken = int(np.count_nonzero(kinds[: _sound(kinds, tokens, values)] == _LINE_FEED))
-        return _table(letters[:taken], known, kinds, values) if taken >= least else None
+        del letters[taken:]
+        return _table(letters, known, kinds, values) if taken >= least and any(letters) else None
 
     def _known(self, letters: set[bytes]) -> dict[bytes, Pattern | None]:
         """Return the patterns of lines; those of blank lines are none."""
@@ -190,7 +192,7 @@ def _sound(kinds: NDArray[np.uint8], tokens: list[bytes], values: Array) -> int:
     huge = np.abs(values) > LARGEST
     if huge.any():
         sound = int(huge.argmax())
-    places = (np.flatnonzero(kinds[: sound - 1] == b"G"[0]) + 1).tolist()
+    places = (np.flatnonzero(kinds[: max(sound - 1, 0)] == b"G"[0]) + 1).tolist()
     refused = {token for token in {tokens[place] for place in places} if token.strip() not in _CODES}
     return next(place for place in places if tokens[place] in refused) if refused else sound
 
