@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.simulation.simulation import Simulation, simulate
 from tests.motion.support import AxisSpec, machine_of
 
@@ -80,3 +83,21 @@ def test_a_plain_line_flows_into_and_out_of_a_comma_line() -> None:
 def test_comma_groups_under_an_exact_stop_rest_at_both_ends() -> None:
     found = run(["G61 G93", *(f"G01 F60 X{50 * n}, G01 F120 [2]{90 * n}" for n in range(1, 4))])
     assert max(speeds_at_ends(found)) < 1.0
+
+
+def test_a_tool_whose_corners_are_rounded_at_the_joints_ends_no_line_before_the_other_tool() -> None:
+    dog = msgspec.structs.replace(load_machine("robot-dog"), path_tolerance=1e-4, joint_tolerance_angle=0.05)
+    kinematics = build_kinematics(dog)
+    lines = [
+        f"G01 T3 X-159 Y{-400 + 10 * (n % 2)} Z{30 * n} F6000, G01 T6 X159 Y-400 Z{800 - 20 * n} F2500"
+        for n in range(1, 4)
+    ]
+    found = simulate("\n".join(["G1010", "G94", *lines]), dog, kinematics=kinematics, record=True)
+    assert found.report["ok"]
+    took = [line["end_s"] - line["start_s"] for line in found.report["lines"]]
+    # the slower tool's 20 mm
+    assert min(took) >= 0.48 - 1e-6
+    assert found.recording is not None
+    speeds = np.abs(np.diff(found.recording.setpoint, axis=0)).max(axis=1) * 1000.0
+    ends = [round(line["end_s"] * 1000.0) for line in found.report["lines"][:-1]]
+    assert min(speeds[end] for end in ends) > 3.0

@@ -164,6 +164,9 @@ class _Path:
         except PlanningError:
             return None
         least = segment.extent / float(window.table.columns.segment_vmax[0])
+        if axes.limits.joint_tolerance is not None and any(isinstance(c, SampledCurve) for c in group.curves):
+            # a corner within the joints' tolerance may be cut by more than that at the tool
+            least = 0.0
         in_metres = bool(axes.linear[segment.feed_columns].all())
         return cls(group, segment, run, run.phases.duration, least, in_metres)
 
