@@ -34,7 +34,7 @@ WAITING = frozenset(
     )
 )
 # Where lines begin and end: all other kinds have greater numbers.
-_LAST_EDGE = ControlKind.LINE_END
+_LAST_EDGE = int(ControlKind.LINE_END)
 
 
 class ControlQueue:
@@ -73,8 +73,7 @@ class ControlQueue:
 
     def pop(self) -> None:
         """The next entry has been reached."""
-        control = self.head
-        assert control is not None
+        control = self._head or self._ring.control(self._next)
         self._head = None
         self._next += 1
         self._ring.free_controls(self._next)
@@ -91,11 +90,12 @@ class ControlQueue:
         written, rows = ring.controls_written, playback.written
         number, limit = self._noted, self._noted + NOTED_A_CYCLE
         while number < written and (number < limit or self.last_u <= u + NOTED_AHEAD):
-            if ring.rows_with(number) > rows:
+            comes_with, kind, at = ring.glance(number)
+            if comes_with > rows:
                 break
-            if ring.kind_of(number) > _LAST_EDGE:
+            if kind > _LAST_EDGE:
                 self._note(ring.control(number))
-            self.last_u = ring.u_of(number)
+            self.last_u = at
             number += 1
         self._noted = number
 

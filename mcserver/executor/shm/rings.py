@@ -275,13 +275,10 @@ class ProgramRing:
         """Number of the row after those that come with a control entry, which must be there."""
         return self._control_words[number % self.controls * _WORDS]
 
-    def kind_of(self, number: int) -> int:
-        """The kind of a control entry, which must be there, as a number."""
-        return self._control_words[number % self.controls * _WORDS + _KIND]
-
-    def u_of(self, number: int) -> float:
-        """Where a control entry stands, which must be there [cycles]."""
-        return self._control_numbers[number % self.controls * _WORDS + _U]
+    def glance(self, number: int) -> tuple[int, int, float]:
+        """Return `rows_with`, the kind as a number, and u [cycles] of an entry, which must be there."""
+        words, at = self._control_words, number % self.controls * _WORDS
+        return words[at], words[at + _KIND], self._control_numbers[at + _U]
 
     def control(self, number: int) -> Control:
         """The control entry of that number, which must be written and not freed."""
