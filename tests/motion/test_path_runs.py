@@ -54,8 +54,9 @@ def run_of(machine: Machine, lines: list[str], state: str = "G91 G94 F6000") -> 
     return run
 
 
-def one_by_one(machine: Machine, lines: list[MotionLine]) -> list[Piece]:
+def one_by_one(machine: Machine, lines: list[MotionLine], feed_scale: float = 1.0) -> list[Piece]:
     planner = MotionPlanner(machine, np.zeros(len(machine.axes)))
+    planner.feed_scale = feed_scale
     tolerance = 0.0
     for line in lines:
         (group,) = line.groups
@@ -65,15 +66,22 @@ def one_by_one(machine: Machine, lines: list[MotionLine]) -> list[Piece]:
     return list(planner.close())
 
 
-@given(st.integers(0, 2**32), st.sampled_from([None, 20_000.0]), st.booleans(), st.booleans())
+@given(
+    st.integers(0, 2**32),
+    st.sampled_from([None, 20_000.0]),
+    st.booleans(),
+    st.booleans(),
+    st.sampled_from([1.0, 1.5]),
+)
 @law(15)
 def test_a_run_of_arcs_is_planned_as_its_lines_one_by_one(
-    seed: int, jerk: float | None, timed: bool, split: bool
+    seed: int, jerk: float | None, timed: bool, split: bool, feed_scale: float
 ) -> None:
     machine = alike(4, jerk=jerk)
     lines = contour(Random(seed), 14)
     run = run_of(machine, lines, "G91 G93 F120" if timed else "G91 G94 F3000")
     planner = MotionPlanner(machine, np.zeros(4))
+    planner.feed_scale = feed_scale
     if split:
         # an arc behind an arc that came before it
         (group,) = run.motion_lines()[0].groups
@@ -89,12 +97,16 @@ def test_a_run_of_arcs_is_planned_as_its_lines_one_by_one(
         assert planner.append_run(run)
     assert planner.position[:3] == pytest.approx(run.points[-1], abs=0)
     ours = collect(machine, [], np.zeros(4), list(planner.close()))
-    theirs = collect(machine, [], np.zeros(4), one_by_one(machine, run.motion_lines()))
+    theirs = collect(machine, [], np.zeros(4), one_by_one(machine, run.motion_lines(), feed_scale))
     assert ours.position == pytest.approx(theirs.position, abs=1e-9)
     assert ours.velocity == pytest.approx(theirs.velocity, abs=1e-6)
     assert ours.ends == pytest.approx(theirs.ends)
-    assert (ours.row_line == theirs.row_line).all()
-    assert (ours.row_mask == theirs.row_mask).all()
+    # a row at the very end of a line may carry either (G93 ends on whole cycles), by the last bit of a time
+    other = np.flatnonzero(ours.row_line != theirs.row_line)
+    assert (np.abs(ours.row_line[other] - theirs.row_line[other]) == 1).all()
+    assert (np.diff(other) > 1).all()
+    same = np.delete(np.arange(len(ours.row_line)), other)
+    assert (ours.row_mask[same] == theirs.row_mask[same]).all()
 
 
 @pytest.mark.parametrize("state", ["G91 G94 F3000 G64 P0.05", "G91 G93 F120 G64 P0.05"])
