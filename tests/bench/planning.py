@@ -69,35 +69,28 @@ def measure() -> list[Figure]:
 
 def _arcs() -> Figure:
     """Lines and arcs in turn, as CAM writes them, with a jerk limit."""
-    machine = ideal(axes=6, jerk=50_000.0)
-    lines = slots(LINES)
-    parsed = seconds(lambda: canonical(lines, machine), runs=3)
-    found = canonical(lines, machine)
-    setpoints(found, machine)
-    planned = seconds(lambda: setpoints(found, machine), runs=3)
-    return Figure(
-        "text → setpoints, lines and arcs in turn, with jerk",
-        LINES / (parsed + planned),
-        "lines/s",
-        LINES / parsed,
-        "parse and interpret alone",
+    return _flowing(
+        "text → setpoints, lines and arcs in turn, with jerk", slots(LINES), ideal(axes=6, jerk=50_000.0)
     )
 
 
 def _with_tolerance(polyline: list[str]) -> Figure:
     """The same lines as one curve within 0.05 mm."""
-    machine = ideal(axes=6, jerk=50_000.0, tolerance_mm=0.05)
-    parsed = seconds(lambda: canonical(polyline, machine), runs=3)
-    lines = canonical(polyline, machine)
-    setpoints(lines, machine)
-    planned = seconds(lambda: setpoints(lines, machine), runs=3)
-    return Figure(
+    return _flowing(
         "text → setpoints, with jerk and a tolerance of 0.05 mm",
-        LINES / (parsed + planned),
-        "lines/s",
-        LINES / parsed,
-        "parse and interpret alone",
+        polyline,
+        ideal(axes=6, jerk=50_000.0, tolerance_mm=0.05),
         "50 k",
+    )
+
+
+def _flowing(name: str, lines: list[str], machine: Machine, goal: str = "") -> Figure:
+    parsed = seconds(lambda: canonical(lines, machine), runs=3)
+    found = canonical(lines, machine)
+    setpoints(found, machine)
+    planned = seconds(lambda: setpoints(found, machine), runs=3)
+    return Figure(
+        name, LINES / (parsed + planned), "lines/s", LINES / parsed, "parse and interpret alone", goal
     )
 
 

@@ -13,8 +13,16 @@ from mcserver.motion.canonical import FeedGroup, MotionLine, one_path
 from mcserver.motion.geometry.curves import Array, Curve
 from mcserver.motion.pieces import LineEdges, Piece
 from mcserver.motion.planner import MotionPlanner
-from mcserver.motion.profile.setpoint_sampling import Rows
-from tests.motion.support import AxisSpec, arc_curve, at_speed, edges_of, in_time, line_curve, machine_of
+from tests.motion.support import (
+    AxisSpec,
+    arc_curve,
+    at_speed,
+    edges_of,
+    in_time,
+    line_curve,
+    machine_of,
+    rows_of,
+)
 
 # Travels of a group [m or rad], and times that groups ask for [s].
 LENGTHS = (2e-4, 1e-3, 5e-3, 0.02, 0.05)
@@ -177,11 +185,7 @@ def _edge(u: float, line: int, *, ends: bool) -> LineEdges:
 
 
 def _collect(pieces: list[Piece], flowing: set[int]) -> CommaMotion:
-    rows = [piece for piece in pieces if isinstance(piece, Rows)]
-    following = 1
-    for block in rows:
-        assert block.first == following
-        following += len(block.position)
+    rows = rows_of(pieces)
     edges = edges_of(pieces)
     return CommaMotion(
         position=np.concatenate([block.position for block in rows]),

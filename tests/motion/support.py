@@ -217,13 +217,19 @@ def edges_of(pieces: list[Piece]) -> list[tuple[float, int, bool]]:
     ]
 
 
-def collect(machine: Machine, moves: list[Move], start: Array, pieces: list[Piece]) -> Motion:
-    """Rows and marks out of a planner's output; asserts that rows follow each other without a gap."""
+def rows_of(pieces: list[Piece]) -> list[Rows]:
+    """Return the blocks of rows; asserts that they follow each other without a gap."""
     rows = [piece for piece in pieces if isinstance(piece, Rows)]
     following = 1
     for block in rows:
         assert block.first == following
         following += len(block.position)
+    return rows
+
+
+def collect(machine: Machine, moves: list[Move], start: Array, pieces: list[Piece]) -> Motion:
+    """Rows and marks out of a planner's output."""
+    rows = rows_of(pieces)
     edges = edges_of(pieces)
     return Motion(
         machine=machine,

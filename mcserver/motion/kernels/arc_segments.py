@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.groups import SegmentColumns
-from mcserver.motion.kernels.junctions import PrecedingEnd, junction_vmax_of, line_sample
+from mcserver.motion.kernels.junctions import PrecedingEnd, junction_vmax_of, line_sample, write_columns
 from mcserver.motion.kernels.polynomials import limit_of
+from mcserver.motion.kernels.row_sampling import share_of
 
 # Length of the row of an arc.
 ARC = 9
@@ -96,11 +97,7 @@ def append_path_junctions(
         if bounded:
             rows[at] = vertex[0]
             at += 1
-            if i > 0:
-                columns.sample_end[i - 1] += 1
-                columns.vertex_after[i - 1] = 1
-            else:
-                leads = True
+            leads |= i == 0
         kind = 0
         count = int(arcs[i, 8])
         if curved:
@@ -112,13 +109,7 @@ def append_path_junctions(
         if bounded:
             rows[at] = vertex[1]
             at += 1
-        feed = timing[i, 0] * scale
-        columns.length[i], columns.junction_vmax[i] = scale, speed
-        columns.axis_vmax[i], columns.feed[i], columns.segment_vmax[i] = top, feed, min(top, feed)
-        columns.requested[i], columns.duration[i] = timing[i, 1], timing[i, 2]
-        columns.limit_column[i], columns.limit_kind[i] = column, kind
-        columns.sample_end[i], columns.knot_edges[i] = at, 0
-        columns.vertex_before[i], columns.vertex_after[i] = 1 if bounded else 0, 0
+        write_columns(columns, i, at, scale, speed, top, column, kind, timing[i])
         last_scale, last_in_parts = scale, may_be_split
     return at, leads
 
@@ -148,11 +139,8 @@ def sample_arcs(
         which = index[row]
         if which < 0:
             continue
-        first, last, scale = spans[which, 0], spans[which, 1], spans[which, 2]
-        begin, finish = spans[which, 3], spans[which, 4]
-        s = begin + (sigma[row] - first) / scale
-        s = finish if sigma[row] >= last else min(max(s, begin), finish)
-        rate = speed[row] / scale
+        s = share_of(sigma[row], spans[which])
+        rate = speed[row] / spans[which, 2]
         for k in range(width):
             # the programmed ends are exact, whatever the rounding of cos and sin
             position[row, k] = ends[which, k] if s >= 1.0 else starts[which, k] + s * travels[which, k]

@@ -165,6 +165,37 @@ def junction_vmax_of(
 
 
 @compiled
+def write_columns(
+    columns: SegmentColumns,
+    i: int,
+    at: int,
+    scale: float,
+    junction_vmax: float,
+    axis_vmax: float,
+    column: int,
+    kind: int,
+    timing: Array,
+) -> None:
+    """Write what is known of segment i; a vertex that bounds its start is one at the end of that before.
+
+    Args:
+        at: one past its last sample. axis_vmax, column, kind: as `limit_of` returns them.
+        timing: shape (3,), a row of that of `append_straight_junctions`.
+    """
+    bounded = 0.0 < junction_vmax < math.inf
+    if bounded and i > 0:
+        columns.sample_end[i - 1] += 1
+        columns.vertex_after[i - 1] = 1
+    feed = timing[0] * scale
+    columns.length[i], columns.junction_vmax[i] = scale, junction_vmax
+    columns.axis_vmax[i], columns.feed[i], columns.segment_vmax[i] = axis_vmax, feed, min(axis_vmax, feed)
+    columns.requested[i], columns.duration[i] = timing[1], timing[2]
+    columns.limit_column[i], columns.limit_kind[i] = column, kind
+    columns.sample_end[i], columns.knot_edges[i] = at, 0
+    columns.vertex_before[i], columns.vertex_after[i] = 1 if bounded else 0, 0
+
+
+@compiled
 def append_straight_junctions(
     before: PrecedingEnd,
     travels: Array,
@@ -205,21 +236,12 @@ def append_straight_junctions(
         if bounded:
             rows[at] = vertex[0]
             at += 1
-            if i > 0:
-                columns.sample_end[i - 1] += 1
-                columns.vertex_after[i - 1] = 1
-            else:
-                leads = True
-        top, columns.limit_column[i] = line_sample(travels[i], scale, limits, rows[at : at + 1])
+            leads |= i == 0
+        top, column = line_sample(travels[i], scale, limits, rows[at : at + 1])
         at += 1
         if bounded:
             rows[at] = vertex[1]
             at += 1
-        feed = timing[i, 0] * scale
-        columns.length[i], columns.junction_vmax[i] = scale, speed
-        columns.axis_vmax[i], columns.feed[i], columns.segment_vmax[i] = top, feed, min(top, feed)
-        columns.requested[i], columns.duration[i] = timing[i, 1], timing[i, 2]
-        columns.limit_kind[i], columns.sample_end[i], columns.knot_edges[i] = 0, at, 0
-        columns.vertex_before[i], columns.vertex_after[i] = 1 if bounded else 0, 0
+        write_columns(columns, i, at, scale, speed, top, column, 0, timing[i])
         last_scale, last_in_parts = scale, may_be_split
     return at, leads

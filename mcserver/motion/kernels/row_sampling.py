@@ -10,6 +10,19 @@ from mcserver.motion.kernels.compiled import compiled
 
 
 @compiled
+def share_of(sigma: float, span: Array) -> float:
+    """Return the share of its curve that a segment has passed at a coordinate.
+
+    Args:
+        span: shape (5,), a row of those of `sample_lines`.
+    """
+    if sigma >= span[1]:
+        return float(span[4])
+    passed = span[3] + (sigma - span[0]) / span[2]
+    return float(min(max(passed, span[3]), span[4]))
+
+
+@compiled
 def sample_lines(
     sigma: Array,
     speed: Array,
@@ -33,11 +46,8 @@ def sample_lines(
         which = index[row]
         if which < 0:
             continue
-        first, last, scale = spans[which, 0], spans[which, 1], spans[which, 2]
-        begin, finish = spans[which, 3], spans[which, 4]
-        s = begin + (sigma[row] - first) / scale
-        s = finish if sigma[row] >= last else min(max(s, begin), finish)
-        rate = speed[row] / scale
+        s = share_of(sigma[row], spans[which])
+        rate = speed[row] / spans[which, 2]
         for k in range(width):
             # start + (end - start) need not be end in floating point; the target is exact
             position[row, k] = ends[which, k] if s >= 1.0 else starts[which, k] + s * travels[which, k]
