@@ -145,7 +145,8 @@ def test_samples_of_64_axes_come_without_a_gap(program: Conformance) -> None:
 
 def test_a_jog_moves_as_long_as_it_is_held(program: Conformance, machine: sync.Machine) -> None:
     before = machine.status().axes.setpoint[1]
-    assert program.run("jog", "1", "20", "800")[0] == 0
+    code, said = program.run("jog", "1", "20", "800")
+    assert code == 0, said
     while machine.programs(ended=False):
         pass
     assert machine.status().axes.setpoint[1] > before + 1.0
