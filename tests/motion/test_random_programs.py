@@ -17,6 +17,12 @@ def test_a_random_program_keeps_every_law_also_under_orders(seed: int) -> None:
     assert broken_under_orders(motion, seed) == []
 
 
+def test_no_plan_is_cut_where_a_corner_in_a_time_of_its_own_begins() -> None:
+    # all of line 39 and before is handed over as far as it is settled, which is where such a corner begins
+    machine, moves, commits = program_of(21290)
+    assert broken_laws(plan(machine, moves, commits=commits)) == []
+
+
 def test_broken_limits_are_named() -> None:
     machine = alike(2, velocity=200.0, acceleration=1000.0, jerk=50_000.0)
     motion = plan(machine, [at_speed(0.2, line_curve(machine, (0, 1), (0.0, 0.0), (0.2, 0.0)))])

@@ -110,5 +110,12 @@ def last_steady(plan: PlannedRun, until: float) -> float:
     if not steady.any():
         return 0.0
     index = int(np.nonzero(steady)[0][-1])
-    ends = float(phases.start[index + 1]) if index + 1 < len(phases.start) else phases.duration
-    return min(until, ends) if phases.jerk[index] == 0.0 else float(phases.start[index])
+    start = float(phases.start[index])
+    if phases.jerk[index] != 0.0:
+        return start
+    following = index + 1
+    ends = float(phases.start[following]) if following < len(phases.start) else phases.duration
+    if following < len(phases.start) and plan.timed[following]:
+        # a corner in a time of its own begins there, with a speed that is not the path's
+        ends = max(ends - LEAST_PHASE_S, start)
+    return min(until, ends)
