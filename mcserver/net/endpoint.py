@@ -242,8 +242,10 @@ class MachineEndpoint:
 
     def _answer_now(self, rpc: RpcServer, query: zenoh.Query) -> Callable[[], None]:
         """Answer a query in a borrowed turn; gives what sends the replies."""
+        # asked first: a query that is refused is given up by another thread, which may be at it by then
+        changes = rpc.changes(query)
         send = rpc.answer_borrowed(query)
-        if rpc.changes(query):
+        if changes:
             # should the caller not take its reply, the loop sends what else there is
             self._notice()
         return send
