@@ -70,8 +70,10 @@ def in_a_lane(replies: ReplySender) -> object:
 
 
 def in_a_network_thread(replies: ReplySender) -> object:
-    """Whether a network thread is stuck with a reply of its own."""
-    return replies._inline.locked() or None
+    """Whether a network thread is stuck with a reply of its own; it takes none where the loop, which was awake
+    then, gave the reply that got stuck to a sender's thread.
+    """
+    return replies._inline.locked() or in_a_lane(replies)
 
 
 async def stuck(find: Callable[[], object]) -> object:
