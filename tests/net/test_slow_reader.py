@@ -70,8 +70,9 @@ def in_a_lane(replies: ReplySender) -> object:
 
 
 def in_a_network_thread(replies: ReplySender) -> object:
-    """Whether a network thread is stuck with a reply of its own; it takes none where the loop, which was awake
-    then, gave the reply that got stuck to a sender's thread.
+    """Whether a network thread is stuck with a reply of its own.
+
+    A sender's thread is, where the loop was awake when the reply that got stuck was made.
     """
     return replies._inline.locked() or in_a_lane(replies)
 
