@@ -115,9 +115,7 @@ class MotionPlanner:
 
     def segment(self, group: FeedGroup, line: int) -> Segment:
         """Return the segment of a group; the commanded position advances to its end."""
-        segment = segment_of(group, line, self._slots, self._linear)
-        if self.feed_scale != 1.0:
-            segment = segment.at_feed_scale(self.feed_scale)
+        segment = segment_of(group, line, self._slots, self._linear, self.feed_scale)
         anchor(segment, self.position)
         return segment
 

@@ -17,7 +17,7 @@ BLOCK = 4096
 
 
 class _Block:
-    """Columns of some lines that follow each other; times in seconds, NaN where there is none.
+    """Columns of some lines that follow each other; times in seconds, NaN where not known.
 
     Those in Python's own arrays take and give one element quickest; ``columns`` are views of them.
     """

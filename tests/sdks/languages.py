@@ -86,7 +86,7 @@ def go_tool() -> str:
     """Go, of the version that the module needs: older ones than 1.21 do not fetch it by themselves.
 
     Raises:
-        ToolMissing: there is none, or an older one.
+        ToolMissing: Go is missing, or too old.
     """
     tool = needed("go")
     shown = subprocess.run([tool, "version"], capture_output=True, text=True, check=True).stdout

@@ -155,7 +155,7 @@ class WordReader:
         return _table(letters, known, kinds, values) if taken >= least and any(letters) else None
 
     def _known(self, letters: set[bytes]) -> dict[bytes, Pattern | None]:
-        """Return the patterns of lines; those of blank lines are none."""
+        """Return the patterns of lines, blank lines left out."""
         if len(self._patterns) > _MAX_PATTERNS:
             self._patterns.clear()
         for each in letters:

@@ -250,8 +250,14 @@ _ENDS = np.array([0.0, 1.0])
 _END = _ENDS[1:]
 
 
-def segment_of(group: FeedGroup, line: int, slots: dict[int, int], linear: NDArray[np.bool_]) -> Segment:
-    """Return the segment of a feed group.
+def segment_of(
+    group: FeedGroup,
+    line: int,
+    slots: dict[int, int],
+    linear: NDArray[np.bool_],
+    feed_scale: float = 1.0,
+) -> Segment:
+    """Return the segment of a feed group at a feed scale.
 
     Args:
         slots: columns of axis numbers. linear: which of the machine's columns are, shape (K,).
@@ -286,7 +292,7 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], linear: NDArr
             if length > NO_TRAVEL
             else (1.0 / group.requested if group.requested > 0.0 else math.inf)
         )
-    return Segment(
+    segment = Segment(
         line=line,
         curves=group.curves,
         columns=columns,
@@ -305,6 +311,7 @@ def segment_of(group: FeedGroup, line: int, slots: dict[int, int], linear: NDArr
         carried=group.carried,
         arc_row=_arc_of(group, columns),
     )
+    return segment if feed_scale == 1.0 else segment.at_feed_scale(feed_scale)
 
 
 @dataclass(frozen=True)

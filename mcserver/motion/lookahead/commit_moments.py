@@ -10,7 +10,7 @@ from mcserver.motion.profile.velocity_profile import Phases
 # Where speed is never steady until so much later than wanted, a moment at which it has a peak will do: a feed
 # override finds less that is planned already [s].
 LATE_S = 1.0
-# A shorter phase is none [s].
+# Shorter phases are left by rounding [s].
 LEAST_PHASE_S = 1e-6
 
 
@@ -94,8 +94,7 @@ def _is_peak(plan: PlannedRun, index: int, trace: float) -> bool:
     where two of them meet, the speed between them is that of neither.
     """
     phases = plan.phases
-    ends = phases.start[index + 1] if index + 1 < len(phases.start) else phases.duration
-    if ends - phases.start[index] <= LEAST_PHASE_S or (index > 0 and plan.timed[index - 1]):
+    if phases.end_of(index) - phases.start[index] <= LEAST_PHASE_S or (index > 0 and plan.timed[index - 1]):
         return False
     return bool(abs(phases.acceleration[index]) <= trace and phases.velocity[index] > 0.0)
 
@@ -113,9 +112,8 @@ def last_steady(plan: PlannedRun, until: float) -> float:
     start = float(phases.start[index])
     if phases.jerk[index] != 0.0:
         return start
-    following = index + 1
-    ends = float(phases.start[following]) if following < len(phases.start) else phases.duration
-    if following < len(phases.start) and plan.timed[following]:
+    ends = phases.end_of(index)
+    if plan.timed[index + 1 : index + 2].any():
         # a corner in a time of its own begins there, with a speed that is not the path's
         ends = max(ends - LEAST_PHASE_S, start)
     return min(until, ends)

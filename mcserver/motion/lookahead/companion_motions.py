@@ -111,7 +111,7 @@ class CompanionMotions:
         self._before, self._set_time = None, False
 
     def unfinished(self, plan: PlannedRun, origin: float) -> Unfinished | None:
-        """Return a line that a plan would end before its companions; None where there is none.
+        """Return a line that a plan would end before its companions, or None.
 
         Args:
             origin: where the plan starts on the time axis [cycles].

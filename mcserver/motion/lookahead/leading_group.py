@@ -146,9 +146,7 @@ class _Path:
         """Plan a group from a ``position`` (K,); its part of ``end`` (K,) is written. None where no profile
         exists.
         """
-        segment = segment_of(group, line, axes.slots, axes.linear)
-        if axes.feed_scale != 1.0:
-            segment = segment.at_feed_scale(axes.feed_scale)
+        segment = segment_of(group, line, axes.slots, axes.linear, axes.feed_scale)
         ahead = position.copy()
         anchor(segment, ahead)
         moved = columns_of(segment.mask)

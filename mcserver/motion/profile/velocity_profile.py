@@ -52,6 +52,10 @@ class Phases:
         lasts = np.diff(self.start, append=self.duration)
         return np.column_stack((lasts, self.position, self.velocity, self.acceleration, self.jerk))
 
+    def end_of(self, index: int) -> float:
+        """Return when a phase ends [s]."""
+        return float(self.start[index + 1]) if index + 1 < len(self.start) else self.duration
+
     def span(self, low: float, high: float) -> tuple[int, int]:
         """Return the first phase under way between two times [s], and the one after the last."""
         first = int(np.clip(np.searchsorted(self.start, low, side="right") - 1, 0, len(self.start) - 1))
@@ -63,7 +67,7 @@ class Phases:
         rows = self.rows[first:last].copy()
         rows[0, 1:4] = self._inside(first, low)
         rows[0, 0] -= low - float(self.start[first])
-        rows[-1, 0] -= (float(self.start[last]) if last < len(self.start) else self.duration) - high
+        rows[-1, 0] -= self.end_of(last - 1) - high
         return rows
 
     def state(self, moment: float) -> tuple[float, float, float]:
