@@ -75,6 +75,30 @@ def count_samples(breaks: Array, t: Array, offset: NDArray[np.intp]) -> None:
 
 
 @compiled
+def greatest_between(f0: float, slope0: float, f1: float, slope1: float, apart: float) -> float:
+    """Return the greatest |f| on an interval from f and f' at its ends: that of the cubic through them.
+
+    Of a function that is smooth at the scale of the interval it misses next to nothing, where the values at
+    the ends alone miss an extreme between them by up to apart²/8·|f''|.
+    """
+    most = max(abs(f0), abs(f1))
+    if slope0 * slope1 >= 0.0:
+        return most
+    # f0 + rise·u + b·u² + c·u³ over u in [0, 1]: slopes of unlike sign have one extreme between them, here
+    # the greatest value
+    sign = 1.0 if slope0 > 0.0 else -1.0
+    rise, change = sign * slope0 * apart, sign * (f1 - f0)
+    b = 3.0 * change - apart * sign * (2.0 * slope0 + slope1)
+    c = apart * sign * (slope0 + slope1) - 2.0 * change
+    root = math.sqrt(max(b * b - 3.0 * c * rise, 0.0))
+    above, below = (b + root, -3.0 * c) if b > 0.0 else (rise, root - b)
+    if not below > 0.0:
+        return most
+    u = min(above / below, 1.0)
+    return max(most, abs(sign * f0 + u * (rise + u * (b + u * c))))
+
+
+@compiled
 def sample_parts(
     breaks: Array,
     spans: Array,
@@ -87,39 +111,67 @@ def sample_parts(
 ) -> None:
     """Write samples in the spline's own parameter, as `mcserver.motion.kernels.sample_limits` has them.
 
+    What a derivative reaches between two samples counts at both.
+
     Args:
         spans: polynomials of K columns, shape (m, 6, K). offset: as `count_samples` writes it.
         columns: the machine's, shape (K,). fed: which of them each part's feed counts, shape (n, K).
         rows: zeroed; written. slopes: written: the greatest speed that feeds count by parameter, and of all
             columns, shape (n, 2).
     """
-    width = (rows.shape[1] - 2) // 5
+    width, count = (rows.shape[1] - 2) // 5, len(columns)
+    # derivatives of orders 1 to 4 at the sample before and at this one
+    before, here = np.empty((4, count)), np.empty((4, count))
     span = 0
     for part in range(len(t) - 1):
-        count = offset[part + 1] - offset[part] - 1
-        slopes[part, 0] = slopes[part, 1] = 0.0
-        for i in range(count + 1):
-            place = t[part] + (t[part + 1] - t[part]) * i / count
+        steps = offset[part + 1] - offset[part] - 1
+        apart = (t[part + 1] - t[part]) / steps
+        counted = every = counted_slope = every_slope = 0.0
+        fastest = fastest_of_all = 0.0
+        for i in range(steps + 1):
+            place = t[part] + (t[part + 1] - t[part]) * i / steps
             while span < len(spans) - 1 and breaks[span + 1] <= place:
                 span += 1
             while span > 0 and breaks[span] > place:
                 span -= 1
             x = place - breaks[span]
-            row = rows[offset[part] + i]
-            counted = every = 0.0
-            for k in range(len(columns)):
+            at = offset[part] + i
+            last_counted, last_every = counted, every
+            last_counted_slope, last_every_slope = counted_slope, every_slope
+            counted = every = counted_slope = every_slope = 0.0
+            for k in range(count):
                 c1, c2, c3 = spans[span, 1, k], spans[span, 2, k], spans[span, 3, k]
                 c4, c5 = spans[span, 4, k], spans[span, 5, k]
-                first = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
-                row[columns[k]] = abs(first)
-                row[width + columns[k]] = abs(2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5)))
-                row[2 * width + columns[k]] = abs(6.0 * c3 + x * (24.0 * c4 + x * 60.0 * c5))
-                every += first * first
+                here[0, k] = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
+                here[1, k] = 2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))
+                here[2, k] = 6.0 * c3 + x * (24.0 * c4 + x * 60.0 * c5)
+                here[3, k] = 24.0 * c4 + x * 120.0 * c5
+                for order in range(3):
+                    value, column = abs(here[order, k]), order * width + columns[k]
+                    if i > 0:
+                        between = greatest_between(
+                            before[order, k], before[order + 1, k], here[order, k], here[order + 1, k], apart
+                        )
+                        if between > max(abs(before[order, k]), value):
+                            rows[at - 1, column] = max(rows[at - 1, column], between)
+                            value = between
+                    rows[at, column] = value
+                square, change = here[0, k] * here[0, k], 2.0 * here[0, k] * here[1, k]
+                every += square
+                every_slope += change
                 if fed[part, k]:
-                    counted += first * first
-            row[5 * width] = row[5 * width + 1] = math.inf
-            slopes[part, 0] = max(slopes[part, 0], math.sqrt(counted))
-            slopes[part, 1] = max(slopes[part, 1], math.sqrt(every))
+                    counted += square
+                    counted_slope += change
+            for order in range(4):
+                for k in range(count):
+                    before[order, k] = here[order, k]
+            rows[at, 5 * width] = rows[at, 5 * width + 1] = math.inf
+            if i > 0:
+                between = greatest_between(last_counted, last_counted_slope, counted, counted_slope, apart)
+                fastest = max(fastest, between)
+                between = greatest_between(last_every, last_every_slope, every, every_slope, apart)
+                fastest_of_all = max(fastest_of_all, between)
+        slopes[part, 0], slopes[part, 1] = math.sqrt(fastest), math.sqrt(fastest_of_all)
 
 
 @compiled

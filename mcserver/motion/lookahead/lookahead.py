@@ -23,11 +23,18 @@ from mcserver.motion.geometry.time_domain_corner import Stop, TimeDomainBlend, T
 from mcserver.motion.kernels.arc_segments import append_path_junctions
 from mcserver.motion.kernels.groups import START, Groups, Segments, group_segments
 from mcserver.motion.kernels.junctions import PrecedingEnd, append_straight_junctions, length_of
+from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
 from mcserver.motion.kernels.rest_vertices import slow_vertices
 from mcserver.motion.kernels.sample_limits import limit_junctions
 from mcserver.motion.kernels.spline_samples import PartSamples, scale_samples
-from mcserver.motion.lookahead.path_limits import RunLimits, junction, samples_of
+from mcserver.motion.lookahead.path_limits import (
+    Junction,
+    RunLimits,
+    SpeedLimit,
+    junction,
+    samples_of,
+)
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.segment_table import SegmentTable, empty_columns
 from mcserver.motion.lookahead.torque_samples import spline_with_torques
@@ -178,13 +185,23 @@ class Lookahead:
 
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
         """Append a segment that travels; the junction's speed says whether the motion flows into it."""
-        cap = 0.0
-        vertex: Array | None = None
-        if not from_rest and self.table:
-            met = junction(self.table.segments[-1], segment, self._limits)
-            cap, segment.scale, vertex = met.speed, met.scale, met.samples
+        met = None if from_rest else self._joined(segment)
         samples, limit = samples_of(segment, self._limits)
-        self.table.append(segment, cap, limit, samples, vertex)
+        self._add(segment, met, limit, samples)
+
+    def _joined(self, segment: Segment) -> Junction | None:
+        """Return the junction with a segment to append, which gets its scale; None at the run's beginning."""
+        if not self.table:
+            return None
+        met = junction(self.table.segments[-1], segment, self._limits)
+        segment.scale = met.scale
+        return met
+
+    def _add(self, segment: Segment, met: Junction | None, limit: SpeedLimit, samples: Array) -> None:
+        if met is None:
+            self.table.append(segment, 0.0, limit, samples, None)
+        else:
+            self.table.append(segment, met.speed, limit, samples, met.samples)
 
     def append_parts(self, parts: list[Segment], samples: PartSamples, *, joined: bool) -> None:
         """Append the parts of a spline.
@@ -194,25 +211,28 @@ class Lookahead:
                 part begins with, by the same parameter.
         """
         first = parts[0]
-        low = 0
+        met: Junction | None = None
         if joined:
             last = self.table.segments[-1]
             first.scale = last.scale * length_of(first.first) / length_of(last.last)
         else:
-            self.append(first)
-            low = 1
+            met = self._joined(first)
         unit = first.scale / float(samples.spans[0])
-        begin = int(samples.offset[low])
-        rows, offset = samples.rows[begin:].copy(), samples.offset[low:] - begin
-        vmax, by = np.empty(len(parts) - low), np.empty((len(parts) - low, 2), np.intp)
-        if not len(vmax):
-            return
+        rows, offset = samples.rows.copy(), samples.offset
+        vmax, by = np.empty(len(parts)), np.empty((len(parts), 2), np.intp)
         scale_samples(rows, unit, offset, self._limits.rows, vmax, by)
         for part, span in zip(parts, samples.spans.tolist(), strict=True):
             part.scale = unit * span
         if self._limits.torque is not None:
-            rows = spline_with_torques(parts[low:], rows, offset, self._limits, vmax, by)
-        self.table.append_parts(parts[low:], vmax, by, rows, offset)
+            rows = spline_with_torques(parts, rows, offset, self._limits, vmax, by)
+        low = 0
+        if not joined:
+            limit = SpeedLimit(float(vmax[0]), int(by[0, 0]), KINDS[by[0, 1]])
+            self._add(first, met, limit, rows[: offset[1]])
+            low = 1
+        if low < len(parts):
+            begin = int(offset[low])
+            self.table.append_parts(parts[low:], vmax[low:], by[low:], rows[begin:], offset[low:] - begin)
 
     def append_run(self, run: StraightRun, active: int, *, from_rest: bool = False) -> None:
         """Append segments on end, as `append` does one by one."""
