@@ -52,14 +52,14 @@ def jerk_ratio(motion: Motion, *, vertices: Sequence[float] = ()) -> float:
     return float(ratio.max())
 
 
-def vertices_of(motion: Motion) -> list[float]:
-    """The u at which lines meet with a step of the tangent (D-36)."""
+def vertices_of(motion: Motion, *, tolerance: float = math.inf) -> list[float]:
+    """Return the u at which lines meet with a step of the tangent (D-36), those with no more tolerance."""
     return [
         motion.starts[number]
         for number, (before, after) in enumerate(
             zip(motion.moves[:-1], motion.moves[1:], strict=True), start=2
         )
-        if turn(motion.machine, before.group, after.group) > SAME_DIRECTION
+        if after.tolerance <= tolerance and turn(motion.machine, before.group, after.group) > SAME_DIRECTION
     ]
 
 
@@ -143,7 +143,12 @@ def away_from(machine: Machine, group: FeedGroup, base: Array, points: Array) ->
 
 def farthest_from_path(motion: Motion) -> float:
     """Greatest distance of a row from the path of its own line or of a neighbour [m or rad]."""
-    worst = 0.0
+    return float(from_path_by_line(motion).max())
+
+
+def from_path_by_line(motion: Motion) -> Array:
+    """Return `farthest_from_path` of the rows of each line, shape (n,)."""
+    worst = np.zeros(len(motion.moves))
     based = list(bases(motion))
     for number in range(1, len(motion.moves) + 1):
         points = motion.position[motion.row_line == number]
@@ -157,22 +162,27 @@ def farthest_from_path(motion: Motion) -> float:
                 distance[unsettled] = np.minimum(
                     distance[unsettled], away_from(motion.machine, group, base, points[unsettled])
                 )
-        worst = max(worst, float(distance.max()))
+        worst[number - 1] = distance.max()
     return worst
 
 
-def path_missed_by(motion: Motion, points_a_line: int = 33) -> float:
+def path_missed_by(motion: Motion) -> float:
     """Greatest distance of a programmed point from the polyline of the rows [m or rad]."""
+    return float(path_missed_by_line(motion).max())
+
+
+def path_missed_by_line(motion: Motion, points_a_line: int = 33) -> Array:
+    """Return `path_missed_by` of each line, shape (n,)."""
     polyline = np.concatenate([motion.start[None, :], motion.position])
     weights = weights_of(motion.machine)
-    worst = 0.0
+    worst = np.zeros(len(motion.moves))
     for move, base, number in zip(motion.moves, bases(motion), range(1, len(motion.moves) + 1), strict=True):
         low = max(0, math.floor(motion.starts[number]) - 2)
         high = min(len(polyline), math.ceil(motion.ends[number]) + 3)
         near = polyline[low:high] * weights
         s = np.concatenate([np.linspace(0.0, 1.0, points_a_line), 10.0 ** -np.arange(1.0, 5.0)])
         programmed = group_position(motion.machine, move.group, base, s) * weights
-        worst = max(worst, _from_polyline(programmed, near))
+        worst[number - 1] = _from_polyline(programmed, near)
     return worst
 
 
