@@ -24,7 +24,9 @@ from mcserver.motion.canonical import FeedGroup, PathRun, PlainRun
 from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
-from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
+from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
+from mcserver.motion.geometry.segment_list import SegmentList
+from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.lookahead.commit_moments import commit_moment, last_steady
 from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
@@ -192,7 +194,7 @@ class MotionPlanner:
         if path is None or self._limits.torque is not None:
             return False
         if run.tolerance > 0.0:
-            for segment in path.segments(path.scales.tolist(), self._active):
+            for segment in SegmentList.of(path.segments(path.scales, self._active)):
                 self.append(segment, from_rest=from_rest, tolerance=tolerance)
                 from_rest, tolerance = False, run.tolerance
         else:
@@ -205,7 +207,9 @@ class MotionPlanner:
         return True
 
     def _append_chords(self, straight: StraightRun, *, from_rest: bool, tolerance: float) -> None:
-        first, *others = straight.segments(straight.scales.tolist(), self._active, straight.run.tolerance)
+        first, *others = SegmentList.of(
+            straight.segments(straight.scales, self._active, straight.run.tolerance)
+        )
         first.tolerance = 0.0 if from_rest else tolerance
         if first.tolerance > 0.0:
             self._chords.append(first)

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.geometry.path_columns import PathColumns
 from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, LineBound, LineEdges, Piece
@@ -45,7 +46,11 @@ class RunOutput:
         """
         self._companions.begin(plan, origin, until, last)
         latest = float(last) if math.isinf(until) else math.inf
-        happenings = _Happenings.of(plan, origin, until, latest, self._cycle, self.announced)
+        times = plan.times
+        # with the one that begins where the rows end
+        count = min(int(np.searchsorted(times[:-1], until)) + 1, len(times) - 1)
+        path = plan.segments.columns(0, count)
+        happenings = _Happenings.of(plan, path, origin, until, latest, self._cycle, self.announced)
         low = first_row(origin)
         while low <= last:
             high = min(low + PIECE - 1, last)
@@ -55,7 +60,7 @@ class RunOutput:
                     self.announced |= piece.mask
                     starting.append(piece)
                 yield piece
-            rows = sample(plan, origin, low, high, self._cycle)
+            rows = sample(plan, origin, low, high, self._cycle, path)
             self._companions.put_on(rows)
             np.bitwise_and(rows.axes, np.uint64(self.announced), out=rows.axes)
             for activation in starting:
@@ -89,34 +94,42 @@ class _Happenings:
 
     @classmethod
     def of(
-        cls, plan: PlannedRun, origin: float, until: float, latest: float, cycle: float, announced: int
+        cls,
+        plan: PlannedRun,
+        path: PathColumns,
+        origin: float,
+        until: float,
+        latest: float,
+        cycle: float,
+        announced: int,
     ) -> _Happenings:
         """Of a run that starts at u = ``origin`` [cycles] before ``until`` [s]; none stands behind ``latest``
         [cycles].
+
+        Args:
+            path: columns of its first segments, at least of those that begin before ``until``.
         """
         times = plan.times
         count = int(np.searchsorted(times[:-1], until))
-        segments = plan.segments[:count]
         # in order, whatever rounding has made of the times
         at = np.maximum.accumulate(origin + times[: count + 1] / cycle)
         before = np.floor(at + CYCLE_ROUNDING).astype(np.int64)
         places = np.minimum(at, latest)
         marked = np.empty((count, 2), np.bool_)
-        marked[:, 0] = [each.opens for each in segments]
-        marked[:, 1] = [each.closes for each in segments]
+        marked[:, 0], marked[:, 1] = path.opens[:count], path.closes[:count]
         ended = times[1 : count + 1] <= until
         marked[:, 1] &= ended
         which = marked.ravel()
-        lines = np.repeat(np.array([each.line for each in segments], np.int64), 2)[which]
+        lines = np.repeat(path.line[:count], 2)[which]
         ends = np.tile(np.array([False, True]), count)[which]
         edges = LineEdges(_beside(places)[which], lines, ends)
         passed = np.concatenate(([0], np.cumsum(which)))
         activations = []
-        for index, mask in _joining([each.active for each in segments], announced):
-            activation = Activation(float(places[index]), segments[index].line, mask)
+        for index, mask in _joining(path.active[:count], announced):
+            activation = Activation(float(places[index]), int(path.line[index]), mask)
             activations.append((int(before[index]), int(passed[2 * index]), activation))
         bounds = [
-            (int(before[index + 1]), LineBound(segments[index].line, bound))
+            (int(before[index + 1]), LineBound(int(path.line[index]), bound))
             for index, bound in enumerate(plan.bound_by[:count])
             if bound is not None and ended[index]
         ]
@@ -150,14 +163,13 @@ def _beside(values: NDArray[T]) -> NDArray[T]:
     return beside
 
 
-def _joining(active: list[int], announced: int) -> list[tuple[int, int]]:
+def _joining(active: NDArray[np.uint64], announced: int) -> list[tuple[int, int]]:
     """Return the segments with which columns join the motion, and the masks of these columns."""
     found: list[tuple[int, int]] = []
-    known: int | None = None
-    for index, mask in enumerate(active):
-        if mask != known:
-            known = mask
-            if mask & ~announced:
-                found.append((index, mask & ~announced))
-                announced |= mask
+    (changes,) = np.nonzero(active[1:] != active[:-1])
+    for index in [0, *(changes + 1).tolist()] if len(active) else []:
+        mask = int(active[index])
+        if mask & ~announced:
+            found.append((index, mask & ~announced))
+            announced |= mask
     return found

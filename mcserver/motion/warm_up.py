@@ -28,7 +28,8 @@ from mcserver.motion.geometry.blend import straight_blend
 from mcserver.motion.geometry.blend_choice import HANDLE, TOLERANCE_SHARES, best_blend
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.geometry.path_segments import PathSegments
-from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun, anchor, segment_of
+from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
+from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.kernels.cache_folder import cache_folder, remove_unused
 from mcserver.motion.kernels.corner_trajectory import path_deviation_of
 from mcserver.motion.kernels.min_time_trajectories import PHASES, min_time_trajectories

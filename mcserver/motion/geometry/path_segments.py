@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,8 @@ from numpy.typing import NDArray
 
 from mcserver.motion.canonical import PathRun
 from mcserver.motion.geometry.curves import ArcCurve, Array
-from mcserver.motion.geometry.segment import NO_TRAVEL, Segment, samples_of_arc
+from mcserver.motion.geometry.run_segments import RunSegments
+from mcserver.motion.geometry.segment import NO_TRAVEL, samples_of_arc
 from mcserver.motion.kernels.arc_segments import ARC
 
 
@@ -97,59 +97,44 @@ class PathSegments:
         duration = requested if self.run.speeds is None else np.full(len(requested), math.nan)
         return np.column_stack((self.feeds, requested, duration))
 
-    def segments(self, scales: list[float], active: int) -> Iterator[Segment]:
-        """Yield the segments, with coordinates scaled by ``scales``.
+    def segments(self, scales: Array, active: int, tolerance: float = 0.0) -> RunSegments:
+        """Return the segments, with coordinates scaled by ``scales``, shape (n,).
 
         Args:
             active: mask of the columns that the run of motion has moved before.
         """
-        run = self.run
-        requested = (run.requested / self.feed_scale).tolist()
-        timed = run.speeds is None
-        speeds = [math.inf] * len(requested)
-        if run.speeds is not None:
-            speeds = (run.speeds * self.feed_scale).tolist()
-        centres, lengths = run.centres.tolist(), run.lengths.tolist()
-        for index, (line, frame, sweep, feed, scale) in enumerate(
-            zip(
-                run.lines.tolist(),
-                run.frame.tolist(),
-                run.sweeps.tolist(),
-                self.feeds.tolist(),
-                scales,
-                strict=True,
-            )
-        ):
-            active |= self.masks[frame]
-            base, end, columns = self.points[index], self.points[index + 1], self.columns[frame]
-            curves: tuple[ArcCurve, ...] = ()
-            if sweep:
-                start, last = tuple(base[columns].tolist()), tuple(end[columns].tolist())
-                centre = (centres[index][0], centres[index][1])
-                curves = (ArcCurve(run.frames[frame], start, last, centre, sweep, lengths[index]),)
-            ends = self.ends[index]
-            yield Segment(
-                line=line,
-                curves=curves,
-                columns=(columns,) if sweep else (),
-                mask=self.masks[frame],
-                duration=requested[index] if timed else None,
-                feed=feed,
-                requested=requested[index],
-                first=ends[0],
-                last=ends[1],
-                d2q_start=ends[2],
-                d2q_end=ends[3],
-                scale=scale,
-                base=base,
-                end=end,
-                active=active,
-                straight=not sweep,
-                feed_speed=speeds[index],
-                feed_columns=self.feed_columns[frame],
-                feed_scale=self.feed_scale,
-                arc_row=self.arcs[index] if sweep else None,
-            )
+        run, timing = self.run, self.timing
+        masks = np.array(self.masks, np.uint64)[run.frame]
+        speeds = np.full(len(run), math.inf) if run.speeds is None else run.speeds * self.feed_scale
+        curved = run.sweeps != 0.0
+        return RunSegments(
+            line=run.lines,
+            mask=masks,
+            active=np.bitwise_or.accumulate(masks) | np.uint64(active),
+            duration=timing[:, 2],
+            feed=self.feeds,
+            requested=timing[:, 1],
+            feed_speed=speeds,
+            scale=scales,
+            points=self.points,
+            ends=self.ends,
+            frame=run.frame,
+            feed_columns=self.feed_columns,
+            tolerance=tolerance,
+            feed_scale=self.feed_scale,
+            arcs=(self.arcs, curved) if curved.any() else None,
+            curve=self._curve,
+        )
+
+    def _curve(self, index: int) -> tuple[ArcCurve, NDArray[np.intp]]:
+        """Return the curve of an arc and its columns."""
+        run, frame = self.run, int(self.run.frame[index])
+        columns = self.columns[frame]
+        start = tuple(self.points[index, columns].tolist())
+        end = tuple(self.points[index + 1, columns].tolist())
+        centre = (float(run.centres[index, 0]), float(run.centres[index, 1]))
+        sweep, length = float(run.sweeps[index]), float(run.lengths[index])
+        return ArcCurve(run.frames[frame], start, end, centre, sweep, length), columns
 
 
 def _arcs(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import Bound
-from mcserver.motion.canonical import FeedGroup, PlainRun
+from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.units import MM, TURN, AxisType
@@ -312,121 +312,6 @@ def segment_of(
         arc_row=_arc_of(group, columns),
     )
     return segment if feed_scale == 1.0 else segment.at_feed_scale(feed_scale)
-
-
-@dataclass(frozen=True)
-class StraightRun:
-    """A run of G01 lines in all columns of the machine: n straight segments on end.
-
-    Attributes:
-        points: shape (n+1, K), where each segment starts and the last one ends. travels: shape (n, K).
-        scales: lengths of the travels, shape (n,). feeds: as `Segment.feed`, shape (n,). feed_columns: as of
-            `Segment`, of all. feed_scale: that `feeds` are for.
-    """
-
-    run: PlainRun
-    mask: int
-    points: Array
-    travels: Array
-    scales: Array
-    feeds: Array
-    feed_columns: NDArray[np.intp]
-    feed_scale: float = 1.0
-
-    @classmethod
-    def of(
-        cls,
-        run: PlainRun,
-        slots: dict[int, int],
-        linear: NDArray[np.bool_],
-        position: Array,
-        feed_scale: float = 1.0,
-    ) -> StraightRun | None:
-        """Return the segments from a ``position`` of all columns, shape (K,); None where a line does not
-        travel.
-
-        Args:
-            slots, linear: as of `segment_of`.
-        """
-        columns = np.array([slots[axis] for axis in run.axes], np.intp)
-        points = np.tile(position, (len(run) + 1, 1))
-        points[:, columns] = run.points
-        travels = np.zeros((len(run), len(position)))
-        travels[:, columns] = np.diff(run.points, axis=0)
-        scales = np.sqrt(np.einsum("ij,ij->i", travels, travels))
-        if not scales.min() > NO_TRAVEL:
-            return None
-        feeds = np.full(len(run), math.inf)
-        if run.speeds is not None:
-            long = run.lengths > NO_TRAVEL
-            np.divide(run.speeds, run.lengths, out=feeds, where=long)
-            np.divide(1.0, run.requested, out=feeds, where=~long & (run.requested > 0.0))
-            feeds *= feed_scale
-        mask = sum(1 << column for column in columns.tolist())
-        feed_columns = columns[linear[columns]] if linear[columns].any() else columns
-        return cls(run, mask, points, travels, scales, feeds, feed_columns, feed_scale)
-
-    @property
-    def timing(self) -> Array:
-        """Feed [1/s], requested time and T (NaN without one) of each segment [s], shape (n, 3)."""
-        requested = self.run.requested / self.feed_scale
-        duration = requested if self.run.speeds is None else np.full(len(requested), math.nan)
-        return np.column_stack((self.feeds, requested, duration))
-
-    def segments(self, scales: list[float], active: int, tolerance: float = 0.0) -> list[Segment]:
-        """Return the segments, with coordinates scaled by ``scales``."""
-        count, mask, feed_columns, feed_scale = len(scales), self.mask, self.feed_columns, self.feed_scale
-        still = np.zeros(len(self.points[0]))
-        requested = (self.run.requested / feed_scale).tolist()
-        speeds = [math.inf] * count
-        if self.run.speeds is not None:
-            speeds = (self.run.speeds * feed_scale).tolist()
-        nothing: list[float | None] = [None] * count
-        places = list(self.points)
-        columns = zip(
-            self.run.lines.tolist(),
-            requested if self.run.speeds is None else nothing,
-            self.feeds.tolist(),
-            requested,
-            list(self.travels),
-            scales,
-            places[:-1],
-            places[1:],
-            speeds,
-            strict=True,
-        )
-        # by position: by name it takes three times as long, and there is one for every line
-        return [
-            Segment(
-                line,
-                (),
-                (),
-                mask,
-                duration,
-                feed,
-                asked,
-                travel,
-                travel,
-                still,
-                still,
-                scale,
-                0.0,
-                1.0,
-                start,
-                end,
-                active,
-                True,
-                True,
-                True,
-                speed,
-                feed_columns,
-                tolerance,
-                None,
-                (),
-                feed_scale,
-            )
-            for line, duration, feed, asked, travel, scale, start, end, speed in columns
-        ]
 
 
 def anchor(segment: Segment, position: Array) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
-from mcserver.motion.geometry.segment import Segment, StraightRun, columns_of
+from mcserver.motion.geometry.segment import Segment, columns_of
+from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.lookahead.leading_group import Companions
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun

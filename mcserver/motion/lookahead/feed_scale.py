@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
@@ -23,7 +21,7 @@ def plan_at_feed_scale(window: Lookahead, scale: float) -> PlannedRun | None:
         plan exists.
     """
     table = window.table
-    scales = np.array([each.feed_scale for each in table.segments])
+    scales = table.feed_scales
     if (scales == scale).all():
         return None
     saved = table.save(0)

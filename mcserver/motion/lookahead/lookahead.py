@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from mcserver.motion.bound import Bound, PlanningError
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
-from mcserver.motion.geometry.segment import AxisLimits, Segment, StraightRun
+from mcserver.motion.geometry.segment import AxisLimits, Segment
+from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.geometry.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
 from mcserver.motion.kernels.arc_segments import append_path_junctions
 from mcserver.motion.kernels.groups import START, Groups, Segments, group_segments
@@ -342,7 +343,7 @@ class Lookahead:
         if self._limits.torque is not None:
             self._torque_bounds(law, bound_by)
         required_only = PlannedRun(
-            segments=list(self.table.segments),
+            segments=self.table.segments.copy(),
             window_index=np.arange(len(self.table)),
             bounds=law.groups.bounds,
             phases=law.phases,

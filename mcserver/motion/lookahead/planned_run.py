@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.bound import Bound
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.segment import Segment
+from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.time_domain_corner import TimeDomainBlend, is_time_domain
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
@@ -32,7 +32,7 @@ class PlannedRun:
         bound_by: for each segment what limit stretched it, or None.
     """
 
-    segments: list[Segment]
+    segments: SegmentList
     window_index: NDArray[np.intp]
     bounds: Array
     phases: Phases
@@ -107,18 +107,19 @@ class PlannedRun:
         bounds = self.bounds.copy()
         bounds[at] = from_ + turn * (to - from_)
         places = np.column_stack((at, at + 1)).ravel()
-        segments: list[Segment] = []
+        segments = SegmentList()
         bound_by: list[Bound | None] = []
         parts: list[Array] = []
         sealed: list[NDArray[np.bool_]] = []
         low, since = 0, 0.0
         for stop, corner in zip(stops, corners, strict=True):
-            segments += [*self.segments[low:stop], *corner.parts]
+            segments.extend(self.segments[low:stop])
+            segments.extend(corner.parts)
             bound_by += [*self.bound_by[low:stop], None, None]
             parts += [self.phases.between(since, corner.leave), corner.phase]
             sealed += [self._sealed(since, corner.leave), np.zeros(len(corner.phase), np.bool_)]
             low, since = stop, corner.join
-        segments += self.segments[low:]
+        segments.extend(self.segments[low:])
         for stop, corner in zip((at + 2 * np.arange(len(at))).tolist(), corners, strict=True):
             segments[stop - 1] = msgspec.structs.replace(
                 segments[stop - 1], finish=corner.leave_s, closes=False

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
-from mcserver.motion.geometry.segment import Segment, StraightRun
+from mcserver.motion.geometry.segment import Segment
+from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.spline_curve import spline_part
+from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.kernels.groups import SegmentColumns, Segments
 from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.lookahead.growable_array import GrowableArray
@@ -58,7 +60,7 @@ class SavedSegments:
     """Segments of a table from an index on, to put back in place of others."""
 
     index: int
-    segments: list[Segment]
+    segments: SegmentList
     columns: tuple[NDArray[np.generic], ...]
     samples: Array
 
@@ -74,7 +76,7 @@ class SegmentTable:
     """
 
     def __init__(self, width: int) -> None:
-        self.segments: list[Segment] = []
+        self.segments = SegmentList()
         self._columns: tuple[GrowableArray[np.generic], ...] = tuple(GrowableArray(each) for each in _DTYPES)
         self._view: SegmentColumns | None = None
         self._samples: GrowableArray[np.float64] = GrowableArray(np.dtype(np.float64), (5 * width + 2,))
@@ -124,6 +126,11 @@ class SegmentTable:
     def timed(self) -> NDArray[np.bool_]:
         """Which segments have a T of their own, shape (n,)."""
         return ~np.isnan(self.columns.duration)
+
+    @property
+    def feed_scales(self) -> Array:
+        """The feed scales that the segments are planned at, shape (n,)."""
+        return self.segments.feed_scales()
 
     def samples_of(self, index: int) -> Array:
         """Return the samples of one segment, those of its vertices included."""
@@ -200,7 +207,7 @@ class SegmentTable:
         columns.sample_end[:] += self._dropped + len(self.samples)
         columns.tolerance[:] = 0.0
         self._samples.add(samples)
-        self.segments.extend(run.segments(columns.length.tolist(), active))
+        self.segments.extend_by(run.segments(columns.length.copy(), active))
         for own, new in zip(self._columns, columns, strict=True):
             own.add(new)
         self._view = None
@@ -246,13 +253,15 @@ class SegmentTable:
 
     def set_feed_scale(self, scale: float, first: int = 0) -> None:
         """Let the segments from ``first`` on have a feed scale."""
-        columns, segments = self.columns, self.segments
-        shares = scale / np.array([each.feed_scale for each in segments[first:]])
+        columns, segments = self.columns, list(self.segments[first:])
+        shares = scale / self.feed_scales[first:]
         splines = np.zeros(len(shares), np.bool_)
         for index in np.nonzero(shares != 1.0)[0].tolist():
-            segment = segments[first + index]
-            segments[first + index] = segment.at_feed_scale(scale)
+            segment = segments[index]
+            segments[index] = segment.at_feed_scale(scale)
             splines[index] = segment.duration is None and spline_part(segment) is not None
+        self.segments.truncate(first)
+        self.segments.extend(segments)
         columns.feed[first:] *= shares
         columns.requested[first:] /= shares
         columns.duration[first:] /= shares
@@ -272,7 +281,7 @@ class SegmentTable:
         for column in self._columns:
             column.drop(count)
         self._view = None
-        self.segments = self.segments[count:]
+        self.segments.drop(count)
 
     def snapshot(self) -> TableSnapshot:
         """The present state, with at least one segment, for `restore`."""
@@ -287,7 +296,8 @@ class SegmentTable:
 
     def restore(self, snapshot: TableSnapshot) -> None:
         """Undo what came after a snapshot, changes of its last segment included."""
-        self.segments = [*self.segments[: snapshot.count - 1], snapshot.segment]
+        self.segments.truncate(snapshot.count - 1)
+        self.segments.append(snapshot.segment)
         for column in self._columns:
             column.truncate(snapshot.count)
         self._view = None
@@ -310,7 +320,7 @@ class SegmentTable:
             columns.sample_end[count - 1] -= columns.vertex_after[count - 1]
             columns.vertex_after[count - 1] = 0
         self._samples.truncate(self._first_sample(count))
-        self.segments = self.segments[:count]
+        self.segments.truncate(count)
         for column in self._columns:
             column.truncate(count)
         self._view = None
@@ -322,7 +332,8 @@ class SegmentTable:
         """
         self._samples.truncate(self._first_sample(saved.index))
         self._samples.add(saved.samples)
-        self.segments = [*self.segments[: saved.index], *saved.segments]
+        self.segments.truncate(saved.index)
+        self.segments.extend(saved.segments)
         for column, values in zip(self._columns, saved.columns, strict=True):
             column.truncate(saved.index)
             column.add(values)

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.spline_curve import spline_part
-from mcserver.motion.kernels.arc_segments import ARC, sample_arcs
+from mcserver.motion.geometry.path_columns import ARC_KIND, OTHER, STRAIGHT, PathColumns
+from mcserver.motion.kernels.arc_segments import sample_arcs
 from mcserver.motion.kernels.row_sampling import locate_samples, sample_lines
 from mcserver.motion.lookahead.planned_run import PlannedRun
 
 # Cycles by which a time may miss a whole cycle through rounding.
 CYCLE_ROUNDING = 1e-6
-_NO_ARC = np.zeros(ARC)
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,14 @@ def first_row(u: float) -> int:
     return math.floor(u + CYCLE_ROUNDING) + 1
 
 
-def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) -> Rows:
-    """Return rows ``first`` … ``last`` (both included) of a run that starts at u = ``origin`` [cycles]."""
+def sample(
+    run: PlannedRun, origin: float, first: int, last: int, cycle: float, path: PathColumns | None = None
+) -> Rows:
+    """Return rows ``first`` … ``last`` (both included) of a run that starts at u = ``origin`` [cycles].
+
+    Args:
+        path: columns of its first segments, where they are known; None: of none.
+    """
     u = np.arange(first, last + 1, dtype=np.float64)
     time: Array = np.asarray((u - origin) * cycle, dtype=np.float64)
     sigma, speed, index = np.empty(len(u)), np.empty(len(u)), np.empty(len(u), np.intp)
@@ -59,92 +64,75 @@ def sample(run: PlannedRun, origin: float, first: int, last: int, cycle: float) 
     ended = time >= law.duration - CYCLE_ROUNDING * cycle
     sigma[ended], speed[ended] = law.end, 0.0
     low, high = int(index[0]), int(index[-1]) + 1
-    segments = run.segments[low:high]
-    position = np.empty((len(u), len(segments[0].base)))
+    known = path is not None and len(path) >= high
+    path = path.part(low, high) if path is not None and known else run.segments.columns(low, high)
+    position = np.empty((len(u), path.bases.shape[1]))
     velocity = np.empty_like(position)
-    straight = np.array([each.straight for each in segments])
-    arcs = np.array([each.arc is not None for each in segments])
     here = index - low
-    if straight.any() or arcs.any():
-        spans = np.array([(each.scale, each.begin, each.finish) for each in segments])
-        spans = np.column_stack((run.bounds[low:high], run.bounds[low + 1 : high + 1], spans))
-        starts = np.array([each.base for each in segments])
-        travels = np.array([each.first for each in segments])
-        ends = np.array([each.end if len(each.end) else each.base for each in segments])
-        if straight.any():
-            lines = np.where(straight[here], here, -1)
-            sample_lines(sigma, speed, lines, spans, starts, travels, ends, position, velocity)
-        if arcs.any():
-            curved = np.where(arcs[here], here, -1)
-            of_arcs = np.array([_NO_ARC if each.arc is None else each.arc for each in segments])
-            sample_arcs(sigma, speed, curved, spans, of_arcs, starts, travels, ends, position, velocity)
-    if not (straight | arcs).all():
-        # segments are in order along time, so equal indices stand together
-        of_splines = _sample_splines(run, index, low, high, sigma, speed, position, velocity)
-        cuts = [0, *(np.nonzero(np.diff(here))[0] + 1).tolist(), len(u)]
+    kind = path.kind[here]
+    spans = np.column_stack((run.bounds[low:high], run.bounds[low + 1 : high + 1], path.spans))
+    straight = kind == STRAIGHT
+    if straight.any():
+        lines = np.where(straight, here, -1)
+        sample_lines(sigma, speed, lines, spans, path.bases, path.travels, path.ends, position, velocity)
+    if path.arcs is not None:
+        arcs = np.where(kind == ARC_KIND, here, -1)
+        sample_arcs(
+            sigma, speed, arcs, spans, path.arcs, path.bases, path.travels, path.ends, position, velocity
+        )
+    if path.splines:
+        _sample_splines(path, spans, here, sigma, speed, position, velocity)
+    others = np.flatnonzero(kind == OTHER)
+    if len(others):
+        # segments are in order along time, so the rows of one stand together
+        cuts = [0, *(np.flatnonzero(np.diff(here[others])) + 1).tolist(), len(others)]
         for start, stop in pairwise(cuts):
-            segment = segments[here[start]]
-            simple = segment.straight or segment.arc is not None
-            if not simple and not of_splines[here[start]]:
-                part = slice(start, stop)
-                which = int(index[start])
-                s = segment.begin + (sigma[part] - run.bounds[which]) / segment.scale
-                at_end = sigma[part] >= run.bounds[which + 1]
-                s = np.where(at_end, segment.finish, np.clip(s, segment.begin, segment.finish))
-                position[part], slope = segment.sample(s)
-                velocity[part] = slope * (speed[part, None] / segment.scale)
-    axes = np.array([each.active for each in segments], dtype=np.uint64)[here]
-    line = np.array([each.line for each in segments], dtype=np.int64)[here]
-    feed_scale = np.array([each.feed_scale for each in segments])[here]
-    return Rows(first, position, velocity, axes, line, feed_scale=feed_scale)
+            part = slice(int(others[start]), int(others[stop - 1]) + 1)
+            which = int(index[part.start])
+            segment = run.segments[which]
+            s = segment.begin + (sigma[part] - run.bounds[which]) / segment.scale
+            at_end = sigma[part] >= run.bounds[which + 1]
+            s = np.where(at_end, segment.finish, np.clip(s, segment.begin, segment.finish))
+            position[part], slope = segment.sample(s)
+            velocity[part] = slope * (speed[part, None] / segment.scale)
+    return Rows(
+        first, position, velocity, path.active[here], path.line[here], feed_scale=path.feed_scale[here]
+    )
 
 
 def _sample_splines(
-    run: PlannedRun,
-    index: NDArray[np.intp],
-    low: int,
-    high: int,
+    path: PathColumns,
+    spans: Array,
+    here: NDArray[np.intp],
     sigma: Array,
     speed: Array,
     position: Array,
     velocity: Array,
-) -> list[bool]:
+) -> None:
     """Write the rows on parts of splines, all of one spline at once.
 
     Args:
-        index: the segment of each row, shape (n,). low, high: of those that there are rows on.
+        path: of the segments that there are rows on, with their σ at start and end, scale, begin and finish
+            in ``spans``, shape (m, 5). here: which of them each row is on, shape (n,).
         sigma, speed: of each row, shape (n,). position, velocity: written there, shape (n, K).
-
-    Returns:
-        Which of the segments are parts of splines.
     """
-    parts = [spline_part(segment) for segment in run.segments[low:high]]
-    first = 0
-    for spline, group in groupby(parts, lambda part: None if part is None else part.spline):
-        curves = [part for part in group if part is not None]
-        if spline is None:
-            first = next((i for i in range(first, len(parts)) if parts[i] is not None), len(parts))
+    assert path.domains is not None
+    for spline, columns, first, behind in path.splines:
+        start, stop = np.searchsorted(here, (first, behind)).tolist()
+        if start == stop:
             continue
-        segments = run.segments[low + first : low + first + len(curves)]
-        start, stop = np.searchsorted(index, (low + first, low + first + len(curves))).tolist()
-        at = slice(start, stop)
-        here = index[at] - (low + first)
-        low_t, begin, finish, span, scale = np.array(
-            [
-                (curve.low, each.begin, each.finish, curve.high - curve.low, each.scale)
-                for curve, each in zip(curves, segments, strict=True)
-            ]
-        ).T
-        begins, ends, rates = low_t + begin * span, low_t + finish * span, span / scale
-        t = begins[here] + (sigma[at] - run.bounds[index[at]]) * rates[here]
-        passed = sigma[at] >= run.bounds[index[at] + 1]
-        t = np.where(passed, ends[here], np.clip(t, begins[here], ends[here]))
+        at, part = slice(start, stop), slice(first, behind)
+        low = path.domains[part, 0]
+        span = path.domains[part, 1] - low
+        scale, begin, finish = path.spans[part].T
+        begins, ends, rates = low + begin * span, low + finish * span, span / scale
+        which = here[at] - first
+        t = begins[which] + (sigma[at] - spans[here[at], 0]) * rates[which]
+        passed = sigma[at] >= spans[here[at], 1]
+        t = np.where(passed, ends[which], np.clip(t, begins[which], ends[which]))
         found = spline.at(t)
         found[0][t >= spline.breaks[-1]] = spline.end
-        columns = segments[0].columns[0]
         # columns beside the spline may rest elsewhere from line to line
-        position[at], velocity[at] = np.array([each.base for each in segments])[here], 0.0
+        position[at], velocity[at] = path.bases[here[at]], 0.0
         position[at, columns] = found[0]
-        velocity[at, columns] = found[1] * (rates[here] * speed[at])[:, None]
-        first += len(curves)
-    return [part is not None for part in parts]
+        velocity[at, columns] = found[1] * (rates[which] * speed[at])[:, None]

@@ -1,0 +1,98 @@
+"""Segments in columns behave as a list of the same segments does."""
+
+from __future__ import annotations
+
+import math
+
+import hypothesis.strategies as st
+import msgspec
+import numpy as np
+from hypothesis import given
+
+from mcserver.motion.canonical import PlainRun
+from mcserver.motion.geometry.path_columns import PathColumns
+from mcserver.motion.geometry.segment import Segment
+from mcserver.motion.geometry.segment_list import SegmentList
+from mcserver.motion.geometry.straight_run import StraightRun
+
+OPERATIONS = ("append", "extend", "run", "set", "drop", "truncate", "copy", "slice")
+
+
+def run_of(first: int, count: int) -> StraightRun:
+    points = np.cumsum(np.full((count + 1, 2), 0.01 * first), axis=0)
+    lengths = np.full(count, 0.01 * first * math.sqrt(2.0))
+    lines = np.arange(first, first + count)
+    run = PlainRun(lines, (0, 1), points, lengths, lengths, lengths / 0.1, np.full(count, 0.1))
+    straight = StraightRun.of(run, {0: 0, 1: 1}, np.ones(2, np.bool_), np.zeros(2))
+    assert straight is not None
+    return straight
+
+
+def objects(first: int, count: int) -> list[Segment]:
+    run = run_of(first, count)
+    return list(SegmentList.of(run.segments(run.scales, 3)))
+
+
+def same_columns(one: PathColumns, other: PathColumns) -> bool:
+    return all(
+        np.array_equal(getattr(one, name), getattr(other, name))
+        for name in ("line", "active", "opens", "closes", "feed_scale", "kind", "spans", "bases", "ends")
+    )
+
+
+@given(st.data())
+def test_a_list_of_segments_in_columns_changes_as_one_of_objects_does(data: st.DataObject) -> None:
+    found, expected = SegmentList(), list[Segment]()
+    kept: list[tuple[SegmentList, list[Segment]]] = []
+    line = 1
+    for operation in data.draw(st.lists(st.sampled_from(OPERATIONS), max_size=30)):
+        count = data.draw(st.integers(0, 5))
+        at = min(count, len(expected))
+        if operation == "append":
+            (segment,) = objects(line, 1)
+            found.append(segment)
+            expected.append(segment)
+        elif operation == "extend":
+            more = objects(line, count) if count else []
+            found.extend(more)
+            expected += more
+        elif operation == "run" and count:
+            run = run_of(line, count)
+            found.extend_by(run.segments(run.scales, 3))
+            expected += list(found[len(expected) :])
+        elif operation == "set" and expected:
+            index = data.draw(st.integers(-len(expected), len(expected) - 1))
+            segment = msgspec.structs.replace(expected[index], begin=0.25, opens=False)
+            found[index] = segment
+            expected[index] = segment
+        elif operation == "drop":
+            found.drop(at)
+            expected = expected[at:]
+        elif operation == "truncate":
+            found.truncate(at)
+            expected = expected[:at]
+        elif operation == "copy":
+            kept.append((found.copy(), list(expected)))
+        elif operation == "slice":
+            kept.append((found[at:], expected[at:]))
+        line += 5
+    for one, other in [(found, expected), *kept]:
+        assert len(one) == len(other)
+        # the same objects, however often and in whichever way they are asked for
+        assert all(each is segment for each, segment in zip(one, other, strict=True))
+        assert all(one[index] is segment for index, segment in enumerate(other))
+        if other:
+            low = len(other) // 3
+            assert same_columns(one.columns(low, len(other)), PathColumns.of(other[low:]))
+            assert one.feed_scales().tolist() == [each.feed_scale for each in other]
+
+
+def test_a_segment_of_a_run_is_the_one_that_its_line_makes() -> None:
+    run = run_of(3, 4)
+    third = SegmentList.of(run.segments(run.scales, 7, 0.02))[2]
+    assert (third.line, third.mask, third.active, third.tolerance) == (5, 3, 7, 0.02)
+    assert third.base.tolist() == run.points[2].tolist()
+    assert third.end.tolist() == run.points[3].tolist()
+    assert third.straight
+    assert third.duration is None
+    assert third.requested == float(run.run.requested[2])
