@@ -117,10 +117,11 @@ def weights_of(machine: Machine) -> Array:
 def away_from(machine: Machine, group: FeedGroup, base: Array, points: Array) -> Array:
     """Distance of points (n, K) from a group's path, shape (n,); a degree counts as a millimetre.
 
-    The nearest s by Gauss-Newton from the nearest sample of each turn: turns of a helix lie close together.
+    The nearest s by Gauss-Newton from the nearest sample of each half turn: turns of a helix, or the two ends
+    of one, lie close together.
     """
     sweep = max((abs(curve.sweep) for curve in group.curves if isinstance(curve, ArcCurve)), default=0.0)
-    turns = max(1, math.ceil(sweep / (2.0 * math.pi)))
+    turns = max(1, math.ceil(sweep / math.pi))
     count = 2 + int(16 * sweep / turns)
     weights = weights_of(machine)
     points = points * weights

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.bench.motion_laws import MOST_ROWS, broken_laws, broken_under_orders, program_of
+from tests.bench.wide_programs import wide_program_of
 from tests.motion.support import alike, at_speed, line_curve, plan
 
 
@@ -29,3 +30,13 @@ def test_broken_limits_are_named() -> None:
     motion.machine = alike(2, velocity=100.0, acceleration=500.0, jerk=1000.0)
     broken = " ".join(broken_laws(motion))
     assert all(name in broken for name in ("velocity", "acceleration", "jerk"))
+
+
+# 9: a line with a T of its own was cut inside, and what was left of it asked for all of T. 32: speeds at both
+# ends of a late line were raised until it ended before its T. 139: a curve that ends with a chord was left
+# with a step of velocity. 581: a curve was not looked at between its knots on a line much longer than these are
+# apart.
+@pytest.mark.parametrize("seed", [9, 32, 139, 581])
+def test_a_program_of_what_machines_seldom_do_keeps_every_law(seed: int) -> None:
+    machine, moves, commits = wide_program_of(seed)
+    assert broken_laws(plan(machine, moves, commits=commits)) == []

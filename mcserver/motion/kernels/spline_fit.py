@@ -32,8 +32,8 @@ ROUNDS, AIM, LEAST, MOST = 24, 0.9, 0.88, 0.35
 FLOOR = 0.1
 # Conditions at an end: its place alone, where the motion rests, or place and three derivatives.
 AT_REST, JOINED = 1, 4
-# Samples of one chord at most.
-MOST_SAMPLES = 200
+# Samples of one chord at most, and the least step to the next place that is checked, as a share of a chord.
+MOST_SAMPLES, LEAST_STEP = 200, 1e-6
 # Gauss-Legendre quadrature with three places, exact for the square of a third derivative.
 _PLACES = (0.5 - 0.5 * math.sqrt(0.6), 0.5, 0.5 + 0.5 * math.sqrt(0.6))
 _WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
@@ -220,26 +220,30 @@ def deviations(t: Array, points: Array, knots: Array, spans: Array, found: Array
     width = points.shape[1]
     span = 0
     for chord in range(len(t) - 1):
-        low, length = t[chord], t[chord + 1] - t[chord]
-        while span < len(spans) - 1 and knots[span + ORDER] <= low:
-            span += 1
-        step = CHECK_STEP * (knots[span + ORDER] - knots[span + DEGREE])
-        count = max(1, math.ceil(length / max(step, length / MOST_SAMPLES)))
-        worst = sharpest = 0.0
-        for i in range(count + 1):
-            share = i / count
-            place = low + share * length
+        low, high = t[chord], t[chord + 1]
+        # knots stand far closer at a vertex than along a line: steps follow them
+        place, last_place, last_bend = low, low, 0.0
+        worst = between = 0.0
+        done = False
+        while not done:
+            done = place >= high
+            if done:
+                place = high
             while span < len(spans) - 1 and knots[span + ORDER] <= place:
                 span += 1
             x = place - knots[span + DEGREE]
+            share = (place - low) / (high - low)
             square = bent = 0.0
             for k in range(width):
                 position, bend = position_and_bend(spans, span, x, k)
                 gap = position - (points[chord, k] + share * (points[chord + 1, k] - points[chord, k]))
                 square += gap * gap
                 bent += bend * bend
-            worst, sharpest = max(worst, square), max(sharpest, bent)
-        between = (length / count) ** 2 / 8.0 * math.sqrt(sharpest)
+            apart, bent = place - last_place, math.sqrt(bent)
+            worst = max(worst, square)
+            between = max(between, apart * apart / 8.0 * max(bent, last_bend))
+            last_place, last_bend = place, bent
+            place += max(CHECK_STEP * (knots[span + ORDER] - knots[span + DEGREE]), LEAST_STEP * (high - low))
         found[chord] = math.sqrt(worst) + between
 
 

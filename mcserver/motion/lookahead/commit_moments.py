@@ -111,9 +111,18 @@ def last_steady(plan: PlannedRun, until: float) -> float:
     index = int(np.nonzero(steady)[0][-1])
     start = float(phases.start[index])
     if phases.jerk[index] != 0.0:
-        return start
+        return _before_timed(plan, start)
     ends = phases.end_of(index)
     if plan.timed[index + 1 : index + 2].any():
         # a corner in a time of its own begins there, with a speed that is not the path's
         ends = max(ends - LEAST_PHASE_S, start)
-    return min(until, ends)
+    return _before_timed(plan, min(until, ends))
+
+
+def _before_timed(plan: PlannedRun, moment: float) -> float:
+    """Return a time, or where the line begins that it lies in, if that has a time of its own [s].
+
+    Such a line is not cut inside: what is left of it would ask for all of its T.
+    """
+    segment = plan.segment_at(plan.at_end(moment))
+    return float(plan.times[segment]) if plan.segments[segment].duration is not None else moment

@@ -47,6 +47,8 @@ from mcserver.motion.profile.velocity_profile import Phases, ProfileSolver, join
 SPEED_PROBES = 17
 # Late segments of one window that stops are tried for.
 MOST_STOPS = 8
+# Shares of the mean speed of a segment that would end before its T, to which speeds at its ends are lowered.
+SLOWER = (1.0, 0.5, 0.0)
 # Share of the time of all that such a stop has to come below, where it lets no more lines keep their T.
 STOP_GAIN = 0.8
 
@@ -99,8 +101,8 @@ class _Law:
 
 
 def _lateness(solution: Solution) -> tuple[int, float]:
-    """Return how many timed segments are late, and the time of all [s]."""
-    return len(solution.late), float(solution.phases[:, 0].sum())
+    """Return how many timed segments miss their T, and the time of all [s]."""
+    return len(solution.late) + len(solution.early), float(solution.phases[:, 0].sum())
 
 
 def _with_all_stops(
@@ -168,6 +170,24 @@ def _times_about(solution: Solution, ends: NDArray[np.intp]) -> Array:
     known = (solution.knots[place] == (ends - 1, ends, ends + 1)).all(axis=0)
     times: Array = np.where(known, passed[place[2]] - passed[place[0]], np.nan)
     return times
+
+
+def _none_early(
+    solver: KnotSolver, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
+) -> Solution:
+    """Lower speeds beside timed segments that end before their T until none does, at last to stops."""
+    for share in SLOWER:
+        solver.slow_down(solution.early, solution.speeds, junction_vmax, share)
+        try:
+            found = attempt(junction_vmax)
+        except PlanningError:
+            # the speed that is there already leaves no other
+            return solution
+        if len(found.early) <= len(solution.early):
+            solution = found
+        if not solution.early:
+            break
+    return solution
 
 
 class Lookahead:
@@ -398,6 +418,8 @@ class Lookahead:
             solution = attempt(junction_vmax)
         if solution.late:
             solution = self._with_stops(solution, junction_vmax, attempt)
+        if solution.early:
+            solution = _none_early(solver, solution, junction_vmax, attempt)
         knots, first = solution.knots, solution.first
         rows, sealed = solution.phases, None
         if not self.table.timed.any():

@@ -178,8 +178,10 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
 
     The velocity of an axis may step by max_acceleration·dt, its acceleration by max_jerk·dt. Where that
     leaves less than a crawl, the motion stops there: a stop costs hardly more and keeps the jerk limit too.
-    Where a tolerance is given the jerk limit holds at the vertex as well: the tolerance is there to round it.
+    Where a tolerance is given the jerk limit holds at the vertex as well: the tolerance is there to round it;
+    and at the end of a curve, whose tangent need not be that of the line that it stands for.
     """
+    of_curve = bool(before.curves) and isinstance(before.curves[0], SplineCurve)
     samples = np.zeros((2, 5 * len(before.last) + 2))
     speed, scale = junction_vmax_of(
         before.last,
@@ -190,7 +192,7 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
         limits.rows,
         limits.cycle,
         before.may_be_split and after.may_be_split and limits.torque is None,
-        after.tolerance > 0.0,
+        after.tolerance > 0.0 or of_curve,
         samples,
     )
     if scale == 0.0:

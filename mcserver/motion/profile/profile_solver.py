@@ -7,8 +7,9 @@ solved again. Segments of G93 stand between knots of their own, since each has i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from enum import Enum
 from itertools import pairwise
 
 import numpy as np
@@ -19,10 +20,24 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.kernels.groups import Groups
 from mcserver.motion.kernels.knots import SOLVED, find_knots
-from mcserver.motion.lookahead.path_limits import AccelerationLimit, RunLimits
+from mcserver.motion.lookahead.path_limits import RunLimits
 from mcserver.motion.lookahead.segment_table import SegmentTable
 from mcserver.motion.profile.speed_ramps import min_time_profiles, profiles_in_time
 from mcserver.motion.profile.velocity_profile import Profile, ProfileSolver, rows_of
+
+# Shares of the greatest speed at an end of a late segment that are tried for it, and halvings between the
+# last with which it is late and the first with which it ends too soon.
+RAISES, HALVINGS = (0.1, 0.25, 0.5, 0.75, 1.0), 12
+# Rounding of a T.
+SAME_TIME = 1e-9
+
+
+class Timing(Enum):
+    """How a timed segment can be passed between two speeds: its T may be out of reach on either side."""
+
+    KEPT = 0
+    LATE = 1
+    EARLY = 2
 
 
 @dataclass(frozen=True)
@@ -32,6 +47,7 @@ class Solution:
     Attributes:
         phases: rows of `mcserver.motion.kernels.phases`. first: the first phase behind each knot, and one
             past the last, shape (k,). late: timed groups that take longer than their T, in order, and why.
+        early: those that end before it, since the speeds at their ends leave no slower profile.
     """
 
     knots: NDArray[np.intp]
@@ -39,6 +55,7 @@ class Solution:
     phases: Array
     first: NDArray[np.intp]
     late: dict[int, Bound]
+    early: tuple[int, ...] = ()
 
 
 class KnotSolver:
@@ -79,18 +96,21 @@ class KnotSolver:
         # stretches with a time of their own between those without
         parts: list[Array] = []
         late: dict[int, Bound] = {}
+        early: list[int] = []
         ends = [*first.tolist(), len(phases)]
         for index, (left, right) in enumerate(pairwise(knots)):
             if ends[index] < 0:
-                profiles, bound = self._in_time(left, speeds[left], speeds[right])
-                if bound is not None:
-                    late[left] = bound
+                profiles, timing = self._in_time(left, speeds[left], speeds[right])
+                if timing is Timing.LATE:
+                    late[left] = self._bound_of(left, profiles)
+                elif timing is Timing.EARLY:
+                    early.append(left)
                 parts.append(rows_of(profiles, float(self._groups.edges[left])))
             else:
                 until = next(end for end in ends[index + 1 :] if end >= 0)
                 parts.append(phases[ends[index] : until])
         offsets = np.concatenate([[0], np.cumsum([len(part) for part in parts])])
-        return Solution(found, speeds, np.concatenate(parts), offsets, late)
+        return Solution(found, speeds, np.concatenate(parts), offsets, late, tuple(early))
 
     def _found(self, junction_vmax: Array) -> tuple[NDArray[np.intp], Array, Array, NDArray[np.intp]]:
         """Return knots, their speeds, phases and where these begin, as `find_knots` gives them."""
@@ -127,7 +147,7 @@ class KnotSolver:
     def _segment(self, group: int) -> Segment:
         return self._table.segments[int(self._groups.starts[group])]
 
-    def _in_time(self, index: int, entry: float, exit_: float) -> tuple[list[Profile], Bound | None]:
+    def _in_time(self, index: int, entry: float, exit_: float) -> tuple[list[Profile], Timing]:
         """Plan one G93 segment: T to the rounding error where the limits allow it, else as short as they
         allow.
         """
@@ -136,11 +156,22 @@ class KnotSolver:
         limit_table = self.run.limit_table(index, index + 1)
         kept = profiles_in_time(self._solver, segment.extent, entry, exit_, limit_table, segment.duration)
         if kept is not None:
-            return kept, None
+            return kept, Timing.KEPT
         quickest = min_time_profiles(segment.extent, entry, exit_, limit_table)
         if quickest is None:
             raise PlanningError(segment.line)
-        return quickest, self._bound_of(index, quickest, limit_table)
+        least = sum(part.duration for part in quickest)
+        early = least < segment.duration * (1.0 - SAME_TIME)
+        return quickest, Timing.EARLY if early else Timing.LATE
+
+    def _timing(self, index: int, speeds: dict[int, float]) -> Timing:
+        """Return how a segment can be passed between these speeds; one without T keeps it."""
+        if self._segment(index).duration is None:
+            return Timing.KEPT
+        try:
+            return self._in_time(index, speeds[index], speeds[index + 1])[1]
+        except PlanningError:
+            return Timing.LATE
 
     def raise_speeds(self, late: Iterable[int], speeds: dict[int, float], junction_vmax: Array) -> bool:
         """Raise speeds at the ends of timed segments that take longer than their T (D-33).
@@ -156,39 +187,74 @@ class KnotSolver:
             for end, other in ((index, index - 1), (index + 1, index + 1)):
                 if end in (0, len(self._timed)) or junction_vmax_hard[end] <= now[end] * (1.0 + 1e-9):
                     continue
-                if not self._timed_overrun(index, now):
+                if self._timing(index, now) is not Timing.LATE:
                     break
-                low, high = now[end], float(junction_vmax_hard[end])
-                best = low
-                for share in (0.1, 0.25, 0.5, 0.75, 1.0):
-                    trial = {**now, end: low + share * (high - low)}
-                    if self._timed_overrun(other, trial) and not self._timed_overrun(other, now):
-                        break
-                    best = trial[end]
-                    if not self._timed_overrun(index, trial):
-                        break
-                if best > low:
+                best = self._raised(index, other, end, now)
+                if best > now[end]:
                     now[end] = best
                     junction_vmax[end] = best
                     changed = True
         return changed
 
-    def _timed_overrun(self, index: int, speeds: dict[int, float]) -> bool:
-        """Return whether a timed segment cannot keep its T between these speeds; False for one without T."""
-        segment = self._segment(index)
-        if segment.duration is None:
-            return False
-        kept = profiles_in_time(
-            self._solver,
-            segment.extent,
-            speeds[index],
-            speeds[index + 1],
-            self.run.limit_table(index, index + 1),
-            segment.duration,
-        )
-        return kept is None
+    def _raised(self, index: int, other: int, end: int, speeds: dict[int, float]) -> float:
+        """Return the speed at one end of a late segment with which it keeps its T, or is least late.
 
-    def _bound_of(self, index: int, profiles: list[Profile], limit_table: list[AccelerationLimit]) -> Bound:
+        Args:
+            other: the segment beyond that end, which is not to lose its own T.
+        """
+        low, high = speeds[end], float(self._groups.junction_vmax_hard[end])
+        best, beyond = low, self._timing(other, speeds)
+
+        def timing(speed: float) -> Timing | None:
+            """Return how the segment is passed; None: the other one loses its T."""
+            trial = {**speeds, end: speed}
+            then = self._timing(other, trial)
+            if then is not beyond and then is not Timing.KEPT:
+                return None
+            return self._timing(index, trial)
+
+        for share in RAISES:
+            speed = low + share * (high - low)
+            found = timing(speed)
+            if found is Timing.EARLY:
+                best = self._between(best, speed, timing)
+            if found is not Timing.LATE:
+                return speed if found is Timing.KEPT else best
+            best = speed
+        return best
+
+    @staticmethod
+    def _between(late: float, early: float, timing: Callable[[float], Timing | None]) -> float:
+        """Return a speed with which a segment keeps its T, between one with which it is late and one with
+        which it is early; the greatest with which it is late where there is none.
+        """
+        for _ in range(HALVINGS):
+            middle = 0.5 * (late + early)
+            found = timing(middle)
+            if found is Timing.KEPT:
+                return middle
+            if found is Timing.LATE:
+                late = middle
+            else:
+                early = middle
+        return late
+
+    def slow_down(
+        self, early: Iterable[int], speeds: dict[int, float], junction_vmax: Array, share: float
+    ) -> None:
+        """Lower the speeds at the ends of timed segments that end before their T to a share of their mean
+        speeds: between two such speeds there is a profile that takes T, or longer.
+        """
+        for index in early:
+            segment = self._segment(index)
+            assert segment.duration is not None
+            mean = segment.extent / segment.duration
+            for end in (index, index + 1):
+                if 0 < end < len(self._timed):
+                    junction_vmax[end] = min(junction_vmax[end], speeds[end], share * mean)
+
+    def _bound_of(self, index: int, profiles: list[Profile]) -> Bound:
+        limit_table = self.run.limit_table(index, index + 1)
         first = int(self._groups.starts[index])
         peak = max(part.peak_velocity for part in profiles)
         if peak >= 0.999 * limit_table[-1].velocity:

@@ -17,9 +17,9 @@ from tests.motion.support import alike, plan, polyline
 from tests.motion.test_laws import law
 
 SPEED = 0.1
-# What the cubic between two samples misses of an extreme, by order: the third derivative is a parabola from
+# What the cubic between two samples misses of an extreme, by order: the fourth derivative is straight from
 # knot to knot, and knots stand between samples.
-MISSED = (1.0 + 2e-4, 1.0 + 2e-4, 1.0 + 5e-3)
+MISSED = (1.0 + 2e-4, 1.0 + 1e-3, 1.0 + 5e-3)
 
 
 def curves_of(points: Array) -> list[SmoothRun]:
