@@ -21,7 +21,7 @@ export PIP_NO_INPUT := 1
 # each process of a test would read every source anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: sdks build-sdks help demo dog test test-computing test-computing-beside test-realtime test-realtime-alone socketcan socketcan-long faults soak fire fuzz schedules laws lint format bench pictures clean
+.PHONY: sdks build-sdks help demo dog test test-clients test-all test-computing test-computing-beside test-clocked test-clocked-alone socketcan socketcan-long faults soak fire fuzz schedules laws lint format bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -33,40 +33,49 @@ demo: $(VENV)/.for-demo  ## arcs, then a walking robot dog, over Zenoh; the path
 dog: $(VENV)/.for-demo  ## the robot dog of the demo alone: out/dog.png
 	@$(BIN)/python examples/demo.py examples/robot-dog.gcode --machine robot-dog --output out/dog.png
 
-# those with servers and clocks mostly wait, three at a time; those that only compute take what is left of the
-# cores, and are shown when they are through; both run whatever the other says
-test: $(VENV)/.for-development  ## run every test
+# what has a clock mostly waits, three at a time; what only computes takes what is left of the cores, and is shown
+# when it is through; both run whatever the other says. FIRST=…: targets to be made before those with a clock
+test: $(VENV)/.for-development  ## the tests of the server, its commands, its drives and the Python SDK
 ifdef ARGS
 	$(BIN)/python -m pytest $(ARGS)
 else
-	@mkdir -p out; code=0; realtime=0; \
+	@mkdir -p out; code=0; clocked=0; \
 		$(MAKE) --no-print-directory test-computing-beside >out/test-computing.log 2>&1 & computing=$$!; \
 		trap 'kill $$computing 2>/dev/null' EXIT; \
 		echo "the tests that compute: beside these, out/test-computing.log"; \
-		$(MAKE) --no-print-directory test-realtime || realtime=1; \
+		for each in $(FIRST); do $(MAKE) --no-print-directory $$each || code=1; done; \
+		$(MAKE) --no-print-directory test-clocked || clocked=1; \
 		wait $$computing || code=1; cat out/test-computing.log; \
-		[ $$realtime = 0 ] || $(MAKE) --no-print-directory test-realtime-alone || code=1; exit $$code
+		[ $$clocked = 0 ] || $(MAKE) --no-print-directory test-clocked-alone || code=1; exit $$code
 endif
+
+test-clients: build-sdks  ## the tests of SDKs in other languages, of the pages in Chromium and of editors
+	@$(MAKE) --no-print-directory test-clocked CLOCKED=clients
+
+test-all: build-sdks  ## both, together: every test
+	@$(MAKE) --no-print-directory test CLOCKED='realtime or clients'
 
 # beside others they get a core now and then: only what never ends is stopped
 test-computing: $(VENV)/.for-development  ## the tests that only compute, on all cores
-	$(BIN)/python -m pytest -m 'not realtime' --numprocesses auto --dist worksteal --timeout 900 $(ARGS)
+	$(BIN)/python -m pytest -m computing --numprocesses auto --dist worksteal --timeout 900 $(ARGS)
 
 test-computing-beside:
 	@exec $(BESIDE) $(MAKE) --no-print-directory test-computing ARGS="$(ARGS)"
 
-REALTIME := $(BIN)/python -m pytest -m realtime -o cache_dir=.pytest_cache/realtime
-test-realtime: $(VENV)/.for-development build-sdks  ## the tests with servers and buses, three at a time
-	$(REALTIME) --numprocesses 3 --dist worksteal $(ARGS)
+CLOCKED := realtime
+KEPT := .pytest_cache/clocked
+PYTEST_CLOCKED := $(BIN)/python -m pytest -m '$(CLOCKED)' -o cache_dir=$(KEPT)
+test-clocked: $(VENV)/.for-development  ## the tests with servers and buses, three at a time
+	$(PYTEST_CLOCKED) --numprocesses 3 --dist loadscope $(ARGS)
 
 # a server, its drives and their reader that shared two cores with other tests may have been late, which is a
 # fault for a machine: few of them get the computer for themselves, once, and are named
 ALONE := 5
-test-realtime-alone: $(VENV)/.for-development
-	@failed=$$(grep -c '": true' .pytest_cache/realtime/v/cache/lastfailed); \
+test-clocked-alone: $(VENV)/.for-development
+	@failed=$$(grep -c '": true' $(KEPT)/v/cache/lastfailed); \
 		[ "$$failed" -le $(ALONE) ] || { echo "$$failed tests failed, more than $(ALONE): not a matter of time"; exit 1; }; \
-		echo "failed beside others, once more alone:"; cat .pytest_cache/realtime/v/cache/lastfailed; echo
-	$(REALTIME) --last-failed --last-failed-no-failures none
+		echo "failed beside others, once more alone:"; cat $(KEPT)/v/cache/lastfailed; echo
+	$(PYTEST_CLOCKED) --last-failed --last-failed-no-failures none
 
 # QEMU, busybox and (once) Debian's kernel: deploy/qemu/README.md
 # the emulated processor is an order of magnitude slower, and its files cannot be written: whatever its Python

@@ -1,4 +1,4 @@
-"""What all tests share: the two groups in which they run, and how kernels run in their process."""
+"""What all tests share: the groups in which they run, and how kernels run in their process."""
 
 from __future__ import annotations
 
@@ -17,56 +17,63 @@ ROOT = Path(__file__).parent
 settings.register_profile("without-deadline", settings(), deadline=None)
 settings.load_profile("without-deadline")
 
-# Files and folders with servers, executors or buses in real time: they mostly wait, and run few at a time.
-# All others compute, or wait for nothing but themselves: they run beside these, on all cores, at the lowest
-# priority.
-REALTIME = (
-    "browser",
-    "can/test_hub.py",
-    "canopen",
-    "cli/test_run.py",
-    "cli/test_streams.py",
-    "cli/test_tutorial.py",
-    "clients",
-    "drive_sim/test_process.py",
-    "drives/test_executor_process_on_can.py",
-    "e2e",
-    "e2e_can",
-    "executor/test_process.py",
-    "fire",
-    "gateway",
-    "net",
-    "packaging",
-    "planning/test_planner_process.py",
-    "sdks",
-    "security",
-    "socketcan",
-    "view/test_window.py",
-)
+# What a test is, by its file or folder; all others compute, or wait for nothing but themselves.
+GROUPS = {
+    # servers, executors or buses in real time: they mostly wait, and run few at a time
+    "realtime": (
+        "can/test_hub.py",
+        "canopen",
+        "cli/test_run.py",
+        "cli/test_streams.py",
+        "clients",
+        "drive_sim/test_process.py",
+        "drives/test_executor_process_on_can.py",
+        "e2e",
+        "e2e_can",
+        "executor/test_process.py",
+        "fire",
+        "gateway",
+        "net",
+        "packaging",
+        "planning/test_planner_process.py",
+        "security",
+        "socketcan",
+        "view/test_window.py",
+    ),
+    # SDKs of other languages, the pages in Chromium, an editor: real time too, and tools of others
+    "clients": ("browser", "language/test_neovim.py", "sdks"),
+}
+COMPUTING = "computing"
+
+
+def group_of(place: Path) -> str:
+    """The group of a file or folder below this one."""
+    for group, places in GROUPS.items():
+        if any(place.is_relative_to(each) for each in places):
+            return group
+    return COMPUTING
+
+
+def chosen_groups(expression: str) -> set[str]:
+    """The groups that ``-m`` chooses, as ``realtime or clients``; empty where it chooses otherwise."""
+    words = expression.split()
+    named = set(words[::2])
+    return named if named <= {*GROUPS, COMPUTING} and set(words[1::2]) <= {"or"} else set()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out the files of the other group, which each worker would import to run none of their tests."""
-    if not collection_path.is_relative_to(ROOT) or collection_path == ROOT:
+    """Leave out the files of other groups, which each worker would import to run none of their tests."""
+    chosen = chosen_groups(config.option.markexpr)
+    if not chosen or not collection_path.is_relative_to(ROOT) or collection_path == ROOT:
         return None
     place = collection_path.relative_to(ROOT)
-    match config.option.markexpr:
-        case "realtime":
-            leads_there = any(Path(each).is_relative_to(place) for each in REALTIME)
-            return None if is_realtime(place) or leads_there else True
-        case "not realtime":
-            return True if is_realtime(place) else None
-        case _:
-            return None
+    leads_there = any(
+        Path(each).is_relative_to(place) for group in chosen - {COMPUTING} for each in GROUPS[group]
+    )
+    return None if group_of(place) in chosen or leads_there else True
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests with servers, executors or buses in real time."""
+    """Mark each test with its group."""
     for item in items:
-        if is_realtime(item.path.relative_to(ROOT)):
-            item.add_marker(pytest.mark.realtime)
-
-
-def is_realtime(place: Path) -> bool:
-    """Whether a file or folder below this one has servers, executors or buses in real time."""
-    return any(place.is_relative_to(each) for each in REALTIME)
+        item.add_marker(group_of(item.path.relative_to(ROOT)))

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import pytest
 
-from tests.cli.command import ENTRY, ROOT
+from mcserver.cli.app import run_command_line
+from tests.cli.command import ROOT
 
 
 @pytest.mark.parametrize(
@@ -20,16 +17,13 @@ from tests.cli.command import ENTRY, ROOT
         ("mcserver check no-such-folder/a", []),
     ],
 )
-def test_what_is_typed_is_completed(typed: str, offered: list[str]) -> None:
-    words = typed.split()
-    asked = {"_MCSERVER_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(words) - 1)}
-    done = subprocess.run(
-        [sys.executable, "-c", ENTRY],
-        cwd=ROOT,
-        env={**os.environ, **asked, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert (done.stdout.split(), done.stderr) == (offered, "")
+def test_what_is_typed_is_completed(
+    typed: str, offered: list[str], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("_MCSERVER_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", typed)
+    monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - 1))
+    monkeypatch.chdir(ROOT)
+    run_command_line([])
+    shown = capfd.readouterr()
+    assert (shown.out.split(), shown.err) == (offered, "")

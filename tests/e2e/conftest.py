@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 from mcclient import Machine
+from mcclient.cli.app import run_command_line
 
-from tests.e2e.servers import ROOT, START_LIMIT_S, ServerProcess, environment
+from tests.e2e.servers import START_LIMIT_S, ServerProcess
 from tests.net.client import WireClient
 
 Mcctl = Callable[..., "subprocess.CompletedProcess[str]"]
-COMMAND_LIMIT_S = 40.0
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +29,6 @@ def dog_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProce
     """A server of the built-in machine `robot-dog`."""
     pytest.importorskip("pinocchio")
     yield from served(tmp_path_factory.mktemp("dog"), "robot-dog", "dog")
-
-
-@pytest.fixture
-def own_server(tmp_path: Path) -> Iterator[ServerProcess]:
-    """A server that a test may end and start as it likes."""
-    yield from served(tmp_path, "cartesian", "own")
 
 
 def served(folder: Path, machine: str, name: str, *, recorder: bool = False) -> Iterator[ServerProcess]:
@@ -70,19 +64,17 @@ def connected(server: ServerProcess) -> Machine:
 
 
 @pytest.fixture
-def mcctl() -> Mcctl:
-    """Runs the command to its end."""
+def mcctl(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Mcctl:
+    """Runs the command to its end in this process; tests/packaging has it as one of its own."""
+    for name in ("MC_CONNECT", "MC_MACHINE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("COLUMNS", "400")
+    monkeypatch.setenv("NO_COLOR", "1")
 
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "mcclient", *arguments],
-            capture_output=True,
-            text=True,
-            stdin=subprocess.DEVNULL,
-            timeout=COMMAND_LIMIT_S,
-            env=environment(),
-            cwd=ROOT,
-            check=False,
-        )
+        capfd.readouterr()
+        code = run_command_line(list(arguments))
+        shown = capfd.readouterr()
+        return subprocess.CompletedProcess(arguments, code, shown.out, shown.err)
 
     return run

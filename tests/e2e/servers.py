@@ -108,6 +108,11 @@ class ServerProcess:
         ready.put(None)
 
     @property
+    def running(self) -> bool:
+        """Whether it has been started, and has not ended."""
+        return self._process is not None and self._process.poll() is None
+
+    @property
     def pid(self) -> int:
         """Of the server's process."""
         assert self._process is not None
@@ -138,7 +143,7 @@ class ServerProcess:
 
     def close(self) -> None:
         """Ends whatever of it is still there."""
-        if self._process is not None and self._process.poll() is None:
+        if self._process is not None and self.running:
             self._process.terminate()
             try:
                 self._process.wait(STOP_LIMIT_S)

@@ -112,7 +112,8 @@ async def test_a_fault_a_killed_recorder_and_a_killed_server(
         assert (await machine.status()).t > 0.0
         listening.cancel()
 
-    shown = mcctl("record", "get", "cut", "--connect", boxed.endpoint, "-o", str(tmp_path / "cut.mcap"))
+    get = ("record", "get", "cut", "--connect", boxed.endpoint, "-o", str(tmp_path / "cut.mcap"))
+    shown = await asyncio.to_thread(mcctl, *get)
     assert shown.returncode == 0, shown.stderr
     assert (tmp_path / "cut.mcap").read_bytes() == (folder / "cut.mcap").read_bytes()
 

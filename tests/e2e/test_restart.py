@@ -6,6 +6,8 @@ import asyncio
 import contextlib
 import os
 import signal
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,22 @@ SLOW = 7
 END_MM = 6 * 25.4
 # the executor stops when the server's beat stays out, and then goes
 EXECUTOR_LIMIT_S = 15.0
+
+
+@pytest.fixture(scope="module")
+def process(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    made = ServerProcess(tmp_path_factory.mktemp("own"), "cartesian", "own")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def own_server(process: ServerProcess) -> Iterator[ServerProcess]:
+    """A server that a test may end and start as it likes; started where the test before has ended it."""
+    if not process.running:
+        process.start()
+    yield process
+    sys.stderr.write("".join(process.said))
 
 
 async def test_a_killed_server_shows_the_program_interrupted_and_moves_nothing(
@@ -167,6 +185,23 @@ async def test_a_killed_planner_stops_its_programs_on_their_paths_and_another_go
         assert (await machine.status()).axes.setpoint[0] == pytest.approx(1.0)
     assert own_server.end(signal.SIGTERM) == 0
     assert command_line(again) == ""
+
+
+async def test_sigterm_brings_motion_to_rest_and_leaves_nothing_open(own_server: ServerProcess) -> None:
+    async with connected(own_server) as machine:
+        program = await machine.program("part", [0])
+        reports = await listening(machine, program)
+        await program.send_lines(["G1010", "G94 F600", "G01 X500"])
+        await line_started(reports, 3)
+        (executor,), (planner,) = own_server.executors(), own_server.planners()
+        assert own_server.end(signal.SIGTERM) == 0
+        narration = "".join(own_server.said)
+        assert "stopped" in narration
+        assert "Traceback" not in narration
+        assert [command_line(each) for each in (executor, planner)] == ["", ""]
+        own_server.start()
+        found = await known(machine, program.id)
+        assert (found.state, found.done) == ("aborted", 2)
 
 
 async def test_a_planner_that_ends_again_and_again_ends_the_server(own_server: ServerProcess) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,9 +49,16 @@ def gait() -> str:
     return example("robot-dog").replace("G1050", "G04 P0.5\nG1050")
 
 
-def arcs() -> str:
-    """The listing of the reference, at its size."""
-    return example("arcs")
+def arcs(scale: float = 1.0) -> str:
+    """The listing of the reference at its size, which takes 40 s, or with all lengths by a factor."""
+
+    def scaled(word: re.Match[str]) -> str:
+        return f"{word[1]}{float(word[2]) * scale:g}"
+
+    return "\n".join(
+        re.sub(r"\b([XYUVRIJ])(-?\d+)", scaled, line.partition(";")[0])
+        for line in example("arcs").splitlines()
+    )
 
 
 def example(name: str) -> str:

@@ -13,6 +13,8 @@ from tests.e2e_can.programs import arcs, assert_as_ideal, gait, on_ideal_drives,
 
 CYCLE_HZ = 100.0
 BUSES = 4
+# of the arcs; at their size: tests/socketcan
+SCALE = 0.25
 
 
 async def test_the_dog_walks_on_twelve_drives_as_on_ideal_ones(tmp_path: Path) -> None:
@@ -26,5 +28,5 @@ async def test_the_dog_walks_on_twelve_drives_as_on_ideal_ones(tmp_path: Path) -
 async def test_the_arcs_are_true_on_twelve_drives_of_one_bus(tmp_path: Path) -> None:
     with running(tmp_path, lambda addresses: slides(addresses, CYCLE_HZ), channels=1) as cell:
         async with connected(cell.server) as machine:
-            moved = await on_the_bus(machine, arcs())
-    assert_as_ideal(moved, on_ideal_drives(arcs(), cell.raw), within=0.01, lag=0.5)
+            moved = await on_the_bus(machine, arcs(SCALE))
+    assert_as_ideal(moved, on_ideal_drives(arcs(SCALE), cell.raw), within=0.01, lag=0.5)

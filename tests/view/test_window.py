@@ -21,6 +21,7 @@ import viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
+from mcserver.cli.app import run_command_line
 from mcserver.cli.exit_codes import NobodyAnswers, UsageFault
 from mcserver.contract.samples import required, struct_type
 from mcserver.machine.machine_file import load_machine
@@ -35,12 +36,13 @@ from mcserver.view.opening import open_window
 from mcserver.view.player import Player
 from mcserver.view.tracks import tracks_of
 from mcserver.view.window import Window
-from tests.cli.command import ENTRY, ROOT, command
+from tests.cli.command import ENTRY, ROOT
 from tests.service.fakes import FakePipelines, FakePort
 
 DOG = load_machine("robot-dog")
 KINEMATICS = build_kinematics(DOG)
 LIMIT_S = 30.0
+Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture
@@ -193,29 +195,26 @@ def test_the_command_serves_a_program_until_it_is_signalled_to_end() -> None:
     assert answer["url"].encode() in narration
 
 
-def test_a_program_with_a_fault_is_rejected_before_anything_is_shown(tmp_path: Path) -> None:
+def test_a_program_with_a_fault_is_rejected_before_anything_is_shown(tmp_path: Path, capfd: Capture) -> None:
     (tmp_path / "bad.gcode").write_text("G01 XO\n")
-    answer = command("view", str(tmp_path / "bad.gcode"), "--port", "0", "--json")
-    assert answer.returncode == 4
-    assert "MC101" in [each["code"] for each in json.loads(answer.stdout)["diagnostics"]]
+    assert run_command_line(["view", str(tmp_path / "bad.gcode"), "--port", "0", "--json"]) == 4
+    assert "MC101" in [each["code"] for each in json.loads(capfd.readouterr().out)["diagnostics"]]
 
 
 @pytest.mark.parametrize(
     "arguments", [(), (str(ROOT / "examples" / "square.gcode"), "--connect", "tcp/[::1]:1")]
 )
-def test_either_a_program_or_a_server_has_to_be_named(arguments: tuple[str, ...]) -> None:
-    answer = command("view", *arguments, "--json")
-    assert answer.returncode == 2
-    assert json.loads(answer.stdout)["diagnostics"][0]["code"] == "MC017"
+def test_either_a_program_or_a_server_has_to_be_named(arguments: tuple[str, ...], capfd: Capture) -> None:
+    assert run_command_line(["view", *arguments, "--json"]) == 2
+    assert json.loads(capfd.readouterr().out)["diagnostics"][0]["code"] == "MC017"
 
 
-def test_where_nobody_answers_the_command_ends_with_5() -> None:
+def test_where_nobody_answers_the_command_ends_with_5(capfd: Capture) -> None:
     with socket.socket() as reserved:
         reserved.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{reserved.getsockname()[1]}"
-        answer = command("view", "--machine", "robot-dog", "--connect", endpoint)
-    assert answer.returncode == 5
-    assert b"MC530" in answer.stderr
+        assert run_command_line(["view", "--machine", "robot-dog", "--connect", endpoint]) == 5
+    assert "MC530" in capfd.readouterr().err
 
 
 def test_without_viser_the_command_names_the_extra() -> None:
