@@ -66,7 +66,7 @@ CLOCKED := realtime
 KEPT := .pytest_cache/clocked
 PYTEST_CLOCKED := $(BIN)/python -m pytest -m '$(CLOCKED)' -o cache_dir=$(KEPT)
 test-clocked: $(VENV)/.for-development  ## the tests with servers and buses, three at a time
-	$(PYTEST_CLOCKED) --numprocesses 3 --dist loadscope $(ARGS)
+	$(PYTEST_CLOCKED) --numprocesses 3 --dist loadscope --no-loadscope-reorder $(ARGS)
 
 # a server, its drives and their reader that shared two cores with other tests may have been late, which is a
 # fault for a machine: few of them get the computer for themselves, once, and are named

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -44,6 +45,21 @@ GROUPS = {
     "clients": ("browser", "language/test_neovim.py", "sdks"),
 }
 COMPUTING = "computing"
+# folders whose tests share a server: one process runs them all, where each would start its own
+TOGETHER = ("browser", "gateway", "sdks")
+# what takes longest, and begins first: nothing long is left for the end
+LONG = (
+    "browser",
+    "sdks",
+    "e2e_can",
+    "e2e/test_restart.py",
+    "security",
+    "gateway",
+    "e2e/test_recorded_in_step.py",
+    "canopen/test_families.py",
+    "fire",
+    "packaging",
+)
 
 
 def group_of(place: Path) -> str:
@@ -74,6 +90,29 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark each test with its group."""
+    """Mark each test with its group; the files that take longest come first."""
     for item in items:
         item.add_marker(group_of(item.path.relative_to(ROOT)))
+    items.sort(key=lambda item: order_of(item.path.relative_to(ROOT)))
+
+
+def order_of(place: Path) -> int:
+    """Where a file stands in the order of files; those that take no longer than others come last."""
+    found = (number for number, each in enumerate(LONG) if place.is_relative_to(each))
+    return next(found, len(LONG))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Deal out ``--dist loadscope`` by file, and by folder where a folder's tests share a server."""
+    if config.option.dist != "loadscope":
+        return None
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByServer(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.partition("::")[0]
+            folder = file.removeprefix(f"{ROOT.name}/").partition("/")[0]
+            return folder if folder in TOGETHER else file
+
+    return ByServer(config, log)
