@@ -232,16 +232,26 @@ class MotionPlanner:
         for part in (found.first, found.second, found.after):
             part.active = self._active
             self._window.append(part)
-        if self._reserve is not None and untouched.count <= self._reserve.window:
-            # the stop that is held in reserve runs to the untrimmed end: only a plan that is sure to hold
-            # may take its place
-            try:
-                self._plan = self._window.plan()
-            except PlanningError:
-                table.restore(untouched)
-                return False
-            # it is the stop in reserve for what comes behind
-            self._reserve = self._plan
+        under_way = self._reserve is not None and untouched.count <= self._reserve.window
+        # the stop that is held in reserve runs to the untrimmed end: only a plan that is sure to hold may
+        # take its place
+        if under_way and not self._plan_in_reserve():
+            table.restore(untouched)
+            return False
+        return True
+
+    def _plan_in_reserve(self) -> bool:
+        """Plan the window and hold that in reserve for what comes behind; return False, and nothing changed,
+        where no plan exists, or a line would end before its T.
+        """
+        try:
+            plan = self._window.plan()
+        except PlanningError:
+            return False
+        if plan.ends_early:
+            # the line under way had the rest of its T without this
+            return False
+        self._plan = self._reserve = plan
         return True
 
     def _take_chords(self) -> None:
@@ -305,13 +315,10 @@ class MotionPlanner:
             return True
         # the stop that is held in reserve runs to the end that was there: only a plan that is sure to hold
         # may take its place
-        try:
-            self._plan = self._window.plan()
-        except PlanningError:
+        if not self._plan_in_reserve():
             table.put_back(saved)
             self._open, self._reserve = None, reserve
             return False
-        self._reserve = self._plan
         return True
 
     def _solved(self) -> PlannedRun:

@@ -24,9 +24,10 @@ from tests.motion.support import (
     rows_of,
 )
 
-# Travels of a group [m or rad], and times that groups ask for [s].
+# Travels of a group [m or rad], and times that groups ask for [s]: alike, and short beside long.
 LENGTHS = (2e-4, 1e-3, 5e-3, 0.02, 0.05)
 TIMES = (0.05, 0.1, 0.2, 0.4)
+MIXED_TIMES = (0.004, 0.02, 0.05, 0.2, 0.4, 1.5)
 
 
 @dataclass(frozen=True)
@@ -67,8 +68,14 @@ class CommaMotion:
         return np.concatenate([np.zeros((3, self.position.shape[1])), self.position, [self.position[-1]] * 3])
 
 
-def comma_program(seed: int, *, jerk: bool = True, tolerance: float | None = None) -> CommaProgram:
-    """Return the program of a seed: two to three mechanisms of one or two axes, 2 to 9 lines."""
+def comma_program(
+    seed: int, *, jerk: bool = True, tolerance: float | None = None, times: tuple[float, ...] = TIMES
+) -> CommaProgram:
+    """Return the program of a seed: two to three mechanisms of one or two axes, 2 to 9 lines.
+
+    Args:
+        times: that groups under G93 ask for [s].
+    """
     draw = random.Random(seed)
     machine = _machine(draw, jerk=jerk)
     mechanisms = _mechanisms(draw, machine)
@@ -81,7 +88,12 @@ def comma_program(seed: int, *, jerk: bool = True, tolerance: float | None = Non
             timed = not timed
         count = 1 if draw.random() < 0.2 else len(mechanisms)
         chosen = draw.sample(mechanisms, count)
-        lines.append(tuple(_group(draw, machine, axes, position, headings, timed=timed) for axes in chosen))
+        lines.append(
+            tuple(
+                _group(draw, machine, axes, position, headings, times=times if timed else ())
+                for axes in chosen
+            )
+        )
     allowed = draw.choice((0.0, 1e-5, 1e-4)) if tolerance is None else tolerance
     commits = {
         draw.randint(1, len(lines)): draw.choice((1.0, 20.0, 150.0, math.inf))
@@ -124,7 +136,7 @@ def _group(
     position: Array,
     headings: dict[tuple[int, ...], Array],
     *,
-    timed: bool,
+    times: tuple[float, ...],
 ) -> FeedGroup:
     start = position[list(axes)].copy()
     length = draw.choice(LENGTHS)
@@ -144,8 +156,8 @@ def _group(
     position[list(axes)] = curve.position(np.array([1.0]))[0]
     mixed = len({machine.axes[axis].type for axis in axes}) > 1
     rotary = machine.axes[axes[0]].type.unit != "mm"
-    if timed or mixed or (rotary and len(axes) > 1):
-        return in_time(draw.choice(TIMES), curve)
+    if times or mixed or (rotary and len(axes) > 1):
+        return in_time(draw.choice(times or TIMES), curve)
     share = draw.choice((0.2, 0.6, 1.5))
     return at_speed(share * min(machine.axes[axis].max_velocity for axis in axes), curve)
 

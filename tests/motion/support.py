@@ -95,7 +95,7 @@ def arc_curve(
     end_radius = radius + growth
     end = [centre[0] + end_radius * math.cos(angle), centre[1] + end_radius * math.sin(angle)]
     end += [a + b for a, b in zip(start[2:], further, strict=True)]
-    length = math.hypot(abs(sweep) * (radius + end_radius) / 2.0, *further)
+    length = math.hypot(abs(sweep) * (radius + end_radius) / 2.0, growth, *further)
     return ArcCurve(
         tuple(axes),
         tuple(float(x) for x in start),

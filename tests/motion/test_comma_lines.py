@@ -9,7 +9,7 @@ import pytest
 
 from mcserver.motion.canonical import FeedGroup
 from mcserver.units import MM, AxisType
-from tests.motion.comma_programs import CommaMotion, CommaProgram, comma_program, run
+from tests.motion.comma_programs import MIXED_TIMES, TIMES, CommaMotion, CommaProgram, comma_program, run
 from tests.motion.measure import away_from
 
 SEEDS = range(40)
@@ -88,9 +88,14 @@ def test_comma_lines_in_the_flow_keep_every_limit_path_and_time(seed: int) -> No
     check(seed)
 
 
-def check(seed: int) -> tuple[CommaMotion, CommaMotion]:
+@pytest.mark.parametrize("seed", range(12))
+def test_short_times_beside_long_ones_end_no_line_before_its_own(seed: int) -> None:
+    check(seed, MIXED_TIMES)
+
+
+def check(seed: int, times: tuple[float, ...] = TIMES) -> tuple[CommaMotion, CommaMotion]:
     """Hold the program of a seed against its laws; return its motion, and that with rest at both ends."""
-    program = comma_program(seed)
+    program = comma_program(seed, times=times)
     motion, resting = run(program), run(program, at_rest=True)
     assert ratio(program, motion, 1) <= 1.001
     assert ratio(program, motion, 2) <= 1.01
@@ -109,6 +114,7 @@ def check(seed: int) -> tuple[CommaMotion, CommaMotion]:
     for number in range(1, len(program.lines) + 1):
         if kept and not program.commits:
             assert keeps_time(program, motion, number)
+        assert not ends_early(program, motion, number)
     if kept:
         assert motion.duration <= resting.duration * 1.0005 + 1.5
     return motion, resting
@@ -121,3 +127,10 @@ def keeps_time(program: CommaProgram, motion: CommaMotion, number: int) -> bool:
         return True
     wanted = max(group.requested for group in groups) / program.machine.cycle_s
     return abs(motion.ends[number] - motion.starts[number] - wanted) <= KEPT
+
+
+def ends_early(program: CommaProgram, motion: CommaMotion, number: int) -> bool:
+    """Whether a line ends more than a cycle before the longest T of its groups."""
+    asked = [group.duration for group in program.lines[number - 1] if group.duration is not None]
+    took = motion.ends[number] - motion.starts[number]
+    return bool(asked) and took < max(asked) / program.machine.cycle_s - 1.0

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup
-from tests.motion.measure import acceleration_ratio, least_time, rest_to_rest
+from tests.motion.measure import acceleration_ratio, least_time, rest_to_rest, speed_over_feed
 from tests.motion.programs import ACCELERATIONS, JERKS, LENGTHS, VELOCITIES, Program, programs
 from tests.motion.support import (
     AxisSpec,
@@ -167,6 +167,15 @@ def test_a_slow_follower_stretches_the_whole_group_by_the_least() -> None:
     assert motion.took(1) == pytest.approx(1.01, rel=1e-6)
     assert motion.bounds[1].bound.column == 1
     assert motion.bounds[1].bound.kind == "velocity"
+
+
+@pytest.mark.parametrize("growth", [5e-6, -5e-6])
+def test_the_speed_of_an_arc_whose_radius_changes_is_f_at_its_widest(growth: float) -> None:
+    # 5 um are allowed whatever the radius (D-22)
+    machine = alike(2, velocity=500.0, acceleration=2000.0)
+    arc = arc_curve((0.0, 0.0), (2e-4, 0.0), 2.0 * math.pi, growth=growth)
+    motion = plan(machine, [at_speed(5e-3, arc)])
+    assert 0.999 <= speed_over_feed(motion) <= 1.0001
 
 
 def test_the_speed_of_a_helix_is_that_along_the_helix() -> None:

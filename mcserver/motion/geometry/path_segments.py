@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mcserver.motion.canonical import PathRun
 from mcserver.motion.geometry.curves import ArcCurve, Array
 from mcserver.motion.geometry.run_segments import RunSegments
-from mcserver.motion.geometry.segment import NO_TRAVEL, samples_of_arc
+from mcserver.motion.geometry.segment import NO_TRAVEL, fed_length_of_arcs, samples_of_arc
 from mcserver.motion.kernels.arc_segments import ARC
 
 
@@ -74,8 +74,10 @@ class PathSegments:
             return None
         feeds = np.full(count, math.inf)
         if run.speeds is not None:
-            long = run.lengths > NO_TRAVEL
-            np.divide(run.speeds, run.lengths, out=feeds, where=long)
+            lengths = run.lengths.copy()
+            lengths[curved] = fed_length_of_arcs(lengths[curved], *arcs[curved, 5:8].T)
+            long = lengths > NO_TRAVEL
+            np.divide(run.speeds, lengths, out=feeds, where=long)
             np.divide(1.0, run.requested, out=feeds, where=~long & (run.requested > 0.0))
             feeds *= feed_scale
         masks = tuple(sum(1 << column for column in each.tolist()) for each in columns)

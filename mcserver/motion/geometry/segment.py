@@ -234,6 +234,27 @@ def samples_of_arc(sweep: Array) -> Array:
     return np.minimum(129.0, 3.0 + np.floor(128.0 * share))
 
 
+def fed_length_of_arcs(lengths: Array, sweeps: Array, radii: Array, growths: Array) -> Array:
+    """Return the greatest path speeds of arcs by s, which a change of radius makes more than their lengths,
+    shape (n,) [m].
+
+    Args:
+        lengths, sweeps: as of `ArcCurve`. radii, growths: at the start, and what they grow by.
+    """
+    widest = np.abs(growths) * (radii + 0.5 * growths) + 0.25 * growths * growths
+    fed: Array = np.sqrt(lengths * lengths + sweeps * sweeps * widest)
+    return fed
+
+
+def _fed_length(curve: Curve) -> float:
+    """Return the greatest path speed of a curve by s [m or rad]."""
+    if not isinstance(curve, ArcCurve):
+        return curve.length
+    radius = curve.start_radius
+    known = (curve.length, curve.sweep, radius, curve.end_radius - radius)
+    return float(fed_length_of_arcs(*(np.array(value) for value in known)))
+
+
 def _arc_of(group: FeedGroup, columns: tuple[NDArray[np.intp], ...]) -> Array | None:
     """Return `Segment.arc` of a feed group."""
     curve = group.curves[0]
@@ -286,7 +307,7 @@ def segment_of(
         feed_columns = feed_columns[linear[feed_columns]]
     if group.speed is not None:
         feed_speed = group.speed
-        length = group.curves[group.reference].length
+        length = _fed_length(group.curves[group.reference])
         feed = (
             group.speed / length
             if length > NO_TRAVEL

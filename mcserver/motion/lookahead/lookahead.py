@@ -47,8 +47,9 @@ from mcserver.motion.profile.velocity_profile import Phases, ProfileSolver, join
 SPEED_PROBES = 17
 # Late segments of one window that stops are tried for.
 MOST_STOPS = 8
-# Shares of the mean speed of a segment that would end before its T, to which speeds at its ends are lowered.
-SLOWER = (1.0, 0.5, 0.0)
+# Times that speeds beside segments that would end before their T are lowered: what slows down one may leave
+# another without a slower profile.
+SLOWDOWNS = 4
 # Share of the time of all that such a stop has to come below, where it lets no more lines keep their T.
 STOP_GAIN = 0.8
 
@@ -175,9 +176,9 @@ def _times_about(solution: Solution, ends: NDArray[np.intp]) -> Array:
 def _none_early(
     solver: KnotSolver, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
 ) -> Solution:
-    """Lower speeds beside timed segments that end before their T until none does, at last to stops."""
-    for share in SLOWER:
-        solver.slow_down(solution.early, solution.speeds, junction_vmax, share)
+    """Lower speeds beside timed segments that end before their T until none does, where that is possible."""
+    for _ in range(SLOWDOWNS):
+        solver.slow_down(solution.early, solution.speeds, junction_vmax)
         try:
             found = attempt(junction_vmax)
         except PlanningError:
@@ -370,6 +371,7 @@ class Lookahead:
             timed=np.zeros(len(law.phases.start), np.bool_),
             times=law.times,
             bound_by=bound_by,
+            ends_early=bool(law.solution.early),
         )
         stops, corners = self._corners_of(required_only)
         return required_only.with_corners(stops, corners)

@@ -30,6 +30,7 @@ class PlannedRun:
             acceleration.
         times: at ``bounds``, shape (n+1,) [s].
         bound_by: for each segment what limit stretched it, or None.
+        ends_early: whether a segment ends before its T, for want of a slower profile.
     """
 
     segments: SegmentList
@@ -39,6 +40,7 @@ class PlannedRun:
     timed: NDArray[np.bool_]
     times: Array
     bound_by: list[Bound | None]
+    ends_early: bool = False
 
     @property
     def window(self) -> int:
@@ -143,4 +145,5 @@ class PlannedRun:
             timed=timed,
             times=np.insert(times, places, np.column_stack((leave_at, join_at)).ravel()),
             bound_by=bound_by + self.bound_by[low:],
+            ends_early=self.ends_early,
         )

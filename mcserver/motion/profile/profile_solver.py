@@ -239,19 +239,25 @@ class KnotSolver:
                 early = middle
         return late
 
-    def slow_down(
-        self, early: Iterable[int], speeds: dict[int, float], junction_vmax: Array, share: float
-    ) -> None:
-        """Lower the speeds at the ends of timed segments that end before their T to a share of their mean
-        speeds: between two such speeds there is a profile that takes T, or longer.
+    def slow_down(self, early: Iterable[int], speeds: dict[int, float], junction_vmax: Array) -> None:
+        """Lower the speeds at the ends of timed segments that end before their T until T is kept, or until
+        the speeds cannot be joined.
         """
         for index in early:
-            segment = self._segment(index)
-            assert segment.duration is not None
-            mean = segment.extent / segment.duration
-            for end in (index, index + 1):
-                if 0 < end < len(self._timed):
-                    junction_vmax[end] = min(junction_vmax[end], speeds[end], share * mean)
+            ends = [end for end in (index, index + 1) if 0 < end < len(self._timed)]
+            late, too_soon = 0.0, 1.0
+            for _ in range(HALVINGS):
+                share = 0.5 * (late + too_soon)
+                timing = self._timing(index, {**speeds, **{end: share * speeds[end] for end in ends}})
+                if timing is Timing.EARLY:
+                    too_soon = share
+                else:
+                    late = share
+                    if timing is Timing.KEPT:
+                        too_soon = share
+                        break
+            for end in ends:
+                junction_vmax[end] = min(junction_vmax[end], too_soon * speeds[end])
 
     def _bound_of(self, index: int, profiles: list[Profile]) -> Bound:
         limit_table = self.run.limit_table(index, index + 1)
