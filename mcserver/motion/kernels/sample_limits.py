@@ -59,8 +59,9 @@ class Run(NamedTuple):
         min_vmax: the least of them on each group, shape (n,). curved: whether bends count on it, shape (n,).
         speed_terms, sample_free_at_rest: what of a sample depends on speed, and what it leaves free at rest,
         (m,) and (m, 2).
-        grid: falling speeds, each `GRID` times the one before, shape (g,). free_at_grid: what is free of a
-            group at each of them, shape (n, g, 2); NaN where nobody has asked yet.
+        columns: those that any sample asks something of. grid: falling speeds, each `GRID` times the one
+            before, shape (g,). free_at_grid: what is free of a group at each of them, shape (g, n, 2), and
+            asked: where that is known, shape (g, n).
     """
 
     rows: Array
@@ -75,8 +76,10 @@ class Run(NamedTuple):
     curved: NDArray[np.bool_]
     speed_terms: NDArray[np.int8]
     sample_free_at_rest: Array
+    columns: NDArray[np.intp]
     grid: Array
     free_at_grid: Array
+    asked: NDArray[np.bool_]
 
 
 @compiled
@@ -102,8 +105,25 @@ def _demand_per_step(rows: Array, i: int, width: int, cycle: float, v: float) ->
 
 
 @compiled
-def free_at(rows: Array, i: int, limits: Array, cycle: float, v: float) -> tuple[float, float]:
-    """Return the acceleration and jerk along σ that the axes leave free at speed ``v`` on sample ``i``."""
+def _columns_asked(rows: Array, width: int) -> NDArray[np.intp]:
+    """Return the columns that any of some samples asks something of; where none does, all."""
+    asks = np.zeros(width, np.bool_)
+    for i in range(len(rows)):
+        for k in range(5 * width):
+            if rows[i, k] > 0.0:
+                asks[k % width] = True
+    return np.nonzero(asks)[0] if asks.any() else np.arange(width)
+
+
+@compiled
+def free_at(
+    rows: Array, i: int, columns: NDArray[np.intp], limits: Array, cycle: float, v: float
+) -> tuple[float, float]:
+    """Return the acceleration and jerk along σ that the axes leave free at speed ``v`` on sample ``i``.
+
+    Args:
+        columns: those that count; of the others the sample asks nothing.
+    """
     width = limits.shape[1]
     per_step = _demand_per_step(rows, i, width, cycle, v)
     square, cube = v * v, v * v * v
@@ -112,7 +132,7 @@ def free_at(rows: Array, i: int, limits: Array, cycle: float, v: float) -> tuple
     per_d2q_step = 0.75 / cycle * square
     acceleration = math.inf
     allowed = math.inf
-    for k in range(width):
+    for k in columns:
         d2q = rows[i, width + k]
         taken = d2q * square + rows[i, 3 * width + k] * per_step
         acceleration = min(acceleration, (limits[1, k] - taken) / max(rows[i, k], TINY))
@@ -124,7 +144,7 @@ def free_at(rows: Array, i: int, limits: Array, cycle: float, v: float) -> tuple
     acceleration = min(acceleration, allowed)
     used = max(acceleration, 0.0)
     jerk = math.inf
-    for k in range(width):
+    for k in columns:
         left = limits[2, k] - rows[i, 2 * width + k] * cube - rows[i, 4 * width + k] * per_d2q_step
         left -= 3.0 * rows[i, width + k] * v * used
         jerk = min(jerk, left / max(rows[i, k], TINY))
@@ -149,7 +169,7 @@ def _free_of_sample(run: Run, i: int, v: float) -> tuple[float, float]:
     """Return what `free_at` does, with what is known of the sample."""
     kind = run.speed_terms[i]
     if kind == BENT:
-        return free_at(run.rows, i, run.limits, run.cycle, v)
+        return free_at(run.rows, i, run.columns, run.limits, run.cycle, v)
     acceleration: float = run.sample_free_at_rest[i, 0]
     jerk: float = run.sample_free_at_rest[i, 1]
     if kind == VERTEX:
@@ -195,14 +215,16 @@ def run_of(rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: A
         np.empty(n, np.bool_),
         np.empty(m, np.int8),
         np.empty((m, 2)),
+        _columns_asked(rows, limits.shape[1]),
         segment_vmax.max() * GRID ** np.arange(GRID_SIZE),
-        np.full((n, GRID_SIZE, 2), math.nan),
+        np.empty((GRID_SIZE, n, 2)),
+        np.zeros((GRID_SIZE, n), np.bool_),
     )
     for group in range(n):
         low, high = offset[group], offset[group + 1]
         full = full_jerk = math.inf
         for i in range(low, high):
-            acceleration, jerk = free_at(rows, i, limits, cycle, 0.0)
+            acceleration, jerk = free_at(rows, i, run.columns, limits, cycle, 0.0)
             run.speed_terms[i] = _kind_of(rows, i, limits.shape[1])
             run.sample_free_at_rest[i, 0], run.sample_free_at_rest[i, 1] = acceleration, jerk
             full, full_jerk = min(full, acceleration), min(full_jerk, jerk)
@@ -258,13 +280,12 @@ def _grid_index(run: Run, speed: float) -> int:
 @compiled
 def _put_row(run: Run, left: int, right: int, place: int, limit_table: Array, at: int) -> int:
     """Write the row of a limit table at one speed of the grid."""
-    free_at_grid = run.free_at_grid
+    free, asked = run.free_at_grid[place], run.asked[place]
     for group in range(left, right):
-        if math.isnan(free_at_grid[group, place, 0]):
-            free_at_grid[group, place, 0], free_at_grid[group, place, 1] = _free_of_group(
-                run, group, run.grid[place]
-            )
-    acceleration, jerk = min_limits(free_at_grid[:, place], left, right)
+        if not asked[group]:
+            free[group, 0], free[group, 1] = _free_of_group(run, group, run.grid[place])
+            asked[group] = True
+    acceleration, jerk = min_limits(free, left, right)
     limit_table[at, 0], limit_table[at, 1], limit_table[at, 2] = run.grid[place], acceleration, jerk
     return at + 1
 
