@@ -73,7 +73,7 @@ class MotionPlanner:
         self._left = WINDOW // 2
         self._smoother = ChordSmoother(self._limits)
         # lines that may be chords of a curve, and what of the curve at the window's end may still change
-        self._chords: list[Segment] = []
+        self._chords = SegmentList()
         self._open: OpenCurve | None = None
         self._active = 0
         torque = self._limits.torque
@@ -207,16 +207,15 @@ class MotionPlanner:
         return True
 
     def _append_chords(self, straight: StraightRun, *, from_rest: bool, tolerance: float) -> None:
-        first, *others = SegmentList.of(
-            straight.segments(straight.scales, self._active, straight.run.tolerance)
-        )
+        lines = SegmentList.of(straight.segments(straight.scales, self._active, straight.run.tolerance))
+        first = lines[0]
         first.tolerance = 0.0 if from_rest else tolerance
         if first.tolerance > 0.0:
             self._chords.append(first)
         else:
             self._take_chords()
             self._append(first, from_rest=from_rest)
-        self._chords += others
+        self._chords.extend(lines[1:])
 
     def _round(self, segment: Segment) -> bool:
         """Round the corner before ``segment``, if that is faster; return False where the corner stays."""
@@ -256,7 +255,7 @@ class MotionPlanner:
 
     def _take_chords(self) -> None:
         """Let the lines that wait into the window, chords among them as parts of a curve."""
-        lines, self._chords = self._chords, []
+        lines, self._chords = self._chords, SegmentList()
         if not lines:
             return
         table = self._window.table
@@ -271,7 +270,9 @@ class MotionPlanner:
                 self._append_each(lines)
             return
         rests = len(table) == 1 and self._window.entry == 0.0 and self._reserve is None
-        first, *items = self._smoother.smooth([last, *lines], rests=rests)
+        every = SegmentList([last])
+        every.extend(lines)
+        first, *items = self._smoother.smooth(every, rests=rests)
         if isinstance(first, SmoothRun):
             done = self._put(len(table) - 1, None, [first, *items])
         else:
@@ -279,7 +280,7 @@ class MotionPlanner:
         if not done:
             self._append_each(lines)
 
-    def _append_each(self, lines: list[Segment]) -> None:
+    def _append_each(self, lines: SegmentList) -> None:
         for line in lines:
             self._append(line)
 

@@ -29,6 +29,7 @@ from mcserver.motion.geometry.blend_choice import HANDLE, TOLERANCE_SHARES, best
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
+from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.kernels.cache_folder import cache_folder, remove_unused
 from mcserver.motion.kernels.corner_trajectory import path_deviation_of
@@ -213,7 +214,7 @@ def _smooth_chords(limits: AxisLimits) -> None:
         line = LineCurve((0, 1), (float(position[0]), float(position[1])), end, 0.001)
         lines.append(_segment(FeedGroup((line,), requested=0.01, speed=0.1), number, position))
         lines[-1].tolerance = 1e-4
-    (curve,) = ChordSmoother(limits).smooth(lines, rests=True)
+    (curve,) = ChordSmoother(limits).smooth(SegmentList(lines), rests=True)
     assert isinstance(curve, SmoothRun)
     window = Lookahead(limits)
     window.append_parts(curve.parts, curve.samples, joined=False)

@@ -90,12 +90,16 @@ class PathColumns:
         """Return columns one behind the other, at least one of them."""
         if len(parts) == 1:
             return parts[0]
-        splines = []
+        splines: list[SplineParts] = []
         passed = 0
         for part in parts:
-            splines += [
-                each._replace(first=each.first + passed, behind=each.behind + passed) for each in part.splines
-            ]
+            for each in part.splines:
+                here = each._replace(first=each.first + passed, behind=each.behind + passed)
+                last = splines[-1] if splines else None
+                if last is not None and last.spline is here.spline and last.behind == here.first:
+                    here = last._replace(behind=here.behind)
+                    splines.pop()
+                splines.append(here)
             passed += len(part)
         return cls(
             np.concatenate([part.line for part in parts]),

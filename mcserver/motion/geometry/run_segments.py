@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import ArcCurve, Array
 from mcserver.motion.geometry.path_columns import ARC_KIND, STRAIGHT, PathColumns
+from mcserver.motion.geometry.plan_columns import PlanColumns, bits_of
 from mcserver.motion.geometry.segment import Segment
 
 
@@ -120,6 +121,27 @@ class RunSegments:
             (),
         )
 
+    def plan_columns(self, first: int, behind: int) -> PlanColumns:
+        """Return what smoothing and planning take of segments ``first`` … ``behind`` - 1."""
+        at = slice(first, behind)
+        fed = np.array([bits_of(each) for each in self.feed_columns], np.uint64)
+        return PlanColumns(
+            self.mask[at],
+            fed[self.frame[at]],
+            self.duration[at],
+            self.feed[at],
+            self.requested[at],
+            self.feed_speed[at],
+            np.full(behind - first, self.tolerance),
+        )
+
     def feed_scales(self, first: int, behind: int) -> Array:
         """Return the feed scales of segments ``first`` … ``behind`` - 1."""
         return np.full(behind - first, self.feed_scale)
+
+    def set_scales(self, first: int, scales: Array) -> None:
+        """Set the scales of segments from ``first`` on."""
+        self.scale[first : first + len(scales)] = scales
+        for index, segment in self._made.items():
+            if first <= index < first + len(scales):
+                segment.scale = float(self.scale[index])

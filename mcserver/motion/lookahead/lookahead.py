@@ -19,6 +19,7 @@ from mcserver.motion.bound import Bound, PlanningError
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment
+from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.geometry.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
 from mcserver.motion.kernels.arc_segments import append_path_junctions
@@ -225,7 +226,7 @@ class Lookahead:
         else:
             self.table.append(segment, met.speed, limit, samples, met.samples)
 
-    def append_parts(self, parts: list[Segment], samples: PartSamples, *, joined: bool) -> None:
+    def append_parts(self, parts: SegmentList, samples: PartSamples, *, joined: bool) -> None:
         """Append the parts of a spline.
 
         Args:
@@ -243,10 +244,9 @@ class Lookahead:
         rows, offset = samples.rows.copy(), samples.offset
         vmax, by = np.empty(len(parts)), np.empty((len(parts), 2), np.intp)
         scale_samples(rows, unit, offset, self._limits.rows, vmax, by)
-        for part, span in zip(parts, samples.spans.tolist(), strict=True):
-            part.scale = unit * span
+        parts.set_scales(unit * samples.spans)
         if self._limits.torque is not None:
-            rows = spline_with_torques(parts, rows, offset, self._limits, vmax, by)
+            rows = spline_with_torques(list(parts), rows, offset, self._limits, vmax, by)
         low = 0
         if not joined:
             limit = SpeedLimit(float(vmax[0]), int(by[0, 0]), KINDS[by[0, 1]])

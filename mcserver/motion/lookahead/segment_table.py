@@ -214,7 +214,7 @@ class SegmentTable:
 
     def append_parts(
         self,
-        parts: list[Segment],
+        parts: SegmentList,
         vmax: Array,
         by: NDArray[np.intp],
         samples: Array,
@@ -227,12 +227,13 @@ class SegmentTable:
             samples, offset: theirs, and where those of each begin and end, shape (n+1,).
         """
         columns = empty_columns(len(parts))
-        columns.length[:] = [each.extent for each in parts]
-        columns.feed[:] = [each.feed * each.scale for each in parts]
-        columns.requested[:] = [each.requested for each in parts]
+        plan = parts.plan_columns()
+        scale, begin, finish = parts.columns(0, len(parts)).spans.T
+        columns.length[:], columns.feed[:] = scale * (finish - begin), plan.feed * scale
+        columns.requested[:] = plan.requested
         columns.junction_vmax[:] = np.inf
         columns.axis_vmax[:] = vmax
-        columns.duration[:], columns.tolerance[:] = [_duration_of(each) for each in parts], 0.0
+        columns.duration[:], columns.tolerance[:] = plan.duration, 0.0
         columns.segment_vmax[:] = _stepped(np.minimum(vmax, columns.feed), np.isnan(columns.duration))
         columns.limit_column[:], columns.limit_kind[:] = by.T
         columns.sample_end[:] = self._dropped + len(self.samples) + offset[1:]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.segment import Segment
+from mcserver.motion.geometry.segment_list import SegmentList
 
 # Share of a line that a rounding at one of its ends may use, as `mcserver.motion.geometry.blend.SHARE`.
 SHARE = 0.49
@@ -48,9 +48,10 @@ class Chords:
     even: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, lines: list[Segment], weights: Array) -> Chords:
+    def of(cls, lines: SegmentList, weights: Array) -> Chords:
         """Of straight segments; what has been passed of the first is left out."""
-        travels = np.array([each.first for each in lines]) * weights
+        path = lines.columns(0, len(lines))
+        travels = path.travels * weights
         lengths = np.sqrt(np.einsum("ij,ij->i", travels, travels))
         tangents = travels / lengths[:, None]
         bends = np.diff(tangents, axis=0)
@@ -58,8 +59,8 @@ class Chords:
         one, other = turns[:-1], turns[1:]
         even = np.minimum(one, other) >= ALIKE * np.maximum(one, other)
         even &= np.einsum("ij,ij->i", bends[:-1], bends[1:]) >= SAME_WAY * one * other
-        remaining = np.array([each.finish - each.begin for each in lines])
-        return cls(lengths * remaining, turns, np.array([each.tolerance for each in lines[1:]]), even)
+        remaining = path.spans[:, 2] - path.spans[:, 1]
+        return cls(lengths * remaining, turns, lines.plan_columns().tolerance[1:], even)
 
     def bends(self, vertex: int) -> bool:
         """Return whether a curve may pass a vertex."""

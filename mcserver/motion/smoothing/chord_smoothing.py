@@ -9,8 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.part_segments import PartSegments
+from mcserver.motion.geometry.path_columns import PathColumns
+from mcserver.motion.geometry.plan_columns import PlanColumns
 from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, columns_of
-from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
+from mcserver.motion.geometry.segment_list import SegmentList
+from mcserver.motion.geometry.spline_curve import Spline
 from mcserver.motion.kernels.spline_fit import AT_REST, JOINED, first_reach, fit
 from mcserver.motion.kernels.spline_samples import PartSamples, count_samples, sample_parts
 from mcserver.motion.smoothing.chord_runs import SHARE, Chords
@@ -42,7 +46,7 @@ class OpenCurve:
     """
 
     lead: Segment | None
-    chords: list[Segment]
+    chords: SegmentList
     jets: Array
 
     def without(self, count: int) -> OpenCurve | None:
@@ -63,7 +67,7 @@ class SmoothRun:
             open: what may still change of it.
     """
 
-    parts: list[Segment]
+    parts: SegmentList
     samples: PartSamples
     joined: bool
     open: OpenCurve | None
@@ -89,7 +93,7 @@ class ChordSmoother:
         self._weights = limits.weights
         self._metric = limits.weights / MM
 
-    def smooth(self, lines: list[Segment], *, rests: bool) -> list[Item]:
+    def smooth(self, lines: SegmentList, *, rests: bool) -> list[Item]:
         """Replace chords among straight segments on end.
 
         Args:
@@ -101,13 +105,14 @@ class ChordSmoother:
         runs = Chords.of(lines, self._weights).runs() if len(lines) > 2 else []
         return self._items(lines, runs, rests=rests) or list(lines)
 
-    def go_on(self, curve: OpenCurve, lines: list[Segment]) -> list[Item] | None:
+    def go_on(self, curve: OpenCurve, lines: SegmentList) -> list[Item] | None:
         """Let an open curve go on over more lines; None where it cannot."""
         known = len(curve.chords)
+        every = SegmentList(() if curve.lead is None else (curve.lead,))
+        every.extend(curve.chords)
+        every.extend(lines)
         if curve.lead is None:
-            every = [*curve.chords, *lines]
             return self._items(every, Chords.of(every, self._weights).runs(known - 2), rests=True)
-        every = [curve.lead, *curve.chords, *lines]
         chords = Chords.of(every, self._weights)
         if not chords.bends(0):
             return None
@@ -115,14 +120,14 @@ class ChordSmoother:
         return self._items(every, runs, rests=False, jet=curve.jets[0])
 
     def _items(
-        self, lines: list[Segment], runs: list[tuple[int, int]], *, rests: bool, jet: Array | None = None
+        self, lines: SegmentList, runs: list[tuple[int, int]], *, rests: bool, jet: Array | None = None
     ) -> list[Item] | None:
         """Items of lines with these runs of vertices.
 
         Args:
             jet: what the first run begins with; None is returned where it cannot.
         """
-        lines = list(lines)
+        lines = lines.copy()
         items: list[Item] = []
         index = 0 if jet is None else 1
         for first, last in runs:
@@ -143,7 +148,7 @@ class ChordSmoother:
         return [*items, *lines[index:]]
 
     def _curve(
-        self, lines: list[Segment], run: tuple[int, int], *, rests: bool, jet: Array | None = None
+        self, lines: SegmentList, run: tuple[int, int], *, rests: bool, jet: Array | None = None
     ) -> list[Item] | None:
         """What is left of the line before a run of vertices, its curve, and what is left of the line behind.
 
@@ -189,7 +194,7 @@ class ChordSmoother:
 
     def _fit(
         self,
-        lines: list[Segment],
+        lines: SegmentList,
         bounds: _Bounds,
         turns: Array,
         tolerances: Array,
@@ -197,22 +202,21 @@ class ChordSmoother:
         longest: float,
     ) -> tuple[Spline, Array, NDArray[np.intp]] | None:
         """The spline, the parameters of the lines' ends, shape (n+1,), and its columns."""
-        mask = 0
-        for each in lines:
-            mask |= each.mask
+        mask = int(np.bitwise_or.reduce(lines.plan_columns().mask))
         if jet is not None:
             # what still moves where the curve goes on
             for column in np.nonzero(jet[1:].any(axis=0))[0].tolist():
                 mask |= 1 << column
         columns = columns_of(mask)
         metric = self._metric[columns]
-        ends = [each.base + each.first for each in lines]
-        ends[-1] = lines[-1].base + bounds.finish * lines[-1].first if bounds.finish < 1.0 else lines[-1].end
-        places = [lines[0].base + bounds.begin * lines[0].first, *ends]
-        if jet is not None:
-            places[0] = lines[0].base + lines[0].begin * lines[0].first
+        path = lines.columns(0, len(lines))
+        begin = bounds.begin if jet is None else lines[0].begin
+        places = np.concatenate((path.bases[:1] + begin * path.travels[:1], path.bases + path.travels))
+        places[-1] = (
+            path.bases[-1] + bounds.finish * path.travels[-1] if bounds.finish < 1.0 else path.ends[-1]
+        )
         origin = places[0][columns]
-        points: Array = (np.array(places)[:, columns] - origin) * metric
+        points: Array = (places[:, columns] - origin) * metric
         travels = np.diff(points, axis=0)
         lengths = np.sqrt(np.einsum("ij,ij->i", travels, travels))
         if not lengths.min() > 0.0:
@@ -237,7 +241,7 @@ class ChordSmoother:
 
     def _parts(
         self,
-        lines: list[Segment],
+        lines: SegmentList,
         bounds: _Bounds,
         fitted: tuple[Spline, Array, NDArray[np.intp]],
         joined: bool,
@@ -258,50 +262,28 @@ class ChordSmoother:
                     np.linalg.norm(line.first[columns] * self._metric[columns])
                 )
                 jets[index, 2:] = 0.0
-        mask, active = sum(1 << column for column in columns.tolist()), 0
-        for each in lines:
-            active |= each.active
-        axes = tuple(columns.tolist())
+        path, plan = lines.columns(0, len(lines)), lines.plan_columns()
         spans = np.diff(t)
-        travels, fed = _travels(lines)
+        fed = (plan.fed[:, None] >> np.arange(width, dtype=np.uint64) & np.uint64(1)).astype(np.bool_)
         samples, slopes = self._samples(fed, spline, t, columns)
-        feeds = _feeds(lines, travels, fed, spans, slopes).tolist()
-        lengths = (np.linalg.norm(jets[:, 1], axis=1)[:-1] * spans).tolist()
-        firsts, lasts = (list(each * spans[:, None]) for each in (jets[:-1, 1], jets[1:, 1]))
-        starts, ends = (list(each * spans[:, None] ** 2) for each in (jets[:-1, 2], jets[1:, 2]))
-        places, in_columns = t.tolist(), (columns,)
-        # by position: by name it takes three times as long, and there is one for every line
-        parts = [
-            Segment(
-                line.line,
-                (SplineCurve(axes, spline, places[index], places[index + 1]),),
-                in_columns,
-                mask,
-                line.duration,
-                feeds[index],
-                line.requested,
-                firsts[index],
-                lasts[index],
-                starts[index],
-                ends[index],
-                lengths[index],
-                0.0,
-                1.0,
-                line.base,
-                line.end,
-                active,
-                line.opens,
-                line.closes,
-                False,
-                line.feed_speed,
-                line.feed_columns,
-                0.0,
-                None,
-                line.carried,
-                line.feed_scale,
-            )
-            for index, line in enumerate(lines)
-        ]
+        source = PartSegments(
+            path=path,
+            plan=plan,
+            spline=spline,
+            columns_moved=columns,
+            places=t,
+            active=int(np.bitwise_or.reduce(path.active)),
+            feed=_feeds(path, plan, fed, spans, slopes),
+            scale=np.linalg.norm(jets[:, 1], axis=1)[:-1] * spans,
+            slopes=np.stack((jets[:-1, 1], jets[1:, 1])) * spans[:, None],
+            bends=np.stack((jets[:-1, 2], jets[1:, 2])) * spans[:, None] ** 2,
+        )
+        # the first and the last one may stand for a part of their line
+        last_part = len(lines) - 1
+        parts = SegmentList([source.segment(0)])
+        parts.extend(SegmentList.of(source)[1:last_part])
+        if last_part > 0:
+            parts.append(source.segment(last_part))
         parts[0].tolerance = 0.0 if joined else lines[0].tolerance
         for index, begin, finish in (
             (0, bounds.begin, lines[0].finish if len(lines) > 1 else bounds.finish),
@@ -331,7 +313,7 @@ class ChordSmoother:
 
 
 def _open_curve(
-    lines: list[Segment], bounds: _Bounds, jets: Array, t: Array, lead: Segment | None
+    lines: SegmentList, bounds: _Bounds, jets: Array, t: Array, lead: Segment | None
 ) -> OpenCurve:
     """What may still change: all that the end at rest can be felt in."""
     fade = min(FADE * LONGEST / MM, 0.5 * float(t[-1]))
@@ -340,12 +322,14 @@ def _open_curve(
     if keep > 0:
         return OpenCurve(lines[keep - 1], lines[keep:], jets[keep:])
     if lead is not None or bounds.start == AT_REST:
-        return OpenCurve(lead, list(lines), jets)
+        return OpenCurve(lead, lines.copy(), jets)
     # it begins on a line, which leads to it without a turn
     rest = msgspec.structs.replace(
         lines[0].between(bounds.begin, lines[0].finish), opens=False, tolerance=lines[1].tolerance
     )
-    return OpenCurve(lines[0], [rest, *lines[1:]], jets)
+    chords = SegmentList([rest])
+    chords.extend(lines[1:])
+    return OpenCurve(lines[0], chords, jets)
 
 
 def _begin(line: Segment, wanted: float, chords: Chords, *, rests: bool) -> tuple[float, int]:
@@ -372,33 +356,16 @@ def _share(line: Segment) -> float:
     return SHARE if line.duration is None else TIMED_SHARE
 
 
-def _travels(lines: list[Segment]) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the displacements of lines and which columns their path speeds count, shape (n, K) each."""
-    travels = np.array([each.first for each in lines])
-    rows: dict[tuple[int, ...], NDArray[np.bool_]] = {}
-    known: tuple[NDArray[np.intp], NDArray[np.bool_]] | None = None
-    fed = []
-    for line in lines:
-        if known is None or known[0] is not line.feed_columns:
-            key = tuple(line.feed_columns.tolist())
-            if key not in rows:
-                rows[key] = np.isin(np.arange(travels.shape[1]), line.feed_columns)
-            known = line.feed_columns, rows[key]
-        fed.append(known[1])
-    return travels, np.array(fed)
-
-
 def _feeds(
-    lines: list[Segment], travels: Array, fed: NDArray[np.bool_], spans: Array, slopes: Array
+    path: PathColumns, plan: PlanColumns, fed: NDArray[np.bool_], spans: Array, slopes: Array
 ) -> Array:
     """Greatest ds/dt of each part that keeps the feed rate of its line [1/s].
 
     Args:
-        travels, fed: as of `_travels`. spans: of the parts in the spline's parameter, shape (n,). slopes: as
-            `sample_parts` writes them.
+        path, plan: of the lines. fed: columns that their path speeds count, shape (n, K). spans: of the parts
+            in the spline's parameter, shape (n,). slopes: as `sample_parts` writes them.
     """
-    speeds = np.array([each.feed_speed for each in lines])
-    feeds = np.array([each.feed for each in lines])
+    travels, speeds, feeds = path.travels, plan.feed_speed, plan.feed
     whole = np.linalg.norm(np.where(fed, travels, 0.0), axis=1)
     slopes = np.maximum(slopes, 1e-300)
     by_speed = np.isfinite(speeds) & (whole > NO_TRAVEL)

@@ -13,7 +13,10 @@ from hypothesis import strategies as st
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.path_columns import PathColumns
+from mcserver.motion.geometry.plan_columns import PlanColumns
 from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
+from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.pieces import Piece
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
@@ -105,7 +108,8 @@ def test_each_line_is_reported_once_in_order_and_ends_on_its_target() -> None:
     assert (motion.position[-1] == points[-1]).all()
 
 
-def test_parts_of_a_curve_meet_with_three_equal_derivatives() -> None:
+def smoothed() -> SmoothRun:
+    """A hundred chords as one curve."""
     machine = alike(3, jerk=JERK)
     points = np.column_stack((circle(0.01, 3e-4, 3.0), np.linspace(0.0, 2e-3, 101)))
     slots, linear, position = {0: 0, 1: 1, 2: 2}, np.ones(3, np.bool_), points[0].copy()
@@ -114,8 +118,37 @@ def test_parts_of_a_curve_meet_with_three_equal_derivatives() -> None:
         lines.append(segment_of(group, number, slots, linear))
         anchor(lines[-1], position)
         lines[-1].tolerance = 1e-5
-    (curve,) = ChordSmoother(AxisLimits.of(machine)).smooth(lines, rests=True)
+    (curve,) = ChordSmoother(AxisLimits.of(machine)).smooth(SegmentList(lines), rests=True)
     assert isinstance(curve, SmoothRun)
+    return curve
+
+
+def test_parts_of_a_curve_are_the_same_in_columns_and_as_objects() -> None:
+    parts = smoothed().parts
+    objects, columns = PathColumns.of(list(parts)), parts.columns(0, len(parts))
+    for name in (
+        "line",
+        "active",
+        "opens",
+        "closes",
+        "feed_scale",
+        "kind",
+        "spans",
+        "bases",
+        "ends",
+        "domains",
+    ):
+        assert np.array_equal(getattr(objects, name), getattr(columns, name))
+    assert (
+        [each[2:] for each in columns.splines] == [each[2:] for each in objects.splines] == [(0, len(parts))]
+    )
+    planned, of_objects = parts.plan_columns(), PlanColumns.of(list(parts))
+    for name in ("mask", "fed", "duration", "feed", "requested", "feed_speed", "tolerance"):
+        assert np.array_equal(getattr(of_objects, name), getattr(planned, name), equal_nan=True)
+
+
+def test_parts_of_a_curve_meet_with_three_equal_derivatives() -> None:
+    curve = smoothed()
     assert [part.line for part in curve.parts] == list(range(1, 101))
     for before, after in itertools.pairwise(curve.parts):
         (one,), (two,) = before.curves, after.curves

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
+from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.spline_samples import greatest_between
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
@@ -31,7 +32,7 @@ def curves_of(points: Array) -> list[SmoothRun]:
         lines.append(segment_of(group, number, {0: 0, 1: 1}, linear))
         anchor(lines[-1], position)
         lines[-1].tolerance = 5e-4
-    items = ChordSmoother(AxisLimits.of(machine)).smooth(lines, rests=True)
+    items = ChordSmoother(AxisLimits.of(machine)).smooth(SegmentList(lines), rests=True)
     return [item for item in items if isinstance(item, SmoothRun)]
 
 
