@@ -6,7 +6,7 @@ import asyncio
 import logging
 import threading
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 import zenoh
@@ -15,6 +15,7 @@ from mcserver.errors import ServiceError
 from mcserver.net.configuration import plain
 from mcserver.net.messages import ENCODING
 from mcserver.net.qos import Qos
+from mcserver.net.thread_state import ThreadStates
 
 log = logging.getLogger(__name__)
 
@@ -22,6 +23,8 @@ TOKENS_TIMEOUT_S = 2.0
 CLOSE_LIMIT_S = 3.0
 EVENT_CACHE = 1000
 EVENT_HEARTBEAT_S = 0.5
+
+T = TypeVar("T")
 
 OnSample = Callable[[zenoh.Sample], None]
 OnQuery = Callable[[zenoh.Query], None]
@@ -61,6 +64,7 @@ class ZenohSession:
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
+        self._states = ThreadStates()
         self._advanced: list[Publication] = []
         self._declared: list[Any] = []
 
@@ -83,17 +87,11 @@ class ZenohSession:
 
     def subscribe(self, key: str, on_sample: OnSample) -> None:
         """Calls ``on_sample`` in Zenoh's thread for each sample."""
-        self._declared.append(
-            self._session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
-        )
+        self._declared.append(self._session.declare_subscriber(key, self._callback(on_sample)))
 
     def queryable(self, key: str, on_query: OnQuery) -> None:
         """Calls ``on_query`` in Zenoh's thread for each query; whoever takes it has to drop it."""
-        self._declared.append(
-            self._session.declare_queryable(
-                key, zenoh.handlers.Callback(on_query, indirect=False), complete=True
-            )
-        )
+        self._declared.append(self._session.declare_queryable(key, self._callback(on_query), complete=True))
 
     def token(self, key: str) -> None:
         """A liveliness token, until the session ends."""
@@ -111,9 +109,7 @@ class ZenohSession:
     def watch_tokens(self, key: str, on_sample: OnSample) -> None:
         """Calls ``on_sample`` in Zenoh's thread as tokens come (PUT, those there already too) and go."""
         self._declared.append(
-            self._session.liveliness().declare_subscriber(
-                key, zenoh.handlers.Callback(on_sample, indirect=False), history=True
-            )
+            self._session.liveliness().declare_subscriber(key, self._callback(on_sample), history=True)
         )
 
     def matched_publisher(self, key: str, qos: Qos) -> MatchedPublication:
@@ -159,6 +155,9 @@ class ZenohSession:
             return []
 
         return await asyncio.to_thread(ask)
+
+    def _callback(self, callback: Callable[[T], None]) -> zenoh.handlers.Callback[T]:
+        return zenoh.handlers.Callback(self._states.keeping(callback), indirect=False)
 
     async def close(self) -> None:
         """Ends all that was declared, advanced publishers first, within `CLOSE_LIMIT_S`."""
