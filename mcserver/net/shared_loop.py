@@ -18,9 +18,12 @@ from typing import Any
 
 Ready = list[tuple[selectors.SelectorKey, int]]
 
-# how late a loop may notice a timer that a borrower has set, without being woken for it [s]; the shortest of
-# the service's is twice as long, and telemetry wakes the loop as often as this anyway
+# how late a loop may notice what a borrower has left it, without being woken for it [s]; the shortest timer
+# of the service is twice as long
 NOTICED_WITHIN_S = 0.01
+# how long after its turn was borrowed a loop sleeps no longer than that [s]: calls seldom come alone, and
+# each would wake it, which then competes with the call for the interpreter
+ALERT_S = 1.0
 
 
 class Turn:
@@ -30,18 +33,22 @@ class Turn:
     the loop, which goes before everybody else.
 
     Attributes:
-        wanted: the loop waits for it.
+        wanted: the loop waits for it. lent: somebody has had it since the loop last cleared this.
     """
 
     def __init__(self) -> None:
         self.wanted = False
+        self.lent = False
         self._lock = threading.Lock()
         # the loop's, until it sleeps for the first time
         self._lock.acquire()
 
     def borrow(self) -> bool:
         """Take the turn if the loop sleeps; from a thread that gives it back at once."""
-        return not self.wanted and self._lock.acquire(blocking=False)
+        if self.wanted or not self._lock.acquire(blocking=False):
+            return False
+        self.lent = True
+        return True
 
     def give_back(self) -> None:
         """End what `borrow` or the loop began."""
@@ -66,6 +73,7 @@ class _LendingSelector(selectors.BaseSelector):
 
     def __init__(self, inner: selectors.BaseSelector, turn: Turn) -> None:
         self.sleeps_until = 0.0
+        self._alert_until = 0.0
         self._inner = inner
         self._turn = turn
 
@@ -82,7 +90,13 @@ class _LendingSelector(selectors.BaseSelector):
         if timeout is not None and timeout <= 0.0:
             # the loop has work: it only looks what else there is
             return self._inner.select(timeout)
-        self.sleeps_until = math.inf if timeout is None else time.monotonic() + timeout
+        now = time.monotonic()
+        if self._turn.lent:
+            self._turn.lent = False
+            self._alert_until = now + ALERT_S
+        if now < self._alert_until:
+            timeout = NOTICED_WITHIN_S if timeout is None else min(timeout, NOTICED_WITHIN_S)
+        self.sleeps_until = math.inf if timeout is None else now + timeout
         self._turn.give_back()
         try:
             return self._inner.select(timeout)

@@ -100,6 +100,25 @@ async def test_what_a_borrower_schedules_is_done_though_the_loop_sleeps_for_ever
     thread.join()
 
 
+async def test_a_loop_whose_turn_was_borrowed_looks_again_soon_by_itself() -> None:
+    loop = shared_loop()
+    done = asyncio.Event()
+
+    def borrow(leave: Callable[[], object]) -> None:
+        while not loop.turn.borrow():
+            pass
+        leave()
+        loop.turn.give_back()
+
+    # a first borrower wakes the loop, which is on the alert from then on
+    await in_thread(lambda: borrow(loop.notice))
+    # another one wakes nobody, and nothing else does
+    thread = threading.Thread(target=borrow, args=(lambda: loop.call_later(0.0, done.set),))
+    thread.start()
+    await done.wait()
+    thread.join()
+
+
 class Handled:
     """Messages in the order in which they were handled, and by which thread."""
 
