@@ -22,7 +22,14 @@ from pathlib import Path
 import msgspec
 
 from mcserver.service.journal_check import row_checksum
-from mcserver.service.journal_file import JournalBounds, JournalConnection, Statement, open_journal, prune
+from mcserver.service.journal_file import (
+    JournalBounds,
+    JournalConnection,
+    Statement,
+    open_journal,
+    prune,
+    transaction,
+)
 from mcserver.service.reports import Fault, LineReport, ProgramState
 
 SYNC_PERIOD_S = 0.25
@@ -144,8 +151,7 @@ class Journal:
         try:
             if self._stopping.is_set():
                 return False
-            with self._connection:
-                self._connection.execute(*statement)
+            self._connection.execute(*statement)
         except sqlite3.Error:
             # the thread has the patience to try again
             return False
@@ -311,7 +317,7 @@ class Journal:
     def _commit(self, batch: list[Entry]) -> str:
         """Commit one transaction; why not, where that fails."""
         try:
-            with self._writing, self._connection:
+            with self._writing, transaction(self._connection):
                 for statement, _ in batch:
                     if statement is not None:
                         self._connection.execute(*statement)

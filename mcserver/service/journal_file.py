@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import msgspec
 
@@ -42,12 +44,27 @@ Statement = tuple[str, tuple[object, ...]]
 
 
 class JournalConnection(Protocol):
-    """The part of `sqlite3.Connection` that the journal's thread uses; tests have one with a full disk."""
+    """The part of `sqlite3.Connection` that the journal uses; tests have one with a full disk.
+
+    A statement outside `transaction` is one by itself.
+    """
 
     def execute(self, statement: str, parameters: tuple[object, ...] = ..., /) -> object: ...
-    def __enter__(self) -> object: ...
-    def __exit__(self, *failure: Any) -> object: ...
     def close(self) -> None: ...
+
+
+@contextlib.contextmanager
+def transaction(connection: JournalConnection) -> Iterator[None]:
+    """Commit all statements of the block together, or none."""
+    connection.execute("BEGIN")
+    try:
+        yield
+        connection.execute("COMMIT")
+    except BaseException:
+        # SQLite has rolled back by itself after some errors
+        with contextlib.suppress(sqlite3.Error):
+            connection.execute("ROLLBACK")
+        raise
 
 
 class JournalBounds(msgspec.Struct, frozen=True):
@@ -67,7 +84,8 @@ def open_journal(path: Path) -> sqlite3.Connection:
         ServiceError: MC520 the file is no journal of this version, or cannot be written.
     """
     try:
-        connection = sqlite3.connect(path, check_same_thread=False, timeout=1.0)
+        # no transactions but those asked for: a single statement commits itself, without BEGIN and COMMIT
+        connection = sqlite3.connect(path, check_same_thread=False, timeout=1.0, isolation_level=None)
         # of a new file: a commit writes whole pages, and most commits are a single short row
         connection.execute(f"PRAGMA page_size={PAGE_BYTES}")
         connection.execute("PRAGMA journal_mode=WAL")
@@ -77,7 +95,7 @@ def open_journal(path: Path) -> sqlite3.Connection:
         version = connection.execute("PRAGMA user_version").fetchone()[0]
         if version == 1:
             # rows of then have no checksum
-            with connection:
+            with transaction(connection):
                 for table in ("programs", "chunks", "reports", "faults"):
                     connection.execute(f"ALTER TABLE {table} ADD COLUMN crc INTEGER")
                 connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
@@ -89,7 +107,7 @@ def open_journal(path: Path) -> sqlite3.Connection:
                 f"the journal {path} has version {version}, not {SCHEMA_VERSION}",
                 "move the file away, or give another with --journal",
             )
-        with connection:
+        with transaction(connection):
             for statement in CREATE:
                 connection.execute(statement)
             connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")

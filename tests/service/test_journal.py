@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import signal
 import sqlite3
@@ -15,7 +16,7 @@ import pytest
 
 from mcserver.errors import ServiceError
 from mcserver.service.journal import Journal
-from mcserver.service.journal_file import JournalBounds, open_journal, prune
+from mcserver.service.journal_file import JournalBounds, open_journal, prune, transaction
 from mcserver.service.journal_reader import read_lines_before, read_programs, read_reports
 from mcserver.service.reports import Fault, LineReport
 
@@ -130,6 +131,25 @@ def test_urgent_lines_are_there_when_the_call_returns(make: Callable[[], Kept]) 
     kept.journal.lines("p", 1, ["one"], kept.named("one"), urgent=True)
     assert kept.committed == ["one"]
     assert read_lines_before(kept.path, "p", 2) == ["one"]
+
+
+def test_a_transaction_that_fails_leaves_nothing_and_the_next_one_is_whole(tmp_path: Path) -> None:
+    with contextlib.closing(open_journal(tmp_path / "journal.db")) as connection:
+        start = "INSERT INTO starts(instance, started_at) VALUES (?, 0.0)"
+
+        def twice(instance: str) -> None:
+            with transaction(connection):
+                connection.execute(start, (instance,))
+                connection.execute(start, (instance,))
+
+        with pytest.raises(sqlite3.IntegrityError):
+            twice("a")
+        assert connection.execute("SELECT count(*) FROM starts").fetchone() == (0,)
+        with transaction(connection):
+            connection.execute(start, ("a",))
+            connection.execute(start, ("b",))
+        assert not connection.in_transaction
+        assert connection.execute("SELECT count(*) FROM starts").fetchone() == (2,)
 
 
 def test_urgent_lines_do_not_overtake_those_that_wait_for_the_thread(make: Callable[[], Kept]) -> None:

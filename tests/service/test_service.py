@@ -362,15 +362,10 @@ class FullDisk:
         self._connection = open_journal(path)
 
     def execute(self, statement: str, parameters: tuple[object, ...] = ()) -> object:
-        if self.full:
+        # what was begun can be taken back on a full disk too
+        if self.full and statement != "ROLLBACK":
             raise sqlite3.OperationalError("database or disk is full")
         return self._connection.execute(statement, parameters)
-
-    def __enter__(self) -> None:
-        self._connection.__enter__()
-
-    def __exit__(self, *failure: object) -> None:
-        self._connection.__exit__(*failure)
 
     def close(self) -> None:
         self._connection.close()
