@@ -114,7 +114,7 @@ class LightFleet:
 
         def on_query(query: zenoh.Query) -> None:
             with self._lock:
-                send = rpc.answer_borrowed(query)
+                send = rpc.answer_borrowed(rpc.asked(query))
             send()
 
         def on_lines(sample: zenoh.Sample) -> None:

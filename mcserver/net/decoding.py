@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Generic, TypeVar
 
 import msgspec
@@ -23,6 +23,7 @@ class MessageDecoder(Generic[T]):
     def __init__(self, kind: type[T]) -> None:
         self._kind = kind
         self._decode = msgspec.msgpack.Decoder(kind).decode
+        self._numbers = _fields_with_floats(kind)
 
     def __call__(self, payload: bytes) -> T:
         """The message.
@@ -35,9 +36,10 @@ class MessageDecoder(Generic[T]):
         # not only msgspec's errors: invalid UTF-8 is a UnicodeDecodeError, deep nesting a RecursionError
         except Exception as error:
             raise self._refusal(str(error)) from error
-        name = _not_finite(message)
-        if name:
-            raise self._refusal(f"{name} is not a finite number")
+        if self._numbers:
+            name = _not_finite(message, self._numbers)
+            if name:
+                raise self._refusal(f"{name} is not a finite number")
         return message
 
     def _refusal(self, why: str) -> ServiceError:
@@ -45,9 +47,29 @@ class MessageDecoder(Generic[T]):
         return ServiceError("MC500", f"the payload is not a {name}: {why}", f"see docs/schemas/{name}.json")
 
 
-def _not_finite(message: msgspec.Struct) -> str:
+def _fields_with_floats(kind: type[msgspec.Struct]) -> tuple[str, ...]:
+    """Names of the fields whose value, or whose mapping's values, may be floating-point numbers."""
+    described = msgspec.inspect.type_info(kind)
+    assert isinstance(described, msgspec.inspect.StructType)
+    return tuple(field.name for field in described.fields if _may_be_float(field.type))
+
+
+def _may_be_float(described: msgspec.inspect.Type) -> bool:
+    match described:
+        case msgspec.inspect.FloatType() | msgspec.inspect.AnyType():
+            return True
+        case msgspec.inspect.UnionType(types=types):
+            return any(_may_be_float(each) for each in types)
+        case msgspec.inspect.DictType(value_type=values):
+            return _may_be_float(values)
+        case msgspec.inspect.Metadata(type=inner):
+            return _may_be_float(inner)
+    return False
+
+
+def _not_finite(message: msgspec.Struct, names: Iterable[str]) -> str:
     """The first field that holds NaN or an infinity, which pass every comparison with a bound; or ""."""
-    for name in message.__struct_fields__:
+    for name in names:
         value = getattr(message, name)
         values = value.values() if isinstance(value, Mapping) else (value,)
         if any(isinstance(each, float) and not math.isfinite(each) for each in values):

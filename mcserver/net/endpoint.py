@@ -31,7 +31,7 @@ from mcserver.net.messages import EstopRequest, StreamLines
 from mcserver.net.methods import Methods
 from mcserver.net.publishing import PublishingThread
 from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
-from mcserver.net.rpc import RpcServer
+from mcserver.net.rpc import Asked, RpcServer
 from mcserver.net.session import Publication, ZenohSession
 from mcserver.net.shared_loop import SharedLoop
 from mcserver.net.stop_copies import StopCopies
@@ -185,7 +185,7 @@ class MachineEndpoint:
             keys, Methods(service, jogging, checker, drives or NoDrives(), recorder).table()
         )
         rpc = self._rpc
-        queries: Inbox[zenoh.Query] = Inbox(loop, rpc.on_query, limit=QUERIES, refuse=rpc.refuse)
+        queries: Inbox[Asked] = Inbox(loop, rpc.on_query, limit=QUERIES, refuse=rpc.refuse)
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
         tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)
         stops: Inbox[Stop] = Inbox(loop, partial(self._on_stop, service), limit=64)
@@ -194,12 +194,13 @@ class MachineEndpoint:
 
         ahead = (queries, lines, tokens, stops)
         finish = service.send_waiting
-        quick: Borrower[zenoh.Query] = Borrower(loop, queries, partial(self._answer_now, rpc), ahead, finish)
+        quick: Borrower[Asked] = Borrower(loop, queries, partial(self._answer_now, rpc), ahead, finish)
         take_lines = partial(self._take_lines_now, service)
         single: Borrower[zenoh.Sample] = Borrower(loop, lines, take_lines, ahead, finish)
 
         def ask(query: zenoh.Query) -> None:
-            (quick if rpc.is_quick(query) else queries).push(query)
+            asked = rpc.asked(query)
+            (quick if asked.quick else queries).push(asked)
 
         copies = StopCopies(time.monotonic)
 
@@ -240,12 +241,10 @@ class MachineEndpoint:
             await self._emergency.close()
         await self._session.close()
 
-    def _answer_now(self, rpc: RpcServer, query: zenoh.Query) -> Callable[[], None]:
+    def _answer_now(self, rpc: RpcServer, asked: Asked) -> Callable[[], None]:
         """Answer a query in a borrowed turn; gives what sends the replies."""
-        # asked first: a query that is refused is given up by another thread, which may be at it by then
-        changes = rpc.changes(query)
-        send = rpc.answer_borrowed(query)
-        if changes:
+        send = rpc.answer_borrowed(asked)
+        if asked.changes:
             # should the caller not take its reply, the loop sends what else there is
             self._notice()
         return send

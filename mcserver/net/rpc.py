@@ -7,7 +7,7 @@ import logging
 import time
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import zenoh
@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 
 IN_FLIGHT = 512
 INFO_LANES = 4
+# keys of queries whose meaning is remembered; clients ask by few
+KNOWN_KEYS = 1024
 _RPC_CHUNK = "/@rpc/"
 
 Settle = Callable[[object, BaseException | None], None]
@@ -46,6 +48,37 @@ class Method(msgspec.Struct, frozen=True):
     call: Callable[[str, Any], Any]
     changes: bool
     quick: bool = False
+
+
+class Target(msgspec.Struct, frozen=True):
+    """What the key of a query means.
+
+    Attributes:
+        key: as it was asked for. call: None where it names neither one client nor one method.
+        method: None where there is none of that name. reply_key: of its answer.
+    """
+
+    key: str
+    call: Call | None
+    method: Method | None
+    reply_key: str
+
+
+class Asked(NamedTuple):
+    """A query on its way to its method."""
+
+    query: zenoh.Query
+    target: Target
+
+    @property
+    def quick(self) -> bool:
+        """Whether it may be carried out in a borrowed turn."""
+        return self.target.method is not None and self.target.method.quick
+
+    @property
+    def changes(self) -> bool:
+        """Whether it may change anything."""
+        return self.target.method is not None and self.target.method.changes
 
 
 def encode_error(error: BaseException) -> bytes:
@@ -90,21 +123,23 @@ class RpcServer:
         self._replies = ReplySender()
         # replies of a borrowed turn, which leave behind it
         self._held_back: list[tuple[str, Outgoing]] | None = None
-        self._quick = frozenset(name for name, method in methods.items() if method.quick)
+        self._targets: dict[str, Target] = {}
         self._info_lane = 0
         self._under_way = 0
         self._defects = DefectLog(log)
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def is_quick(self, query: zenoh.Query) -> bool:
-        """Whether its method may be carried out in a borrowed turn; from any thread."""
-        return _last_chunk(query) in self._quick
+    def asked(self, query: zenoh.Query) -> Asked:
+        """Read a query's key; from any thread."""
+        key = str(query.key_expr)
+        target = self._targets.get(key)
+        if target is None:
+            if len(self._targets) >= KNOWN_KEYS:
+                self._targets.clear()
+            target = self._targets[key] = self._target(key)
+        return Asked(query, target)
 
-    def changes(self, query: zenoh.Query) -> bool:
-        """Whether its method, which is a quick one, changes anything; from any thread."""
-        return self._methods[_last_chunk(query)].changes
-
-    def answer_borrowed(self, query: zenoh.Query) -> Callable[[], None]:
+    def answer_borrowed(self, asked: Asked) -> Callable[[], None]:
         """Carry out a quick method in a borrowed turn of the loop.
 
         Returns:
@@ -113,7 +148,7 @@ class RpcServer:
         replies: list[tuple[str, Outgoing]] = []
         self._held_back = replies
         try:
-            self.on_query(query)
+            self.on_query(asked)
         finally:
             self._held_back = None
 
@@ -123,32 +158,25 @@ class RpcServer:
 
         return send
 
-    def on_query(self, query: zenoh.Query) -> None:
+    def on_query(self, asked: Asked) -> None:
         """One query, in the loop's turn; it is dropped once it is answered."""
-        key = str(query.key_expr)
-        call = self._info if _RPC_CHUNK not in key else self._keys.call_of(key)
-        if call is self._info:
+        target = asked.target
+        if target.call is self._info:
             # nobody knows who asks: some lanes for all, so that one that is stuck leaves the others
             self._info_lane = (self._info_lane + 1) % INFO_LANES
-        if not self._replies.has_room(self._lane_of(call or self._info)):
+        if not self._replies.has_room(self._lane_of(target)):
             # it takes no replies: it may ask again, and no work is done for it until then
-            self.refuse(query)
+            self.refuse(asked)
             return
         try:
-            if call is None:
-                raise Refused(
-                    "MC502",
-                    f"{key!r} names neither one client nor one method",
-                    f"ask {self._keys.rpc('{client}', '{method}')} with both written out",
-                    key=key,
-                )
-            self._carry_out(query, call, self._method(key, call))
+            call, method = self._callable(target)
+            self._carry_out(asked, call, method)
         except Exception as error:
-            self._send(query, call or self._info, self._failed(key, error))
+            self._send(asked, self._failed(target.key, error))
 
-    def refuse(self, query: zenoh.Query) -> None:
+    def refuse(self, asked: Asked) -> None:
         """Give a query up unanswered; from any thread."""
-        self._replies.discard(query.drop)
+        self._replies.discard(asked.query.drop)
 
     async def close(self) -> None:
         """Cancel what is still being worked on."""
@@ -157,8 +185,29 @@ class RpcServer:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self._replies.close()
 
-    def _method(self, key: str, call: Call) -> Method:
-        method = self._methods.get(call.method)
+    def _target(self, key: str) -> Target:
+        call = self._info if _RPC_CHUNK not in key else self._keys.call_of(key)
+        if call is None or call is self._info:
+            return Target(
+                key, call, None if call is None else self._methods.get(call.method), self._keys.info
+            )
+        reply_key = self._keys.rpc(call.client, call.method)
+        return Target(key, call, self._methods.get(call.method), reply_key)
+
+    def _callable(self, target: Target) -> tuple[Call, Method]:
+        """Return what a query may call.
+
+        Raises:
+            ServiceError: MC501, MC502.
+        """
+        call, method = target.call, target.method
+        if call is None:
+            raise Refused(
+                "MC502",
+                f"{target.key!r} names neither one client nor one method",
+                f"ask {self._keys.rpc('{client}', '{method}')} with both written out",
+                key=target.key,
+            )
         if method is None:
             raise Refused(
                 "MC501", f"there is no method {call.method!r}", "see `methods`", methods=sorted(self._methods)
@@ -166,17 +215,17 @@ class RpcServer:
         if method.changes and not call.exact:
             raise Refused(
                 "MC502",
-                f"{key!r} holds a wildcard: that is for methods that change nothing",
-                f"ask {self._keys.rpc(call.client, call.method)} alone",
-                key=key,
+                f"{target.key!r} holds a wildcard: that is for methods that change nothing",
+                f"ask {target.reply_key} alone",
+                key=target.key,
             )
-        return method
+        return call, method
 
-    def _carry_out(self, query: zenoh.Query, call: Call, method: Method) -> None:
-        request = self._decode(query, call.method)
+    def _carry_out(self, asked: Asked, call: Call, method: Method) -> None:
+        request = self._decode(asked.query, call.method)
 
         def answer(result: Answer) -> None:
-            self._send(query, call, result)
+            self._send(asked, result)
 
         if self._under_way >= IN_FLIGHT:
             raise Refused(
@@ -238,28 +287,26 @@ class RpcServer:
             self._defects.add(f"method {name} failed: {error}", error)
         return Answer(False, encode_error(error))
 
-    def _send(self, query: zenoh.Query, call: Call, answer: Answer) -> None:
-        reply = Outgoing(len(answer.payload), partial(self._reply, query, call, answer), query.drop)
+    def _send(self, asked: Asked, answer: Answer) -> None:
+        reply = Outgoing(len(answer.payload), partial(_reply, asked, answer), asked.query.drop)
         if self._held_back is None:
-            self._replies.push(self._lane_of(call), reply)
+            self._replies.push(self._lane_of(asked.target), reply)
         else:
-            self._held_back.append((self._lane_of(call), reply))
+            self._held_back.append((self._lane_of(asked.target), reply))
 
-    def _lane_of(self, call: Call) -> str:
-        return f"info/{self._info_lane}" if call is self._info else call.client
-
-    def _reply(self, query: zenoh.Query, call: Call, answer: Answer) -> None:
-        key = self._keys.info if call is self._info else self._keys.rpc(call.client, call.method)
-        try:
-            with query:
-                if answer.ok:
-                    query.reply(key, answer.payload, encoding=ENCODING)
-                else:
-                    query.reply_err(answer.payload, encoding=ENCODING)
-        except zenoh.ZError as error:
-            # the client went away, or asked by a key that this reply does not match
-            log.info("no answer to %s could be sent: %s", call.method, error)
+    def _lane_of(self, target: Target) -> str:
+        call = target.call
+        return f"info/{self._info_lane}" if call is None or call is self._info else call.client
 
 
-def _last_chunk(query: zenoh.Query) -> str:
-    return str(query.key_expr).rpartition("/")[2]
+def _reply(asked: Asked, answer: Answer) -> None:
+    query = asked.query
+    try:
+        with query:
+            if answer.ok:
+                query.reply(asked.target.reply_key, answer.payload, encoding=ENCODING)
+            else:
+                query.reply_err(answer.payload, encoding=ENCODING)
+    except zenoh.ZError as error:
+        # the client went away, or asked by a key that this reply does not match
+        log.info("no answer to %s could be sent: %s", asked.target.key, error)
