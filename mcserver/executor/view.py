@@ -41,9 +41,6 @@ class ExecutorView:
         self._newest = newest
         self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
 
-    def slots(self) -> list[SlotView]:
-        return [SlotView(slot.u, slot.rate) for slot in self._newest().slots]
-
     def energized(self) -> frozenset[int]:
         """Axes that hold a position or move."""
         condition = self._newest().condition

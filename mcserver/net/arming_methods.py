@@ -125,7 +125,7 @@ class ArmingMethods:
     def _positions(self) -> dict[int, float]:
         """Return where all axes stand [m or rad]."""
         position = self._service.port.snapshot().position
-        return {axis.index: float(position[at]) for at, axis in enumerate(self._service.machine.axes)}
+        return {axis.index: position[at] for at, axis in enumerate(self._service.machine.axes)}
 
     def _status(self, run: RunRequest) -> wire.RunRequestStatus:
         return wire.RunRequestStatus(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 
 import numpy as np
@@ -47,23 +47,36 @@ class EdgeUnits:
     """Converts arrays over a machine's axes from SI to mm and deg, and to the poses of its tools.
 
     Attributes:
-        scale: shape (K,), SI → mm or deg.
+        index: the axes' numbers. scale: SI → mm or deg, of each axis.
     """
 
     def __init__(self, machine: Machine) -> None:
         self.index = [axis.index for axis in machine.axes]
-        self.scale: NDArray[np.float64] = np.array([1.0 / axis.type.si_per_unit for axis in machine.axes])
+        self.scale = [1.0 / axis.type.si_per_unit for axis in machine.axes]
+        self._row_scale: NDArray[np.float64] = np.array(self.scale)
         self._poses = ToolPoses(machine, build_kinematics(machine))
 
-    def tools(self, position: NDArray[np.float64]) -> list[ToolPose]:
-        """Where each tool is with the axes at ``position``, shape (K,) [SI]."""
-        poses = {tool: self._poses.of(tool, position[np.newaxis])[0] for tool in self._poses.numbers}
+    def of(self, values: Sequence[float]) -> list[float]:
+        """One quantity of all axes in mm or deg, or these per second.
+
+        Of a single row NumPy's own overhead is many times the work.
+        """
+        return [value * scale for value, scale in zip(values, self.scale, strict=True)]
+
+    def tools(self, position: Sequence[float]) -> list[ToolPose]:
+        """Where each tool is with the axes at ``position``, length K [SI]."""
+        if not self._poses.numbers:
+            return []
+        row = np.array([position])
+        poses = {tool: self._poses.of(tool, row)[0] for tool in self._poses.numbers}
         return [ToolPose(tool, pose[:3].tolist(), pose[3:].tolist()) for tool, pose in poses.items()]
 
     def work_offsets(self, systems: Mapping[int, Mapping[int, float]]) -> list[WorkOffset]:
         """Name the work coordinate systems that were set, their origins in mm and deg."""
-        scale = dict(zip(self.index, self.scale.tolist(), strict=True))
-        found = []
+        found: list[WorkOffset] = []
+        if not systems:
+            return found
+        scale = dict(zip(self.index, self.scale, strict=True))
         for name, number in SYSTEM_NUMBERS.items():
             origin = {
                 str(axis): value * scale[axis]
@@ -77,9 +90,9 @@ class EdgeUnits:
     def rows(self, cycles: Cycles) -> NDArray[np.float32]:
         """Telemetry of some cycles: shape (n, K, 4), the fields of `TELEMETRY_FIELDS`."""
         rows = np.empty((*cycles.setpoint.shape, len(TELEMETRY_FIELDS)), dtype="<f4")
-        rows[:, :, 0] = cycles.setpoint * self.scale
-        rows[:, :, 1] = cycles.position * self.scale
-        rows[:, :, 2] = cycles.velocity * self.scale
+        rows[:, :, 0] = cycles.setpoint * self._row_scale
+        rows[:, :, 1] = cycles.position * self._row_scale
+        rows[:, :, 2] = cycles.velocity * self._row_scale
         rows[:, :, 3] = cycles.torque
         return rows
 
@@ -91,12 +104,12 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         service.latch.refresh_faults(dict(zip(units.index, snapshot.states, strict=True)))
     axes = AxesStatus(
         index=units.index,
-        position=(snapshot.position * units.scale).tolist(),
-        setpoint=(snapshot.setpoint * units.scale).tolist(),
-        velocity=(snapshot.velocity * units.scale).tolist(),
-        torque=snapshot.torque.tolist(),
-        state=list(snapshot.states),
-        homed=list(snapshot.homed),
+        position=units.of(snapshot.position),
+        setpoint=units.of(snapshot.setpoint),
+        velocity=units.of(snapshot.velocity),
+        torque=snapshot.torque,
+        state=snapshot.states,
+        homed=snapshot.homed,
     )
     return MachineStatus(
         t=snapshot.time,

@@ -68,7 +68,7 @@ class TextMethods:
             return
         text = service.texts.find(sha256)
         position = service.port.snapshot().position
-        positions = {axis.index: float(position[at]) for at, axis in enumerate(service.machine.axes)}
+        positions = {axis.index: position[at] for at, axis in enumerate(service.machine.axes)}
 
         def listen(found: Foreseen) -> bool:
             programs = self._running(sha256)

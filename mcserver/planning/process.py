@@ -56,7 +56,8 @@ class SharedPlannerPort:
     def slots(self) -> list[SlotView]:
         override_of = self._parts.mailbox.effective_override
         return [
-            SlotView(slot.u, slot.rate, override_of(index)) for index, slot in enumerate(self.view.slots())
+            SlotView(u, rate, override_of(index))
+            for index, (u, rate, *_) in enumerate(self._parts.feedback.newest_slots())
         ]
 
     def sink(self, slot: int) -> MotionSink:

@@ -33,7 +33,7 @@ class Channels:
         """Return every input's state in a cycle."""
         return [
             InputStatus(each.name, value, holds=each.holds(value), stops=each.stops(value))
-            for each, value in zip(self._machine.inputs, snapshot.inputs.tolist(), strict=False)
+            for each, value in zip(self._machine.inputs, snapshot.inputs, strict=False)
         ]
 
     def outputs(self, snapshot: Snapshot) -> list[OutputStatus]:
@@ -41,7 +41,7 @@ class Channels:
         return [
             OutputStatus(each.name, value, self._setter(owner))
             for each, value, owner in zip(
-                self._machine.outputs, snapshot.outputs.tolist(), snapshot.owners.tolist(), strict=False
+                self._machine.outputs, snapshot.outputs, snapshot.owners, strict=False
             )
         ]
 
@@ -88,7 +88,7 @@ class Channels:
                 name=name,
             )
         owner = self._port.snapshot().owners
-        program = self._program_in(int(owner[column])) if column < len(owner) else None
+        program = self._program_in(owner[column]) if column < len(owner) else None
         if program is not None:
             raise Refused(
                 "MC446",
@@ -120,7 +120,7 @@ class Channels:
     def _interlocks(self, test: Callable[[Input, float], bool]) -> list[str]:
         if not self._machine.inputs:
             return []
-        values = self._port.snapshot().inputs.tolist()
+        values = self._port.snapshot().inputs
         return [
             each.name for each, value in zip(self._machine.inputs, values, strict=False) if test(each, value)
         ]

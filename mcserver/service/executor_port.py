@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from mcserver.executor.entries import Control, MotionSink
-from mcserver.executor.shm.feedback import LATE, TIME, FeedbackRing, FeedbackState, homed_of
+from mcserver.executor.shm.feedback import LATE, TIME, Block, FeedbackRing, FeedbackState, homed_of
 from mcserver.executor.shm.mailbox import CommandMailbox
-from mcserver.executor.view import ExecutorView, SlotView
+from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
@@ -64,7 +64,6 @@ class ExecutorPort:
     """
 
     def __init__(self, machine: Machine, executor: ExecutorFaces) -> None:
-        self._view = ExecutorView(machine, lambda: executor.feedback)
         self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
         self._executor = executor
         self._closing = threading.Lock()
@@ -91,7 +90,7 @@ class ExecutorPort:
         self._executor.beat()
 
     def slots(self) -> list[SlotView]:
-        return self._view.slots()
+        return [SlotView(u, rate) for u, rate, *_ in self._executor.history.newest_slots()]
 
     def hold(self, slot: int) -> None:
         self._executor.mailbox.set_hold(True, slot)
@@ -123,18 +122,17 @@ class ExecutorPort:
     def snapshot(self) -> Snapshot:
         history = self._executor.history
         row = history.newest_row()
-        if row is None:
+        if not row:
             raise RuntimeError("no cycle has passed yet")
-        setpoint, _, position, velocity, torque, condition = history.blocks_of(row)
         inputs, outputs, owners = history.channels_of(row)
         homed = homed_of(row)
         return Snapshot(
-            time=float(row[TIME]),
-            setpoint=setpoint,
-            position=position,
-            velocity=velocity,
-            torque=torque,
-            states=[_STATES[int(each)] for each in condition.tolist()],
+            time=row[TIME],
+            setpoint=history.axes_of(row, Block.SETPOINT),
+            position=history.axes_of(row, Block.ACTUAL),
+            velocity=history.axes_of(row, Block.ACTUAL_VELOCITY),
+            torque=history.axes_of(row, Block.TORQUE),
+            states=[_STATES[int(each)] for each in history.axes_of(row, Block.CONDITION)],
             late_cycles=int(row[LATE]),
             inputs=inputs,
             outputs=outputs,

@@ -32,16 +32,8 @@ class Cycles(msgspec.Struct, frozen=True):
     torque: Array
 
 
-def _nothing() -> Array:
-    return np.zeros(0)
-
-
-def _nobody() -> NDArray[np.int64]:
-    return np.zeros(0, np.int64)
-
-
 class Snapshot(msgspec.Struct, frozen=True):
-    """The machine in its newest cycle, in SI; arrays of shape (K,).
+    """The machine in its newest cycle, in SI; K numbers each: of so few, plain ones are quicker than arrays.
 
     Attributes:
         inputs, outputs: in the order of the machine's model. owners: who has set each output last, as
@@ -50,16 +42,16 @@ class Snapshot(msgspec.Struct, frozen=True):
     """
 
     time: float
-    setpoint: Array
-    position: Array
-    velocity: Array
-    torque: Array
-    states: Sequence[AxisState]
+    setpoint: list[float]
+    position: list[float]
+    velocity: list[float]
+    torque: list[float]
+    states: list[AxisState]
     late_cycles: int
-    inputs: Array = msgspec.field(default_factory=_nothing)
-    outputs: Array = msgspec.field(default_factory=_nothing)
-    owners: NDArray[np.int64] = msgspec.field(default_factory=_nobody)
-    homed: Sequence[bool] = ()
+    inputs: list[float] = []
+    outputs: list[float] = []
+    owners: list[int] = []
+    homed: list[bool] = []
 
 
 class MotionPort(Protocol):

@@ -128,7 +128,7 @@ class MachineService:
             await asyncio.sleep(TICK_S)
         await self._table.planner.stop()
         if self.port.alive():
-            positions = self.port.snapshot().position.tolist()
+            positions = self.port.snapshot().position
             self._table.references.stand(dict(zip(self._all_axes, positions, strict=True)))
         await asyncio.to_thread(self.port.close)
         self._table.heartbeat.stop()

@@ -37,7 +37,7 @@ async def test_status_and_state_tell_the_tools_poses_at_the_encoders_readings(tm
         network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
     )
     port = FakePort(machine)
-    expected = kinematics.pose(1, dict(enumerate(port.snapshot().position.tolist())))
+    expected = kinematics.pose(1, dict(enumerate(port.snapshot().position)))
     async with running(machine, options, port, FakePipelines(port)) as (_, face):
         client = WireClient((await face.endpoints())[0], "arm6")
         try:

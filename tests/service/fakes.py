@@ -139,10 +139,10 @@ class FakePort:
         width = len(self.machine.axes)
         return Snapshot(
             time=time.time() - self.epoch,
-            setpoint=np.full(width, 0.001),
-            position=np.full(width, 0.002),
-            velocity=np.zeros(width),
-            torque=np.zeros(width),
+            setpoint=[0.001] * width,
+            position=[0.002] * width,
+            velocity=[0.0] * width,
+            torque=[0.0] * width,
             states=self.states,
             late_cycles=0,
         )

@@ -92,7 +92,8 @@ class _Planning:
     def slots(self) -> list[SlotView]:
         override_of = self._executor.mailbox.effective_override
         return [
-            SlotView(slot.u, slot.rate, override_of(index)) for index, slot in enumerate(self.view.slots())
+            SlotView(u, rate, override_of(index))
+            for index, (u, rate, *_) in enumerate(self._executor.history.newest_slots())
         ]
 
     def sink(self, slot: int) -> MotionSink:
@@ -154,7 +155,7 @@ class VirtualCell:
         return list(self.service.port.snapshot().homed)
 
     def position(self, axis: int) -> float:
-        return float(self.service.port.snapshot().position[axis])
+        return self.service.port.snapshot().position[axis]
 
     async def stop(self) -> None:
         await self.service.stop()

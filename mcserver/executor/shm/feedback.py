@@ -7,6 +7,7 @@ copies rows and then drops those that the writer may have begun to overwrite mea
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +26,20 @@ _HALF = (1 << 32) - 1
 _HEAD = 9
 SLOT_U, SLOT_RATE, SLOT_STATE, SLOT_GENERATION = range(4)
 _SLOT = 4
-_BLOCKS = 6
+
+
+class Block(enum.IntEnum):
+    """Quantities of the axes in a row, in order."""
+
+    SETPOINT = 0
+    VELOCITY = 1
+    ACTUAL = 2
+    ACTUAL_VELOCITY = 3
+    TORQUE = 4
+    CONDITION = 5
+
+
+_BLOCKS = len(Block)
 
 
 class AxisCondition(enum.IntEnum):
@@ -131,7 +145,7 @@ class FeedbackRow:
         cells[at + 3] = generation
 
 
-def homed_of(row: Array) -> int:
+def homed_of(row: Sequence[float] | Array) -> int:
     """Mask of the columns that know where they are, of a row."""
     return int(row[_HOMED_LOW]) | int(row[_HOMED_HIGH]) << 32
 
@@ -182,6 +196,9 @@ class FeedbackRing:
         self._counter = self._buffer[: 8 * _HEADER_WORDS].cast("q")
         self._rows: Array = np.frombuffer(self._buffer, np.float64, cycles * width, 8 * _HEADER_WORDS)
         self._rows = self._rows.reshape(cycles, width)
+        self._width = width
+        # the same as plain numbers: of a single row they are read in a fraction of NumPy's time
+        self._cells = self._buffer[8 * _HEADER_WORDS : 8 * (_HEADER_WORDS + cycles * width)].cast("d")
 
     def put(self, row: Array) -> None:
         """Adds a cycle; the oldest one goes."""
@@ -223,35 +240,48 @@ class FeedbackRing:
     def latest(self) -> FeedbackState | None:
         """The newest cycle; None before the first."""
         row = self.newest_row()
-        return None if row is None else self.state_of(row)
+        return self.state_of(np.array(row)) if row else None
 
-    def newest_row(self) -> Array | None:
-        """A copy of the newest cycle's row; None before the first. See `block`, `time_of` and the others."""
+    def newest_row(self) -> list[float]:
+        """The numbers of the newest cycle's row; empty before the first. See `axes_of`, `channels_of`."""
+        return self._newest(0, self._width)
+
+    def newest_slots(self) -> list[list[float]]:
+        """Every slot's numbers in the newest cycle, those of `slots_of`; empty before the first."""
+        at = _HEAD + _BLOCKS * self._axes
+        cells = self._newest(at, at + _SLOT * self._slots)
+        return [cells[each : each + _SLOT] for each in range(0, len(cells), _SLOT)]
+
+    def _newest(self, start: int, stop: int) -> list[float]:
+        counter = self._counter
         while True:
-            written = self._counter[0]
+            written = counter[0]
             if written == 0:
-                return None
-            row: Array = self._rows[(written - 1) % self._cycles].copy()
-            if self._counter[0] - written < self._cycles - GUARD:
-                return row
+                return []
+            at = (written - 1) % self._cycles * self._width
+            cells: list[Any] = self._cells[at + start : at + stop].tolist()
+            if counter[0] - written < self._cycles - GUARD:
+                return cells
 
-    def blocks_of(self, row: Array) -> Array:
-        """The axes' quantities in one row, shape (6, K), in the order of `block`."""
-        return row[_HEAD : _HEAD + _BLOCKS * self._axes].reshape(_BLOCKS, self._axes)
+    def axes_of(self, row: list[float], block: Block) -> list[float]:
+        """One quantity of all axes in one row, length K."""
+        start = _HEAD + block * self._axes
+        return row[start : start + self._axes]
 
     def block(self, rows: Array, name: str) -> Array:
         """One quantity of rows, shape (n, K): setpoint, velocity, actual, actual_velocity, torque,
         condition.
         """
-        names = ("setpoint", "velocity", "actual", "actual_velocity", "torque", "condition")
-        start = _HEAD + names.index(name) * self._axes
+        start = _HEAD + Block[name.upper()] * self._axes
         part: Array = rows[:, start : start + self._axes]
         return part
 
-    def channels_of(self, row: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+    def channels_of(self, row: list[float]) -> tuple[list[float], list[float], list[int]]:
         """Inputs, outputs and who has set these, of one row."""
-        inputs, outputs, owners = _io_blocks(row, self._axes, self._slots, self._inputs, self._outputs)
-        return inputs, outputs, owners.astype(np.int64)
+        at = _HEAD + _BLOCKS * self._axes + _SLOT * self._slots
+        outputs = at + self._inputs
+        owners = outputs + self._outputs
+        return row[at:outputs], row[outputs:owners], [int(each) for each in row[owners:]]
 
     def io_of(self, rows: Array) -> tuple[Array, Array]:
         """Inputs and outputs of rows, shapes (n, I) and (n, O)."""
