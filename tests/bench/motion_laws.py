@@ -5,12 +5,15 @@ planner has to hand over. Judged from outside, on the rows (`tests.motion.measur
 and jerk of every axis at every cycle, F, the tolerance in both directions, every line reported once and in
 order, and the end; a T is not ended sooner than it says, and later only with a limit to name. With
 ``--orders`` each program is played too, under random holds and overrides of 0 to 200 %. ``--wide`` draws
-from `tests.bench.wide_programs`. Seeds that break a law are printed; each replays alone.
+from `tests.bench.wide_programs`, ``--text`` programs as text from `tests.bench.text_programs`, which are
+simulated, or with ``--orders`` played beside the planner. Seeds that break a law are printed; each replays
+alone.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import itertools
 import math
 import sys
@@ -23,6 +26,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Array
+from tests.bench.text_laws import broken_laws_of_text
 from tests.bench.wide_programs import wide_program_of
 from tests.executor.test_overrides_of_programs import rig_of
 from tests.motion.measure import (
@@ -52,6 +56,8 @@ from tests.motion.support import (
     machine_of,
     plan,
 )
+
+Draw = Callable[[int], tuple[Machine, list[Move], list[Commit]]]
 
 REPORT_S = 60.0
 # What rounding may take away from a path [m].
@@ -252,27 +258,27 @@ def broken_under_orders(motion: Motion, seed: int) -> list[str]:
     return broken
 
 
-def run(
-    first: int,
-    count: int,
-    *,
-    orders: bool = False,
-    draw: Callable[[int], tuple[Machine, list[Move], list[Commit]]] = program_of,
-) -> int:
+def judge(seed: int, draw: Draw, *, orders: bool) -> tuple[list[str], int, int]:
+    """Name the laws that the program of a seed breaks; and return its lines and cycles."""
+    machine, moves, commits = draw(seed)
+    motion = plan(machine, moves, commits=commits)
+    broken = broken_laws(motion)
+    if orders and len(motion.position) <= MOST_ROWS:
+        broken += broken_under_orders(motion, seed)
+    return broken, len(moves), len(motion.position)
+
+
+def run(first: int, count: int, judged: Callable[[int], tuple[list[str], int, int]]) -> int:
     """Run the seeds; return how many break a law."""
     started = reported = time.monotonic()
     failed = lines = rows = 0
     for seed in range(first, first + count):
-        machine, moves, commits = draw(seed)
         try:
-            motion = plan(machine, moves, commits=commits)
-            broken = broken_laws(motion)
-            if orders and len(motion.position) <= MOST_ROWS:
-                broken += broken_under_orders(motion, seed)
+            broken, count_of_lines, count_of_rows = judged(seed)
         except (AssertionError, PlanningError) as error:
             broken = [f"{type(error).__name__} {error}".splitlines()[0]]
         else:
-            lines, rows = lines + len(moves), rows + len(motion.position)
+            lines, rows = lines + count_of_lines, rows + count_of_rows
         if broken:
             failed += 1
             print(f"seed {seed}: {'; '.join(broken)}", flush=True)
@@ -291,9 +297,14 @@ def main() -> int:
     options.add_argument("--count", type=int, default=10_000)
     options.add_argument("--orders", action="store_true")
     options.add_argument("--wide", action="store_true")
+    options.add_argument("--text", action="store_true")
     chosen = options.parse_args()
-    draw = wide_program_of if chosen.wide else program_of
-    return min(run(chosen.first, chosen.count, orders=chosen.orders, draw=draw), 1)
+    if chosen.text:
+        judged = functools.partial(broken_laws_of_text, orders=chosen.orders)
+    else:
+        draw = wide_program_of if chosen.wide else program_of
+        judged = functools.partial(judge, draw=draw, orders=chosen.orders)
+    return min(run(chosen.first, chosen.count, judged), 1)
 
 
 if __name__ == "__main__":

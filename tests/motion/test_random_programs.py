@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.bench.motion_laws import MOST_ROWS, broken_laws, broken_under_orders, program_of
+from tests.bench.text_laws import broken_laws_of_text
 from tests.bench.wide_programs import wide_program_of
 from tests.motion.support import alike, at_speed, line_curve, plan
 
@@ -41,3 +42,10 @@ def test_broken_limits_are_named() -> None:
 def test_a_program_of_what_machines_seldom_do_keeps_every_law(seed: int) -> None:
     machine, moves, commits = wide_program_of(seed)
     assert broken_laws(plan(machine, moves, commits=commits)) == []
+
+
+@pytest.mark.parametrize(("seed", "orders"), [(1, False), (4, False), (5, True)])
+def test_a_random_program_as_text_keeps_every_law_also_beside_a_planner(seed: int, orders: bool) -> None:
+    broken, lines, _ = broken_laws_of_text(seed, orders=orders)
+    assert lines > 0
+    assert broken == []
