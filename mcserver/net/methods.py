@@ -24,6 +24,7 @@ from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
 from mcserver.net.text_methods import TextMethods
 from mcserver.recorder.views import NoRecorder, RecordingAccess
+from mcserver.service.axes_of_requests import positions_in_si
 from mcserver.service.deferred import Deferred
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
@@ -199,7 +200,7 @@ class Methods:
         return wire.HomeReply(program.program, list(program.axes))
 
     async def reference(self, client: str, request: wire.ReferenceRequest) -> wire.Done:
-        positions = self._service.positions_si(request.positions)
+        positions = positions_in_si(self._service.machine, request.positions)
         program = await self._homing.reference(client, positions)
         shown = ", ".join(f"axis {axis} at {at:g}" for axis, at in request.positions.items())
         self._record(client, "reference", program.program, shown)

@@ -11,6 +11,7 @@ from mcserver.errors import Refused
 from mcserver.net import messages as wire
 from mcserver.net import text_messages as text_wire
 from mcserver.service.arming import hash_of
+from mcserver.service.axes_of_requests import positions_in_si
 from mcserver.service.program import Program
 from mcserver.service.reports import wire_diagnostic
 from mcserver.service.service import MachineService
@@ -95,4 +96,4 @@ class TextMethods:
         )
 
     def _positions(self, positions: Mapping[str, float] | None) -> dict[int, float] | None:
-        return None if positions is None else self._service.positions_si(positions)
+        return None if positions is None else positions_in_si(self._service.machine, positions)

@@ -14,6 +14,7 @@ from mcserver.executor.entries import Control
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.planner_messages import Planning, StepLine
+from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.channels import Channels
 from mcserver.service.event_log import EventLog
 from mcserver.service.forecasts import Forecasts
@@ -96,7 +97,6 @@ class MachineService:
         self.texts = KeptTexts(options.journal.with_suffix(".texts"))
         self._counter = 0
         self._stopping = False
-        self._all_axes = tuple(axis.index for axis in machine.axes)
 
     # ------------------------------------------------------------ life
 
@@ -129,7 +129,7 @@ class MachineService:
         await self._table.planner.stop()
         if self.port.alive():
             positions = self.port.snapshot().position
-            self._table.references.stand(dict(zip(self._all_axes, positions, strict=True)))
+            self._table.references.stand(dict(zip(axes_of(self.machine, None), positions, strict=True)))
         await asyncio.to_thread(self.port.close)
         self._table.heartbeat.stop()
         self._table.journal.server_stopped(self.options.instance, self.options.clock())
@@ -195,7 +195,7 @@ class MachineService:
         self._ready()
         if self._table.journal_failure:
             raise self.lines.unjournaled()
-        wanted = self._axes(axes)
+        wanted = axes_of(self.machine, axes)
         self._check_limits(client)
         if resume_of is not None:
             earlier = self._table.programs.get(resume_of)
@@ -365,7 +365,7 @@ class MachineService:
             ServiceError: MC443 an input stops the machine; MC509 programs are still coming to rest; MC507.
         """
         self.channels.refuse_interlocked(self.channels.stopping(), "reset")
-        self.latch.reset(frozenset(self._axes(axes)))
+        self.latch.reset(frozenset(axes_of(self.machine, axes)))
 
     def homed(self, axis: int) -> bool:
         """Return whether an axis knows where it is."""
@@ -375,22 +375,6 @@ class MachineService:
     def holder(self, axis: int) -> str | None:
         """The program that may move ``axis`` now."""
         return self._table.leases.holder(axis)
-
-    def positions_si(self, positions: Mapping[str, float]) -> dict[int, float]:
-        """Positions by axis number as text [mm, deg], in SI.
-
-        Raises:
-            ServiceError: MC507 no such axis.
-        """
-        found = {}
-        for name, value in positions.items():
-            axis = self.machine.axis(int(name)) if name.isdecimal() else None
-            if axis is None:
-                raise Refused(
-                    "MC507", f"the machine {self.machine.name} has no axis {name!r}", "see `info`", axis=name
-                )
-            found[axis.index] = value * axis.type.si_per_unit
-        return found
 
     def current(self) -> list[Program]:
         """Programs that have not ended, and those that ended a moment ago."""
@@ -472,21 +456,6 @@ class MachineService:
         if self._stopping:
             raise Refused("MC515", "the server is stopping", "wait for its next start")
         self.latch.refuse_latched()
-
-    def _axes(self, axes: Sequence[int] | None) -> tuple[int, ...]:
-        if axes is None:
-            return self._all_axes
-        if not axes:
-            raise Refused("MC507", "a lease needs an axis", "leave `axes` out for all")
-        for axis in axes:
-            if axis not in self._all_axes:
-                raise Refused(
-                    "MC507",
-                    f"the machine {self.machine.name} has no axis {axis}",
-                    f"it has {', '.join(map(str, self._all_axes))}",
-                    axis=axis,
-                )
-        return tuple(sorted(set(axes)))
 
     def _check_limits(self, client: str) -> None:
         open_by = [program.client for program in self._table.programs.values() if not program.ended]

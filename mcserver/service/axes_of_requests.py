@@ -1,0 +1,47 @@
+"""Axes and positions as requests name them, checked against the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mcserver.errors import Refused
+from mcserver.machine.machine_file import Machine
+
+
+def axes_of(machine: Machine, axes: Sequence[int] | None) -> tuple[int, ...]:
+    """Return the axes that a request names, ascending and each once; without any, all of the machine.
+
+    Raises:
+        ServiceError: MC507 the list is empty, or the machine has no such axis.
+    """
+    known = tuple(axis.index for axis in machine.axes)
+    if axes is None:
+        return known
+    if not axes:
+        raise Refused("MC507", "a lease needs an axis", "leave `axes` out for all")
+    for axis in axes:
+        if axis not in known:
+            raise Refused(
+                "MC507",
+                f"the machine {machine.name} has no axis {axis}",
+                f"it has {', '.join(map(str, known))}",
+                axis=axis,
+            )
+    return tuple(sorted(set(axes)))
+
+
+def positions_in_si(machine: Machine, positions: Mapping[str, float]) -> dict[int, float]:
+    """Return positions by axis number as text [mm, deg], in SI.
+
+    Raises:
+        ServiceError: MC507 no such axis.
+    """
+    found = {}
+    for name, value in positions.items():
+        axis = machine.axis(int(name)) if name.isdecimal() else None
+        if axis is None:
+            raise Refused(
+                "MC507", f"the machine {machine.name} has no axis {name!r}", "see `info`", axis=name
+            )
+        found[axis.index] = value * axis.type.si_per_unit
+    return found
