@@ -114,6 +114,10 @@ def weights_of(machine: Machine) -> Array:
     return np.array([MM / axis.type.si_per_unit for axis in machine.axes])
 
 
+# Of the share of a path at which the search for its nearest point ends.
+SETTLED = 1e-13
+
+
 def away_from(machine: Machine, group: FeedGroup, base: Array, points: Array) -> Array:
     """Distance of points (n, K) from a group's path, shape (n,); a degree counts as a millimetre.
 
@@ -138,7 +142,9 @@ def away_from(machine: Machine, group: FeedGroup, base: Array, points: Array) ->
             best = np.minimum(best, np.linalg.norm(gap, axis=1))
             slope = group_slope(machine, group, nearest) * weights
             step = (gap * slope).sum(axis=1) / np.maximum((slope * slope).sum(axis=1), 1e-300)
-            nearest = np.clip(nearest + step, 0.0, 1.0)
+            nearest, before = np.clip(nearest + step, 0.0, 1.0), nearest
+            if np.abs(nearest - before).max() < SETTLED:
+                break
     return best
 
 
@@ -190,10 +196,12 @@ def path_missed_by_line(motion: Motion, points_a_line: int = 33) -> Array:
 def _from_polyline(points: Array, nodes: Array) -> float:
     travel = np.diff(nodes, axis=0)
     length = np.maximum((travel * travel).sum(axis=1), 1e-300)
-    away = points[:, None, :] - nodes[None, :-1, :]
-    along = np.clip((away * travel).sum(axis=2) / length, 0.0, 1.0)
-    gap = away - along[:, :, None] * travel
-    return float(np.sqrt((gap * gap).sum(axis=2).min(axis=1).max()))
+    # column by column: one array of points, segments and columns would not stay in the processor's cache
+    away = [point[:, None] - node[None, :-1] for point, node in zip(points.T, nodes.T, strict=True)]
+    along = sum(each * step for each, step in zip(away, travel.T, strict=True))
+    along = np.clip(along / length, 0.0, 1.0)
+    gap = sum((each - along * step) ** 2 for each, step in zip(away, travel.T, strict=True))
+    return float(np.sqrt(np.min(gap, axis=1).max()))
 
 
 def speed_over_feed(motion: Motion) -> float:
