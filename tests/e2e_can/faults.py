@@ -52,7 +52,7 @@ SHARING = Witness(0, 1, 0, PER_MM)
 async def bench(
     cycle_hz: float = CYCLE_HZ, interfaces: Sequence[str] = (), *, patient: bool = False, mode: str = "csp"
 ) -> AsyncIterator[Bench]:
-    """Two buses, with a hub each or on interfaces; the victim's drive is a process of its own.
+    """Two buses: with a hub each, and the victim's drive in a process of its own, or on interfaces.
 
     Args:
         mode: of the victim's drive.
@@ -69,7 +69,9 @@ async def bench(
             axis["drive"] = {key: value for key, value in axis["drive"].items() if key not in PATIENT}
         return {**raw, "bus": buses(addresses, SILENCE_CYCLES)}
 
-    others = [node for node in range(1, AXES + 1) if node != NODE]
+    nodes = range(1, AXES + 1)
+    # an emulated machine takes half a minute to start a process
+    processes = [nodes] if interfaces else [[node for node in nodes if node != NODE], [NODE]]
     with (
         tempfile.TemporaryDirectory() as folder,
         running(
@@ -78,7 +80,7 @@ async def bench(
             interfaces=interfaces,
             channels=2,
             hubs=2,
-            processes=[others, [NODE]],
+            processes=processes,
         ) as cell,
     ):
         log = BusLog(cell.addresses)

@@ -162,8 +162,9 @@ class VirtualCell:
         self._clock.cancel()
 
     def kill(self) -> None:
-        """End without a word; the journal's lock goes with the process."""
+        """End without a word; the journal's lock and the thread that beats go with the process."""
         self._clock.cancel()
+        self.service._table.heartbeat.stop()
         self.service._table.close_journal()
 
 
