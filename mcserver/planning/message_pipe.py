@@ -110,6 +110,8 @@ class WatchedPipe:
         self._pipe = pipe
         self._writing = False
         self._due = False
+        # the loop flushes when it comes round
+        self._scheduled = False
         loop.add_reader(pipe.fileno(), on_readable)
 
     def send(self, payload: bytes) -> None:
@@ -118,9 +120,14 @@ class WatchedPipe:
         To an end that is gone nothing goes, which is read.
         """
         self._pipe.queue(payload)
-        if not self._due:
-            self._due = True
-            self._loop.call_soon(self.flush)
+        self._due = True
+        if not self._scheduled:
+            self._scheduled = True
+            self._loop.call_soon(self._come_round)
+
+    def _come_round(self) -> None:
+        self._scheduled = False
+        self.flush()
 
     def flush(self) -> None:
         """Send what waits, as far as the other end takes it now."""
