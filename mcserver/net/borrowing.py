@@ -40,25 +40,25 @@ class Borrower(Generic[T]):
         self._loop = loop if isinstance(loop, SharedLoop) and not loop.get_debug() else None
         self._inbox = inbox
         self._handle = handle
-        self._ahead = ahead
+        self._ahead = tuple(inbox.waiting for inbox in ahead)
         self._finish = finish
         self._failed = DefectLog(log)
 
     def push(self, item: T) -> None:
         """Handle a message now if that may be, else queue it; from any thread."""
         loop = self._loop
-        if loop is None or not all(inbox.empty for inbox in self._ahead) or not loop.turn.borrow():
+        if loop is None or any(self._ahead) or not loop.turn.borrow():
             self._inbox.push(item)
             return
         then: Callable[[], None] | None = None
         try:
             # looked at again: nothing is delivered, or comes, while the turn is ours, but by who queues it
-            if all(inbox.empty for inbox in self._ahead):
+            if any(self._ahead):
+                self._inbox.push(item)
+            else:
                 then = self._handle(item)
                 if then is None:
                     self._finish()
-            else:
-                self._inbox.push(item)
         except Exception as error:
             self._failed.add(f"a message could not be handled: {error}", error)
         finally:

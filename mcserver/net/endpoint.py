@@ -200,7 +200,7 @@ class MachineEndpoint:
 
         def ask(query: zenoh.Query) -> None:
             asked = rpc.asked(query)
-            (quick if asked.quick else queries).push(asked)
+            (quick if asked.target.quick else queries).push(asked)
 
         copies = StopCopies(time.monotonic)
 
@@ -244,7 +244,7 @@ class MachineEndpoint:
     def _answer_now(self, rpc: RpcServer, asked: Asked) -> Callable[[], None]:
         """Answer a query in a borrowed turn; gives what sends the replies."""
         send = rpc.answer_borrowed(asked)
-        if asked.changes:
+        if asked.target.changes:
             # should the caller not take its reply, the loop sends what else there is
             self._notice()
         return send

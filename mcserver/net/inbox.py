@@ -11,7 +11,7 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from typing import Generic, TypeVar
 
 from mcserver.net.defects import DefectLog
@@ -53,9 +53,9 @@ class Inbox(Generic[T]):
         self._woken = False
 
     @property
-    def empty(self) -> bool:
-        """Whether all that came has been delivered; certain only for who holds the loop's turn."""
-        return not self._items
+    def waiting(self) -> Sized:
+        """What has come and is not delivered yet; certain only for who holds the loop's turn."""
+        return self._items
 
     def push(self, item: T) -> None:
         """Appends; from any thread."""

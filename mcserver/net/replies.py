@@ -90,6 +90,8 @@ class ReplySender:
 
     def has_room(self, caller: str) -> bool:
         """Whether another reply to this caller would be taken: asked before any work is done for it."""
+        if caller not in self._lanes:
+            return True
         with self._lock:
             lane = self._lanes.get(caller)
             return lane is None or self._fits(lane, 0)

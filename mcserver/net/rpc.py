@@ -56,12 +56,15 @@ class Target(msgspec.Struct, frozen=True):
     Attributes:
         key: as it was asked for. call: None where it names neither one client nor one method.
         method: None where there is none of that name. reply_key: of its answer.
+        quick: it may be carried out in a borrowed turn. changes: it may change something.
     """
 
     key: str
     call: Call | None
     method: Method | None
     reply_key: str
+    quick: bool
+    changes: bool
 
 
 class Asked(NamedTuple):
@@ -69,16 +72,6 @@ class Asked(NamedTuple):
 
     query: zenoh.Query
     target: Target
-
-    @property
-    def quick(self) -> bool:
-        """Whether it may be carried out in a borrowed turn."""
-        return self.target.method is not None and self.target.method.quick
-
-    @property
-    def changes(self) -> bool:
-        """Whether it may change anything."""
-        return self.target.method is not None and self.target.method.changes
 
 
 def encode_error(error: BaseException) -> bytes:
@@ -187,12 +180,17 @@ class RpcServer:
 
     def _target(self, key: str) -> Target:
         call = self._info if _RPC_CHUNK not in key else self._keys.call_of(key)
-        if call is None or call is self._info:
-            return Target(
-                key, call, None if call is None else self._methods.get(call.method), self._keys.info
-            )
-        reply_key = self._keys.rpc(call.client, call.method)
-        return Target(key, call, self._methods.get(call.method), reply_key)
+        if call is None:
+            return Target(key, None, None, self._keys.info, quick=False, changes=False)
+        method = self._methods.get(call.method)
+        return Target(
+            key,
+            call,
+            method,
+            self._keys.info if call is self._info else self._keys.rpc(call.client, call.method),
+            quick=method is not None and method.quick,
+            changes=method is not None and method.changes,
+        )
 
     def _callable(self, target: Target) -> tuple[Call, Method]:
         """Return what a query may call.
@@ -223,40 +221,33 @@ class RpcServer:
 
     def _carry_out(self, asked: Asked, call: Call, method: Method) -> None:
         request = self._decode(asked.query, call.method)
-
-        def answer(result: Answer) -> None:
-            self._send(asked, result)
-
         if self._under_way >= IN_FLIGHT:
             raise Refused(
                 "MC508", f"{IN_FLIGHT} requests are being worked on", "send it again later", limit=IN_FLIGHT
             )
-        remembered = method.changes
-        if remembered:
-            if request.request is None:
+        number = request.request
+        if method.changes:
+            if number is None:
                 raise ServiceError(
                     "MC506", f"{call.method} needs `request`", "number your requests, each new one anew"
                 )
-            number = request.request
-            if not self._answers.begin(call.client, number, call.method, answer):
+            if not self._answers.begin(call.client, number, call.method, partial(self._send, asked)):
                 return
-        finish: Callable[[Answer], None] = answer
-        if remembered:
-
-            def finish(result: Answer) -> None:
-                self._answers.finish(call.client, number, result)
-
+        try:
+            reply = method.call(call.client, request)
+        except Exception as error:
+            self._finish(asked, number, self._failed(call.method, error))
+            return
+        if isinstance(reply, msgspec.Struct):
+            self._finish(asked, number, Answer(True, self._encode(reply)))
+            return
         self._under_way += 1
 
         def settle(reply: object, error: BaseException | None) -> None:
             self._under_way -= 1
-            finish(Answer(True, self._encode(reply)) if error is None else self._failed(call.method, error))
+            failed = None if error is None else self._failed(call.method, error)
+            self._finish(asked, number, failed or Answer(True, self._encode(reply)))
 
-        try:
-            reply = method.call(call.client, request)
-        except Exception as error:
-            settle(None, error)
-            return
         if isinstance(reply, Deferred):
             reply.listen(settle)
         elif isinstance(reply, Awaitable):
@@ -265,6 +256,14 @@ class RpcServer:
             task.add_done_callback(self._tasks.discard)
         else:
             settle(reply, None)
+
+    def _finish(self, asked: Asked, number: int | None, answer: Answer) -> None:
+        """Answer a call, and all that wait for the same answer."""
+        call = asked.target.call
+        if asked.target.changes and call is not None and number is not None:
+            self._answers.finish(call.client, number, answer)
+        else:
+            self._send(asked, answer)
 
     def _decode(self, query: zenoh.Query, name: str) -> Request:
         payload = query.payload

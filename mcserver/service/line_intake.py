@@ -37,6 +37,9 @@ class LineIntake:
         through = min(last, program.queue.accepted)
         self._check_journal(program, through)
         result: Deferred[Program] = Deferred()
+        if not judge and program.journaled >= through:
+            result.resolve(program)
+            return result
         verdict: Deferred[Verdict] = Deferred()
 
         limit: asyncio.TimerHandle | None = None
