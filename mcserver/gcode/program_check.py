@@ -9,6 +9,7 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
+from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.profiles.codes import SPINDLE
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.line_window import BLOCK, LineWindow
@@ -70,17 +71,18 @@ def check_lines(
     positions: Mapping[int, float] | None = None,
     lease: frozenset[int] | None = None,
     at_rest: bool = False,
+    kept: KeptRuns | None = None,
 ) -> list[Diagnostic]:
     """Find the faults of a program as `check_program` does, however long it is: it is read line by line.
 
     Args:
         lines: without their ends. progress: called with the lines read about every `PROGRESS_STEP` lines,
-            and at the end. The others as in `check_program`.
+            and at the end. kept: keeps its runs of lines for who runs it. The others as in `check_program`.
 
     Returns:
         The faults in reading order; behind `MOST_FAULTS` of them the check ends (MC158).
     """
-    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease)
+    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease, kept=kept)
     survey = _Survey(machine, at_rest)
     try:
         window = LineWindow(lines)

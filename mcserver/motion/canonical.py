@@ -138,6 +138,21 @@ class PlainRun(msgspec.Struct, frozen=True, eq=False):
         """Number of the first line."""
         return int(self.lines[0])
 
+    def part(self, first: int, behind: int) -> PlainRun:
+        """Return lines ``first`` … ``behind`` - 1, counted from 0."""
+        at = slice(first, behind)
+        return PlainRun(
+            self.lines[at],
+            self.axes,
+            self.points[first : behind + 1],
+            self.lengths[at],
+            self.travels[at],
+            self.requested[at],
+            None if self.speeds is None else self.speeds[at],
+            self.exact_stop,
+            self.tolerance,
+        )
+
     def motion_lines(self) -> list[MotionLine]:
         """Return the lines as objects."""
         points = [tuple(point) for point in self.points.tolist()]
@@ -194,6 +209,28 @@ class PathRun(msgspec.Struct, frozen=True, eq=False):
     def line(self) -> int:
         """Number of the first line."""
         return int(self.lines[0])
+
+    def part(self, first: int, behind: int) -> PathRun:
+        """Return lines ``first`` … ``behind`` - 1, counted from 0, over the axes that any of them moves."""
+        at = slice(first, behind)
+        used, frame = np.unique(self.frame[at], return_inverse=True)
+        frames = tuple([self.frames[each] for each in used.tolist()])
+        axes = tuple([axis for axis in self.axes if any(axis in each for each in frames)])
+        return PathRun(
+            self.lines[at],
+            axes,
+            self.points[first : behind + 1, [self.axes.index(axis) for axis in axes]],
+            frames,
+            frame,
+            self.centres[at],
+            self.sweeps[at],
+            self.lengths[at],
+            self.travels[at],
+            self.requested[at],
+            None if self.speeds is None else self.speeds[at],
+            self.exact_stop,
+            self.tolerance,
+        )
 
     def first_beyond(self, axes: set[int]) -> tuple[int, tuple[int, ...]] | None:
         """Return the number and the axes of the first line that moves one that is not among ``axes``."""

@@ -17,6 +17,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.headroom import stopping_rows
+from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.notices import notice_of
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -76,6 +77,7 @@ class Pipeline:
         frame: work offsets to start with, where ``modal`` is None.
         on_fault: effect of a faulty line.
         clock: for the time of inverse kinematics [s].
+        kept: runs of lines of this very program, from a check of it.
     """
 
     def __init__(
@@ -92,6 +94,7 @@ class Pipeline:
         frame: Frame | None = None,
         on_fault: FaultRule = FaultRule.END,
         clock: Callable[[], float] = time.perf_counter,
+        kept: KeptRuns | None = None,
     ) -> None:
         self.lines = LineBuffer() if lines is None else lines
         dynamics = None if kinematics is None else kinematics.dynamics
@@ -100,7 +103,13 @@ class Pipeline:
         self._on_fault = on_fault
         self._solving = None if kinematics is None else TimedKinematics(kinematics, clock)
         self._interpreter = Interpreter(
-            machine, kinematics=self._solving, positions=positions, lease=lease, modal=modal, frame=frame
+            machine,
+            kinematics=self._solving,
+            positions=positions,
+            lease=lease,
+            modal=modal,
+            frame=frame,
+            kept=kept,
         )
         self._printer = machine.dialect.profile == "printer"
         self._frame = self._interpreter.frame

@@ -16,6 +16,7 @@ from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.executor.stretch import LineEvents
+from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
@@ -132,7 +133,9 @@ def simulate_lines(
         times: takes the times of its lines; None: keeps all of them. checked: the program has no faults.
             The others as in `simulate`.
     """
-    faults = [] if checked else check_lines(source(), machine, kinematics)
+    kept = KeptRuns()
+    faults = [] if checked else check_lines(source(), machine, kinematics, kept=kept)
+    kept.filling = False
     if any(fault.severity == "error" for fault in faults):
         return Simulation(_rejected(machine, faults), 4)
     sampler = None
@@ -141,7 +144,7 @@ def simulate_lines(
         sampler = PathSampler(machine, ToolPoses(machine, solver), path_points)
     if times is None:
         times = LineTimes(planning=bool(machine.tools))
-    run = _Run(source, machine, kinematics, progress, record, sampler, moments, clock, times)
+    run = _Run(source, machine, kinematics, progress, record, sampler, moments, clock, times, kept)
     found = run.run(faults)
     if sampler is not None:
         found.report["path"] = sampler.path()
@@ -182,6 +185,7 @@ class _Run:
         moments: TimeSampler | None,
         clock: Callable[[], float],
         times: LineTimes,
+        kept: KeptRuns,
     ) -> None:
         self._machine = machine
         self._input_names = [each.name for each in machine.inputs]
@@ -195,7 +199,12 @@ class _Run:
         self._executor.open_slot(SLOT, mask)
         positions = {axis.index: axis.initial_position for axis in machine.axes}
         self._pipeline = Pipeline(
-            machine, self._executor.sink(SLOT), positions=positions, kinematics=kinematics, clock=clock
+            machine,
+            self._executor.sink(SLOT),
+            positions=positions,
+            kinematics=kinematics,
+            clock=clock,
+            kept=kept,
         )
         self._feed_length = 0.0
         self._end = 0.0

@@ -18,6 +18,7 @@ import numpy as np
 from mcserver.gcode.fast_path.block import AxisRow, axis_rows
 from mcserver.gcode.fast_path.code_text import CodeText
 from mcserver.gcode.fast_path.columns import LineColumns, read_columns
+from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.fast_path.path_runs import PathRunInterpreter
 from mcserver.gcode.fast_path.run_state import MIN_LINES, feeds_in_force, leading, state_after
 from mcserver.gcode.semantics.axis_words import SMALLEST_FEED
@@ -43,11 +44,15 @@ class RunInterpreter:
     The window grows with the runs found, so that short runs do not read the same lines again and again. After
     a failed attempt the next one waits, twice as long each time: one odd line between two runs costs little,
     and so does a program without runs.
+
+    Args:
+        kept: where the check of a program keeps its runs, and the run of it takes them from.
     """
 
-    __slots__ = ("_backoff", "_paths", "_retry_at", "_rows", "_tolerance", "_window")
+    __slots__ = ("_backoff", "_kept", "_paths", "_retry_at", "_rows", "_tolerance", "_window")
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: Setup, kept: KeptRuns | None = None) -> None:
+        self._kept = kept
         self._tolerance = setup.machine.path_tolerance
         self._rows = axis_rows(setup)
         self._paths = PathRunInterpreter(self._rows, self._tolerance)
@@ -66,7 +71,12 @@ class RunInterpreter:
         size = min(len(texts), self.window(number), most)
         if size < MIN_LINES:
             return None
-        found = self._read(texts[:size], number, modal, commanded)
+        found = self._taken(size, number, modal, commanded)
+        if found is None:
+            found = self._read(texts[:size], number, modal, commanded)
+            if found is not None and self._kept is not None:
+                after, run, taken = found
+                self._kept.keep(run, taken, modal, after, ended=taken < size)
         if found is None:
             if self._backoff > 1:
                 self._window = _FIRST_WINDOW
@@ -78,6 +88,14 @@ class RunInterpreter:
         self._backoff = 1
         self._window = min(MAX_LINES, max(_FIRST_WINDOW, taken * (_GROWTH if taken == size else 2)))
         return found
+
+    def _taken(
+        self, size: int, number: int, modal: ModalState, commanded: CommandedState
+    ) -> tuple[ModalState, PlainRun | PathRun, int] | None:
+        """Take lines that the check of the program has interpreted."""
+        if self._kept is None:
+            return None
+        return self._kept.take(number, size, min(size, _ENOUGH), modal, commanded)
 
     def _read(
         self, texts: Sequence[str], number: int, modal: ModalState, commanded: CommandedState

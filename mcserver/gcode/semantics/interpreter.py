@@ -9,6 +9,7 @@ from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic
 from mcserver.gcode.fast_path.block import SimpleBlockInterpreter
+from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.fast_path.runs import MAX_LINES, RunInterpreter
 from mcserver.gcode.profiles.codes import MOVING
 from mcserver.gcode.profiles.frame import Frame
@@ -34,6 +35,7 @@ class Interpreter:
         lease: axes that the program may use; all by default.
         modal: state to start from, for a program that goes on from its middle.
         frame: work offsets to start from where ``modal`` is None (D-62).
+        kept: runs of lines that the check of the same program keeps for its run.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class Interpreter:
         lease: frozenset[int] | None = None,
         modal: ModalState | None = None,
         frame: Frame | None = None,
+        kept: KeptRuns | None = None,
     ) -> None:
         self._setup = set_up(machine, kinematics, lease)
         initial = {axis.index: axis.initial_position for axis in machine.axes}
@@ -55,7 +58,7 @@ class Interpreter:
         self._capture_due = machine.dialect.auto_capture
         self._parse = reader_of(machine.dialect)
         self._simple = SimpleBlockInterpreter(self._setup)
-        self._runs = RunInterpreter(self._setup)
+        self._runs = RunInterpreter(self._setup, kept)
 
     @property
     def modal(self) -> ModalState:
