@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcclient import MotionError, ProgramInterrupted
+from mcclient import Machine, MotionError, Program, ProgramInterrupted
 
 from tests.e2e.conftest import connected
 from tests.e2e.observing import (
@@ -54,19 +54,26 @@ def own_server(process: ServerProcess) -> Iterator[ServerProcess]:
     sys.stderr.write("".join(process.said))
 
 
+async def killed_in_the_slow_line(
+    machine: Machine, server: ServerProcess
+) -> tuple[Program, ProgramInterrupted]:
+    """A program whose server was killed and started again in its middle, and what its client is answered."""
+    program = await machine.program("part", [0])
+    await program.send_lines(MODAL)
+    await program.wait_done(SLOW - 1)
+    server.end(signal.SIGKILL)
+    server.start()
+    with pytest.raises(ProgramInterrupted) as interrupted:
+        async with asyncio.timeout(LIMIT_S):
+            await program.finish()
+    return program, interrupted.value
+
+
 async def test_a_killed_server_shows_the_program_interrupted_and_moves_nothing(
     own_server: ServerProcess,
 ) -> None:
     async with connected(own_server) as machine:
-        program = await machine.program("part", [0])
-        await program.send_lines(MODAL)
-        await program.wait_done(SLOW - 1)
-        own_server.end(signal.SIGKILL)
-        own_server.start()
-        with pytest.raises(ProgramInterrupted) as interrupted:
-            async with asyncio.timeout(LIMIT_S):
-                await program.finish()
-        error = interrupted.value
+        program, error = await killed_in_the_slow_line(machine, own_server)
         assert (error.program, error.accepted, error.done) == (program.id, len(MODAL), SLOW - 1)
         assert f"resume_program({program.id!r}, start_line={SLOW})" in error.hint
         assert f"line {SLOW} may have begun" in error.message
@@ -84,15 +91,8 @@ async def test_a_client_resumes_with_the_modal_state_rebuilt_and_ends_where_the_
     own_server: ServerProcess,
 ) -> None:
     async with connected(own_server) as machine:
-        program = await machine.program("part", [0])
-        await program.send_lines(MODAL)
-        await program.wait_done(SLOW - 1)
-        own_server.end(signal.SIGKILL)
-        own_server.start()
-        with pytest.raises(ProgramInterrupted) as interrupted:
-            async with asyncio.timeout(LIMIT_S):
-                await program.finish()
-        start = interrupted.value.done + 1
+        program, error = await killed_in_the_slow_line(machine, own_server)
+        start = error.done + 1
         # to where the interrupted line begins
         await run(machine, ["G1010", "G00 X76.2"])
         async with asyncio.timeout(LIMIT_S):
