@@ -95,6 +95,7 @@ class MotionSink(Protocol):
         line: NDArray[np.int64],
         torque: Array | None = None,
         feed_scale: Array | None = None,
+        pace: float = 1.0,
     ) -> None:
         """Rows at u = first_u, first_u + 1, …
 
@@ -105,6 +106,7 @@ class MotionSink(Protocol):
             line: shape (n,), the line that each row belongs to.
             torque: shape (n, 3, J), what the rows ask of limited joints (`row_torques`); None: not known.
             feed_scale: shape (n,), the feed override at which the rows are played as they are [1]; None: 1.
+            pace: rows a cycle then [1].
         """
 
     def put_control(self, control: Control, rows: int = 0) -> None:

@@ -18,8 +18,8 @@ from mcserver.motion.geometry.row_torques import steady_rates
 
 Array = NDArray[np.float64]
 
-# The greatest feed override.
-RATE_MAX = 2.0
+# The greatest playback rate: a feed override of 2 on rows of twice the pace.
+RATE_MAX = 4.0
 # Rows that are handed over ahead, as a multiple of what the longest stop passes: one stop of the rows' own,
 # and one of playback that leaves some of the limits to the rows.
 STOPS_AHEAD = 3.2

@@ -17,7 +17,7 @@ from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.headroom import Array
+from mcserver.executor.headroom import RATE_MAX, Array
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
@@ -156,10 +156,11 @@ class ProgramSlot:
         """Whether an input holds the program, or has held it and nobody has resumed it since."""
         return self._interlocked
 
-    def _wanted(self, most: float, feed_scale: float = 1.0) -> float:
+    def _wanted(self, most: float, plain: float = 1.0) -> float:
+        """Return the rate to be had; ``plain``: that of 100 %."""
         if self.held or self._state is SlotState.STOPPING:
             return 0.0
-        return min(min(self._override, OVERRIDE_MAX) / feed_scale, most)
+        return min(min(self._override, OVERRIDE_MAX) * plain, most)
 
     # ------------------------------------------------------------------ stopping
 
@@ -337,6 +338,7 @@ class ProgramSlot:
             self._pass(control, left)
             # a motion that begins or ends in this cycle changes how far u may go
             if control.kind in (ControlKind.BEGIN, ControlKind.END):
+                rate = self._rate_at_rest(rate)
                 reach = self._reach(self.u + rate * left)
         if reach > self.u:
             whole = round(reach)
@@ -388,6 +390,27 @@ class ProgramSlot:
             return False
         return self.playback.at_start or self.ramp.rate <= STANDSTILL
 
+    def _rate_at_rest(self, rate: float) -> float:
+        """Return the rate for what is left of a cycle in which a motion has ended or begun: only rows of a
+        greater pace are played at more than 100 %.
+        """
+        if not self.playback.active:
+            found = min(rate, 1.0)
+        elif rate > 0.0 and self.playback.unmoved(self.u):
+            start = self._start_rate()
+            found = start if max(rate, start) > 1.0 else rate
+        else:
+            return rate
+        if found != rate:
+            self._mean_rate = found
+            self.ramp.jump(found)
+        return found
+
+    def _start_rate(self) -> float:
+        """Return the rate at which a motion begins that stands at its beginning."""
+        wanted = self._wanted(RATE_MAX, self.playback.plain_rate(self.u))
+        return min(wanted, self.ramp.safe_rate(self.u))
+
     def _step_rate(self) -> float:
         """Step the rates of this cycle; return the rows that u passes in it."""
         wanted = self.rapid_rate = self._wanted(1.0)
@@ -402,15 +425,15 @@ class ProgramSlot:
                 ramp.jump(wanted)
             mean = ramp.rate
         else:
-            wanted = self._wanted(OVERRIDE_MAX, self.playback.feed_scale(self.u))
+            wanted = self._wanted(RATE_MAX, self.playback.plain_rate(self.u))
             edge, dry = self._queue.edge(self.u)
             if self._too_dry(edge, dry):
                 ramp.jump(0.0)
                 mean = 0.0
             else:
                 begins = self.playback.unmoved(self.u)
-                if begins and ramp.rate != min(wanted, 1.0):
-                    ramp.jump(min(wanted, 1.0))
+                if begins and ramp.rate != (start := self._start_rate()):
+                    ramp.jump(start)
                 mean = ramp.advance(self.u, wanted, edge, urgent=self.cycle.estop, begins=begins)
             self._note_starved(dry, wanted)
         self._held = (self.held or self._override <= 0.0) and ramp.rate <= STANDSTILL

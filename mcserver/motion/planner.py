@@ -8,10 +8,8 @@ the motion can always stop on the path, and never stops where more lines are the
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
-import operator
 from collections.abc import Iterator
 
 import msgspec
@@ -32,6 +30,7 @@ from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
 from mcserver.motion.lookahead.leading_group import CommaLine, Companions, MachineAxes, comma_line
 from mcserver.motion.lookahead.lookahead import Lookahead
+from mcserver.motion.lookahead.pace import Pace
 from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import Deactivation, Piece
@@ -55,17 +54,17 @@ class MotionPlanner:
     Attributes:
         u: end of what has been committed, on the program's time axis [cycles].
         position: commanded end of all columns, shape (K,) [m or rad].
-        feed_scale: that what is not committed yet is planned at: the override above 100 %, else 1.
+        feed_scale, pace: that what is not committed yet is planned at: the override above 100 %, else 1.
     """
 
     def __init__(self, machine: Machine, position: Array, dynamics: JointDynamics | None = None) -> None:
         self._limits = AxisLimits.of(machine, dynamics)
-        self._cycle = machine.cycle_s
         self._slots = {axis.index: column for column, axis in enumerate(machine.axes)}
         self._linear = np.array([axis.type is AxisType.LINEAR for axis in machine.axes])
         self.position: Array = position.copy()
         self.u = 0.0
         self.feed_scale = 1.0
+        self.pace = Pace(self._limits)
         self._window = Lookahead(self._limits)
         self._plan: PlannedRun | None = None
         # how what is left in the window was planned before the last segments came: it ends at rest
@@ -111,7 +110,7 @@ class MotionPlanner:
         if not self._window.table:
             return self.u
         try:
-            return self.u + self._solved().phases.duration / self._cycle
+            return self.u + self._solved().phases.duration / self.pace.cycle
         except PlanningError:
             return self.u
 
@@ -341,14 +340,17 @@ class MotionPlanner:
 
     # ------------------------------------------------------------------ committing
 
-    def _follow_feed_scale(self) -> None:
+    def follow_feed_scale(self) -> None:
+        """Plan what is not committed again where it has another feed scale; its pace goes with that."""
         self._take_chords()
         if self._companions.present:
             # what runs beside its lines is planned already
             return
-        found = plan_at_feed_scale(self._window, self.feed_scale)
+        found = plan_at_feed_scale(self._window, self.feed_scale, self.pace, self._output.latest)
         if found is not None:
             self._plan = found
+            # the stop in reserve was from the speed at the pace before
+            self._reserve = found if self.pace.under_way else None
 
     def commit(self, want: float = math.inf, *, closing: bool = False) -> Iterator[Piece] | None:
         """Commit up to ``want`` [cycles] or a little more, but not the stop at the window's end.
@@ -359,20 +361,21 @@ class MotionPlanner:
         Returns:
             The output, to be taken in full before the next call; None where only the stop is left.
         """
-        self._follow_feed_scale()
+        self.follow_feed_scale()
         if not self._window.table:
             return None
+        self._output.set_pace(self.pace)
         try:
             plan = self._solved()
         except PlanningError:
             return self._fall_back()
-        wanted = (want - self.u) * self._cycle
+        wanted = (want - self.u) * self.pace.cycle
         moment = commit_moment(plan, wanted, at_peaks=closing)
         settled = math.inf if closing else self._settled_until(plan)
         if moment > settled and (math.isinf(want) or wanted <= settled):
             # what a curve still changes in is handed over only if it is needed
             moment = last_steady(plan, settled)
-        if moment < self._cycle:
+        if moment < self.pace.cycle:
             # less than a cycle is not worth a new plan, and a trace of rounding would go on for ever: the
             # window has to grow before the next one
             self._left = self.pending
@@ -389,7 +392,8 @@ class MotionPlanner:
         self._reserve = rest
         self._window.entry = max(float(rest.phases.velocity[0]), 0.0)
         self._left = max(len(table), WINDOW // 2)
-        origin, self.u = self.u, self.u + moment / self._cycle
+        self.pace.under_way = True
+        origin, self.u = self.u, self.u + moment / self.pace.cycle
         self._plan = rest if closing else None
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
 
@@ -421,22 +425,24 @@ class MotionPlanner:
         self._window.entry = 0.0
         self._reserve = None
         self._plan = None
-        origin, self.u = self.u, self.u + plan.phases.duration / self._cycle
+        origin, self.u = self.u, self.u + plan.phases.duration / self.pace.cycle
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)
 
     def close(self) -> Iterator[Piece]:
         """Commit all that is in the window, its stop included."""
-        self._follow_feed_scale()
+        self.follow_feed_scale()
         if not self._window.table:
             return iter(())
+        self._output.set_pace(self.pace)
         try:
             plan = self._solved()
         except PlanningError:
             return itertools.chain(self._fall_back(), self._close_rest())
         self._reserve = None
-        origin, end = self.u, self.u + plan.phases.duration / self._cycle
+        origin, end = self.u, self.u + plan.phases.duration / self.pace.cycle
         # the row at the first whole cycle holds the target; what follows starts there
         self.u = float(whole_cycle(end))
+        self.pace.end()
         self._window = Lookahead(self._limits)
         self._companions.closed()
         self._open = None
@@ -482,14 +488,12 @@ class MotionPlanner:
         segments = [self.segment(group, line) for group in groups]
         for segment in segments:
             segment.active = segment.mask
-        mask = functools.reduce(operator.or_, (segment.mask for segment in segments), 0)
+        mask = sum(segment.mask for segment in segments)
         runs = plan_parallel(segments, base, self._limits)
-        origin = self.u
-        end = (
-            origin + max((run.phases.duration for run in runs if run is not None), default=0.0) / self._cycle
-        )
-        self.u = float(whole_cycle(end)) if any(run is not None for run in runs) else origin
-        pieces = sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle)
+        origin, durations = self.u, [run.phases.duration for run in runs if run is not None]
+        end = origin + max(durations, default=0.0) / self.pace.cycle
+        self.u = float(whole_cycle(end)) if durations else origin
+        pieces = sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self.pace.cycle)
         if self._torques is not None:
             pieces = self._torques.on_pieces(pieces, segments[0].carried)
         return pieces, runs, end

@@ -76,6 +76,7 @@ class Output:
                 part.line,
                 part.torque,
                 part.feed_scale,
+                part.pace,
             )
             self.last_u = max(self.last_u, part.first + count - 1)
             moved = True
@@ -151,6 +152,7 @@ def _head(rows: Rows, count: int) -> Rows:
         rows.line[:count],
         None if rows.torque is None else rows.torque[:count],
         None if rows.feed_scale is None else rows.feed_scale[:count],
+        rows.pace,
     )
 
 
@@ -163,4 +165,5 @@ def _tail(rows: Rows, count: int) -> Rows:
         rows.line[count:],
         None if rows.torque is None else rows.torque[count:],
         None if rows.feed_scale is None else rows.feed_scale[count:],
+        rows.pace,
     )

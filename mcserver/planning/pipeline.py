@@ -16,7 +16,7 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
-from mcserver.executor.headroom import stopping_rows
+from mcserver.executor.headroom import RATE_MAX, stopping_rows, torque_axes
 from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.notices import notice_of
 from mcserver.gcode.profiles.frame import Frame
@@ -39,6 +39,8 @@ LONGEST_STOP = 2500
 URGENT = 80
 # Below this lead the stop at the window's end is handed over too: no more lines came in time [cycles].
 DRY = 40
+# Rows that what is handed over ahead may take of the ring.
+MOST_ROWS = 3600
 # The same for a window that has to end, and how much of it is handed over at once [cycles]: a planner that is
 # late by less slows nothing down, and an override finds no more of it planned.
 CLOSING_AHEAD, CLOSING = 400, 100
@@ -116,6 +118,10 @@ class Pipeline:
         # the executor begins to stop when fewer rows are left than a stop takes
         self._machine = machine
         self._of_axes = stopping_rows(machine)
+        if torque_axes(machine) == 0:
+            # rows with torques come one a cycle; at any pace the ring has to hold what is handed over ahead
+            ahead = self._of_axes + CLOSING_AHEAD + CLOSING
+            self._plan.motion.pace.most = min(RATE_MAX, max(1.0, MOST_ROWS / ahead))
         # read, but not interpreted before the executor has reported positions
         self._held: ParsedLine | None = None
         self._phase = Phase.PLANNING
@@ -153,7 +159,7 @@ class Pipeline:
         """Up to where the executor may play before the next `pump` without beginning to stop [cycles]."""
         plan = self._plan
         going_on = plan.motion.moving or plan.source is not None or plan.output.blocked
-        return plan.output.last_u - (self._stop + DRY if going_on else 0)
+        return plan.output.last_u - ((self._stop + DRY) * plan.motion.pace.now if going_on else 0)
 
     @property
     def pause_u(self) -> float | None:
@@ -223,7 +229,7 @@ class Pipeline:
             return self._draw() or worked
         if self._phase is Phase.FINISHED:
             return worked
-        lead = None if u is None else plan.motion.u - u
+        lead = None if u is None else (plan.motion.u - u) / plan.motion.pace.now
         due = plan.flush or plan.motion.full
         if plan.flush and lead is not None and plan.motion.pending:
             # later is soon enough, and an override that comes until then is planned with
@@ -272,14 +278,16 @@ class Pipeline:
 
     def _hand_over(self, u: float | None, lead: float | None) -> bool:
         plan, motion = self._plan, self._plan.motion
+        motion.follow_feed_scale()
         if plan.flush:
             if u is not None:
-                plan.source = motion.commit(u + self._stop + CLOSING_AHEAD + CLOSING, closing=True)
+                rows = (self._stop + CLOSING_AHEAD + CLOSING) * motion.pace.now
+                plan.source = motion.commit(u + rows, closing=True)
             if plan.source is None:
                 plan.flush = False
                 plan.source = motion.close()
             return True
-        want = float("inf") if u is None else max(u, motion.u) + self._stop + AHEAD
+        want = float("inf") if u is None else max(u, motion.u) + (self._stop + AHEAD) * motion.pace.now
         plan.source = motion.commit(want)
         if plan.source is None:
             dry = lead is None or lead < self._stop + DRY or not motion.moving

@@ -75,5 +75,6 @@ class Forecasts:
             if program.eta_s is None and program.planned_end_u is not None:
                 # only read where something runs: it is half of what a call of an idle machine costs
                 slots = slots or self._port.slots()
-                left = max(0.0, program.planned_end_u - slots[program.slot].u) * self._cycle_s
-                program.eta_s = left / (min(1.0, override) if override > 0.0 else 1.0)
+                slot = slots[program.slot]
+                left = max(0.0, program.planned_end_u - slot.u) * self._cycle_s
+                program.eta_s = left / (slot.rate or min(1.0, override) or 1.0)

@@ -83,7 +83,7 @@ def test_one_cycle_tries_only_some_changes_and_the_next_one_goes_on(monkeypatch:
 
     def searched(*arguments: Any) -> Any:
         found = search_rate(*arguments)
-        calls.append((arguments[13], found[4]))
+        calls.append((arguments[14], found[4]))
         return found
 
     monkeypatch.setattr("mcserver.executor.playback.rate_control.search_rate", searched)

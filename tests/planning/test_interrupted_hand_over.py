@@ -49,9 +49,10 @@ class InterruptedSink:
         line: NDArray[np.int64],
         torque: NDArray[np.float64] | None = None,
         feed_scale: NDArray[np.float64] | None = None,
+        pace: float = 1.0,
     ) -> None:
         self._pause()
-        self._ring.put_rows(first_u, position, velocity, axes, line, torque, feed_scale)
+        self._ring.put_rows(first_u, position, velocity, axes, line, torque, feed_scale, pace)
 
 
 @settings(max_examples=25, deadline=None)

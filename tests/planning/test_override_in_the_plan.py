@@ -11,6 +11,7 @@ from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
 from mcserver.motion.lookahead.commit_moments import commit_moment
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
 from mcserver.motion.lookahead.lookahead import Lookahead
+from mcserver.motion.lookahead.pace import Pace
 from tests.bench.machines import ideal
 from tests.bench.override import Program, Run, play, worst_ratios
 from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
@@ -122,13 +123,17 @@ def window_of(*speeds: float) -> Lookahead:
     return window
 
 
+def one_row_a_cycle() -> Pace:
+    return Pace(AxisLimits.of(alike(1, velocity=500.0, acceleration=1000.0, jerk=20_000.0)))
+
+
 def test_a_motion_too_fast_for_a_lower_scale_keeps_its_own_until_it_has_slowed_down() -> None:
     window = window_of(0.05, 0.05, 0.05, 0.05)
-    faster = plan_at_feed_scale(window, OVERRIDE_MAX)
+    faster = plan_at_feed_scale(window, OVERRIDE_MAX, one_row_a_cycle())
     assert faster is not None
     assert {each.feed_scale for each in faster.segments} == {OVERRIDE_MAX}
     window.entry = 0.1
-    slower = plan_at_feed_scale(window, 1.0)
+    slower = plan_at_feed_scale(window, 1.0, one_row_a_cycle())
     assert slower is not None
     scales = [each.feed_scale for each in slower.segments]
     assert scales[0] == OVERRIDE_MAX
@@ -142,7 +147,7 @@ def test_a_motion_too_fast_for_a_lower_scale_keeps_its_own_until_it_has_slowed_d
 
 def test_a_window_of_one_scale_is_not_planned_again() -> None:
     window = window_of(0.05, 0.08)
-    assert plan_at_feed_scale(window, 1.0) is None
+    assert plan_at_feed_scale(window, 1.0, one_row_a_cycle()) is None
 
 
 def test_a_motion_that_has_peaks_of_speed_only_is_handed_over_up_to_one() -> None:

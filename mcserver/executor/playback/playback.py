@@ -76,6 +76,7 @@ class Playback:
         self._mask_cells = scalar_view(ring.row_mask)
         self._line_cells = scalar_view(ring.row_line)
         self._scale_cells = scalar_view(ring.feed_scale)
+        self._pace_cells = scalar_view(ring.pace)
         self._scratch = np.zeros(count)
         self.most = np.array(
             [np.inf if np.isfinite(axis.max_jerk) else axis.max_acceleration for axis in machine.axes]
@@ -119,11 +120,14 @@ class Playback:
         """Whether no row of this program has come yet."""
         return self.written == self.first
 
-    def feed_scale(self, u: float) -> float:
-        """Return the override at which the rows after u are played as they are [1]."""
+    def plain_rate(self, u: float) -> float:
+        """Return the rate that stands for 100 % at the rows after u [1]."""
         self.seek(u)
         number = min(self.following, self.written - 1)
-        return 1.0 if number < self.first else float(self._scale_cells[number % self._ring.rows])
+        if number < self.first:
+            return 1.0
+        at = number % self._ring.rows
+        return float(self._pace_cells[at] / self._scale_cells[at])
 
     @property
     def last_u(self) -> float:
@@ -249,8 +253,8 @@ class Playback:
     def stretch(self, u: float, limit: int) -> NDArray[np.intp]:
         """Return the places in the ring of up to ``limit`` rows after a whole u that are played one a cycle.
 
-        They follow u and each other without a gap, drive all active columns, are planned at 100 %, and each
-        belongs to a line.
+        They follow u and each other without a gap, drive all active columns, are planned at 100 % and one a
+        cycle, and each belongs to a line.
         """
         ring, number = self._ring, self.following
         nothing = np.zeros(0, np.intp)
@@ -261,7 +265,7 @@ class Playback:
         rows = np.arange(number, min(self.written, number + limit)) % ring.rows
         active = np.uint64(self.active)
         fits = (ring.row_u[rows] == int(u) + 1 + np.arange(len(rows))) & (ring.row_line[rows] != 0)
-        fits &= ring.feed_scale[rows] == 1.0
+        fits &= (ring.feed_scale[rows] == 1.0) & (ring.pace[rows] == 1.0)
         fits &= (ring.row_mask[rows] & active) == active
         return rows if fits.all() else rows[: int(np.argmin(fits))]
 
@@ -371,6 +375,7 @@ class Playback:
         if before >= self.first and self._u_cells[before % ring.rows] == after_u - 1:
             joined = driven & self._mask_cells[before % ring.rows] & ~self._fresh
         if joined:
+            pace: float = self._pace_cells[at]
             interpolate_rows(
                 ring.position,
                 ring.velocity,
@@ -379,7 +384,7 @@ class Playback:
                 u - (after_u - 1),
                 self._cycle,
                 rate,
-                self.most,
+                self.most if pace == 1.0 else self.most / pace**2,
                 self._masks.bools(joined),
                 self._row.setpoint,
                 self._row.velocity,

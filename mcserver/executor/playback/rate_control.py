@@ -5,7 +5,8 @@ tried on the very setpoints that it would give (`motion/kernels/rate_search.py`,
 cycle): only one whose first, second and third differences keep the velocity, acceleration and jerk of every
 axis, and whose torques keep those of every joint, is followed. Each plan ends at a steady rate of 100 % or
 less, or at rest, from where rows can always be played on. So a plan can be followed to its end whatever
-comes; a new order replaces it as soon as a change is found that keeps all limits.
+comes; a new order replaces it as soon as a change is found that keeps all limits. Rows of a greater pace than
+one a cycle may be played at that: where all rows ahead have one, the least of them is as safe as 100 %.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from mcserver.motion.kernels.rate_search import (
     TRIES,
     WORTH,
     headroom_ahead,
+    safe_rates,
     search_rate,
 )
 from mcserver.motion.kernels.rate_trial import SETTLING
@@ -50,8 +52,13 @@ SLOW_CYCLES = 4 * CRUISE
 NEAR_ROOM = 0.6
 # Rows ahead without which a stop may be near, beside the distance of the longest stop.
 NEAR_ROWS = 8.0
+# Rows ahead at most, at a rate of 1, of those from which on a higher rate is safe, for it to be changed to.
+SOON = 64.0
 # Share of the rows in which a stop is near, that motion goes on by where there is no room for more.
 LITTLE_WAY = 0.99
+
+# Where no rate above 100 % is to be had: the safe rate, and that no higher one follows.
+_ALL_PLAIN = (1.0, math.inf, 1.0)
 
 
 @dataclass(frozen=True)
@@ -109,6 +116,7 @@ class RateControl:
         self._delayed = False
         self._tries = 0
         self._last_u = math.nan
+        self._ahead = _ALL_PLAIN
         # of a motion that stands at its beginning: the edge, and how often and where it was searched for
         self._begun: tuple[float | None, int, int] = (None, 0, 0)
 
@@ -133,6 +141,18 @@ class RateControl:
         """Whether rows are played one a cycle, with no change of the rate under way."""
         return self._plan is None and self.rate == 1.0
 
+    def safe_rate(self, u: float) -> float:
+        """Return the rate at which all rows ahead may be played [1]."""
+        return self._look_ahead(u)[0]
+
+    def _look_ahead(self, u: float) -> tuple[float, float, float]:
+        """Return the safe rate, the u from which on a higher one is safe (infinite: none soon), and that."""
+        ring, playback = self._ring, self._playback
+        playback.seek(u)
+        until = u + SOON * max(1.0, self.rate)
+        first, written = playback.following, playback.written
+        return safe_rates(ring.pace, ring.velocity, ring.row_u, first, written, until)
+
     def rows_before(self, u: float, edge: float) -> int:
         """Return the rows that u may pass before a stop at an edge has to be thought of."""
         return max(0, int(edge - u - self._far) - 1)
@@ -147,6 +167,9 @@ class RateControl:
                 by itself. urgent: stop without regard to jerk. begins: the motion stands at its beginning,
                 and goes on at the present rate if it can stop before the edge.
         """
+        self._ahead = self._look_ahead(u) if target > 1.0 or self.rate > 1.0 else _ALL_PLAIN
+        if abs(target - self._ahead[0]) <= SAME_RATE:
+            target = self._ahead[0]
         wish = _Wish(target, edge, urgent)
         plan = self._plan
         passed, self._last_u = u - self._last_u, u
@@ -201,17 +224,21 @@ class RateControl:
         """Return whether a new plan is needed, or may be better."""
         plan, had = self._plan, self._wish
         near = self._is_near(u, wish.edge)
+        safe = self._ahead[0]
+        if (self.rate if plan is None else plan.target) > safe + SAME_RATE:
+            # rows ahead are of a lower pace
+            return True
         if plan is None:
-            if wish.target > 1.0 and self.rate == 1.0 and not near:
-                return self._cap(3) > 1.0 + WORTH
+            if wish.target > safe and abs(self.rate - safe) <= SAME_RATE and not near:
+                return self._cap(3) > safe + WORTH
             return abs(wish.target - self.rate) > SAME_RATE or (near and self.rate > 0.0)
         assert had is not None
         if wish.target != had.target or wish.urgent != had.urgent:
             return True
         if self._is_partial(wish) and self._passed % CRUISE == 0:
             return True
-        if wish.target > 1.0:
-            # what is left of the plan is the way back to 100 %
+        if wish.target > safe:
+            # what is left of the plan is the way back to the safe rate, or keeps one that is safe later
             return (len(plan) - self._passed) % CRUISE == 0 or self._passed == CRUISE
         if wish.edge != had.edge and (near or plan.target < wish.target):
             return True
@@ -226,7 +253,7 @@ class RateControl:
             return False
         if self._delayed:
             return True
-        if wish.target > 1.0:
+        if wish.target > self._ahead[0]:
             return False
         if plan.target == wish.target:
             return len(plan) - self._passed > SLOW_CYCLES
@@ -280,19 +307,22 @@ class RateControl:
             if stage in (1, 3):
                 edge = min(edge, u + LITTLE_WAY * self._far)
         by_any = must_stop or (waits and self._refused >= patience)
-        if by_any and target > 1.0 and not near:
+        safe, higher_from, higher = self._ahead
+        if by_any and target > safe and not near:
             # nothing is passed to be faster than the rows
-            by_any, target = self.rate < 1.0, 1.0 if self.rate < 1.0 else target
-        slowly = (stands or (near and self.rate <= 1.0)) and self._refused // QUICK_TRIES % 2 == 1
+            by_any, target = self.rate < safe, safe if self.rate < safe else target
+        slowly = (stands or (near and self.rate <= safe)) and self._refused // QUICK_TRIES % 2 == 1
         in_parts = self._has_torques or self._refused >= QUICK_TRIES or self._is_partial(wish)
         flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any, slowly, in_parts)
-        state = (u, self.rate, self._slope, target, edge, self._far, self._cycle, window.begun, passed)
+        rates = (self.rate, self._slope, target)
+        state = (u, *rates, edge, self._far, self._cycle, window.begun, passed, safe, higher_from, higher)
         parts, end, spare_parts, spare_end, tries = search_rate(
             ring.row_u,
             ring.position,
             ring.velocity,
             self._no_torques if wish.urgent else self._torques,
             ring.headroom,
+            ring.pace,
             np.array(window.numbers),
             np.array(flags),
             window.driven,

@@ -48,7 +48,7 @@ def scalar_view(array: NDArray[Any]) -> Any:
 
 def program_ring_size(rows: int, controls: int, axes: int, torques: int = 0) -> int:
     """Bytes that a ring takes."""
-    words = _HEADER_WORDS + rows * (5 + 2 * axes + NUMBERS * torques) + controls * (_CONTROL.size // 8 + axes)
+    words = _HEADER_WORDS + rows * (6 + 2 * axes + NUMBERS * torques) + controls * (_CONTROL.size // 8 + axes)
     return 8 * words
 
 
@@ -66,7 +66,8 @@ class ProgramRing:
         entry_rows, entry_kind, entry_u, entry_line: shape (controls,); entry number n stands at n % controls.
             ``entry_rows``: number of the row after those that come with it. The reader's view.
         row_u, row_mask, row_line: shape (rows,); position, velocity: (rows, K); headroom: (rows,);
-            feed_scale: (rows,), the override at which they are played as they are;
+            feed_scale: (rows,), the override at which they are played as they are, and pace: (rows,), the
+            rate at which they are then;
             torque: (rows, 3, J), see `row_torques`, 0 where it is not known. Row number n of the program
             stands at n % rows. The reader's view.
     """
@@ -98,6 +99,7 @@ class ProgramRing:
         self.velocity: Array = self._words(np.float64, rows * axes).reshape(rows, axes)
         self.headroom: Array = self._words(np.float64, rows)
         self.feed_scale: Array = self._words(np.float64, rows)
+        self.pace: Array = self._words(np.float64, rows)
         self.torque: Array = self._words(np.float64, rows * NUMBERS * torques).reshape(rows, NUMBERS, torques)
         self._values: Array = self._words(np.float64, controls * axes).reshape(controls, axes)
         self._controls_at = self._offset
@@ -148,6 +150,7 @@ class ProgramRing:
         line: NDArray[np.int64],
         torque: Array | None = None,
         feed_scale: Array | None = None,
+        pace: float = 1.0,
     ) -> None:
         """Rows at u = first_u, first_u + 1, … (see `MotionSink`).
 
@@ -179,6 +182,7 @@ class ProgramRing:
             self.torque[target] = 0.0 if torque is None else torque[source]
             self.headroom[target] = RATE_MAX if headroom is None else headroom[source]
             self.feed_scale[target] = 1.0 if feed_scale is None else feed_scale[source]
+            self.pace[target] = pace
             done += part
         self._last_u = first_u + count - 1
         self._counters[_ROWS_WRITTEN] = written + count

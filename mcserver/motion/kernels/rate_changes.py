@@ -19,10 +19,10 @@ MOST_PHASES = 8
 SAME_RATE = 1e-12
 # Two values of u that are closer are the same [cycles].
 NEAR_U = 1e-7
-# A rate next to 100 %, at which rows interpolated about the vertices of exact paths keep the acceleration
-# that they keep themselves: the square of it leaves what interpolation may add.
+# A rate next to that of rows as they are, at which rows interpolated about the vertices of exact paths keep
+# the acceleration that they keep themselves: the square of it leaves what interpolation may add.
 NEXT_RATE = 0.97
-# Longest wait for a change to 100 % to begin so that u meets the rows [cycles].
+# Longest wait for a change to a whole rate to begin so that u meets the rows [cycles].
 LONGEST_LAG = 100.0
 # A rate below which a motion is stopped at once rather than led on at it [1].
 LEAST_RATE = 1e-3
@@ -99,7 +99,7 @@ def add_ramp(
 def change_onto_rows(
     phases: Array, u: float, rate: float, slope: float, target: float, most: float, curvature: float
 ) -> int:
-    """Write the change to 100 % that ends with u on whole rows, which are then played as they are.
+    """Write the change to a whole rate that ends with u on whole rows, which are then played as they are.
 
     The change begins a little later, at most as long as u takes to fall back by a row or to gain one.
 
@@ -107,29 +107,30 @@ def change_onto_rows(
         The number of phases.
     """
     count = add_ramp(phases, 0, rate, slope, target, most, curvature)
-    if abs(rate - 1.0) <= SAME_RATE and slope == 0.0:
+    if abs(rate - target) <= SAME_RATE and slope == 0.0:
         return count
-    off = _off_rows(phases, count, u)
+    off = _off_rows(phases, count, u, target)
     if off == 0.0:
         return count
     if slope != 0.0:
         # at a rate next to it until then
-        count = add_ramp(phases, 0, rate, slope, NEXT_RATE, most, curvature)
-        count = add_phase(phases, count, 0.0, NEXT_RATE, 0.0, 0.0)
+        near = target * NEXT_RATE
+        count = add_ramp(phases, 0, rate, slope, near, most, curvature)
+        count = add_phase(phases, count, 0.0, near, 0.0, 0.0)
         waits = count - 1
-        count = add_ramp(phases, count, NEXT_RATE, 0.0, target, most, curvature)
-        phases[waits, DURATION] = _off_rows(phases, count, u) / (1.0 - NEXT_RATE)
+        count = add_ramp(phases, count, near, 0.0, target, most, curvature)
+        phases[waits, DURATION] = _off_rows(phases, count, u, target) / (target - near)
         return count
-    lag = off / (1.0 - rate) if rate < 1.0 else (1.0 - off) / (rate - 1.0)
+    lag = off / (target - rate) if rate < target else (1.0 - off) / (rate - target)
     if lag > LONGEST_LAG:
         return count
     return add_ramp(phases, add_phase(phases, 0, lag, rate, 0.0, 0.0), rate, slope, target, most, curvature)
 
 
 @compiled
-def _off_rows(phases: Array, count: int, u: float) -> float:
-    """Return the share of a row that u is off the rows by on whole cycles, once it passes by one a cycle."""
-    off = (u + total_advance(phases, count) - total_time(phases, count)) % 1.0
+def _off_rows(phases: Array, count: int, u: float, rate: float) -> float:
+    """Return the share of a row that u is off the rows by on whole cycles, once it passes at a whole rate."""
+    off = (u + total_advance(phases, count) - rate * total_time(phases, count)) % 1.0
     return 0.0 if min(off, 1.0 - off) < NEAR_U else float(off)
 
 
@@ -141,11 +142,12 @@ def change_and_return(
     slope: float,
     goal: float,
     cruise: float,
+    safe: float,
     most: float,
     curvature: float,
 ) -> int:
-    """Write the change to a rate above 100 %, some cycles of it, and the change to 100 %, with u on whole
-    rows.
+    """Write the change to a rate above the safe one, some cycles of it, and the change to the safe one, with
+    u on whole rows where that is a whole one.
 
     Returns:
         The number of phases.
@@ -153,12 +155,28 @@ def change_and_return(
     count = add_ramp(phases, 0, rate, slope, goal, most, curvature)
     count = add_phase(phases, count, cruise, goal, 0.0, 0.0)
     cruising = count - 1
-    count = add_ramp(phases, count, goal, 0.0, 1.0, most, curvature)
-    off = _off_rows(phases, count, u)
-    lag = (1.0 - off) / (goal - 1.0) if off > 0.0 else 0.0
+    count = add_ramp(phases, count, goal, 0.0, safe, most, curvature)
+    off = _off_rows(phases, count, u, safe) if safe == round(safe) else 0.0
+    lag = (1.0 - off) / (goal - safe) if off > 0.0 else 0.0
     if lag <= LONGEST_LAG:
         phases[cruising, DURATION] += lag
     return count
+
+
+@compiled
+def change_and_keep(
+    phases: Array, room: float, rate: float, slope: float, goal: float, most: float, curvature: float
+) -> int:
+    """Write the change to a rate that rows keep from ``room`` rows ahead on, and that rate until there.
+
+    Returns:
+        The number of phases; below 0: the change takes more rows.
+    """
+    count = add_ramp(phases, 0, rate, slope, goal, most, curvature)
+    left = room - total_advance(phases, count)
+    if left < 0.0:
+        return -1
+    return add_phase(phases, count, left / goal, goal, 0.0, 0.0)
 
 
 @compiled

@@ -19,6 +19,7 @@ from mcserver.motion.kernels.rate_changes import (
     SAME_RATE,
     add_phase,
     add_ramp,
+    change_and_keep,
     change_and_return,
     change_onto_rows,
     stop_at_edge,
@@ -29,10 +30,13 @@ from mcserver.motion.kernels.rate_window import (
     BEND,
     EDGE,
     FAR,
+    HIGHER,
+    HIGHER_FROM,
     LIMIT,
     NOW,
     RAW_ACCELERATION,
     RAW_JERK,
+    SAFE,
     SCRATCH,
     SECONDS,
     SPEED,
@@ -52,7 +56,8 @@ from mcserver.motion.kernels.row_torques import change_limit
 # change where rows leave little.
 SHARES = (1.0, 0.85, 0.65, 0.4, 0.2, 0.08)
 # Rates that a change may go to with each share: what is asked for, what the next rows allow, half of the way
-# there, the present one, 100 %.
+# there, the present one, the safe one. Where a higher rate is safe soon, the first keeps what is asked for,
+# if that is no more, and the fourth the present one.
 GOALS = 5
 # So many of them come before the others, the largest share first: a rate that is kept is always to be had,
 # and would keep a gentle rise from being tried.
@@ -78,12 +83,12 @@ SLOWER, SLOWEST = 0.82, 18
 # some 5 ns each: a change is tried as a whole, so one more may be begun below this. Each try costs as much as
 # some cycles.
 BUDGET, TRY_COST = 10_000, 100
-# Cycles that a rate above 100 % is kept before it is looked at again: fewer follow the rows' limits more
-# closely, and cost more.
+# Cycles that a rate above the safe one is kept before it is looked at again: fewer follow the rows' limits
+# more closely, and cost more.
 CRUISE = 12
 # Largest slope of the rate, where axes hardly move [1/cycle].
 MAX_SLOPE = 0.5
-# A rate above 100 % is not tried for less than this [1].
+# A rate above the safe one is not tried for less than this [1].
 WORTH = 0.01
 
 
@@ -98,6 +103,35 @@ def headroom_ahead(headroom: Array, first: int, count: int) -> float:
     for number in range(first, first + count):
         least = min(least, headroom[number % len(headroom)])
     return least
+
+
+@compiled
+def safe_rates(
+    pace: Array, velocity: Array, row_u: NDArray[np.int64], first: int, behind: int, until: float
+) -> tuple[float, float, float]:
+    """Return the rate at which all rows ahead may be played, and what is safe beyond some of them.
+
+    Behind a row at rest motion may go on at any other pace.
+
+    Args:
+        pace, velocity, row_u: of the ring, shape (n,) or (n, K). first, behind: numbers of the first row and
+            of that after the last. until: greatest u from which on a higher rate is looked for.
+
+    Returns:
+        The safe rate, the u from which on a higher one is safe (infinite: none), and that.
+    """
+    size = len(pace)
+    safe, higher, since, after = 1.0 if behind <= first else math.inf, 1.0, math.inf, -1.0
+    for number in range(behind - 1, first - 1, -1):
+        here = pace[number % size]
+        if here != after and not math.isinf(safe) and (velocity[number % size] == 0.0).all():
+            safe, since = math.inf, math.inf
+        after = here
+        if here < safe:
+            if math.isinf(since) and not math.isinf(safe) and row_u[number % size] <= until:
+                since, higher = float(row_u[number % size]), safe
+            safe = here
+    return safe, since, higher
 
 
 @compiled
@@ -170,42 +204,56 @@ def _candidate(
     Returns:
         The number of its phases, below 0: none; and its steady rate at the end.
     """
-    u, rate, bend, target = state[U], state[NOW], state[BEND], state[TARGET]
+    u, rate, bend, target, safe = state[U], state[NOW], state[BEND], state[TARGET], state[SAFE]
     if near:
-        room, goal = state[EDGE] - u, min(target, 1.0) * NEAR_GOALS[which]
-        if target < min(rate, 1.0) and which > 0:
+        room, goal = state[EDGE] - u, min(target, safe) * NEAR_GOALS[which]
+        if target < min(rate, safe) and which > 0:
             # rows that leave nothing to a slower rate now may leave it later
-            goal = max(min(rate, 1.0) * NEAR_GOALS[which - 1], target)
+            goal = max(min(rate, safe) * NEAR_GOALS[which - 1], target)
         return stop_at_edge(phases, room, rate, bend, goal, slope, curvature), 0.0
-    if target <= 1.0:
+    if target <= safe:
         if which > 0:
             return -1, 0.0
-        if target == 1.0:
-            return change_onto_rows(phases, u, rate, bend, 1.0, slope, curvature), 1.0
-        return add_ramp(phases, 0, rate, bend, target, slope, curvature), target
+        return _change(phases, u, rate, bend, target, slope, curvature), target
     if which == 4:
-        if planned or abs(rate - 1.0) <= SAME_RATE:
-            return -1, 1.0
-        return change_onto_rows(phases, u, rate, bend, 1.0, slope, curvature), 1.0
+        if planned or abs(rate - safe) <= SAME_RATE:
+            return -1, safe
+        return _change(phases, u, rate, bend, safe, slope, curvature), safe
+    higher = not math.isinf(state[HIGHER_FROM])
+    if higher and (which == 3 or (which == 0 and target <= state[HIGHER] + WORTH)):
+        goal = min(target if which == 0 else rate, state[HIGHER])
+        if which == 3 and goal < safe + WORTH:
+            return -1, safe
+        return change_and_keep(phases, state[HIGHER_FROM] - u, rate, bend, goal, slope, curvature), goal
     capped = min(target, cap)
     goal = target
     if which == 1:
         goal = capped
     elif which == 2:
-        goal = 0.5 * (max(rate, 1.0) + capped)
+        goal = 0.5 * (max(rate, safe) + capped)
     elif which == 3:
         goal = rate
     tried = (which >= 1 and abs(goal - target) <= WORTH) or (
-        which >= 2 and capped > 1.0 + WORTH and abs(goal - capped) <= WORTH
+        which >= 2 and capped > safe + WORTH and abs(goal - capped) <= WORTH
     )
-    if goal <= 1.0 + WORTH or tried or (which in (1, 2) and goal < rate + WORTH):
-        return -1, 1.0
-    return change_and_return(phases, u, rate, bend, goal, float(CRUISE), slope, curvature), 1.0
+    if goal <= safe + WORTH or tried or (which in (1, 2) and goal < rate + WORTH):
+        return -1, safe
+    return change_and_return(phases, u, rate, bend, goal, float(CRUISE), safe, slope, curvature), safe
+
+
+@compiled
+def _change(
+    phases: Array, u: float, rate: float, bend: float, target: float, slope: float, curvature: float
+) -> int:
+    """Write the change to a safe rate, onto whole rows where that is a whole one; return how many phases."""
+    if target > 0.0 and target == round(target):
+        return change_onto_rows(phases, u, rate, bend, target, slope, curvature)
+    return add_ramp(phases, 0, rate, bend, target, slope, curvature)
 
 
 @compiled
 def _partial(number: int, state: Array, slope: float, curvature: float, phases: Array) -> tuple[int, float]:
-    """Write one of the changes to 100 % or less that are worth a try where torques are limited.
+    """Write one of the changes to a safe rate that are worth a try where torques are limited.
 
     Args:
         number: of `TRIES`: the whole change first, the faster the earlier, then ever smaller parts of it.
@@ -216,14 +264,12 @@ def _partial(number: int, state: Array, slope: float, curvature: float, phases: 
     u, rate, bend, target = state[U], state[NOW], state[BEND], state[TARGET]
     if number < len(SHARES):
         share = SHARES[number]
-        if target == 1.0:
-            return change_onto_rows(phases, u, rate, bend, 1.0, slope * share, curvature * share), 1.0
-        return add_ramp(phases, 0, rate, bend, target, slope * share, curvature * share), target
+        return _change(phases, u, rate, bend, target, slope * share, curvature * share), target
     if number - len(SHARES) >= len(PARTIAL) or abs(target - rate) < LEAST_PART:
         return -1, 0.0
     part, share = PARTIAL[number - len(SHARES)]
     goal = rate + part * (target - rate)
-    if goal > 1.0:
+    if goal > state[SAFE]:
         # no plan ends where rows cannot be played on for ever
         return -1, 0.0
     return add_ramp(phases, 0, rate, bend, goal, slope * share, curvature * share), goal
@@ -244,7 +290,7 @@ def _slow_change(
     rate, bend = state[NOW], state[BEND]
     if number >= SLOWEST:
         return -1, 0.0
-    goal = (rate if rate > 0.0 else min(state[TARGET], 1.0) * SLOWER) * SLOWER**number
+    goal = (rate if rate > 0.0 else min(state[TARGET], state[SAFE]) * SLOWER) * SLOWER**number
     slope, curvature = slope * goal**2, curvature * goal**3
     if near:
         return stop_at_edge(phases, state[EDGE] - state[U], rate, bend, goal, slope, curvature), 0.0
@@ -258,6 +304,7 @@ def search_rate(
     velocity: Array,
     torque: Array,
     headroom: Array,
+    pace: Array,
     numbers: NDArray[np.int64],
     flags: NDArray[np.bool_],
     driven: NDArray[np.bool_],
@@ -276,7 +323,7 @@ def search_rate(
     """Find the fastest change of the rate that keeps all limits, as far as this cycle's budget goes.
 
     Args:
-        row_u, position, velocity, torque, headroom: of the ring, shape (n,), (n, K), or (n, 3, J) for J
+        row_u, position, velocity, torque, headroom, pace: of the ring, shape (n,), (n, K), or (n, 3, J) for J
             joints whose torques are limited; none are where jerk is not to be regarded.
         numbers: of the window's first row, the row after u, the row after the window's last, the row after
             all there are, and the program's first row.
@@ -297,7 +344,7 @@ def search_rate(
     first, following, behind, written = numbers[0], numbers[1], numbers[2], numbers[3]
     from_rest, ends, urgent, planned, any_wanted = flags[0], flags[1], flags[2], flags[3], flags[4]
     slowly, in_parts = flags[5], flags[6]
-    u, rate, target, edge = state[U], state[NOW], state[TARGET], state[EDGE]
+    u, rate, target, edge, safe = state[U], state[NOW], state[TARGET], state[EDGE], state[SAFE]
     count = find_window(row_u, first, behind, from_rest, state[BEGUN], places, at)
     set_limits(velocity, limits, driven, displaced, first, behind, urgent, scratch)
     near = edge - u < state[FAR] * max(1.0, rate)
@@ -306,22 +353,22 @@ def search_rate(
         # at this rate to an edge on which the rows come to rest by themselves
         parts = add_phase(phases, 0, (edge - u) / rate, rate, 0.0, 0.0)
         over, _ = excess(
-            position, velocity, torque, start, places, at, count, ends, recent, limits, scratch, state,
+            position, velocity, torque, pace, start, places, at, count, ends, recent, limits, scratch, state,
             phases, parts, 0.0, 1.0,
         )  # fmt: skip
         if over <= 1.0:
             return parts, 0.0, -1, 0.0, 0
     change = max(abs(target - rate), 0.1)
     if near:
-        change = max(rate, min(target, 1.0))
+        change = max(rate, min(target, safe))
     slope, curvature = _straight_limits(
         velocity, torque, places, at, count, limits, scratch, state, change, max(rate, target)
     )
     if urgent:
         curvature = math.inf
     beginning = max(following - 1, numbers[4])
-    cap = 1.0
-    if target > 1.0 and beginning < written:
+    cap = safe
+    if target > safe and beginning < written:
         cap = headroom_ahead(headroom, beginning, min(2 * CRUISE + 9, written - beginning))
     least, spare_parts, spare_target = math.inf, -1, 0.0
     looked, tried = 0, 0
@@ -333,7 +380,7 @@ def search_rate(
             which, share = number % RISING, SHARES[number // RISING]
         if slowly:
             parts, end = _slow_change(number, state, near, slope, curvature, phases)
-        elif in_parts and not near and target <= 1.0:
+        elif in_parts and not near and target <= safe:
             parts, end = _partial(number, state, slope, curvature, phases)
         else:
             parts, end = _candidate(
@@ -344,7 +391,7 @@ def search_rate(
             continue
         give_up = max(1.0, least) if any_wanted else 1.0
         over, seen = excess(
-            position, velocity, torque, start, places, at, count, ends, recent, limits, scratch, state,
+            position, velocity, torque, pace, start, places, at, count, ends, recent, limits, scratch, state,
             phases, parts, end, give_up,
         )  # fmt: skip
         looked += seen + TRY_COST
@@ -367,9 +414,10 @@ def warm_up_playback() -> None:
     places, at = np.zeros(2 * size + 2), np.zeros(2 * size + 2, np.int64)
     numbers, flags = np.array([0, 1, size, size, 0]), np.zeros(7, np.bool_)
     search_rate(
-        np.arange(size), rows, rows, np.zeros((size, NUMBERS, 1)), np.ones(size), numbers, flags, some, some,
-        rows[0], rows[:3], limits,
+        np.arange(size), rows, rows, np.zeros((size, NUMBERS, 1)), np.ones(size), np.ones(size), numbers,
+        flags, some, some, rows[0], rows[:3], limits,
         state, 0, places, at, scratch, phases, phases.copy(),
     )  # fmt: skip
     headroom_ahead(np.ones(size), 0, size)
+    safe_rates(np.ones(size), rows, np.arange(size), 0, size, 0.0)
     interpolate_rows(rows, rows, 0, 1, 0.5, 1e-3, 1.0, rows[0], some, rows[2], rows[3])

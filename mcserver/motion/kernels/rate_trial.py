@@ -29,8 +29,10 @@ from mcserver.motion.kernels.rate_window import (
     FIRST,
     LIMIT,
     MOST,
+    MOST_HERE,
     PASSED,
     PLACE,
+    SAFE,
     SECOND,
     SECONDS,
     SETPOINT,
@@ -46,8 +48,8 @@ from mcserver.motion.kernels.row_torques import torque_share
 CYCLE_COST = 6
 # Cycles of steady rate at a plan's end, in which the third difference settles.
 SETTLING = 3
-# A steady rate of 100 % or less keeps the limits wherever rows do: of a long one only this many cycles at
-# either end are looked at.
+# A steady rate that is safe keeps the limits wherever rows do: of a long one only this many cycles at either
+# end are looked at.
 STEADY_ENDS = 6
 # Rows that setpoints about a row span, before it and after it.
 SPAN_BEFORE, SPAN_AFTER = 6, 1
@@ -95,6 +97,7 @@ def excess(
     position: Array,
     velocity: Array,
     torque: Array,
+    pace: Array,
     start: Array,
     places: Array,
     at: NDArray[np.int64],
@@ -112,7 +115,8 @@ def excess(
     """Try a plan on its setpoints.
 
     Args:
-        torque: of the rows, shape (n, 3, J), see `row_torques`; J = 0: not to be looked at. recent: the
+        torque: of the rows, shape (n, 3, J), see `row_torques`; J = 0: not to be looked at.
+        pace: of the rows, shape (n,). recent: the
             setpoints of the last three cycles, the newest last, shape (3, K). phases, parts: the plan.
             target: its steady rate at the end. give_up: excess from which on the try may end.
 
@@ -128,13 +132,14 @@ def excess(
     end = u + passed + (cycles - duration) * target
     if end > edge + 1e-6:
         return math.inf, 0
-    if target > 0.0 and edge - end < state[FAR]:
+    if target > 0.0 and edge - end < state[FAR] * max(1.0, target):
         # nothing is looked for while a plan is followed: behind it there has to be room for a stop
         return math.inf, 0
     if end > places[count - 1] + 1e-6 and not ends:
         return math.inf, 0
     last, now = scratch[SETPOINT], scratch[PLACE]
     first, second, still = scratch[FIRST], scratch[SECOND], scratch[STILL]
+    most, paced = limits[MOST], 1.0
     for k in range(width):
         last[k] = recent[2, k]
         first[k] = recent[2, k] - recent[1, k]
@@ -155,7 +160,9 @@ def excess(
         t = cycle - begun
         if part < parts:
             steady = (
-                phases[part, SLOPE] == 0.0 and phases[part, CURVATURE] == 0.0 and phases[part, RATE] <= 1.0
+                phases[part, SLOPE] == 0.0
+                and phases[part, CURVATURE] == 0.0
+                and phases[part, RATE] <= state[SAFE]
             )
             until = math.floor(begun + phases[part, DURATION]) - STEADY_ENDS
             if steady and t > STEADY_ENDS and until > cycle + STEADY_ENDS:
@@ -178,6 +185,11 @@ def excess(
         high = min(low + 1, count - 1)
         span = places[high] - places[low] if high > low else 1.0
         share = min(max((here - places[low]) / span, 0.0), 1.0)
+        own = pace[at[high]] if at[high] >= 0 else 1.0
+        if own != paced:
+            paced, most = own, scratch[MOST_HERE]
+            for k in range(width):
+                most[k] = limits[MOST, k] / (own * own)
         positions_between(
             row_position(position, start, at[low]),
             row_position(position, start, at[high]),
@@ -185,7 +197,7 @@ def excess(
             row_velocity(velocity, still, at[high]),
             share if high > low else 0.0,
             span * state[SECONDS],
-            limits[MOST],
+            most,
             now,
         )
         looked += width + CYCLE_COST

@@ -19,15 +19,17 @@ AT_REST = 1e-12
 
 # Columns of the state that is asked about: u, the rate and its slope; the rate that is wished for, and the u
 # before which the motion has to be able to stop (infinite: none); the rows that the longest stop takes; the
-# first cycle's length [s]; u where the motion began; the rows that u passed in the last cycle.
-U, NOW, BEND, TARGET, EDGE, FAR, SECONDS, BEGUN, PASSED = range(9)
-STATE = 9
+# first cycle's length [s]; u where the motion began; the rows that u passed in the last cycle; the safe rate,
+# at which all rows ahead may be played; u from which on a higher one is safe (infinite: none), and that rate.
+U, NOW, BEND, TARGET, EDGE, FAR, SECONDS, BEGUN, PASSED, SAFE, HIGHER_FROM, HIGHER = range(12)
+STATE = 12
 # Rows of the limits of each axis: the greatest differences of its setpoints, the same for what a change of
 # rate is made with, and the accelerations of interpolation.
 VELOCITY, ACCELERATION, JERK, RAW_ACCELERATION, RAW_JERK, MOST = range(6)
-# Rows of the scratch for each axis: limits of this search, speed, and the last setpoint and its differences.
-LIMIT, SPEED, SETPOINT, FIRST, SECOND, PLACE, STILL = 0, 3, 4, 5, 6, 7, 8
-SCRATCH = 9
+# Rows of the scratch for each axis: limits of this search, speed, the last setpoint and its differences, the
+# place now, and the accelerations of interpolation at the pace there.
+LIMIT, SPEED, SETPOINT, FIRST, SECOND, PLACE, MOST_HERE, STILL = 0, 3, 4, 5, 6, 7, 8, 9
+SCRATCH = 10
 
 
 @compiled

@@ -55,12 +55,12 @@ class _Ends:
 class CompanionMotions:
     """The companions of the comma lines in a window, and of the line under way.
 
-    Args:
-        cycle: [s].
+    Attributes:
+        cycle: between rows [s].
     """
 
     def __init__(self, cycle: float) -> None:
-        self._cycle = cycle
+        self.cycle = cycle
         self._known: dict[int, Companions] = {}
         self._begun: list[_UnderWay] = []
         # columns of leading groups and of companions since the motion rested
@@ -119,7 +119,7 @@ class CompanionMotions:
         """
         if not self._known and not self._begun:
             return None
-        starts = {each.line: (each.start - origin) * self._cycle for each in self._begun}
+        starts = {each.line: (each.start - origin) * self.cycle for each in self._begun}
         times = plan.times.tolist()
         for index, segment in enumerate(plan.segments):
             if segment.opens and segment.line in self._known:
@@ -172,12 +172,12 @@ class CompanionMotions:
             if times[index] >= until:
                 break
             if segment.opens and segment.line in self._known:
-                start = origin + times[index] / self._cycle
+                start = origin + times[index] / self.cycle
                 self._begun.append(_UnderWay(segment.line, self._known.pop(segment.line), start, math.inf))
             if segment.closes and times[index + 1] <= until:
                 for each in self._begun:
                     if each.line == segment.line:
-                        each.end = origin + times[index + 1] / self._cycle
+                        each.end = origin + times[index + 1] / self.cycle
                         if each.companions.set_time and plan.bound_by[index] is None:
                             plan.bound_by[index] = each.companions.bound
         if math.isinf(until):
@@ -197,7 +197,7 @@ class CompanionMotions:
                 continue
             at = slice(low - rows.first, high - rows.first + 1)
             for run in each.companions.runs:
-                part = sample(run, each.start, low, high, self._cycle)
+                part = sample(run, each.start, low, high, self.cycle)
                 columns = columns_of(run.segments[0].mask)
                 rows.position[at, columns] = part.position[:, columns]
                 rows.velocity[at, columns] = part.velocity[:, columns]

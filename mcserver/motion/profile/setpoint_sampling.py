@@ -23,7 +23,7 @@ CYCLE_ROUNDING = 1e-6
 class Rows:
     """Rows at u = first, first + 1, …: positions and velocities (n, K), masks and lines (n,), and what they
     ask of joints whose torques are limited (n, 3, J), see `row_torques`; None without limits. The feed scales
-    that they are planned at (n,); None: all 1.
+    that they are planned at (n,); None: all 1. And the pace, how many of them make a cycle then.
     """
 
     first: int
@@ -33,6 +33,7 @@ class Rows:
     line: NDArray[np.int64]
     torque: Array | None = None
     feed_scale: Array | None = None
+    pace: float = 1.0
 
 
 def whole_cycle(u: float) -> int:

@@ -1,0 +1,90 @@
+"""The pace of rows: how many of them are played in a cycle as they are planned.
+
+It goes with the feed scale. So where a motion under way goes on at another feed scale, positions over u are
+smooth: what is planned anew begins with the speed that the rows before have at its own pace.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.segment import AxisLimits
+
+# A motion that begins at an override above 100 % has so many rows a cycle: it meets whole rows then, and has
+# no fewer than one a cycle when it goes on at 100 %.
+FASTER_PACE = 2.0
+# Shares of a rise of the rate that are looked at, and what stands for no motion at all.
+REACHABLE, TRACE = (1.0, 0.75, 0.5, 0.25), 1e-30
+
+
+@dataclass
+class Pace:
+    """Rows a cycle of what is planned next.
+
+    Attributes:
+        limits: of the axes. most: greatest pace. now: that of the motion under way.
+        plain: that of this motion at 100 %. under_way: rows of it have been handed over.
+    """
+
+    limits: AxisLimits
+    most: float = 1.0
+    now: float = 1.0
+    plain: float = 1.0
+    under_way: bool = False
+
+    @property
+    def cycle(self) -> float:
+        """Time between rows as they are planned [s]."""
+        return self.limits.cycle / self.now
+
+    def begin(self, scale: float) -> None:
+        """Set the pace of a motion from rest at a feed scale."""
+        self.now = FASTER_PACE if scale > 1.0 and self.most >= FASTER_PACE else 1.0
+        self.plain = self.now / scale
+
+    def end(self) -> None:
+        """Note that the motion ends at rest."""
+        self.now = self.plain = 1.0
+        self.under_way = False
+
+    def at(self, scale: float) -> float:
+        """Return the pace at a feed scale [1]."""
+        return min(max(self.plain * scale, 1.0), self.most)
+
+    def reachable(self, scale: float, latest: Array | None) -> float:
+        """Return the pace at a feed scale, or the rate that playback may have come to by the end of what is
+        handed over, where that is less.
+
+        Args:
+            latest: velocities of the last rows, one cycle a row, shape (n, K) [m/s or rad/s].
+        """
+        wanted = self.at(scale)
+        if not self.under_way or wanted <= self.now:
+            return wanted
+        limits, cycle = self.limits, self.limits.cycle
+        if latest is None or len(latest) < 3:
+            return self.now
+        acceleration = np.diff(latest, axis=0) / cycle
+        jerk = np.diff(acceleration, axis=0) / cycle
+        rooms = (
+            limits.velocity / (np.abs(latest[2:]) + TRACE),
+            np.sqrt(limits.acceleration / (np.abs(acceleration[1:]) + TRACE)),
+            np.cbrt(limits.jerk / (np.abs(jerk) + TRACE)),
+        )
+        room = np.min(rooms, axis=(0, 2))
+        for share in REACHABLE:
+            rate = self.now + share * (wanted - self.now)
+            change = (rate - self.now) * np.abs(latest[-1])
+            ramp = np.where(
+                change * limits.jerk > limits.acceleration**2,
+                change / limits.acceleration + limits.acceleration / limits.jerk,
+                2.0 * np.sqrt(change / limits.jerk),
+            )
+            rows = math.ceil(rate * float(ramp.max()) / cycle) + 1
+            if rows <= len(room) and (room[-rows:] >= rate).all():
+                return rate
+        return self.now
