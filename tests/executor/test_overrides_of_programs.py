@@ -32,7 +32,8 @@ def rig_of(machine: Machine, motion: Motion) -> Rig:
         elif isinstance(piece, Activation):
             ring.put_control(Control(ControlKind.BEGIN, piece.u, piece.line, axes=piece.mask))
         elif isinstance(piece, Deactivation):
-            ring.put_control(Control(ControlKind.END, piece.u, piece.line, axes=piece.mask))
+            end = Control(ControlKind.END, piece.u, piece.line, axes=piece.mask, values=piece.position)
+            ring.put_control(end)
     rig.program.finish()
     return rig
 
