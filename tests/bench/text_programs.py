@@ -28,10 +28,15 @@ PLANES = (("G17", "XY", "IJ"), ("G18", "ZX", "KI"), ("G19", "YZ", "JK"))
 
 @dataclass(frozen=True)
 class Asked:
-    """What a line asks of the columns whose path its F counts: a speed [mm/s or degrees/s], or a T [s]."""
+    """What a line asks of the columns whose path its F counts: a speed [mm/s or degrees/s], or a T [s].
+
+    Attributes:
+        travel: length of that path [mm or degrees].
+    """
 
     line: int
     columns: tuple[int, ...]
+    travel: float
     speed: float | None
     duration: float | None
 
@@ -109,16 +114,16 @@ class _Writer:
         lasts = min(max(lasts, SHORTEST), LONGEST)
         if self._timed:
             number = round(60.0 / lasts, 4)
-            self._ask(columns, None, 60.0 / number)
+            self._ask(columns, length, None, 60.0 / number)
             return f"F{number:.4f}"
         unit = self._unit(columns[0])
         number = round(max(60.0 * length / lasts / unit, 0.01), 4)
-        self._ask(columns, number * unit / 60.0, None)
+        self._ask(columns, length, number * unit / 60.0, None)
         return f"F{number:.4f}"
 
-    def _ask(self, columns: list[int], speed: float | None, duration: float | None) -> None:
+    def _ask(self, columns: list[int], travel: float, speed: float | None, duration: float | None) -> None:
         """Note what the line that is written next asks for."""
-        self.asked.append(Asked(len(self.lines) + 2, tuple(columns), speed, duration))
+        self.asked.append(Asked(len(self.lines) + 2, tuple(columns), travel, speed, duration))
 
     def _move(self, columns: list[int], length: float, *, feed: bool = True) -> str:
         """Return one G01 over columns."""
@@ -171,7 +176,7 @@ class _Writer:
         asked = self.asked.pop()
         for index, point in enumerate(along):
             words = [self._word(c, origin[c] + d) for c, d in zip(plane, point.tolist(), strict=True)]
-            self._ask(plane, asked.speed, asked.duration)
+            self._ask(plane, chord, asked.speed, asked.duration)
             self._say(*(["G01"] if index == 0 else []), *words, feed if index == 0 else "")
 
     def arc(self) -> None:
