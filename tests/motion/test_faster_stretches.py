@@ -124,7 +124,7 @@ def test_a_stretch_keeps_the_speeds_and_the_length_that_it_is_given() -> None:
     run = run_of(rows, np.arange(count + 1), np.full(count, 0.2), LIMITS, 1e-3)
     nodes, speeds = np.linspace(0.0, edges[-1], 90), np.full(90, 0.05)
     phases, _ = quicker_phases(
-        run, edges, np.zeros(count, np.bool_), np.full(count, 0.2), 0, count, nodes, speeds
+        run, edges, np.zeros(count, np.bool_), np.full(count, 0.2), 0, count, nodes, speeds, (0.0, 0.0)
     )
     profile = join_phases(phases, float(edges[-1]))
     assert profile.duration < 0.95 * edges[-1] / 0.05
@@ -151,6 +151,6 @@ def test_what_has_no_better_profile_is_left_as_it_was(spoilt: str) -> None:
         speeds[:] = 0.3
     nodes = np.linspace(0.0, edges[-1], 90)
     single, feed = np.zeros(count, np.bool_), np.full(count, 0.2)
-    phases, looked = quicker_phases(run, edges, single, feed, 0, count, nodes, speeds)
+    phases, looked = quicker_phases(run, edges, single, feed, 0, count, nodes, speeds, (0.0, 0.0))
     assert len(phases) == 0
     assert not looked

@@ -37,8 +37,9 @@ def _drive(nodes: Array, acceleration: Array, speed: float, phases: Array) -> fl
 
 
 @compiled
-def to_phases(nodes: Array, b: Array, phases: Array) -> bool:
-    """Write phases of constant jerk from node to node, whose accelerations are those of b at the nodes.
+def to_phases(nodes: Array, b: Array, accelerations: tuple[float, float], phases: Array) -> bool:
+    """Write phases of constant jerk from node to node, whose accelerations are those of b at the nodes, and
+    those given at both ends.
 
     What is lacking of the speed at the end, a small part of it, is spread over all.
 
@@ -48,6 +49,7 @@ def to_phases(nodes: Array, b: Array, phases: Array) -> bool:
     count = len(b)
     last = count - 1
     acceleration, spread = np.zeros(count), np.zeros(count)
+    acceleration[0], acceleration[last] = accelerations
     for i in range(1, last):
         # weighed so that the sum over intervals keeps what b gains over them
         acceleration[i] = 0.5 * (b[i + 1] - b[i - 1]) / (nodes[i + 1] - nodes[i - 1])
@@ -69,10 +71,16 @@ def to_phases(nodes: Array, b: Array, phases: Array) -> bool:
 
 
 @compiled
-def keeps_limits(
-    phases: Array, demand: Array, cap: Array, fed: Array, limits: Array, step_jerk: float
+def exceed_limits(
+    phases: Array, demand: Array, cap: Array, fed: Array, limits: Array, step_jerk: float, over: Array
 ) -> bool:
-    """Return whether phases keep all limits, at both ends and in the middle of each."""
+    """Return whether phases exceed a limit, at either end or in the middle of one.
+
+    Args:
+        over: written, the greatest share that each phase takes of what it may of speed, acceleration and
+            jerk, shape (n, 3); more than 1 exceeds it.
+    """
+    over[:] = 0.0
     for i in range(len(phases)):
         duration, jerk = phases[i, 0], abs(phases[i, 4])
         # both nodes know all between them, and more
@@ -81,18 +89,16 @@ def keeps_limits(
             x = place * duration
             v = phases[i, 2] + x * (phases[i, 3] + 0.5 * x * phases[i, 4])
             a = abs(phases[i, 3] + x * phases[i, 4])
-            if not v > 0.0 or v > top:
-                return False
+            if not v > 0.0:
+                return True
+            over[i, 0] = max(over[i, 0], v / top)
             for k in range(limits.shape[1]):
                 d1 = min(demand[i, SLOPE, k], demand[i + 1, SLOPE, k])
                 d2 = min(demand[i, BEND, k], demand[i + 1, BEND, k])
                 d3 = min(demand[i, TWIST, k], demand[i + 1, TWIST, k])
                 step = min(demand[i, STEP, k], demand[i + 1, STEP, k])
-                if d1 * v > PHASE_LIMITS[0] * limits[0, k]:
-                    return False
-                if d1 * a + d2 * v * v > PHASE_LIMITS[1] * limits[1, k]:
-                    return False
+                over[i, 0] = max(over[i, 0], d1 * v / (PHASE_LIMITS[0] * limits[0, k]))
+                over[i, 1] = max(over[i, 1], (d1 * a + d2 * v * v) / (PHASE_LIMITS[1] * limits[1, k]))
                 asked = d1 * jerk + 3.0 * d2 * v * a + d3 * v * v * v + step * step_jerk * v * v
-                if asked > PHASE_LIMITS[2] * limits[2, k]:
-                    return False
-    return True
+                over[i, 2] = max(over[i, 2], asked / (PHASE_LIMITS[2] * limits[2, k]))
+    return bool(over.max() > 1.0)

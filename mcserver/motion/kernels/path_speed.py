@@ -3,7 +3,7 @@
 With b = v² as a function of the path coordinate σ, v̇ = b'/2 and v̈ = √b·b''/2, and an axis asks for
 |q''|·b + |q'|·|b'|/2 of its acceleration and √b·(|q'''|·b + 3/2·|q''|·|b'| + |q'|·|b''|/2) of its jerk. b is
 found at nodes by an interior-point method: Newton's on ∫ dσ/√b with a logarithmic barrier for each limit,
-which is banded, as a node's limits touch its neighbours alone. Both ends are given, and have no acceleration.
+which is banded, as a node's limits touch its neighbours alone. Speed and acceleration at both ends are given.
 What comes out is checked on its own, as phases of constant jerk in time, before anybody drives it.
 """
 
@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.node_phases import BEND, SLOPE, STEP, TWIST, keeps_limits, to_phases
+from mcserver.motion.kernels.node_phases import BEND, SLOPE, STEP, TWIST, exceed_limits, to_phases
 from mcserver.motion.kernels.phases import PHASE
 from mcserver.motion.kernels.sample_limits import Run
 
 # Nodes stand this share of the shortest rise of acceleration apart, in these bounds [s]: fewer follow the
 # optimum less closely, and each takes some 10 µs.
 NODE_SHARE, NODES_APART = 0.2, (1e-3, 8e-3)
-# Shares of speed, acceleration and jerk that nodes may take, tried one after the other: between nodes it is
-# more.
-NODE_LIMITS = ((0.9985, 1.0, 1.0), (0.996, 0.99, 1.0), (0.99, 0.97, 0.95))
+# Share of the greatest speed that nodes may take: between nodes it is more.
+NODE_SPEED = 0.9985
+# Where phases take more than they may between nodes, the nodes beside get that much less, and this share of
+# it; so many times at most. The speeds to begin with are then those found, less this share.
+LESS, TIGHTENED, LOWERED = 0.995, 5, 0.03
 # Nodes from an end, which may be at its greatest speed, to where all of that margin is kept.
 MARGIN_NODES = 10.0
 # The barrier's weight, as a share of the time by the number of limits: at first, its fall with each round,
@@ -111,12 +113,15 @@ def _gather(
 
 
 @compiled
-def _stencils(nodes: Array, first: Array, second: Array) -> None:
-    """Write the weights of b at the nodes before, at and after each one in b' and b'', shape (m, 3).
+def _stencils(nodes: Array, steepness: tuple[float, float], first: Array, second: Array) -> None:
+    """Write the weights of b at the nodes before, at and after each one in b' and b'', and what does not
+    depend on b, shape (m, 4).
 
-    At the ends b' is 0, as if the path were mirrored there.
+    Args:
+        steepness: b' at both ends, which is given.
     """
     last = len(nodes) - 1
+    first[:], second[:] = 0.0, 0.0
     for i in range(1, last):
         before, after = nodes[i] - nodes[i - 1], nodes[i + 1] - nodes[i]
         both = before + after
@@ -124,18 +129,19 @@ def _stencils(nodes: Array, first: Array, second: Array) -> None:
         first[i, 1] = -first[i, 0] - first[i, 2]
         second[i, 0], second[i, 2] = 2.0 / (before * both), 2.0 / (after * both)
         second[i, 1] = -second[i, 0] - second[i, 2]
-    first[0], first[last], second[0], second[last] = 0.0, 0.0, 0.0, 0.0
-    second[0, 2] = 2.0 / (nodes[1] - nodes[0]) ** 2
-    second[0, 1] = -second[0, 2]
-    second[last, 0] = 2.0 / (nodes[last] - nodes[last - 1]) ** 2
-    second[last, 1] = -second[last, 0]
+    # at the ends, the parabola through both nodes that is as steep as given
+    start, end = nodes[1] - nodes[0], nodes[last] - nodes[last - 1]
+    first[0, 3], first[last, 3] = steepness[0], steepness[1]
+    second[0, 2], second[last, 0] = 2.0 / start**2, 2.0 / end**2
+    second[0, 1], second[last, 1] = -second[0, 2], -second[last, 0]
+    second[0, 3], second[last, 3] = -2.0 * steepness[0] / start, 2.0 * steepness[1] / end
 
 
 @compiled
 def _derivative(weights: Array, b: Array, i: int) -> float:
     """Return b' or b'' at a node."""
     low, high = b[max(i - 1, 0)], b[min(i + 1, len(b) - 1)]
-    return float(weights[i, 0] * low + weights[i, 1] * b[i] + weights[i, 2] * high)
+    return float(weights[i, 0] * low + weights[i, 1] * b[i] + weights[i, 2] * high + weights[i, 3])
 
 
 @compiled
@@ -145,6 +151,7 @@ def _merit(
     demand: Array,
     cap: Array,
     limits: Array,
+    room: Array,
     step_jerk: float,
     first: Array,
     second: Array,
@@ -173,12 +180,13 @@ def _merit(
             d1, d2 = demand[i, SLOPE, k], demand[i, BEND, k]
             if d1 == 0.0 and d2 == 0.0:
                 continue
-            taken, change = d2 * b[i] / limits[1, k], 0.5 * d1 * slope / limits[1, k]
+            most = limits[1, k] * room[i, 1]
+            taken, change = d2 * b[i] / most, 0.5 * d1 * slope / most
             worst = max(worst, taken + change)
             if taken + change >= ease:
                 return math.inf, math.inf
             product *= (ease - taken - change) * (ease - taken + change)
-            unit = root / limits[2, k]
+            unit = root / (limits[2, k] * room[i, 2])
             own = unit * b[i] * (demand[i, TWIST, k] + demand[i, STEP, k] * step_jerk / root)
             turn, push = 1.5 * unit * d2 * slope, 0.5 * unit * d1 * bend
             worst = max(worst, own + turn + push)
@@ -223,6 +231,7 @@ def _model(
     demand: Array,
     cap: Array,
     limits: Array,
+    room: Array,
     step_jerk: float,
     first: Array,
     second: Array,
@@ -249,20 +258,21 @@ def _model(
             d1, d2 = demand[i, SLOPE, k], demand[i, BEND, k]
             if d1 == 0.0 and d2 == 0.0:
                 continue
+            most = limits[1, k] * room[i, 1]
             for sign in (1.0, -1.0):
-                part = sign * 0.5 * d1 / limits[1, k]
-                slack = ease - d2 * b[i] / limits[1, k] - part * slope
+                part = sign * 0.5 * d1 / most
+                slack = ease - d2 * b[i] / most - part * slope
                 _add_barrier(
                     i,
                     slack,
                     weight,
                     part * first[i, 0],
-                    d2 / limits[1, k] + part * first[i, 1],
+                    d2 / most + part * first[i, 1],
                     part * first[i, 2],
                     gradient,
                     band,
                 )
-            unit = root / limits[2, k]
+            unit = root / (limits[2, k] * room[i, 2])
             own = unit * b[i] * (demand[i, TWIST, k] + demand[i, STEP, k] * step_jerk / root)
             rise = unit * (1.5 * demand[i, TWIST, k] + demand[i, STEP, k] * step_jerk / root)
             for sign in (1.0, -1.0):
@@ -319,22 +329,27 @@ def _minimize(
     demand: Array,
     cap: Array,
     limits: Array,
+    room: Array,
     step_jerk: float,
     first: Array,
     second: Array,
 ) -> bool:
-    """Change b to the quickest within the limits; return False where none was found."""
+    """Change b to the quickest within the limits; return False where none was found.
+
+    Args:
+        room: share of the limits of speed, acceleration and jerk that each node may take, shape (m, 3).
+    """
     count, width = len(b), limits.shape[1]
     gradient, band = np.empty(count), np.empty((count, 3))
     trial = b.copy()
     huge = 1e30
-    merit, worst = _merit(b, nodes, demand, cap, limits, step_jerk, first, second, huge, 0.0)
+    merit, worst = _merit(b, nodes, demand, cap, limits, room, step_jerk, first, second, huge, 0.0)
     share = merit / (count * (6 * width + 1))
     ease = max(1.0, EASE * worst)
     weight = FIRST_WEIGHT
     for step in range(MOST_STEPS):
-        merit, _ = _merit(b, nodes, demand, cap, limits, step_jerk, first, second, ease, weight * share)
-        _model(b, nodes, demand, cap, limits, step_jerk, first, second, ease, weight * share, gradient, band)
+        merit, _ = _merit(b, nodes, demand, cap, limits, room, step_jerk, first, second, ease, weight * share)
+        _model(b, nodes, demand, cap, limits, room, step_jerk, first, second, ease, weight * share, gradient, band)
         if not _solve_band(band, gradient):
             return False
         length, moved = 1.0, 0.0
@@ -344,7 +359,7 @@ def _minimize(
                 trial[i] = b[i] - length * gradient[i]
                 moved = max(moved, abs(trial[i] - b[i]) / b[i])
             now, most = _merit(
-                trial, nodes, demand, cap, limits, step_jerk, first, second, ease, weight * share
+                trial, nodes, demand, cap, limits, room, step_jerk, first, second, ease, weight * share
             )
             if now < merit:
                 b[:] = trial
@@ -375,6 +390,7 @@ def quicker_phases(
     right: int,
     nodes: Array,
     speeds: Array,
+    accelerations: tuple[float, float],
 ) -> tuple[Array, bool]:
     """Return phases from the edge ``left`` to the edge ``right`` that take less time than those given.
 
@@ -391,6 +407,9 @@ def quicker_phases(
     nothing = np.empty((0, PHASE))
     if not _gather(run, edges, single, feed, left, right, nodes, demand, cap, fed):
         return nothing, False
+    if demand[:, BEND].max() == 0.0:
+        # nothing changes along a straight line
+        return nothing, False
     time = least = 0.0
     for i in range(count - 1):
         apart = nodes[i + 1] - nodes[i]
@@ -398,28 +417,27 @@ def quicker_phases(
         least += apart / math.sqrt(min(cap[i], cap[i + 1]))
     if not time > least * WORTH:
         return nothing, False
-    first, second = np.empty((count, 3)), np.empty((count, 3))
-    _stencils(nodes, first, second)
+    first, second = np.empty((count, 4)), np.empty((count, 4))
+    _stencils(nodes, (2.0 * accelerations[0], 2.0 * accelerations[1]), first, second)
     # a step of acceleration within a cycle looks like this jerk at the cycle rate, see `free_at`
     step_jerk = 0.75 / run.cycle
     phases, lower = np.empty((count - 1, PHASE)), np.empty(count)
-    for speed, acceleration, jerk in NODE_LIMITS:
-        b = speeds * speeds
-        limits = run.limits.copy()
-        limits[1] *= acceleration
-        limits[2] *= jerk
+    over, room = np.empty((count - 1, 3)), np.ones((count, 3))
+    b = speeds * speeds
+    for _ in range(TIGHTENED):
         for i in range(count):
             # an end may be at its greatest speed: what is kept off it begins little by little
             part = min(1.0, (min(i, count - 1 - i) / MARGIN_NODES) ** 2)
-            lower[i] = cap[i] * (1.0 - (1.0 - speed * speed) * part)
-        found = _minimize(b, nodes, demand, lower, limits, step_jerk, first, second)
-        if not found:
-            continue
-        joined = to_phases(nodes, b, phases)
-        if (
-            joined
-            and phases[:, 0].sum() < time
-            and keeps_limits(phases, demand, cap, fed, run.limits, step_jerk)
-        ):
+            lower[i] = cap[i] * (1.0 - (1.0 - (NODE_SPEED * room[i, 0]) ** 2) * part)
+        found = _minimize(b, nodes, demand, lower, run.limits, room, step_jerk, first, second)
+        if not found or not to_phases(nodes, b, accelerations, phases) or not phases[:, 0].sum() < time:
+            break
+        if not exceed_limits(phases, demand, cap, fed, run.limits, step_jerk, over):
             return phases, True
+        for i in range(1, count - 1):
+            for which in range(3):
+                share = max(over[i - 1, which], over[i, which])
+                if share > 1.0:
+                    room[i, which] *= LESS / share
+            b[i] *= 1.0 - LOWERED * min(1.0, (min(i, count - 1 - i) / MARGIN_NODES) ** 2)
     return nothing, True

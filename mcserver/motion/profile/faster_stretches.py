@@ -3,7 +3,7 @@
 Knots with speed and no acceleration cost time where limits change all along, as on curves of changing
 curvature: speed climbs in steps. Such a stretch, from one knot to a later one, is solved again as a whole by
 `mcserver.motion.kernels.path_speed`. Both of its ends stay what they were, so motion can be cut, stopped and
-planned on there as before; what has no quicker profile that keeps every limit stays as it was.
+planned on there as before; beside a rest, so does the phase that leads from or to it; what has no quicker profile that keeps every limit stays as it was.
 """
 
 from __future__ import annotations
@@ -26,6 +26,10 @@ MOST_NODES, FEWEST_NODES = 250, 8
 # Ends that are tried for a stretch, and tries in a row after which the rest of a run stays as it is: what has
 # no quicker profile here costs time to find out.
 TRIES, MOST_FAILURES = 3, 9
+# Share of the longest stretch behind which it may end at a bottleneck.
+FIRST_PART = 0.2
+# Nodes that the phase beside a rest is long, at least.
+REST_NODES = 2.0
 
 
 @dataclass(frozen=True)
@@ -85,16 +89,27 @@ def quicker_stretches(
         longest = MOST_NODES * apart
         last = _stretch_end(index, speeds, moments, longest)
         found = phases[:0]
-        for _ in range(TRIES if speeds[index] > 0.0 and failures < MOST_FAILURES else 0):
-            if speeds[last] <= 0.0:
+        for _ in range(TRIES if failures < MOST_FAILURES else 0):
+            rows = phases[first[index] : first[last]]
+            ends = _inner(rows, (speeds[index] <= 0.0, speeds[last] <= 0.0 and last < len(knots) - 1), apart)
+            if ends is None or (speeds[last] <= 0.0 and last == len(knots) - 1):
                 break
-            nodes = max(math.ceil((moments[last] - moments[index]) / apart), FEWEST_NODES) + 1
-            at, v = profile.at(np.linspace(moments[index], moments[last], nodes))
-            at[0], at[-1] = groups.edges[knots[index]], groups.edges[knots[last]]
-            v[0], v[-1] = speeds[index], speeds[last]
-            ends = int(knots[index]), int(knots[last])
-            found, worth = quicker_phases(run, groups.edges, single, feed, *ends, at, v)
-            if len(found) or not worth or last == index + 1:
+            between = rows[ends]
+            begin, end = moments[index] + rows[: ends.start, 0].sum(), moments[last] - rows[ends.stop :, 0].sum()
+            nodes = max(math.ceil((end - begin) / apart), FEWEST_NODES) + 1
+            at, v = profile.at(np.linspace(begin, end, nodes))
+            at[0], v[0] = between[0, 1:3]
+            at[-1], v[-1], steep = (
+                (*rows[ends.stop, 1:3], rows[ends.stop, 3])
+                if ends.stop < len(rows)
+                else (groups.edges[knots[last]], speeds[last], 0.0)
+            )
+            steepness = float(between[0, 3]), float(steep)
+            edges = int(knots[index]), int(knots[last])
+            solved, worth = quicker_phases(run, groups.edges, single, feed, *edges, at, v, steepness)
+            if len(solved):
+                found = np.concatenate((rows[: ends.start], solved, rows[ends.stop :]))
+            if len(solved) or not worth or last == index + 1:
                 break
             failures += 1
             longest = 0.4 * float(moments[last] - moments[index])
@@ -120,22 +135,51 @@ def quicker_stretches(
     )
 
 
+def _inner(rows: Array, rests: tuple[bool, bool], apart: float) -> slice | None:
+    """Return which phases between two knots are solved anew.
+
+    All but the first one behind a rest and the last one before a rest, which have all the jerk there is.
+
+    Args:
+        rows: the phases. rests: whether the motion rests at the first knot and at the last. apart: time
+            between nodes [s].
+
+    Returns:
+        None where such a phase is too short for nodes to follow what comes behind it.
+    """
+    start, stop = int(rests[0]), len(rows) - int(rests[1])
+    if start >= stop:
+        return None
+    if (rests[0] and rows[0, 0] < REST_NODES * apart) or (rests[1] and rows[-1, 0] < REST_NODES * apart):
+        return None
+    return slice(start, stop)
+
+
 def _stretch_end(index: int, speeds: Array, moments: Array, longest: float) -> int:
     """Return the last knot of the stretch that begins at a knot.
 
-    All of them with speed, as long as that takes no longer than ``longest`` [s]; then the slowest one of the
-    last half, where a bend rather than what is about it says how fast it is.
+    All of them up to the next rest, as long as that takes no longer than ``longest`` [s]; then the slowest
+    bottleneck behind the first part: there the bend rather than what is about it says how fast it is, so a
+    stretch loses nothing by an end without acceleration. Without a bottleneck, the slowest knot of the last
+    half. The stop at the very end is left as it is: a plan is cut before it, as long as lines come.
     """
-    last = index + 1
-    if speeds[index] <= 0.0 or speeds[last] <= 0.0:
-        return last
-    while last < len(speeds) - 1 and speeds[last + 1] > 0.0:
+    last, final = index + 1, len(speeds) - 1
+    while last < final and speeds[last] > 0.0 and not (last + 1 == final and speeds[final] <= 0.0):
         if moments[last + 1] - moments[index] > longest:
-            half = int(np.searchsorted(moments, moments[index] + 0.5 * longest))
-            first = min(max(half, index + 1), last)
-            return first + int(np.argmin(speeds[first : last + 1]))
+            return _slowest_bottleneck(index, last, speeds, moments, longest)
         last += 1
     return last
+
+
+def _slowest_bottleneck(index: int, last: int, speeds: Array, moments: Array, longest: float) -> int:
+    inner = np.arange(index + 1, last + 1)
+    inner = inner[moments[inner] - moments[index] >= FIRST_PART * longest]
+    lowest = inner[(speeds[inner] <= speeds[inner - 1]) & (speeds[inner] <= speeds[inner + 1])]
+    if len(lowest):
+        return int(lowest[np.argmin(speeds[lowest])])
+    half = int(np.searchsorted(moments, moments[index] + 0.5 * longest))
+    first = min(max(half, index + 1), last)
+    return first + int(np.argmin(speeds[first : last + 1]))
 
 
 def _feeds_of(groups: Groups, feeds: Array) -> Array:

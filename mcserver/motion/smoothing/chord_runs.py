@@ -22,7 +22,7 @@ SHARE = 0.49
 # A vertex is missed by this share of d times the difference of the tangents.
 MISS = 0.22
 # Vertices that turn by more are corners [length of the difference of the unit tangents].
-SHARPEST = 0.6
+SHARPEST = 1.2
 # How much shorter d may be than half a line between vertices that turn alike: the curve is then fitted more
 # closely to the vertices, which still takes no stop. Longer lines are polygons that are meant.
 EVEN_BEND = 3.0
