@@ -349,7 +349,8 @@ def _minimize(
     weight = FIRST_WEIGHT
     for step in range(MOST_STEPS):
         merit, _ = _merit(b, nodes, demand, cap, limits, room, step_jerk, first, second, ease, weight * share)
-        _model(b, nodes, demand, cap, limits, room, step_jerk, first, second, ease, weight * share, gradient, band)
+        barrier = weight * share
+        _model(b, nodes, demand, cap, limits, room, step_jerk, first, second, ease, barrier, gradient, band)
         if not _solve_band(band, gradient):
             return False
         length, moved = 1.0, 0.0

@@ -3,7 +3,8 @@
 Knots with speed and no acceleration cost time where limits change all along, as on curves of changing
 curvature: speed climbs in steps. Such a stretch, from one knot to a later one, is solved again as a whole by
 `mcserver.motion.kernels.path_speed`. Both of its ends stay what they were, so motion can be cut, stopped and
-planned on there as before; beside a rest, so does the phase that leads from or to it; what has no quicker profile that keeps every limit stays as it was.
+planned on there as before; beside a rest, so does the phase that leads from or to it. What has no quicker
+profile that keeps every limit stays as it was.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from mcserver.motion.geometry.segment import AxisLimits
 from mcserver.motion.kernels.groups import Groups
 from mcserver.motion.kernels.path_speed import NODE_SHARE, NODES_APART, quicker_phases
 from mcserver.motion.kernels.sample_limits import Run
-from mcserver.motion.profile.velocity_profile import join_phases
+from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
 # Nodes of one stretch at the most, after which there is a knot again to cut the motion at, and at the least.
 MOST_NODES, FEWEST_NODES = 250, 8
@@ -71,49 +72,38 @@ def quicker_stretches(
         phases, knots, first: the profile as `KnotSolver` gives it. passed: a part of the first segment has
             been passed already.
     """
-    sealed = np.zeros(len(phases), np.bool_)
     if not np.isfinite(limits.jerk).all():
-        return Stretches(phases, sealed, knots, first)
+        return Stretches(phases, np.zeros(len(phases), np.bool_), knots, first)
     profile = join_phases(phases, float(groups.edges[-1]))
-    moments = np.append(profile.start, profile.duration)[first]
-    speeds = np.append(phases[:, 2], 0.0)[first]
-    single = _single_segments(groups, passed)
-    feed = _feeds_of(groups, feeds)
-    apart = node_spacing(limits)
+    known = _Known(
+        run,
+        groups.edges,
+        _single_segments(groups, passed),
+        _feeds_of(groups, feeds),
+        profile,
+        phases,
+        knots,
+        first,
+        np.append(profile.start, profile.duration)[first],
+        np.append(phases[:, 2], 0.0)[first],
+        node_spacing(limits),
+    )
     parts: list[Array] = []
     seals: list[NDArray[np.bool_]] = []
     left: list[NDArray[np.intp]] = []
     starts: list[NDArray[np.intp]] = []
     count = index = failures = 0
     while index < len(knots) - 1:
-        longest = MOST_NODES * apart
-        last = _stretch_end(index, speeds, moments, longest)
+        longest = MOST_NODES * known.apart
+        last = known.stretch_end(index, longest)
         found = phases[:0]
         for _ in range(TRIES if failures < MOST_FAILURES else 0):
-            rows = phases[first[index] : first[last]]
-            ends = _inner(rows, (speeds[index] <= 0.0, speeds[last] <= 0.0 and last < len(knots) - 1), apart)
-            if ends is None or (speeds[last] <= 0.0 and last == len(knots) - 1):
-                break
-            between = rows[ends]
-            begin, end = moments[index] + rows[: ends.start, 0].sum(), moments[last] - rows[ends.stop :, 0].sum()
-            nodes = max(math.ceil((end - begin) / apart), FEWEST_NODES) + 1
-            at, v = profile.at(np.linspace(begin, end, nodes))
-            at[0], v[0] = between[0, 1:3]
-            at[-1], v[-1], steep = (
-                (*rows[ends.stop, 1:3], rows[ends.stop, 3])
-                if ends.stop < len(rows)
-                else (groups.edges[knots[last]], speeds[last], 0.0)
-            )
-            steepness = float(between[0, 3]), float(steep)
-            edges = int(knots[index]), int(knots[last])
-            solved, worth = quicker_phases(run, groups.edges, single, feed, *edges, at, v, steepness)
-            if len(solved):
-                found = np.concatenate((rows[: ends.start], solved, rows[ends.stop :]))
-            if len(solved) or not worth or last == index + 1:
+            found, looked = known.solved_anew(index, last)
+            if len(found) or not looked or last == index + 1:
                 break
             failures += 1
-            longest = 0.4 * float(moments[last] - moments[index])
-            last = _stretch_end(index, speeds, moments, longest)
+            longest = 0.4 * float(known.moments[last] - known.moments[index])
+            last = known.stretch_end(index, longest)
         if len(found):
             rows, seal = found, np.ones(len(found), np.bool_)
             seal[0] = False
@@ -135,6 +125,84 @@ def quicker_stretches(
     )
 
 
+@dataclass(frozen=True)
+class _Known:
+    """What is known of a run.
+
+    Attributes:
+        single: groups that are one whole segment. feed: least speed by F of the groups. profile, phases,
+            knots, first: as `KnotSolver` gives them. moments, speeds: at the knots [s]. apart: time between
+            nodes [s].
+    """
+
+    run: Run
+    edges: Array
+    single: NDArray[np.bool_]
+    feed: Array
+    profile: Phases
+    phases: Array
+    knots: NDArray[np.intp]
+    first: NDArray[np.intp]
+    moments: Array
+    speeds: Array
+    apart: float
+
+    def solved_anew(self, index: int, last: int) -> tuple[Array, bool]:
+        """Solve the stretch from one knot to a later one.
+
+        Returns:
+            Its phases, none where there is nothing quicker; and whether it was looked for.
+        """
+        rows = self.phases[self.first[index] : self.first[last]]
+        rests = bool(self.speeds[index] <= 0.0), bool(self.speeds[last] <= 0.0)
+        inner = _inner(rows, rests, self.apart)
+        if inner is None or (rests[1] and last == len(self.knots) - 1):
+            return rows[:0], False
+        before, between, after = rows[: inner.start], rows[inner], rows[inner.stop :]
+        begin = self.moments[index] + before[:, 0].sum()
+        end = self.moments[last] - after[:, 0].sum()
+        count = max(math.ceil((end - begin) / self.apart), FEWEST_NODES) + 1
+        at, v = self.profile.at(np.linspace(begin, end, count))
+        at[0], v[0], push = between[0, 1:4]
+        at[-1], v[-1], pull = self.edges[self.knots[last]], self.speeds[last], 0.0
+        if rests[1]:
+            at[-1], v[-1], pull = after[0, 1:4]
+        edges = int(self.knots[index]), int(self.knots[last])
+        found, looked = quicker_phases(
+            self.run, self.edges, self.single, self.feed, *edges, at, v, (float(push), float(pull))
+        )
+        return np.concatenate((before, found, after)) if len(found) else found, looked
+
+    def stretch_end(self, index: int, longest: float) -> int:
+        """Return the last knot of the stretch that begins at a knot.
+
+        All of them up to the next rest, as long as that takes no longer than ``longest`` [s]; then the
+        slowest bottleneck behind the first part: there the bend rather than what is about it says how fast it
+        is, so a stretch loses nothing by an end without acceleration. Without a bottleneck, the slowest knot
+        of the last half. The stop at the very end is left as it is: a plan is cut before it, as long as lines
+        come.
+        """
+        last, final = index + 1, len(self.speeds) - 1
+        while last < final and self.speeds[last] > 0.0:
+            if last + 1 == final and self.speeds[final] <= 0.0:
+                break
+            if self.moments[last + 1] - self.moments[index] > longest:
+                return self._slowest_bottleneck(index, last, longest)
+            last += 1
+        return last
+
+    def _slowest_bottleneck(self, index: int, last: int, longest: float) -> int:
+        speeds, taken = self.speeds, self.moments - self.moments[index]
+        inner = np.arange(index + 1, last + 1)
+        inner = inner[taken[inner] >= FIRST_PART * longest]
+        lowest = inner[(speeds[inner] <= speeds[inner - 1]) & (speeds[inner] <= speeds[inner + 1])]
+        if len(lowest):
+            return int(lowest[np.argmin(speeds[lowest])])
+        half = int(np.searchsorted(taken, 0.5 * longest))
+        first = min(max(half, index + 1), last)
+        return first + int(np.argmin(speeds[first : last + 1]))
+
+
 def _inner(rows: Array, rests: tuple[bool, bool], apart: float) -> slice | None:
     """Return which phases between two knots are solved anew.
 
@@ -153,33 +221,6 @@ def _inner(rows: Array, rests: tuple[bool, bool], apart: float) -> slice | None:
     if (rests[0] and rows[0, 0] < REST_NODES * apart) or (rests[1] and rows[-1, 0] < REST_NODES * apart):
         return None
     return slice(start, stop)
-
-
-def _stretch_end(index: int, speeds: Array, moments: Array, longest: float) -> int:
-    """Return the last knot of the stretch that begins at a knot.
-
-    All of them up to the next rest, as long as that takes no longer than ``longest`` [s]; then the slowest
-    bottleneck behind the first part: there the bend rather than what is about it says how fast it is, so a
-    stretch loses nothing by an end without acceleration. Without a bottleneck, the slowest knot of the last
-    half. The stop at the very end is left as it is: a plan is cut before it, as long as lines come.
-    """
-    last, final = index + 1, len(speeds) - 1
-    while last < final and speeds[last] > 0.0 and not (last + 1 == final and speeds[final] <= 0.0):
-        if moments[last + 1] - moments[index] > longest:
-            return _slowest_bottleneck(index, last, speeds, moments, longest)
-        last += 1
-    return last
-
-
-def _slowest_bottleneck(index: int, last: int, speeds: Array, moments: Array, longest: float) -> int:
-    inner = np.arange(index + 1, last + 1)
-    inner = inner[moments[inner] - moments[index] >= FIRST_PART * longest]
-    lowest = inner[(speeds[inner] <= speeds[inner - 1]) & (speeds[inner] <= speeds[inner + 1])]
-    if len(lowest):
-        return int(lowest[np.argmin(speeds[lowest])])
-    half = int(np.searchsorted(moments, moments[index] + 0.5 * longest))
-    first = min(max(half, index + 1), last)
-    return first + int(np.argmin(speeds[first : last + 1]))
 
 
 def _feeds_of(groups: Groups, feeds: Array) -> Array:
