@@ -60,7 +60,7 @@ def changing() -> list[Figure]:
         what = f"{name}, {speed:g} mm/s, {jerk:g} mm/s³, tolerance {tolerance:g} mm"
         missed = chord**2 * sharpest(curve) / 8.0
         if missed > tolerance:
-            # the curve itself is then out of tolerance: its time is out of reach
+            # the curve itself is then out of tolerance: another one, no more than that apart, has to be found
             what += f", which chords miss by {missed:.3f} mm"
         figures.append(Figure(what, float(took), "s", floor, "the curve, by linear programs", "≤ 1.10 ×"))
     return figures

@@ -14,6 +14,7 @@ from mcserver.motion.kernels.path_speed import quicker_phases
 from mcserver.motion.kernels.sample_limits import run_of
 from mcserver.motion.profile.faster_stretches import Stretches
 from mcserver.motion.profile.velocity_profile import join_phases
+from tests.bench.analytic import least_time
 from tests.motion.measure import (
     ACCELERATION_SLACK,
     JERK_SLACK,
@@ -50,9 +51,15 @@ def clothoid(length: float, sharpest: float) -> Array:
     return np.cumsum(step, axis=0)
 
 
-def driven(points: Array, speed: float, commits: list[Commit] | None = None, jerk: float = JERK) -> Motion:
+def driven(
+    points: Array,
+    speed: float,
+    commits: list[Commit] | None = None,
+    jerk: float = JERK,
+    tolerance: float = TOLERANCE,
+) -> Motion:
     machine = alike(points.shape[1], velocity=500.0, jerk=jerk)
-    moves = [Move(group, tolerance=TOLERANCE) for group in polyline(machine, points.tolist(), speed)]
+    moves = [Move(group, tolerance=tolerance) for group in polyline(machine, points.tolist(), speed)]
     return plan(machine, moves, start=points[0], commits=commits or [])
 
 
@@ -85,6 +92,22 @@ def test_changing_curvature_is_driven_quicker_than_by_knots_within_every_limit(
     assert_kept(quick, speed)
     monkeypatch.setattr("mcserver.motion.lookahead.lookahead.quicker_stretches", only_knots)
     assert quick.duration <= share * driven(points, speed).duration
+
+
+@pytest.mark.parametrize(
+    ("curve", "tolerance", "jerk", "share"),
+    [
+        (lissajous(1.0, 2.0, 0.7), 2e-5, 50_000.0, 1.17),
+        (lissajous(3.0, 2.0, math.pi / 4.0), 5e-5, 100_000.0, 1.10),
+    ],
+)
+def test_hairpins_with_chords_as_long_as_their_radius_take_little_more_than_the_least_time(
+    curve: Array, tolerance: float, jerk: float, share: float
+) -> None:
+    points = chords_of(curve, 5e-4)
+    motion = driven(points, 0.2, jerk=jerk, tolerance=tolerance)
+    assert_kept(motion, 0.2)
+    assert motion.duration <= share * least_time(1e3 * curve, 200.0, 1000.0, jerk)
 
 
 @settings(max_examples=8, deadline=None)

@@ -41,7 +41,7 @@ def _moment(plan: PlannedRun, want: float, *, at_peaks: bool) -> float:
         free = not plan.timed[index] and not phases.sealed[index]
         if free and constant and phases.velocity[index] > 0.0:
             break
-        if free and moment == phases.start[index] and _is_knot(phases, index):
+        if free and moment == phases.start[index] and _is_knot(phases, index, trace):
             break
         if at_peaks and free and moment == phases.start[index] and _is_peak(plan, index, trace):
             break
@@ -81,10 +81,12 @@ def _stop_begins(plan: PlannedRun) -> float:
     return moment
 
 
-def _is_knot(phases: Phases, index: int) -> bool:
+def _is_knot(phases: Phases, index: int, trace: float) -> bool:
     """Return whether a phase begins at an end of a stretch that is not to be cut, with speed and no
-    acceleration.
+    acceleration: behind a rest, or what of one a corner in a time of its own has left, it has none or some.
     """
+    if abs(phases.acceleration[index]) > trace or not phases.velocity[index] > 0.0:
+        return False
     sealed = phases.sealed
     return bool((index > 0 and sealed[index - 1]) or (index + 1 < len(sealed) and sealed[index + 1]))
 
