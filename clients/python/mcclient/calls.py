@@ -75,7 +75,7 @@ class Caller:
                 raise self._no_answer(method, deadline_s)
             sent_at = clock()
             replies = await self._link.query(
-                key, payload, timeout_s=min(attempt_s, remaining), priority=priority
+                key, payload, timeout_s=min(attempt_s, remaining), priority=priority, one=True
             )
             if replies:
                 error = _error_of(replies[0])

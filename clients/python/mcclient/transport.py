@@ -175,28 +175,47 @@ class Link:
         *,
         timeout_s: float,
         priority: zenoh.Priority = zenoh.Priority.INTERACTIVE_HIGH,
+        one: bool = False,
     ) -> list[Reply]:
-        """All replies; an empty list says nothing about whether the query arrived."""
+        """All replies; an empty list says nothing about whether the query arrived.
+
+        Args:
+            one: a single server is asked: its reply is returned as it comes, and Zenoh's word that none
+                follows is not waited for.
+        """
         gathered: list[Reply] = []
         finished: asyncio.Future[None] = self._loop.create_future()
-
+        answered = False
         trust = self._trust
 
+        def finish() -> None:
+            if not finished.done():
+                finished.set_result(None)
+
+        def take(reply: Reply) -> None:
+            gathered.append(reply)
+            if one:
+                finish()
+
         def on_reply(reply: zenoh.Reply) -> None:
+            nonlocal answered
             source = _replier(reply)
             if not trust.accepts(source):
                 return
             if reply.ok is not None:
-                one = Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), True, source)
+                came = Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), True, source)
             elif reply.err is not None and str(reply.err.encoding) == ENCODING:
-                one = Reply(key, reply.err.payload.to_bytes(), False, source)
+                came = Reply(key, reply.err.payload.to_bytes(), False, source)
             else:
                 # Zenoh's own error replies (a time-out on the way) are not the server's answer
                 return
-            self._replies.push(lambda: gathered.append(one))
+            answered = True
+            self._replies.push(lambda: take(came))
 
         def on_end() -> None:
-            self._replies.push(lambda: None if finished.done() else finished.set_result(None))
+            # the loop need not be woken for what it knows
+            if not (one and answered):
+                self._replies.push(finish)
 
         try:
             self._session.get(
