@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +11,8 @@ from pathlib import Path
 import pytest
 from mcclient import sync
 
-from tests.e2e.servers import ROOT, ServerProcess, environment
+from tests.e2e.conftest import served
+from tests.e2e.servers import ROOT, CommandProcess, ServerProcess
 
 HERE = Path(__file__).parent
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -53,38 +51,13 @@ class PageProcess:
     """``mcserver web`` as a process of its own."""
 
     def __init__(self, endpoint: str, folder: Path, *options: str) -> None:
-        command = [sys.executable, "-m", "mcserver", "web", "--port", "0", "--connect", endpoint]
-        self.process = subprocess.Popen(
-            [*command, "--programs", str(folder), "--json", *options],
-            stdout=subprocess.PIPE,
-            text=True,
-            env=environment(),
-            cwd=ROOT,
-        )
-        assert self.process.stdout is not None
-        self.url: str = json.loads(self.process.stdout.readline())["url"]
-
-    def close(self) -> None:
-        """Ends it in order; kills it where it does not end."""
-        self.process.terminate()
-        try:
-            self.process.wait(20.0)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        assert self.process.stdout is not None
-        self.process.stdout.close()
+        folders = ("--programs", str(folder))
+        command = CommandProcess("web", "--port", "0", "--connect", endpoint, *folders, *options)
+        self.process, self.url, self.close = command.process, command.url, command.close
 
 
-@contextmanager
-def serving(folder: Path, machine: str, name: str, *, recorder: bool = False) -> Iterator[ServerProcess]:
-    """A motion server of a machine."""
-    made = ServerProcess(folder, machine, name, recorder=recorder)
-    try:
-        made.start()
-        yield made
-    finally:
-        made.close()
+# a motion server of a machine
+serving = contextmanager(served)
 
 
 @contextmanager

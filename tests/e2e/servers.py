@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import queue
 import re
@@ -156,6 +157,36 @@ class ServerProcess:
                     os.kill(pid, signal.SIGKILL)
         if self._reader is not None:
             self._reader.join(STOP_LIMIT_S)
+
+
+class CommandProcess:
+    """``mcserver ARGUMENTS --json`` as a process of its own, ready for requests.
+
+    Attributes:
+        url: where it is reached, as its first line says.
+    """
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "mcserver", *arguments, "--json"],
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment(),
+            cwd=ROOT,
+        )
+        assert self.process.stdout is not None
+        self.url: str = json.loads(self.process.stdout.readline())["url"]
+
+    def close(self) -> None:
+        """Ends it in order; kills it where it does not end."""
+        self.process.terminate()
+        try:
+            self.process.wait(STOP_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
 
 
 def children(pid: int) -> list[int]:

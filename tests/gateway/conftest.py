@@ -2,39 +2,22 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.e2e.servers import ROOT, ServerProcess, environment
+from tests.e2e.conftest import served
+from tests.e2e.servers import CommandProcess, ServerProcess
 
 
 class GatewayProcess:
     """``mcserver gateway`` as a process of its own."""
 
     def __init__(self, endpoint: str, *options: str) -> None:
-        command = [sys.executable, "-m", "mcserver", "gateway", "--port", "0", "--connect", endpoint]
-        self.process = subprocess.Popen(
-            [*command, "--json", *options], stdout=subprocess.PIPE, text=True, env=environment(), cwd=ROOT
-        )
-        assert self.process.stdout is not None
-        self.url: str = json.loads(self.process.stdout.readline())["url"].rstrip("/")
+        command = CommandProcess("gateway", "--port", "0", "--connect", endpoint, *options)
+        self.process, self.url, self.close = command.process, command.url.rstrip("/"), command.close
         self.ws = self.url.replace("http", "ws", 1) + "/v1/ws"
-
-    def close(self) -> None:
-        """Ends it in order; kills it where it does not end."""
-        self.process.terminate()
-        try:
-            self.process.wait(20.0)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        assert self.process.stdout is not None
-        self.process.stdout.close()
 
 
 def cell(axes: int) -> str:
@@ -56,10 +39,7 @@ drive = {{ kind = "ideal" }}
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     folder = tmp_path_factory.mktemp("server")
     (folder / "cell.toml").write_text(cell(3), "utf-8")
-    made = ServerProcess(folder, str(folder / "cell.toml"), "cell")
-    made.start()
-    yield made
-    made.close()
+    yield from served(folder, str(folder / "cell.toml"), "cell")
 
 
 @pytest.fixture(scope="package")

@@ -101,6 +101,7 @@ def test_the_openapi_description_names_every_route(gateway: GatewayProcess, toke
     } <= routes
 
 
+@pytest.mark.timeout(600)
 def test_random_requests_by_the_description_never_break_the_gateway(
     gateway: GatewayProcess, tokens: Tokens
 ) -> None:

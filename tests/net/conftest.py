@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -37,17 +38,25 @@ class Rig:
         self.publishing: PublishingThread
 
 
-@pytest.fixture
-async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
+@asynccontextmanager
+async def running_rig(folder: Path) -> AsyncIterator[Rig]:
+    """A server with its journal in a folder."""
     machine = three_axes()
     port = FakePort(machine)
     pipelines = FakePipelines(port)
     options = ServerOptions(
-        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
+        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=folder / "journal.db"
     )
     async with running(machine, options, port, pipelines) as (service, face):
         made = Rig(service, port, pipelines, (await face.endpoints())[0])
-        made.publishing = face._publishing
+        assert face._rpc is not None
+        made.replies, made.publishing = face._rpc._replies, face._publishing
+        yield made
+
+
+@pytest.fixture
+async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
+    async with running_rig(tmp_path) as made:
         yield made
 
 

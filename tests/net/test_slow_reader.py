@@ -12,12 +12,9 @@ from pathlib import Path
 import pytest
 
 from mcserver.net import configuration
-from mcserver.net.configuration import NetworkOptions
 from mcserver.net.replies import ReplySender
-from mcserver.server import ServerOptions, running
 from tests.net.client import WireClient
-from tests.net.conftest import Rig
-from tests.service.fakes import FakePipelines, FakePort, three_axes
+from tests.net.conftest import Rig, running_rig
 
 # Stops its own network threads at once, so that no reply is ever read, then asks as long as anything fits.
 GREEDY = """
@@ -50,16 +47,7 @@ async def patient_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncI
     """A server that never closes the link of who takes no replies: what is stuck stays stuck."""
     key = "transport/link/tx/queue/congestion_control/block/wait_before_close"
     monkeypatch.setitem(configuration.SETTINGS, key, 120_000_000)
-    machine = three_axes()
-    port = FakePort(machine)
-    pipelines = FakePipelines(port)
-    options = ServerOptions(
-        network=NetworkOptions(listen=("tcp/127.0.0.1:0",)), journal=tmp_path / "journal.db"
-    )
-    async with running(machine, options, port, pipelines) as (service, face):
-        rig = Rig(service, port, pipelines, (await face.endpoints())[0])
-        assert face._rpc is not None
-        rig.replies = face._rpc._replies
+    async with running_rig(tmp_path) as rig:
         yield rig
 
 

@@ -11,6 +11,7 @@ from typing import ParamSpec, TypeVar
 import pytest
 from mcclient import sync
 
+from tests.e2e.conftest import served
 from tests.e2e.servers import ROOT, ServerProcess
 from tests.gateway.conftest import GatewayProcess, cell, tokens
 from tests.sdks import languages
@@ -52,10 +53,7 @@ def sdk(request: pytest.FixtureRequest) -> Sdk:
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     folder = tmp_path_factory.mktemp("server")
     (folder / "cell.toml").write_text(cell(AXES), "utf-8")
-    made = ServerProcess(folder, str(folder / "cell.toml"), "cell")
-    made.start()
-    yield made
-    made.close()
+    yield from served(folder, str(folder / "cell.toml"), "cell")
 
 
 @pytest.fixture(scope="package")
