@@ -38,7 +38,10 @@ def _moment(plan: PlannedRun, want: float, *, at_peaks: bool) -> float:
     index = int(np.clip(np.searchsorted(phases.start, moment, side="right") - 1, 0, len(phases.start) - 1))
     while index < len(phases.start):
         constant = abs(phases.acceleration[index]) <= trace and phases.jerk[index] == 0.0
-        free = not plan.timed[index] and not phases.sealed[index]
+        # where two corners in a time of their own meet, no time is left between them, and the plan would
+        # go on with the second one's speed
+        lasts = phases.end_of(index) - moment > LEAST_PHASE_S
+        free = lasts and not plan.timed[index] and not phases.sealed[index]
         if free and constant and phases.velocity[index] > 0.0:
             break
         if free and moment == phases.start[index] and _is_knot(phases, index, trace):
@@ -96,7 +99,7 @@ def _is_peak(plan: PlannedRun, index: int, trace: float) -> bool:
     where two of them meet, the speed between them is that of neither.
     """
     phases = plan.phases
-    if phases.end_of(index) - phases.start[index] <= LEAST_PHASE_S or (index > 0 and plan.timed[index - 1]):
+    if index > 0 and plan.timed[index - 1]:
         return False
     return bool(abs(phases.acceleration[index]) <= trace and phases.velocity[index] > 0.0)
 
@@ -106,7 +109,7 @@ def last_steady(plan: PlannedRun, until: float) -> float:
     phases = plan.phases
     trace = 1e-6 * float(np.abs(phases.acceleration).max())
     steady = (np.abs(phases.acceleration) <= trace) & ~plan.timed & (phases.velocity > 0.0)
-    steady &= ~phases.sealed
+    steady &= ~phases.sealed & (np.diff(phases.start, append=phases.duration) > LEAST_PHASE_S)
     steady &= phases.start <= until
     if not steady.any():
         return 0.0
