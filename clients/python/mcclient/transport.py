@@ -185,7 +185,6 @@ class Link:
         """
         gathered: list[Reply] = []
         finished: asyncio.Future[None] = self._loop.create_future()
-        answered = False
         trust = self._trust
 
         def finish() -> None:
@@ -198,7 +197,6 @@ class Link:
                 finish()
 
         def on_reply(reply: zenoh.Reply) -> None:
-            nonlocal answered
             source = _replier(reply)
             if not trust.accepts(source):
                 return
@@ -209,12 +207,11 @@ class Link:
             else:
                 # Zenoh's own error replies (a time-out on the way) are not the server's answer
                 return
-            answered = True
             self._replies.push(lambda: take(came))
 
         def on_end() -> None:
             # the loop need not be woken for what it knows
-            if not (one and answered):
+            if not finished.done():
                 self._replies.push(finish)
 
         try:
