@@ -26,8 +26,8 @@ log = logging.getLogger(__name__)
 
 IN_FLIGHT = 512
 INFO_LANES = 4
-# keys of queries whose meaning is remembered; clients ask by few
-KNOWN_KEYS = 1024
+# keys of queries whose meaning is remembered, and their length; clients ask by few, which are short
+KNOWN_KEYS, KNOWN_KEY_LENGTH = 1024, 256
 _RPC_CHUNK = "/@rpc/"
 
 Settle = Callable[[object, BaseException | None], None]
@@ -127,9 +127,11 @@ class RpcServer:
         key = str(query.key_expr)
         target = self._targets.get(key)
         if target is None:
-            if len(self._targets) >= KNOWN_KEYS:
-                self._targets.clear()
-            target = self._targets[key] = self._target(key)
+            target = self._target(key)
+            if len(key) <= KNOWN_KEY_LENGTH:
+                if len(self._targets) >= KNOWN_KEYS:
+                    self._targets.clear()
+                self._targets[key] = target
         return Asked(query, target)
 
     def answer_borrowed(self, asked: Asked) -> Callable[[], None]:
