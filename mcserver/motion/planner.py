@@ -151,8 +151,7 @@ class MotionPlanner:
         if segment.tolerance > 0.0 and segment.straight:
             self._chords.append(segment)
             return
-        self._take_chords()
-        self._append(segment, from_rest=from_rest)
+        self._append_behind_chords(segment, from_rest=from_rest)
 
     def _append(self, segment: Segment, *, from_rest: bool = False) -> None:
         # what was planned ends before it, and so does a curve
@@ -179,7 +178,8 @@ class MotionPlanner:
         self._active |= straight.mask
         self._plan = None
         if run.tolerance > 0.0:
-            self._append_chords(straight, from_rest=from_rest, tolerance=tolerance)
+            lines = SegmentList.of(straight.segments(straight.scales, self._active, run.tolerance))
+            self._append_chords(lines, [], from_rest=from_rest, tolerance=tolerance)
         else:
             self._take_chords()
             self._open = None
@@ -192,29 +192,42 @@ class MotionPlanner:
         path = PathSegments.of(run, self._slots, self._linear, self.position, self.feed_scale)
         if path is None or self._limits.torque is not None:
             return False
+        from_rest = self._companions.run_begins_at_rest(path, from_rest=from_rest)
+        self._plan = None
         if run.tolerance > 0.0:
-            for segment in SegmentList.of(path.segments(path.scales, self._active)):
-                self.append(segment, from_rest=from_rest, tolerance=tolerance)
-                from_rest, tolerance = False, run.tolerance
+            lines = SegmentList.of(path.segments(path.scales, self._active, run.tolerance))
+            arcs = np.flatnonzero(run.sweeps).tolist()
+            self._append_chords(lines, arcs, from_rest=from_rest, tolerance=tolerance)
         else:
-            from_rest = self._companions.run_begins_at_rest(path, from_rest=from_rest)
             self._take_chords()
-            self._plan = self._open = None
+            self._open = None
             self._window.append_path(path, self._active, from_rest=from_rest)
-            self._active |= path.mask
+        self._active |= path.mask
         self.position[:] = path.points[-1]
         return True
 
-    def _append_chords(self, straight: StraightRun, *, from_rest: bool, tolerance: float) -> None:
-        lines = SegmentList.of(straight.segments(straight.scales, self._active, straight.run.tolerance))
+    def _append_chords(
+        self, lines: SegmentList, arcs: list[int], *, from_rest: bool, tolerance: float
+    ) -> None:
+        """Append lines that may be chords, with arcs among them at the places ``arcs``."""
         first = lines[0]
         first.tolerance = 0.0 if from_rest else tolerance
-        if first.tolerance > 0.0:
+        if first.tolerance > 0.0 and first.straight:
             self._chords.append(first)
         else:
-            self._take_chords()
-            self._append(first, from_rest=from_rest)
-        self._chords.extend(lines[1:])
+            self._append_behind_chords(first, from_rest=from_rest)
+        passed = 1
+        for arc in arcs:
+            if arc >= passed:
+                self._chords.extend(lines[passed:arc])
+                self._append_behind_chords(lines[arc])
+                passed = arc + 1
+        self._chords.extend(lines[passed:])
+
+    def _append_behind_chords(self, segment: Segment, *, from_rest: bool = False) -> None:
+        self._active |= segment.active
+        self._take_chords()
+        self._append(segment, from_rest=from_rest)
 
     def _round(self, segment: Segment) -> bool:
         """Round the corner before ``segment``, if that is faster; return False where the corner stays."""

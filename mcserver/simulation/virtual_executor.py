@@ -121,8 +121,8 @@ class VirtualExecutor:
             if in_stretches is not None and end - self._cycles > 1:
                 stretch = executor.play_stretch(self._cycles * cycle_s, end - self._cycles - 1)
                 if stretch is not None:
-                    numbers = range(self._cycles, self._cycles + len(stretch.lines))
-                    times = np.array([number * cycle_s for number in numbers])
+                    last = self._cycles + len(stretch.lines)
+                    times: Array = np.arange(self._cycles, last, dtype=np.float64) * cycle_s
                     in_stretches.stretch(times, stretch.lines, stretch.setpoint, stretch.actual)
                     self._cycles += len(stretch.lines)
                     if len(stretch.events.line):

@@ -109,19 +109,27 @@ def test_a_run_of_arcs_is_planned_as_its_lines_one_by_one(
     assert (ours.row_mask[same] == theirs.row_mask[same]).all()
 
 
+# of a curve, with words for the axes that change
+CHORDS = [f"G01 X0.3 Y{0.01 * (number % 5 + 3):.2f}" + " Z0.01" * (number % 3 == 0) for number in range(30)]
+CHORDS[20:24] = ["Y0.4", "X0.4", "Y0.4", "X0.3"]
+
+
 @pytest.mark.parametrize("state", ["G91 G94 F3000 G64 P0.05", "G91 G93 F120 G64 P0.05"])
-def test_a_run_of_arcs_with_a_tolerance_is_planned_as_its_lines_are(state: str) -> None:
+@pytest.mark.parametrize("lines", [contour(Random(7), 20), CHORDS], ids=["arcs", "chords"])
+def test_a_run_with_a_tolerance_is_planned_as_its_lines_are(lines: list[str], state: str) -> None:
     machine = alike(4, jerk=50_000.0)
-    run = run_of(machine, contour(Random(7), 20), state)
+    run = run_of(machine, lines, state)
     planner = MotionPlanner(machine, np.zeros(4))
     assert planner.append_run(run)
-    lines = run.motion_lines()
     moves = [
-        Move(group, tolerance=5e-5) for line in lines for group in line.groups if isinstance(group, FeedGroup)
+        Move(group, tolerance=5e-5)
+        for line in run.motion_lines()
+        for group in line.groups
+        if isinstance(group, FeedGroup)
     ]
     one, other = (
         collect(machine, moves, np.zeros(4), pieces)
-        for pieces in (list(planner.close()), one_by_one(machine, lines))
+        for pieces in (list(planner.close()), one_by_one(machine, run.motion_lines()))
     )
     assert one.starts.keys() == other.starts.keys()
     assert np.allclose(one.position, other.position, rtol=0.0, atol=1e-9)

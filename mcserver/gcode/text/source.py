@@ -91,6 +91,8 @@ def split_lines(text: str) -> list[str]:
 def _split(text: str) -> list[str]:
     pieces = text.split("\n")
     last = pieces.pop()
+    if "\r" not in text:
+        return [*pieces, last] if last else pieces
     lines = [piece.rstrip("\r") if piece.endswith("\r") else piece for piece in pieces]
     if last:
         lines.append(last)
@@ -104,6 +106,8 @@ def find_odd_line(lines: list[str], first: int = 1) -> Diagnostic | None:
     Args:
         lines: from line ``first`` of the file on.
     """
+    if max(map(len, lines), default=0) <= MAX_LINE_LENGTH and not (first == 1 and len(lines) == 1):
+        return None
     for number, text in enumerate(lines, start=first):
         one = number == 1 and len(lines) == 1 and "\r" in text
         if len(text) <= MAX_LINE_LENGTH and not one:
