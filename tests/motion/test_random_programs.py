@@ -47,7 +47,8 @@ def test_a_program_of_what_machines_seldom_do_keeps_every_law(seed: int) -> None
     assert broken_laws(plan(machine, moves, commits=commits)) == []
 
 
-@pytest.mark.parametrize(("seed", "orders"), [(1, False), (4, False), (5, True)])
+# 30054: an override of 0 came in a long ramp that takes all of an acceleration; no change was gentle enough.
+@pytest.mark.parametrize(("seed", "orders"), [(1, False), (4, False), (5, True), (30054, True)])
 def test_a_random_program_as_text_keeps_every_law_also_beside_a_planner(seed: int, orders: bool) -> None:
     broken, lines, _ = broken_laws_of_text(seed, orders=orders)
     assert lines > 0

@@ -71,7 +71,8 @@ TRIES = GOALS * len(SHARES)
 # and so do rows that use all of a jerk. Beyond those of a whole change, so the number of tries is the same.
 PARTIAL = (
     (0.5, 0.65), (0.5, 0.2), (0.5, 0.08), (0.2, 0.4), (0.2, 0.2), (0.2, 0.08), (0.2, 0.03), (0.06, 0.2),
-    (0.06, 0.08), (0.06, 0.03), (0.06, 0.01), (0.02, 0.08), (0.02, 0.03), (0.02, 0.01),
+    (0.06, 0.08), (0.06, 0.03), (0.06, 0.01), (0.02, 0.08), (0.02, 0.03), (0.02, 0.01), (0.06, 0.003),
+    (0.02, 0.003),
 )  # fmt: skip
 # A smaller change is not made in parts [1].
 LEAST_PART = 0.01
