@@ -79,8 +79,10 @@ class RunOutput:
             if self.pace != 1.0:
                 # positions over u, one cycle a row
                 rows = dataclasses.replace(rows, velocity=rows.velocity / self.pace, pace=self.pace)
-            before = rows.velocity[:0] if self.latest is None else self.latest
-            self.latest = np.concatenate((before, rows.velocity))[-LATEST:]
+            newest = rows.velocity[-LATEST:]
+            if self.latest is not None and len(newest) < LATEST:
+                newest = np.concatenate((self.latest, newest))[-LATEST:]
+            self.latest = newest
             np.bitwise_and(rows.axes, np.uint64(self.announced), out=rows.axes)
             for activation in starting:
                 # rows drive no column before its activation, which may stand a rounding error behind a row
