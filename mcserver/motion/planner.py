@@ -377,6 +377,8 @@ class MotionPlanner:
         self.follow_feed_scale()
         if not self._window.table:
             return None
+        if closing:
+            self._end_here()
         self._output.set_pace(self.pace)
         try:
             plan = self._solved()
@@ -446,6 +448,7 @@ class MotionPlanner:
         self.follow_feed_scale()
         if not self._window.table:
             return iter(())
+        self._end_here()
         self._output.set_pace(self.pace)
         try:
             plan = self._solved()
@@ -463,6 +466,13 @@ class MotionPlanner:
         mask = self._active
         self._active = 0
         return self._closing(plan, origin, end, mask)
+
+    def _end_here(self) -> None:
+        """Plan the stop at the window's end for good: no more lines come that it might be cut for."""
+        window = self._window
+        if not window.stop_is_last and window.table.bends_at_end:
+            window.stop_is_last = True
+            self._plan = None
 
     def _close_rest(self) -> Iterator[Piece]:
         yield from self.close()

@@ -70,7 +70,7 @@ def assert_kept(motion: Motion, speed: float) -> None:
     assert jerk_ratio(motion) <= JERK_SLACK
 
 
-def only_knots(*arguments: object) -> Stretches:
+def only_knots(*arguments: object, **_stops: bool) -> Stretches:
     phases, knots, first = arguments[4:7]
     sealed = np.zeros(len(phases), np.bool_)  # type: ignore[arg-type]
     return Stretches(phases, sealed, knots, first)  # type: ignore[arg-type]
@@ -97,7 +97,7 @@ def test_changing_curvature_is_driven_quicker_than_by_knots_within_every_limit(
 @pytest.mark.parametrize(
     ("curve", "tolerance", "jerk", "share"),
     [
-        (lissajous(1.0, 2.0, 0.7), 2e-5, 50_000.0, 1.17),
+        (lissajous(1.0, 2.0, 0.7), 2e-5, 50_000.0, 1.12),
         (lissajous(3.0, 2.0, math.pi / 4.0), 5e-5, 100_000.0, 1.10),
     ],
 )

@@ -68,6 +68,11 @@ def _stop_begins(plan: PlannedRun) -> float:
         return float(plan.times[-2])
     phases = plan.phases
     index = len(phases.start)
+    if phases.sealed[-1]:
+        # the stop is the end of a stretch
+        while index > 0 and phases.sealed[index - 1]:
+            index -= 1
+        return last_steady(plan, float(phases.start[index - 1])) if index > 1 else 0.0
     # rounding leaves traces of acceleration where it should be zero
     trace = 1e-6 * float(np.abs(phases.acceleration).max())
     while index > 0:

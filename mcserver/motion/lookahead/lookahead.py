@@ -196,7 +196,8 @@ class Lookahead:
     """Collects segments into a run and plans its velocity profile.
 
     Attributes:
-        table: its segments. entry: speed at its beginning [m/s or rad/s along σ].
+        table: its segments. entry: speed at its beginning [m/s or rad/s along σ]. stop_is_last: no more
+            segments come.
     """
 
     def __init__(self, limits: AxisLimits) -> None:
@@ -205,6 +206,7 @@ class Lookahead:
         self._corners = TimeDomainBlends(limits)
         self.table = SegmentTable(limits.of_samples.shape[1])
         self.entry = 0.0
+        self.stop_is_last = False
 
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
         """Append a segment that travels; the junction's speed says whether the motion flows into it."""
@@ -427,7 +429,15 @@ class Lookahead:
         if not self.table.timed.any():
             feeds = segments.columns.feed
             quicker = quicker_stretches(
-                solver.run.run, groups, feeds, self._limits, rows, knots, first, segments.passed > 0.0
+                solver.run.run,
+                groups,
+                feeds,
+                self._limits,
+                rows,
+                knots,
+                first,
+                segments.passed > 0.0,
+                stops=self.stop_is_last,
             )
             rows, sealed, knots, first = quicker.phases, quicker.sealed, quicker.knots, quicker.first
         phases = join_phases(rows, float(groups.edges[-1]), sealed)

@@ -132,6 +132,12 @@ class SegmentTable:
         """The feed scales that the segments are planned at, shape (n,)."""
         return self.segments.feed_scales()
 
+    @property
+    def bends_at_end(self) -> bool:
+        """Whether the last segment is a curve."""
+        width = (self.samples.shape[1] - 2) // 5
+        return bool(self.samples_of(len(self) - 1)[:, width : 2 * width].any())
+
     def samples_of(self, index: int) -> Array:
         """Return the samples of one segment, those of its vertices included."""
         ends = self.columns.sample_end

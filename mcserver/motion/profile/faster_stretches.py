@@ -64,6 +64,8 @@ def quicker_stretches(
     knots: NDArray[np.intp],
     first: NDArray[np.intp],
     passed: bool,
+    *,
+    stops: bool = False,
 ) -> Stretches:
     """Solve the stretches between knots with speed anew.
 
@@ -87,6 +89,7 @@ def quicker_stretches(
         np.append(profile.start, profile.duration)[first],
         np.append(phases[:, 2], 0.0)[first],
         node_spacing(limits),
+        stops,
     )
     parts: list[Array] = []
     seals: list[NDArray[np.bool_]] = []
@@ -132,7 +135,7 @@ class _Known:
     Attributes:
         single: groups that are one whole segment. feed: least speed by F of the groups. profile, phases,
             knots, first: as `KnotSolver` gives them. moments, speeds: at the knots [s]. apart: time between
-            nodes [s].
+            nodes [s]. stops: see `quicker_stretches`.
     """
 
     run: Run
@@ -146,6 +149,7 @@ class _Known:
     moments: Array
     speeds: Array
     apart: float
+    stops: bool
 
     def solved_anew(self, index: int, last: int) -> tuple[Array, bool]:
         """Solve the stretch from one knot to a later one.
@@ -156,7 +160,7 @@ class _Known:
         rows = self.phases[self.first[index] : self.first[last]]
         rests = bool(self.speeds[index] <= 0.0), bool(self.speeds[last] <= 0.0)
         inner = _inner(rows, rests, self.apart)
-        if inner is None or (rests[1] and last == len(self.knots) - 1):
+        if inner is None or (rests[1] and last == len(self.knots) - 1 and not self.stops):
             return rows[:0], False
         before, between, after = rows[: inner.start], rows[inner], rows[inner.stop :]
         begin = self.moments[index] + before[:, 0].sum()
@@ -179,12 +183,12 @@ class _Known:
         All of them up to the next rest, as long as that takes no longer than ``longest`` [s]; then the
         slowest bottleneck behind the first part: there the bend rather than what is about it says how fast it
         is, so a stretch loses nothing by an end without acceleration. Without a bottleneck, the slowest knot
-        of the last half. The stop at the very end is left as it is: a plan is cut before it, as long as lines
-        come.
+        of the last half. As long as lines come, the stop at the very end is left as it is: a plan is cut
+        before it.
         """
         last, final = index + 1, len(self.speeds) - 1
         while last < final and self.speeds[last] > 0.0:
-            if last + 1 == final and self.speeds[final] <= 0.0:
+            if last + 1 == final and self.speeds[final] <= 0.0 and not self.stops:
                 break
             if self.moments[last + 1] - self.moments[index] > longest:
                 return self._slowest_bottleneck(index, last, longest)
