@@ -20,8 +20,8 @@ class PartSegments:
     """Parts of one spline, n of them, in a machine of K columns: a `SegmentSource`.
 
     Attributes:
-        path, plan: of the lines that they stand for. spline: moves these ``columns``. places: its parameters
-            where the parts begin and the last one ends, shape (n+1,).
+        path, plan: of the lines that they stand for. spline: moves ``columns_moved`` of the machine.
+        places: its parameters where the parts begin and the last one ends, shape (n+1,).
         active: as of `Segment`, the same for all. feed, scale: as of `Segment`, shape (n,).
         slopes, bends: dp/ds and d²p/ds² at the start and the end of each, shape (2, n, K).
     """
