@@ -234,7 +234,7 @@ def process(server: FakeServer, *arguments: str, **options: object) -> subproces
 
 def test_run_reads_standard_input_for_a_dash(server: FakeServer) -> None:
     child = process(server, "run", "-", stdin=subprocess.PIPE, stderr=subprocess.PIPE)
-    _, err = child.communicate("G01 X1\r\nG01 X2", timeout=20)
+    _, err = child.communicate("G01 X1\r\nG01 X2", timeout=READ_LIMIT_S)
     assert child.returncode == 0, err
     assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2"]
 
@@ -246,7 +246,7 @@ def test_an_interrupt_without_a_terminal_aborts_the_program(server: FakeServer, 
     )
     server.wait_until(lambda: server.calls["close"] == 1, 20.0)
     child.send_signal(signal.SIGINT)
-    _, err = child.communicate(timeout=20)
+    _, err = child.communicate(timeout=READ_LIMIT_S)
     assert child.returncode == 1
     assert "interrupted: aborting" in err
     assert server.programs["p1"].state == "aborted"
@@ -291,7 +291,7 @@ def _read_until(descriptor: int, wanted: str) -> None:
 def test_the_console_keeps_one_program_and_shows_each_lines_fate(server: FakeServer) -> None:
     typed = "G91\nG01 X1 F5\nBAD\nX2\n:override 40\n:status\n:nonsense\n:quit\nX3\n"
     child = process(server, "console", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    out, _ = child.communicate(typed, timeout=20)
+    out, _ = child.communicate(typed, timeout=READ_LIMIT_S)
     assert [text for _, _, text in server.executed] == ["G91", "G01 X1 F5", "X2"]
     assert len(server.programs) == 1
     assert "2 accepted" in out
@@ -304,7 +304,7 @@ def test_the_console_keeps_one_program_and_shows_each_lines_fate(server: FakeSer
 
 def test_the_console_begins_a_new_program_after_a_fault(server: FakeServer) -> None:
     child = process(server, "console", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    out, _ = child.communicate("FAULT\nG01 X1\n", timeout=20)
+    out, _ = child.communicate("FAULT\nG01 X1\n", timeout=READ_LIMIT_S)
     assert "error[MC401]" in out
     assert "a new program, p2" in out
     assert child.returncode == 1
@@ -320,7 +320,7 @@ def test_step_mode_runs_a_line_for_each_enter(server: FakeServer, tmp_path: Path
         stdin=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
-    _, err = child.communicate("\n\n", timeout=20)
+    _, err = child.communicate("\n\n", timeout=READ_LIMIT_S)
     assert child.returncode == 0, err
     assert "1 | G01 X1" in err
     assert len(server.executed) == 2
@@ -334,7 +334,12 @@ def test_without_its_extra_mcctl_says_what_to_install() -> None:
     )
     environment = {**os.environ, "PYTHONPATH": str(PACKAGE)}
     done = subprocess.run(
-        [sys.executable, "-c", hide], env=environment, capture_output=True, text=True, timeout=20, check=False
+        [sys.executable, "-c", hide],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=READ_LIMIT_S,
+        check=False,
     )
     assert done.returncode == 3
     assert "pip install 'mcclient[cli]'" in done.stderr
@@ -351,7 +356,7 @@ def test_the_sdk_alone_needs_neither_typer_nor_rich_nor_the_server() -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=READ_LIMIT_S,
         check=True,
     )
     assert done.stdout == "[]\n"
