@@ -210,6 +210,36 @@ def _phases_between_knots(
 
 
 @compiled
+def _split_slow_stretches(
+    knots: NDArray[np.intp],
+    speeds: Array,
+    junction_vmax: Array,
+    segment_vmax: Array,
+    is_knot: NDArray[np.bool_],
+) -> bool:
+    """Add a knot at the slowest group of each stretch that binds the speed at the first knot; return False
+    where all of these are single groups.
+    """
+    found = False
+    for index in range(len(knots) - 1):
+        left, right = knots[index], knots[index + 1]
+        if right - left > 1:
+            slowest = left
+            for group in range(left, right):
+                if segment_vmax[group] < segment_vmax[slowest]:
+                    slowest = group
+            is_knot[min(max(slowest, left + 1), right - 1)] = True
+            found = True
+        if right == len(segment_vmax):
+            break
+        cap = min(junction_vmax[right], min(segment_vmax[right - 1], segment_vmax[right]))
+        if speeds[right] >= cap * (1.0 - 1e-9):
+            # nothing behind it binds
+            break
+    return found
+
+
+@compiled
 def find_knots(
     run: Run,
     edges: Array,
@@ -254,9 +284,13 @@ def find_knots(
     for _ in range(4 * n + 8):
         _speeds_at_knots(run, knots, edges, junction_vmax, tables, reached, speeds)
         if speeds[0] < entry * (1.0 - 1e-9):
-            # the speed that is already there cannot be brought down by the limits assumed here
-            status = ENTRY_TOO_FAST
-            break
+            # what the slowest group leaves of the acceleration is assumed of all of its stretch: shorter ones
+            # may bring down the speed that is already there
+            if not _split_slow_stretches(knots, speeds, junction_vmax, segment_vmax, is_knot):
+                status = ENTRY_TOO_FAST
+                break
+            knots = np.nonzero(is_knot)[0]
+            continue
         new_knots[:] = False
         for index in range(len(knots) - 1):
             left, right = knots[index], knots[index + 1]

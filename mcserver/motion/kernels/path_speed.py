@@ -27,7 +27,7 @@ NODE_SHARE, NODES_APART = 0.2, (1e-3, 8e-3)
 NODE_SPEED = 0.9985
 # Where phases take more than they may between nodes, the nodes beside get that much less, and this share of
 # it; so many times at most. The speeds to begin with are then those found, less this share.
-LESS, TIGHTENED, LOWERED = 0.995, 5, 0.03
+LESS, TIGHTENED, LOWERED = 0.995, 8, 0.03
 # Nodes from an end, which may be at its greatest speed, to where all of that margin is kept.
 MARGIN_NODES = 10.0
 # The barrier's weight, as a share of the time by the number of limits: at first, its fall with each round,
@@ -435,9 +435,9 @@ def quicker_phases(
             break
         if not exceed_limits(phases, demand, cap, fed, run.limits, step_jerk, over):
             return phases, True
-        for i in range(1, count - 1):
+        for i in range(count):
             for which in range(3):
-                share = max(over[i - 1, which], over[i, which])
+                share = max(over[max(i - 1, 0), which], over[min(i, count - 2), which])
                 if share > 1.0:
                     room[i, which] *= LESS / share
             b[i] *= 1.0 - LOWERED * min(1.0, (min(i, count - 1 - i) / MARGIN_NODES) ** 2)

@@ -22,8 +22,9 @@ from mcserver.motion.kernels.path_speed import NODE_SHARE, NODES_APART, quicker_
 from mcserver.motion.kernels.sample_limits import Run
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
-# Nodes of one stretch at the most, after which there is a knot again to cut the motion at, and at the least.
-MOST_NODES, FEWEST_NODES = 250, 8
+# Time of one stretch at the most [s], after which there is a knot again to cut the motion at, and nodes at
+# the least.
+LONGEST_S, FEWEST_NODES = 1.0, 8
 # Ends that are tried for a stretch, and tries in a row after which the rest of a run stays as it is: what has
 # no quicker profile here costs time to find out.
 TRIES, MOST_FAILURES = 3, 9
@@ -97,7 +98,7 @@ def quicker_stretches(
     starts: list[NDArray[np.intp]] = []
     count = index = failures = 0
     while index < len(knots) - 1:
-        longest = MOST_NODES * known.apart
+        longest = LONGEST_S
         last = known.stretch_end(index, longest)
         found = phases[:0]
         for _ in range(TRIES if failures < MOST_FAILURES else 0):
