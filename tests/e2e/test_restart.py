@@ -33,6 +33,7 @@ MODAL = [
     *["G01 X1", "G01 X1", "G01 X1", "G01 X1 F60", "G01 X1 F300", "G01 X1"],
 ]
 SLOW = 7
+SLOW_MM = 3 * 25.4
 END_MM = 6 * 25.4
 # the executor stops when the server's beat stays out, and then goes
 EXECUTOR_LIMIT_S = 15.0
@@ -61,6 +62,10 @@ async def killed_in_the_slow_line(
     program = await machine.program("part", [0])
     await program.send_lines(MODAL)
     await program.wait_done(SLOW - 1)
+    # the journal has what has ended within 20 ms, which the slow line goes a tenth of this way in
+    async with asyncio.timeout(LIMIT_S):
+        while (await machine.status()).axes.setpoint[0] < SLOW_MM + 5.0:
+            await asyncio.sleep(0.01)
     server.end(signal.SIGKILL)
     server.start()
     with pytest.raises(ProgramInterrupted) as interrupted:
@@ -94,7 +99,7 @@ async def test_a_client_resumes_with_the_modal_state_rebuilt_and_ends_where_the_
         program, error = await killed_in_the_slow_line(machine, own_server)
         start = error.done + 1
         # to where the interrupted line begins
-        await run(machine, ["G1010", "G00 X76.2"])
+        await run(machine, ["G1010", f"G00 X{SLOW_MM}"])
         async with asyncio.timeout(LIMIT_S):
             resumed = await machine.resume_program(program.id, start_line=start + 1, axes=[0])
             await resumed.abort()

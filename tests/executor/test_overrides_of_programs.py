@@ -104,7 +104,8 @@ def test_an_override_above_100_percent_is_nearly_as_quick_as_a_program_with_that
         rig.executor.mailbox.set_override(override, 0)
         took.append(rig.run())
         assert_limits(rig)
-    assert took[0] <= 1.08 * took[1]
+    # rows that are planned for 100 %, all of them: the planner would plan most of them anew
+    assert took[0] <= 1.1 * took[1]
 
 
 @pytest.mark.parametrize("rate", [1.3, 1.7, 2.0])
