@@ -55,7 +55,7 @@ class Target(msgspec.Struct, frozen=True):
 
     Attributes:
         key: as it was asked for. call: None where it names neither one client nor one method.
-        method: None where there is none of that name. reply_key: of its answer.
+        method: None for an unknown name. reply_key: of its answer.
         quick: it may be carried out in a borrowed turn. changes: it may change something.
     """
 

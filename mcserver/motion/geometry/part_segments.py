@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.made_segments import MadeSegments
 from mcserver.motion.geometry.path_columns import SPLINE, PathColumns, SplineParts
-from mcserver.motion.geometry.plan_columns import PlanColumns
+from mcserver.motion.geometry.plan_columns import PlanColumns, bits_of
 from mcserver.motion.geometry.segment import Segment, columns_of
 from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
 
@@ -36,7 +37,7 @@ class PartSegments:
     scale: Array
     slopes: Array
     bends: Array
-    _made: dict[int, Segment] = field(default_factory=dict)
+    _made: MadeSegments = field(default_factory=MadeSegments)
 
     def __len__(self) -> int:
         return len(self.feed)
@@ -44,14 +45,11 @@ class PartSegments:
     @property
     def mask(self) -> int:
         """Bits of the columns that the spline moves."""
-        return sum(1 << column for column in self.columns_moved.tolist())
+        return bits_of(self.columns_moved)
 
     def segment(self, index: int) -> Segment:
         """Return one of them, always the same object."""
-        found = self._made.get(index)
-        if found is None:
-            found = self._made[index] = self._segment(index)
-        return found
+        return self._made.get(index, self._segment)
 
     def _segment(self, index: int) -> Segment:
         path, plan = self.path, self.plan
@@ -123,6 +121,4 @@ class PartSegments:
     def set_scales(self, first: int, scales: Array) -> None:
         """Set the scales of segments from ``first`` on."""
         self.scale[first : first + len(scales)] = scales
-        for index, segment in self._made.items():
-            if first <= index < first + len(scales):
-                segment.scale = float(self.scale[index])
+        self._made.set_scales(first, scales)

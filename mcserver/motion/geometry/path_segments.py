@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,8 @@ from numpy.typing import NDArray
 
 from mcserver.motion.canonical import PathRun
 from mcserver.motion.geometry.curves import ArcCurve, Array
+from mcserver.motion.geometry.plan_columns import bits_of
+from mcserver.motion.geometry.run_feeds import RunFeeds
 from mcserver.motion.geometry.run_segments import RunSegments
 from mcserver.motion.geometry.segment import NO_TRAVEL, fed_length_of_arcs, samples_of_arc
 from mcserver.motion.kernels.arc_segments import ARC
@@ -25,8 +26,7 @@ class PathSegments:
         points: shape (n+1, K), where each segment starts and the last one ends.
         arcs: shape (n, `ARC`), see `mcserver.motion.kernels.arc_segments`.
         ends: dp/ds at the start and the end of each and d²p/ds² there, shape (n, 4, K).
-        scales: lengths of dp/ds at the starts, shape (n,). feeds: as `Segment.feed`, shape (n,).
-        feed_scale: that ``feeds`` are for.
+        scales: lengths of dp/ds at the starts, shape (n,).
     """
 
     run: PathRun
@@ -37,8 +37,7 @@ class PathSegments:
     arcs: Array
     ends: Array
     scales: Array
-    feeds: Array
-    feed_scale: float = 1.0
+    feeds: RunFeeds
 
     @classmethod
     def of(
@@ -72,17 +71,12 @@ class PathSegments:
         scales = np.sqrt(np.einsum("ij,ij->i", ends[:, 0], ends[:, 0]))
         if not scales.min() > NO_TRAVEL:
             return None
-        feeds = np.full(count, math.inf)
-        if run.speeds is not None:
-            lengths = run.lengths.copy()
-            lengths[curved] = fed_length_of_arcs(lengths[curved], *arcs[curved, 5:8].T)
-            long = lengths > NO_TRAVEL
-            np.divide(run.speeds, lengths, out=feeds, where=long)
-            np.divide(1.0, run.requested, out=feeds, where=~long & (run.requested > 0.0))
-            feeds *= feed_scale
-        masks = tuple(sum(1 << column for column in each.tolist()) for each in columns)
+        lengths = run.lengths.copy()
+        lengths[curved] = fed_length_of_arcs(lengths[curved], *arcs[curved, 5:8].T)
+        feeds = RunFeeds.of(run, lengths, feed_scale)
+        masks = tuple(bits_of(each) for each in columns)
         counted = tuple(each[linear[each]] if linear[each].any() else each for each in columns)
-        return cls(run, columns, masks, counted, points, arcs, ends, scales, feeds, feed_scale)
+        return cls(run, columns, masks, counted, points, arcs, ends, scales, feeds)
 
     @property
     def mask(self) -> int:
@@ -92,38 +86,26 @@ class PathSegments:
             mask |= each
         return mask
 
-    @property
-    def timing(self) -> Array:
-        """Feed [1/s], requested time and T (NaN without one) of each segment [s], shape (n, 3)."""
-        requested = self.run.requested / self.feed_scale
-        duration = requested if self.run.speeds is None else np.full(len(requested), math.nan)
-        return np.column_stack((self.feeds, requested, duration))
-
     def segments(self, scales: Array, active: int, tolerance: float = 0.0) -> RunSegments:
         """Return the segments, with coordinates scaled by ``scales``, shape (n,).
 
         Args:
             active: mask of the columns that the run of motion has moved before.
         """
-        run, timing = self.run, self.timing
+        run = self.run
         masks = np.array(self.masks, np.uint64)[run.frame]
-        speeds = np.full(len(run), math.inf) if run.speeds is None else run.speeds * self.feed_scale
         curved = run.sweeps != 0.0
         return RunSegments(
             line=run.lines,
             mask=masks,
             active=np.bitwise_or.accumulate(masks) | np.uint64(active),
-            duration=timing[:, 2],
-            feed=self.feeds,
-            requested=timing[:, 1],
-            feed_speed=speeds,
+            feeds=self.feeds,
             scale=scales,
             points=self.points,
             ends=self.ends,
             frame=run.frame,
             feed_columns=self.feed_columns,
             tolerance=tolerance,
-            feed_scale=self.feed_scale,
             arcs=(self.arcs, curved) if curved.any() else None,
             curve=self._curve,
         )

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import ArcCurve, Array
+from mcserver.motion.geometry.made_segments import MadeSegments
 from mcserver.motion.geometry.path_columns import ARC_KIND, STRAIGHT, PathColumns
 from mcserver.motion.geometry.plan_columns import PlanColumns, bits_of
+from mcserver.motion.geometry.run_feeds import RunFeeds
 from mcserver.motion.geometry.segment import Segment
 
 
@@ -20,8 +22,7 @@ class RunSegments:
     """Straight segments and arcs on end, n of them, in a machine of K columns: a `SegmentSource`.
 
     Attributes:
-        line, mask, active, feed, requested, feed_speed, scale, duration: as of `Segment`, shape (n,);
-            ``duration`` NaN under G94. tolerance, feed_scale: the same for all.
+        line, mask, active, scale: as of `Segment`, shape (n,). tolerance: the same for all.
         points: where each begins and the last one ends, shape (n+1, K).
         ends: dp/ds at the start and the end of each and d²p/ds² there, shape (n, 4, K); of straight ones the
             travel alone, shape (n, 1, K).
@@ -33,30 +34,23 @@ class RunSegments:
     line: NDArray[np.int64]
     mask: NDArray[np.uint64]
     active: NDArray[np.uint64]
-    duration: Array
-    feed: Array
-    requested: Array
-    feed_speed: Array
+    feeds: RunFeeds
     scale: Array
     points: Array
     ends: Array
     frame: NDArray[np.intp]
     feed_columns: tuple[NDArray[np.intp], ...]
     tolerance: float = 0.0
-    feed_scale: float = 1.0
     arcs: tuple[Array, NDArray[np.bool_]] | None = None
     curve: Callable[[int], tuple[ArcCurve, NDArray[np.intp]]] | None = None
-    _made: dict[int, Segment] = field(default_factory=dict)
+    _made: MadeSegments = field(default_factory=MadeSegments)
 
     def __len__(self) -> int:
         return len(self.line)
 
     def segment(self, index: int) -> Segment:
         """Return one of them, always the same object."""
-        found = self._made.get(index)
-        if found is None:
-            found = self._made[index] = self._segment(index)
-        return found
+        return self._made.get(index, self._segment)
 
     def _segment(self, index: int) -> Segment:
         ends = self.ends[index]
@@ -67,15 +61,16 @@ class RunSegments:
             curve, of_curve = self.curve(index)
             curves, columns, arc = (curve,), (of_curve,), self.arcs[0][index]
         still = np.zeros(ends.shape[1])
-        duration = float(self.duration[index])
+        feeds = self.feeds
+        duration = float(feeds.duration[index])
         return Segment(
             line=int(self.line[index]),
             curves=curves,
             columns=columns,
             mask=int(self.mask[index]),
             duration=None if math.isnan(duration) else duration,
-            feed=float(self.feed[index]),
-            requested=float(self.requested[index]),
+            feed=float(feeds.feed[index]),
+            requested=float(feeds.requested[index]),
             first=ends[0],
             last=ends[1] if len(ends) > 1 else ends[0],
             d2q_start=ends[2] if len(ends) > 1 else still,
@@ -85,10 +80,10 @@ class RunSegments:
             end=self.points[index + 1],
             active=int(self.active[index]),
             straight=arc is None,
-            feed_speed=float(self.feed_speed[index]),
+            feed_speed=float(feeds.feed_speed[index]),
             feed_columns=self.feed_columns[int(self.frame[index])],
             tolerance=self.tolerance,
-            feed_scale=self.feed_scale,
+            feed_scale=feeds.scale,
             arc_row=arc,
         )
 
@@ -110,7 +105,7 @@ class RunSegments:
             self.active[at],
             whole,
             whole,
-            np.full(count, self.feed_scale),
+            np.full(count, self.feeds.scale),
             kind,
             spans,
             self.points[first:behind],
@@ -123,25 +118,23 @@ class RunSegments:
 
     def plan_columns(self, first: int, behind: int) -> PlanColumns:
         """Return what smoothing and planning take of segments ``first`` … ``behind`` - 1."""
-        at = slice(first, behind)
+        at, feeds = slice(first, behind), self.feeds
         fed = np.array([bits_of(each) for each in self.feed_columns], np.uint64)
         return PlanColumns(
             self.mask[at],
             fed[self.frame[at]],
-            self.duration[at],
-            self.feed[at],
-            self.requested[at],
-            self.feed_speed[at],
+            feeds.duration[at],
+            feeds.feed[at],
+            feeds.requested[at],
+            feeds.feed_speed[at],
             np.full(behind - first, self.tolerance),
         )
 
     def feed_scales(self, first: int, behind: int) -> Array:
         """Return the feed scales of segments ``first`` … ``behind`` - 1."""
-        return np.full(behind - first, self.feed_scale)
+        return np.full(behind - first, self.feeds.scale)
 
     def set_scales(self, first: int, scales: Array) -> None:
         """Set the scales of segments from ``first`` on."""
         self.scale[first : first + len(scales)] = scales
-        for index, segment in self._made.items():
-            if first <= index < first + len(scales):
-                segment.scale = float(self.scale[index])
+        self._made.set_scales(first, scales)

@@ -10,7 +10,7 @@ from mcserver.motion.lookahead.planned_run import PlannedRun
 
 # What rounding may add to a speed.
 SPEED_ROUNDING = 1e-9
-# A change of pace by less is none.
+# Paces that differ by less are the same.
 SAME_PACE = 1e-6
 # Shares of a change of pace that are tried.
 SHARES = (1.0, 0.5)

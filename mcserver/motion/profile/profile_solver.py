@@ -226,7 +226,7 @@ class KnotSolver:
     @staticmethod
     def _between(late: float, early: float, timing: Callable[[float], Timing | None]) -> float:
         """Return a speed with which a segment keeps its T, between one with which it is late and one with
-        which it is early; the greatest with which it is late where there is none.
+        which it is early; failing that, the greatest with which it is late.
         """
         for _ in range(HALVINGS):
             middle = 0.5 * (late + early)
