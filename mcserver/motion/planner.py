@@ -12,14 +12,12 @@ import itertools
 import math
 from collections.abc import Iterator
 
-import msgspec
 import numpy as np
 from mckinematics.dynamics import JointDynamics
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup, PathRun, PlainRun
-from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
@@ -29,23 +27,20 @@ from mcserver.motion.lookahead.commit_moments import commit_moment, last_steady
 from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
 from mcserver.motion.lookahead.leading_group import CommaLine, Companions, MachineAxes, comma_line
-from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.pace import Pace
 from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import Deactivation, Piece
+from mcserver.motion.planned_window import PlannedWindow
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, whole_cycle
 from mcserver.motion.profile.torque_of_rows import TorqueOfRows
 from mcserver.motion.run_output import RunOutput
-from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
 from mcserver.units import AxisType
 
 # Segments that come into the window between two plans of a stream, and the most that it holds: enough for any
 # stopping distance made of short lines.
 WINDOW = 512
 LARGEST_WINDOW = 8192
-# What is left to a motion before the part of a curve that may still change: its speed has to follow [s].
-ADAPT_S = 0.05
 
 
 class MotionPlanner:
@@ -65,15 +60,8 @@ class MotionPlanner:
         self.u = 0.0
         self.feed_scale = 1.0
         self.pace = Pace(self._limits)
-        self._window = Lookahead(self._limits)
-        self._plan: PlannedRun | None = None
-        # how what is left in the window was planned before the last segments came: it ends at rest
-        self._reserve: PlannedRun | None = None
+        self._window = PlannedWindow(self._limits)
         self._left = WINDOW // 2
-        self._smoother = ChordSmoother(self._limits)
-        # lines that may be chords of a curve, and what of the curve at the window's end may still change
-        self._chords = SegmentList()
-        self._open: OpenCurve | None = None
         self._active = 0
         torque = self._limits.torque
         self._torques = None if torque is None else TorqueOfRows(torque, machine.cycle_s)
@@ -88,7 +76,7 @@ class MotionPlanner:
     @property
     def pending(self) -> int:
         """Number of segments in the window, and of lines that wait to come into it."""
-        return len(self._window.table) + len(self._chords)
+        return len(self._window)
 
     @property
     def full(self) -> bool:
@@ -101,13 +89,13 @@ class MotionPlanner:
     @property
     def moving(self) -> bool:
         """Whether what has been committed ends with a speed."""
-        return bool(self._window.table) and self._window.entry > 0.0
+        return self._window.moving
 
     @property
     def end_u(self) -> float:
         """Where all that is in the window ends [cycles]."""
-        self._take_chords()
-        if not self._window.table:
+        self._window.take_chords()
+        if not self._window.lookahead.table:
             return self.u
         try:
             return self.u + self._solved().phases.duration / self.pace.cycle
@@ -146,18 +134,7 @@ class MotionPlanner:
         from_rest = self._companions.begins_at_rest(segment, companions, from_rest=from_rest)
         self._active |= segment.mask if companions is None else segment.mask | companions.mask
         segment.active = self._active
-        self._plan = None
         segment.tolerance = 0.0 if from_rest else tolerance
-        if segment.tolerance > 0.0 and segment.straight:
-            self._chords.append(segment)
-            return
-        self._append_behind_chords(segment, from_rest=from_rest)
-
-    def _append(self, segment: Segment, *, from_rest: bool = False) -> None:
-        # what was planned ends before it, and so does a curve
-        self._plan = self._open = None
-        if segment.tolerance > 0.0 and self._window.table and self._round(segment):
-            return
         self._window.append(segment, from_rest=from_rest)
 
     def append_run(self, run: PlainRun | PathRun, *, from_rest: bool = False, tolerance: float = 0.0) -> bool:
@@ -176,14 +153,11 @@ class MotionPlanner:
             return False
         from_rest = self._companions.run_begins_at_rest(straight, from_rest=from_rest)
         self._active |= straight.mask
-        self._plan = None
         if run.tolerance > 0.0:
             lines = SegmentList.of(straight.segments(straight.scales, self._active, run.tolerance))
-            self._append_chords(lines, [], from_rest=from_rest, tolerance=tolerance)
+            self._window.append_lines(lines, [], from_rest=from_rest, tolerance=tolerance)
         else:
-            self._take_chords()
-            self._open = None
-            self._window.append_run(straight, self._active, from_rest=from_rest)
+            self._window.append_exact(straight, self._active, from_rest=from_rest)
         self.position[:] = straight.points[-1]
         return True
 
@@ -193,177 +167,36 @@ class MotionPlanner:
         if path is None or self._limits.torque is not None:
             return False
         from_rest = self._companions.run_begins_at_rest(path, from_rest=from_rest)
-        self._plan = None
         if run.tolerance > 0.0:
             lines = SegmentList.of(path.segments(path.scales, self._active, run.tolerance))
             arcs = np.flatnonzero(run.sweeps).tolist()
-            self._append_chords(lines, arcs, from_rest=from_rest, tolerance=tolerance)
+            self._window.append_lines(lines, arcs, from_rest=from_rest, tolerance=tolerance)
         else:
-            self._take_chords()
-            self._open = None
-            self._window.append_path(path, self._active, from_rest=from_rest)
+            self._window.append_exact(path, self._active, from_rest=from_rest)
         self._active |= path.mask
         self.position[:] = path.points[-1]
         return True
 
-    def _append_chords(
-        self, lines: SegmentList, arcs: list[int], *, from_rest: bool, tolerance: float
-    ) -> None:
-        """Append lines that may be chords, with arcs among them at the places ``arcs``."""
-        first = lines[0]
-        first.tolerance = 0.0 if from_rest else tolerance
-        if first.tolerance > 0.0 and first.straight:
-            self._chords.append(first)
-        else:
-            self._append_behind_chords(first, from_rest=from_rest)
-        passed = 1
-        for arc in arcs:
-            if arc >= passed:
-                self._chords.extend(lines[passed:arc])
-                self._append_behind_chords(lines[arc])
-                passed = arc + 1
-        self._chords.extend(lines[passed:])
-
-    def _append_behind_chords(self, segment: Segment, *, from_rest: bool = False) -> None:
-        self._active |= segment.active
-        self._take_chords()
-        self._append(segment, from_rest=from_rest)
-
-    def _round(self, segment: Segment) -> bool:
-        """Round the corner before ``segment``, if that is faster; return False where the corner stays."""
-        table = self._window.table
-        before = table.segments[-1]
-        if not before.closes:
-            return False
-        found = best_blend(self._window, segment, self._limits)
-        if found is None:
-            return False
-        untouched = table.snapshot()
-        table.replace(-1, found.before)
-        for part in (found.first, found.second, found.after):
-            part.active = self._active
-            self._window.append(part)
-        under_way = self._reserve is not None and untouched.count <= self._reserve.window
-        # the stop that is held in reserve runs to the untrimmed end: only a plan that is sure to hold may
-        # take its place
-        if under_way and not self._plan_in_reserve():
-            table.restore(untouched)
-            return False
-        return True
-
-    def _plan_in_reserve(self) -> bool:
-        """Plan the window and hold that in reserve for what comes behind; return False, and nothing changed,
-        where no plan exists, or a line would end before its T.
-        """
-        try:
-            plan = self._window.plan()
-        except PlanningError:
-            return False
-        if plan.ends_early:
-            # the line under way had the rest of its T without this
-            return False
-        self._plan = self._reserve = plan
-        return True
-
-    def _take_chords(self) -> None:
-        """Let the lines that wait into the window, chords among them as parts of a curve."""
-        lines, self._chords = self._chords, SegmentList()
-        if not lines:
-            return
-        table = self._window.table
-        curve, self._open = self._open, None
-        if curve is not None:
-            further = self._smoother.go_on(curve, lines)
-            if further is not None and self._put(len(table) - len(curve.chords), None, further):
-                return
-        last = table.segments[-1] if table else None
-        if last is None or not (last.closes and last.straight):
-            if not self._put(len(table), None, self._smoother.smooth(lines, rests=False)):
-                self._append_each(lines)
-            return
-        rests = len(table) == 1 and self._window.entry == 0.0 and self._reserve is None
-        every = SegmentList([last])
-        every.extend(lines)
-        first, *items = self._smoother.smooth(every, rests=rests)
-        if isinstance(first, SmoothRun):
-            done = self._put(len(table) - 1, None, [first, *items])
-        else:
-            done = self._put(len(table), first, items)
-        if not done:
-            self._append_each(lines)
-
-    def _append_each(self, lines: SegmentList) -> None:
-        for line in lines:
-            self._append(line)
-
-    def _put(self, count: int, last: Segment | None, items: list[Item]) -> bool:
-        """Put items behind the first ``count`` segments of the window, where nothing else stays.
-
-        Args:
-            last: what is left of the last of these segments; None: all of it.
-
-        Returns:
-            False, and nothing changed, where the motion under way may not be able to stop on that.
-        """
-        table = self._window.table
-        trimmed = last is not None and last is not table.segments[-1]
-        touched = count - 1 if trimmed else count
-        saved = table.save(touched)
-        reserve = self._reserve
-        checked = reserve is not None and touched < reserve.window
-        if checked:
-            self._reserve = None
-        table.truncate(count)
-        if last is not None and trimmed:
-            table.replace(-1, last)
-        for item in items:
-            if isinstance(item, Segment):
-                self._append(item)
-                continue
-            self._plan = None
-            self._window.append_parts(item.parts, item.samples, joined=item.joined)
-        if items and isinstance(items[-1], SmoothRun):
-            self._open = items[-1].open
-        if not checked:
-            return True
-        # the stop that is held in reserve runs to the end that was there: only a plan that is sure to hold
-        # may take its place
-        if not self._plan_in_reserve():
-            table.put_back(saved)
-            self._open, self._reserve = None, reserve
-            return False
-        return True
-
     def _solved(self) -> PlannedRun:
-        """Return the velocity profile of all that is in the window.
-
-        Raises:
-            PlanningError: no plan exists, and lines have come since the last one was found.
-        """
-        if self._plan is None:
-            try:
-                self._plan = self._window.plan()
-            except PlanningError:
-                # the stop in reserve is a velocity profile too, if nothing has come behind it
-                if self._reserve is None or self._reserve.window < len(self._window.table):
-                    raise
-                self._plan = self._reserve
-        self._plan = self._companions.last_to_end(self._window, self._plan, self.u)
-        return self._plan
+        """Return the velocity profile of all that is in the window, as `PlannedWindow.solved` does."""
+        window = self._window
+        window.plan = self._companions.last_to_end(window.lookahead, window.solved(), self.u)
+        return window.plan
 
     # ------------------------------------------------------------------ committing
 
     def follow_feed_scale(self) -> None:
         """Plan what is not committed again where it has another feed scale; its pace goes with that."""
-        self._take_chords()
+        window = self._window
+        window.take_chords()
         if self._companions.present:
             # what runs beside its lines is planned already
             return
-        found = plan_at_feed_scale(self._window, self.feed_scale, self.pace, self._output.latest)
+        found = plan_at_feed_scale(window.lookahead, self.feed_scale, self.pace, self._output.latest)
         if found is not None:
-            self._plan = found
+            window.plan = found
             # the stop in reserve was from the speed at the pace before
-            self._reserve = found if self.pace.under_way else None
+            window.reserve = found if self.pace.under_way else None
 
     def commit(self, want: float = math.inf, *, closing: bool = False) -> Iterator[Piece] | None:
         """Commit up to ``want`` [cycles] or a little more, but not the stop at the window's end.
@@ -375,10 +208,10 @@ class MotionPlanner:
             The output, to be taken in full before the next call; None where only the stop is left.
         """
         self.follow_feed_scale()
-        if not self._window.table:
+        if not self._window.lookahead.table:
             return None
         if closing:
-            self._end_here()
+            self._window.end_here()
         self._output.set_pace(self.pace)
         try:
             plan = self._solved()
@@ -386,7 +219,7 @@ class MotionPlanner:
             return self._fall_back()
         wanted = (want - self.u) * self.pace.cycle
         moment = commit_moment(plan, wanted, at_peaks=closing)
-        settled = math.inf if closing else self._settled_until(plan)
+        settled = math.inf if closing else self._window.settled_until(plan)
         if moment > settled and (math.isinf(want) or wanted <= settled):
             # what a curve still changes in is handed over only if it is needed
             moment = last_steady(plan, settled)
@@ -395,36 +228,12 @@ class MotionPlanner:
             # window has to grow before the next one
             self._left = self.pending
             return None
-        table = self._window.table
         moment = plan.at_end(moment)
-        rest = plan.after(moment)
-        table.drop(int(plan.window_index[len(plan.segments) - len(rest.segments)]))
-        self._settle_curve()
-        first = rest.segments[0]
-        if first.begin > table.segments[0].begin:
-            # what is left of a segment under way
-            table.replace(0, msgspec.structs.replace(table.segments[0], begin=first.begin, opens=False))
-        self._reserve = rest
-        self._window.entry = max(float(rest.phases.velocity[0]), 0.0)
-        self._left = max(len(table), WINDOW // 2)
+        self._window.drop_until(plan, moment, keeps_plan=closing)
+        self._left = max(len(self._window), WINDOW // 2)
         self.pace.under_way = True
         origin, self.u = self.u, self.u + moment / self.pace.cycle
-        self._plan = rest if closing else None
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
-
-    def _settled_until(self, plan: PlannedRun) -> float:
-        """Until when nothing of the open curve begins, with time to adapt to what it becomes [s]."""
-        if self._open is None:
-            return math.inf
-        first = len(self._window.table) - len(self._open.chords)
-        index = int(np.searchsorted(plan.window_index, first))
-        return max(float(plan.times[index]) - ADAPT_S, 0.0)
-
-    def _settle_curve(self) -> None:
-        """What of the open curve is under way stays as it is."""
-        if self._open is not None:
-            under_way = len(self._open.chords) - len(self._window.table) + 1
-            self._open = self._open.without(max(under_way, 0))
 
     def _fall_back(self) -> Iterator[Piece]:
         """Commit the stop that was planned before the last segments came; they go on from there.
@@ -432,47 +241,30 @@ class MotionPlanner:
         Raises:
             PlanningError: no plan exists: the motion stands, and its first segment cannot be planned.
         """
-        plan = self._reserve
-        if plan is None:
-            raise PlanningError(self._window.table.segments[0].line)
-        self._window.table.drop(plan.window)
-        self._open = None
-        self._window.entry = 0.0
-        self._reserve = None
-        self._plan = None
+        plan = self._window.drop_reserve()
         origin, self.u = self.u, self.u + plan.phases.duration / self.pace.cycle
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)
 
     def close(self) -> Iterator[Piece]:
         """Commit all that is in the window, its stop included."""
         self.follow_feed_scale()
-        if not self._window.table:
+        if not self._window.lookahead.table:
             return iter(())
-        self._end_here()
+        self._window.end_here()
         self._output.set_pace(self.pace)
         try:
             plan = self._solved()
         except PlanningError:
             return itertools.chain(self._fall_back(), self._close_rest())
-        self._reserve = None
         origin, end = self.u, self.u + plan.phases.duration / self.pace.cycle
         # the row at the first whole cycle holds the target; what follows starts there
         self.u = float(whole_cycle(end))
         self.pace.end()
-        self._window = Lookahead(self._limits)
+        self._window.clear()
         self._companions.closed()
-        self._open = None
-        self._plan = None
         mask = self._active
         self._active = 0
         return self._closing(plan, origin, end, mask)
-
-    def _end_here(self) -> None:
-        """Plan the stop at the window's end for good: no more lines come that it might be cut for."""
-        window = self._window
-        if not window.stop_is_last and window.table.bends_at_end:
-            window.stop_is_last = True
-            self._plan = None
 
     def _close_rest(self) -> Iterator[Piece]:
         yield from self.close()
