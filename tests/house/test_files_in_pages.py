@@ -1,0 +1,43 @@
+"""Python files that pages name exist, by their path or by the end of it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCES = ("mcserver", "kinematics", "clients", "tests", "examples", "editors", "deploy")
+FOLDERS_OF_PAGES = ("docs", "clients/contract", "clients/python", "deploy", "kinematics", "examples")
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(page for folder in FOLDERS_OF_PAGES for page in (ROOT / folder).rglob("*.md")),
+]
+# a path of at least one folder; the last part is a file
+FILE = re.compile(r"(?<![\w./-])((?:[\w-]+/)+[\w-]+\.py)\b")
+
+
+@pytest.fixture(scope="module")
+def sources() -> set[str]:
+    """Every Python file with every end of its path."""
+    ends = set()
+    for folder in SOURCES:
+        for path in (ROOT / folder).rglob("*.py"):
+            parts = path.relative_to(ROOT).parts
+            ends.update("/".join(parts[first:]) for first in range(len(parts)))
+    return ends
+
+
+def named(page: Path) -> set[str]:
+    return set(FILE.findall(page.read_text("utf-8")))
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if named(page)], ids=lambda page: page.stem)
+def test_every_file_that_a_page_names_exists(page: Path, sources: set[str]) -> None:
+    assert named(page) - sources == set()
+
+
+def test_pages_name_files() -> None:
+    assert len(named(ROOT / "docs" / "motion.md")) > 10
