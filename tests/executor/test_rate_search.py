@@ -11,7 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.executor.playback.rate_plan import RatePlan
-from mcserver.motion.kernels.rate_changes import MOST_PHASES, add_ramp, stop_at_edge, total_advance
+from mcserver.motion.kernels.rate_changes import (
+    MOST_PHASES,
+    add_ramp,
+    change_onto_rows,
+    stop_at_edge,
+    total_advance,
+    total_time,
+)
 from mcserver.motion.kernels.rate_search import TRIES, search_rate
 from mcserver.motion.kernels.row_interpolation import interpolate_rows, positions_between
 from tests.executor.rig import Rig, machine
@@ -66,11 +73,51 @@ def test_setpoints_are_tried_as_they_are_played(
     start: float, end: float, speeds: tuple[float, float], share: float, most: float
 ) -> None:
     rows, velocities = np.array([[start, 0.0], [end, 1.0]]), np.array([[speeds[0], 1.0], [speeds[1], 1.0]])
-    limits = np.full(2, most)
+    bounds = np.array([[most, most], [2.0 * most, 2.0 * most]])
     tried, played, slope = np.zeros(2), np.zeros(2), np.zeros(2)
-    positions_between(rows[0], rows[1], velocities[0], velocities[1], share, 1.0, limits, tried)
-    interpolate_rows(rows, velocities, 0, 1, share, 1.0, 1.0, limits, np.ones(2, np.bool_), played, slope)
+    positions_between(rows[0], rows[1], velocities[0], velocities[1], share, 1.0, bounds, tried)
+    interpolate_rows(
+        rows, velocities, 0, 1, share, 1.0, 1.0, 1.0, bounds, np.ones(2, np.bool_), played, slope
+    )
     assert tried == pytest.approx(played, abs=1e-12)
+
+
+@settings(deadline=None)
+@given(
+    place=st.floats(0.0, 1.0),
+    phase=st.floats(0.0, 1.0),
+    before=st.floats(-2.0, 2.0),
+    step=st.sampled_from([-1.0, 1.0]),
+    rate=st.floats(0.1, 1.0),
+    # an axis with a jerk limit, and one without
+    bounds=st.sampled_from([(math.inf, 1.5), (0.99, math.inf)]),
+)
+def test_a_vertex_costs_no_more_between_rows_than_its_own_step_of_velocity(
+    place: float, phase: float, before: float, step: float, rate: float, bounds: tuple[float, float]
+) -> None:
+    # 1.07 and 1.18 times the step by the cubic, 1.1 and 1.27 times by the motion of least acceleration
+    after, limits = before + step, np.array(bounds)[:, None]
+    moved = before * place + after * (1.0 - place)
+    points = []
+    for u in rate * (np.arange(-8, 12) + phase):
+        if 0.0 < u < 1.0:
+            here = np.zeros(1)
+            ends = np.array([[0.0], [moved], [before], [after]])
+            positions_between(*ends, u, 1.0, limits, here)
+            points.append(float(here[0]))
+        else:
+            points.append(before * u if u <= 0.0 else moved + after * (u - 1.0))
+    for order in (2, 3):
+        assert np.abs(np.diff(points, order)).max() <= rate + 1e-9
+
+
+def test_a_change_from_next_to_100_percent_ends_on_whole_rows() -> None:
+    phases = np.zeros((MOST_PHASES, 4))
+    for rate in (0.5, 0.995, 0.9999):
+        count = change_onto_rows(phases, 200.3, rate, 0.0, 1.0, 0.01, 0.001)
+        end = 200.3 + total_advance(phases, count) - total_time(phases, count)
+        assert end == pytest.approx(round(end), abs=1e-6)
+        assert total_time(phases, count) < 300.0
 
 
 def test_one_cycle_tries_only_some_changes_and_the_next_one_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ Nothing here uses the planner's own arithmetic.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 
@@ -50,6 +51,39 @@ def jerk_ratio(motion: Motion, *, vertices: Sequence[float] = ()) -> float:
     for u in vertices:
         ratio[np.abs(centre - u) <= 3.0] = 0.0
     return float(ratio.max())
+
+
+def jerk_of_vertices(motion: Motion, vertices: Sequence[int], phases: int = 32) -> float:
+    """Greatest third difference over the limit of the path itself, wherever the cycles fall.
+
+    Rows and vertices are joined by straight lines, which does no more than the rows where there is no vertex.
+
+    Args:
+        vertices: numbers of the lines that begin at one, on an exact path.
+    """
+    rows = motion.rested
+    where, points = np.arange(len(rows)) - 2.0, rows
+    starts = list(bases(motion))
+    if vertices:
+        where = np.append(where, [motion.starts[number] for number in vertices])
+        points = np.concatenate([rows, [starts[number - 1] for number in vertices]])
+    order = np.argsort(where, kind="stable")
+    limit = np.array([axis.max_jerk for axis in motion.machine.axes])
+    worst = 0.0
+    for phase in np.linspace(0.0, 1.0, phases, endpoint=False):
+        at = np.arange(len(rows)) - 2.0 + phase
+        path = np.stack([np.interp(at, where[order], column[order]) for column in points.T], axis=1)
+        worst = max(worst, float((np.abs(np.diff(path, 3, axis=0)) / motion.cycle**3 / limit).max()))
+    return worst
+
+
+def exact_vertices(motion: Motion) -> list[int]:
+    """Return the numbers of the lines that begin with a step of the tangent on an exact path."""
+    return [
+        number
+        for number, (before, after) in enumerate(itertools.pairwise(motion.moves), start=2)
+        if not after.tolerance and turn(motion.machine, before.group, after.group) > SAME_DIRECTION
+    ]
 
 
 def vertices_of(motion: Motion, *, tolerance: float = math.inf) -> list[float]:

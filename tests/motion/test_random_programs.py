@@ -28,6 +28,20 @@ def test_no_plan_is_cut_where_a_corner_in_a_time_of_its_own_begins_or_ends(seed:
     assert broken_laws(plan(machine, moves, commits=commits)) == []
 
 
+# 70886: rows of an exact path by luck ask for a jerk that a path of such vertices does not have between them.
+# 21260: a change to 100 % began so near to it that u stayed between rows, where a vertex was passed.
+@pytest.mark.parametrize("seed", [70886, 21260])
+def test_an_exact_path_asks_for_no_more_between_rows_than_its_vertices_do(seed: int) -> None:
+    machine, moves, commits = program_of(seed)
+    assert broken_under_orders(plan(machine, moves, commits=commits), seed) == []
+
+
+def test_a_rise_above_100_percent_goes_in_parts_where_rows_take_all_of_a_jerk() -> None:
+    # more than 100 % was wished for: only whole changes were tried, until one was made that passes the limits
+    machine, moves, commits = wide_program_of(5166)
+    assert broken_under_orders(plan(machine, moves, commits=commits), 5166) == []
+
+
 def test_broken_limits_are_named() -> None:
     machine = alike(2, velocity=200.0, acceleration=1000.0, jerk=50_000.0)
     motion = plan(machine, [at_speed(0.2, line_curve(machine, (0, 1), (0.0, 0.0), (0.2, 0.0)))])

@@ -13,7 +13,7 @@ from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.shm.rings import ProgramRing, scalar_view
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.rate_changes import NEAR_U
-from mcserver.motion.kernels.row_interpolation import interpolate_rows
+from mcserver.motion.kernels.row_interpolation import VERTEX_JERK, interpolate_rows
 
 # Rows that stay after they have been played: what setpoints that span them do is judged by what they do.
 KEPT_ROWS = 8
@@ -59,8 +59,8 @@ class Playback:
         active: mask of the columns between BEGIN and END. driven: the same, shape (K,).
         first: number of the program's first row. following: number of the row after u. written: number of the
             row after the last one that counts in this cycle.
-        line: line of the row played last. most: accelerations that interpolation may not pass, shape (K,)
-            [m/s² or rad/s²].
+        line: line of the row played last. bounds: of interpolation, see `row_interpolation`, shape (2, K)
+            [m/s² or rad/s², per s³].
     """
 
     def __init__(self, ring: ProgramRing, row: FeedbackRow, masks: ColumnMasks, machine: Machine) -> None:
@@ -78,8 +78,11 @@ class Playback:
         self._scale_cells = scalar_view(ring.feed_scale)
         self._pace_cells = scalar_view(ring.pace)
         self._scratch = np.zeros(count)
-        self.most = np.array(
-            [np.inf if np.isfinite(axis.max_jerk) else axis.max_acceleration for axis in machine.axes]
+        self.bounds = np.array(
+            [
+                [np.inf if np.isfinite(axis.max_jerk) else axis.max_acceleration for axis in machine.axes],
+                [VERTEX_JERK * axis.max_jerk for axis in machine.axes],
+            ]
         )
         # setpoints of the last cycles, that of cycle n in row n % 4
         self._recent = np.zeros((4, count))
@@ -384,7 +387,8 @@ class Playback:
                 u - (after_u - 1),
                 self._cycle,
                 rate,
-                self.most if pace == 1.0 else self.most / pace**2,
+                pace,
+                self.bounds,
                 self._masks.bools(joined),
                 self._row.setpoint,
                 self._row.velocity,

@@ -92,7 +92,7 @@ class RateControl:
                 jerk * JERK_SLACK,
                 acceleration,
                 jerk,
-                playback.most,
+                *playback.bounds,
             ]
         )
         self._stop = longest_stop(machine) / dt
@@ -311,6 +311,9 @@ class RateControl:
         if by_any and target > safe and not near:
             # nothing is passed to be faster than the rows
             by_any, target = self.rate < safe, safe if self.rate < safe else target
+        if self.rate < safe < target and not near and self._refused // QUICK_TRIES % 2 == 1:
+            # rows that leave nothing to a rise above the safe rate may leave something to a part of one to it
+            target = safe
         slowly = (stands or (near and self.rate <= safe)) and self._refused // QUICK_TRIES % 2 == 1
         in_parts = self._has_torques or self._refused >= QUICK_TRIES or self._is_partial(wish)
         flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any, slowly, in_parts)

@@ -101,7 +101,8 @@ def change_onto_rows(
 ) -> int:
     """Write the change to a whole rate that ends with u on whole rows, which are then played as they are.
 
-    The change begins a little later, at most as long as u takes to fall back by a row or to gain one.
+    The change begins a little later, at most as long as u takes to fall back by a row or to gain one; from a
+    rate so near to the target that this takes long, or under way, it goes by one that is some way off.
 
     Returns:
         The number of phases.
@@ -112,7 +113,7 @@ def change_onto_rows(
     off = _off_rows(phases, count, u, target)
     if off == 0.0:
         return count
-    if slope != 0.0:
+    if slope != 0.0 or abs(target - rate) * LONGEST_LAG < 1.0:
         # at a rate next to it until then
         near = target * NEXT_RATE
         count = add_ramp(phases, 0, rate, slope, near, most, curvature)
@@ -122,8 +123,6 @@ def change_onto_rows(
         phases[waits, DURATION] = _off_rows(phases, count, u, target) / (target - near)
         return count
     lag = off / (target - rate) if rate < target else (1.0 - off) / (rate - target)
-    if lag > LONGEST_LAG:
-        return count
     return add_ramp(phases, add_phase(phases, 0, lag, rate, 0.0, 0.0), rate, slope, target, most, curvature)
 
 

@@ -16,6 +16,7 @@ from mcserver.motion.geometry.row_torques import NUMBERS
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.rate_changes import (
     MOST_PHASES,
+    NEXT_RATE,
     SAME_RATE,
     add_phase,
     add_ramp,
@@ -33,6 +34,7 @@ from mcserver.motion.kernels.rate_window import (
     HIGHER,
     HIGHER_FROM,
     LIMIT,
+    LIMITS,
     NOW,
     RAW_ACCELERATION,
     RAW_JERK,
@@ -270,9 +272,15 @@ def _partial(number: int, state: Array, slope: float, curvature: float, phases: 
         return -1, 0.0
     part, share = PARTIAL[number - len(SHARES)]
     goal = rate + part * (target - rate)
+    near = target * NEXT_RATE
+    if target == round(target) and rate < target and goal > near:
+        # nearer to a whole rate u would not meet the rows in a moment any more
+        goal = near if rate < near else target
     if goal > state[SAFE]:
         # no plan ends where rows cannot be played on for ever
         return -1, 0.0
+    if goal == target:
+        return _change(phases, u, rate, bend, target, slope * share, curvature * share), target
     return add_ramp(phases, 0, rate, bend, goal, slope * share, curvature * share), goal
 
 
@@ -333,7 +341,7 @@ def search_rate(
             a change may go a part of the way.
         driven: axes, shape (K,). displaced: those that are not where their motion began, shape (K,).
         start: positions where the motion began, shape (K,). recent: setpoints of the last three cycles, the
-            newest last, shape (3, K). limits: shape (6, K). state: shape (`STATE`,).
+            newest last, shape (3, K). limits: shape (`LIMITS`, K). state: shape (`STATE`,).
         from_try: of `TRIES`, the first one.
         places, at: shape (2 n + 2,). scratch: shape (`SCRATCH`, K), its last row 0.
         phases, spare: shape (`MOST_PHASES`, 4), written: the change, and the one that passes limits least.
@@ -409,7 +417,7 @@ def search_rate(
 def warm_up_playback() -> None:
     """Compile what the executor calls, or read it from the cache: before it is on time for anything."""
     width, size = 1, 4
-    rows, limits, scratch = np.zeros((size, width)), np.ones((6, width)), np.zeros((SCRATCH, width))
+    rows, limits, scratch = np.zeros((size, width)), np.ones((LIMITS, width)), np.zeros((SCRATCH, width))
     some, state = np.ones(width, np.bool_), np.ones(STATE)
     phases = np.zeros((MOST_PHASES, 4))
     places, at = np.zeros(2 * size + 2), np.zeros(2 * size + 2, np.int64)
@@ -421,4 +429,4 @@ def warm_up_playback() -> None:
     )  # fmt: skip
     headroom_ahead(np.ones(size), 0, size)
     safe_rates(np.ones(size), rows, np.arange(size), 0, size, 0.0)
-    interpolate_rows(rows, rows, 0, 1, 0.5, 1e-3, 1.0, rows[0], some, rows[2], rows[3])
+    interpolate_rows(rows, rows, 0, 1, 0.5, 1e-3, 1.0, 1.0, rows[:2], some, rows[2], rows[3])

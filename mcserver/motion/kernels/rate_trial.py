@@ -24,12 +24,12 @@ from mcserver.motion.kernels.rate_changes import (
     total_time,
 )
 from mcserver.motion.kernels.rate_window import (
+    BOUNDS,
+    BOUNDS_HERE,
     EDGE,
     FAR,
     FIRST,
     LIMIT,
-    MOST,
-    MOST_HERE,
     PASSED,
     PLACE,
     SAFE,
@@ -41,7 +41,7 @@ from mcserver.motion.kernels.rate_window import (
     row_position,
     row_velocity,
 )
-from mcserver.motion.kernels.row_interpolation import positions_between
+from mcserver.motion.kernels.row_interpolation import SHARP, STEEP, positions_between
 from mcserver.motion.kernels.row_torques import torque_share
 
 # Each cycle of a change costs as much as some setpoints of an axis.
@@ -139,7 +139,7 @@ def excess(
         return math.inf, 0
     last, now = scratch[SETPOINT], scratch[PLACE]
     first, second, still = scratch[FIRST], scratch[SECOND], scratch[STILL]
-    most, paced = limits[MOST], 1.0
+    bounds, paced = limits[BOUNDS : BOUNDS + 2], 1.0
     for k in range(width):
         last[k] = recent[2, k]
         first[k] = recent[2, k] - recent[1, k]
@@ -187,9 +187,10 @@ def excess(
         share = min(max((here - places[low]) / span, 0.0), 1.0)
         own = pace[at[high]] if at[high] >= 0 else 1.0
         if own != paced:
-            paced, most = own, scratch[MOST_HERE]
+            paced, bounds = own, scratch[BOUNDS_HERE : BOUNDS_HERE + 2]
             for k in range(width):
-                most[k] = limits[MOST, k] / (own * own)
+                bounds[STEEP, k] = limits[BOUNDS + STEEP, k] / own**2
+                bounds[SHARP, k] = limits[BOUNDS + SHARP, k] / own**3
         positions_between(
             row_position(position, start, at[low]),
             row_position(position, start, at[high]),
@@ -197,7 +198,7 @@ def excess(
             row_velocity(velocity, still, at[high]),
             share if high > low else 0.0,
             span * state[SECONDS],
-            most,
+            bounds,
             now,
         )
         looked += width + CYCLE_COST

@@ -24,12 +24,13 @@ AT_REST = 1e-12
 U, NOW, BEND, TARGET, EDGE, FAR, SECONDS, BEGUN, PASSED, SAFE, HIGHER_FROM, HIGHER = range(12)
 STATE = 12
 # Rows of the limits of each axis: the greatest differences of its setpoints, the same for what a change of
-# rate is made with, and the accelerations of interpolation.
-VELOCITY, ACCELERATION, JERK, RAW_ACCELERATION, RAW_JERK, MOST = range(6)
+# rate is made with, and the two bounds of interpolation.
+VELOCITY, ACCELERATION, JERK, RAW_ACCELERATION, RAW_JERK, BOUNDS = range(6)
+LIMITS = BOUNDS + 2
 # Rows of the scratch for each axis: limits of this search, speed, the last setpoint and its differences, the
-# place now, and the accelerations of interpolation at the pace there.
-LIMIT, SPEED, SETPOINT, FIRST, SECOND, PLACE, MOST_HERE, STILL = 0, 3, 4, 5, 6, 7, 8, 9
-SCRATCH = 10
+# place now, and the bounds of interpolation at the pace there.
+LIMIT, SPEED, SETPOINT, FIRST, SECOND, PLACE, BOUNDS_HERE, STILL = 0, 3, 4, 5, 6, 7, 8, 10
+SCRATCH = 11
 
 
 @compiled

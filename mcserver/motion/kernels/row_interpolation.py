@@ -2,9 +2,13 @@
 
 Axes follow the cubic through positions and velocities, which is exact where jerk is constant. An axis without
 a jerk limit may have a step of acceleration between rows, and about one of 2a the cubic accelerates by 1.5a:
-where it would pass the limit, the axis follows the motion of least acceleration, ±M with one switch. Where a
-motion begins or ends between the rows, and either would swing past the rest, it is at rest for a part of the
-time.
+where it would pass the limit, the axis follows the motion of least acceleration, ±M with one switch.
+
+At a vertex of an exact path the velocity steps between two rows (D-36). About one near a row the cubic
+swings: it accelerates by four times what the step comes to, and brakes by twice that. There velocity goes
+from one value to the other without turning back, so that differences at the cycle rate are at most those of
+the step itself, wherever the cycles fall. Where a motion begins or ends between the rows, and any of these
+would swing past the rest, it is at rest for a part of the time.
 """
 
 from __future__ import annotations
@@ -19,6 +23,15 @@ from mcserver.motion.kernels.compiled import compiled
 
 # A cubic with one end at rest is monotone up to v·dt = 3·d, a motion of constant acceleration up to 2·d.
 _CUBIC_MONOTONE, _CONSTANT_MONOTONE = 3.0, 2.0
+# Rows of the bounds of interpolation: the acceleration that the cubic may not pass, infinite for axes with a
+# jerk limit, and the jerk that it does not pass but at a vertex, infinite for axes without.
+STEEP, SHARP = 0, 1
+# Jerk of the cubic between two rows, in shares of the limit, from which on a vertex is between them. A motion
+# that keeps the limit stays below 1.05. A step of velocity that asks for s times the jerk limit makes the
+# cubic turn back at a jerk of more than 2 s, and swing by 18 %: at the most 0.75 * 1.18 of the limit pass.
+VERTEX_JERK = 1.5
+# The same for the motion of least acceleration of an axis without a jerk limit.
+VERTEX_ACCELERATION = 1.01
 
 
 @compiled
@@ -29,15 +42,33 @@ def _is_steep(displacement: float, v0: float, v1: float, bound: float) -> bool:
 
 
 @compiled
-def _special(displacement: float, v0: float, v1: float, share: float, bound: float) -> tuple[float, float]:
+def _special(
+    displacement: float, v0: float, v1: float, share: float, bound: float, sharp: float
+) -> tuple[float, float]:
     """Return displacement and velocity, per interval, where the cubic may not be right."""
     steep = _is_steep(displacement, v0, v1, bound)
     monotone = _CONSTANT_MONOTONE if steep else _CUBIC_MONOTONE
     if (v0 == 0.0) != (v1 == 0.0) and abs(v0 + v1) > monotone * abs(displacement):
         return _rest_within(displacement, v0, v1, share)
+    if _is_vertex(displacement, v0, v1, bound, sharp):
+        return _step_of_velocity(displacement, v0, v1, share)
     if steep:
         return _least_acceleration(displacement, v0, v1, share)
     return _cubic(displacement, v0, v1, share)
+
+
+@compiled
+def _is_vertex(displacement: float, v0: float, v1: float, bound: float, sharp: float) -> bool:
+    """Return whether velocity steps between the rows, so near to one of them that the cubic would swing.
+
+    With the change of speed w and e = d - (v0 + v1)/2 a step of w is at 1/2 - e/w of the interval, the cubic
+    accelerates by w ± 6e, and the motion of least acceleration by 2|e| + √(4e² + w²).
+    """
+    excess, change = abs(displacement - 0.5 * (v0 + v1)), abs(v1 - v0)
+    if 6.0 * excess <= change or change == 0.0:
+        return False
+    least = 2.0 * excess + math.sqrt(4.0 * excess * excess + change * change)
+    return 12.0 * excess > sharp or least > VERTEX_ACCELERATION * bound
 
 
 @compiled
@@ -69,6 +100,28 @@ def _least_acceleration(displacement: float, v0: float, v1: float, share: float)
 
 
 @compiled
+def _step_of_velocity(displacement: float, v0: float, v1: float, share: float) -> tuple[float, float]:
+    """Return displacement and velocity of a motion whose speed changes one way only, per interval.
+
+    Acceleration falls to 0 within three times the distance of the step from the row that is nearer to it,
+    where the cubic does that, and would go on to the other sign. What no step between the rows explains is
+    displaced by a cubic.
+    """
+    change = v1 - v0
+    excess = displacement - 0.5 * (v0 + v1)
+    place = min(max(0.5 - excess / change, 0.0), 1.0)
+    rest = excess - (0.5 - place) * change
+    moved, speed = rest * share * share * (3.0 - 2.0 * share), 6.0 * rest * share * (1.0 - share)
+    if place < 0.5:
+        left = max(0.0, 1.0 - share / (3.0 * place + 1e-300))
+        # with a step at its place the interval is v0 place + v1 (1 - place) long
+        moved += share * v1 - place * change * (1.0 - left**3)
+        return moved, speed + v1 - change * left**2
+    left = max(0.0, 1.0 - (1.0 - share) / (3.0 * (1.0 - place) + 1e-300))
+    return moved + share * v0 + (1.0 - place) * change * left**3, speed + v0 + change * left**2
+
+
+@compiled
 def _rest_within(displacement: float, v0: float, v1: float, share: float) -> tuple[float, float]:
     """Return displacement and velocity of a motion that ends, or begins, between two rows, per interval.
 
@@ -91,7 +144,7 @@ def positions_between(
     end_velocity: Array,
     share: float,
     seconds: float,
-    most: Array,
+    bounds: Array,
     position: Array,
 ) -> None:
     """Write positions at ``share`` of the interval between two rows.
@@ -99,14 +152,14 @@ def positions_between(
     Args:
         start, end: positions, shape (K,) [m or rad]. start_velocity, end_velocity: there [per s].
         share: between 0 and 1. seconds: between the rows [s].
-        most: accelerations that the cubic may not pass, shape (K,) [per s²]; infinite for axes with a jerk
-            limit.
+        bounds: accelerations and jerks that the cubic may not pass, see `STEEP`, shape (2, K) [per s², per
+            s³].
         position: written, shape (K,).
     """
     left = 1.0 - share
     rise, first = share * share * (3.0 - 2.0 * share), share * left * left * seconds
     last = -share * share * left * seconds
-    square = seconds * seconds * (1.0 + 1e-9)
+    square, cube = seconds * seconds * (1.0 + 1e-9), seconds**3 / 12.0
     special = 0
     # two plain loops over all columns, which are vectorized; rows with more to them are rare
     for k in range(len(position)):
@@ -114,13 +167,15 @@ def positions_between(
         v0, v1 = start_velocity[k], end_velocity[k]
         position[k] = start[k] + (rise * displacement + first * v0 + last * v1)
         excess = displacement - 0.5 * seconds * (v0 + v1)
-        steep = 6.0 * abs(excess) + seconds * abs(v1 - v0) > most[k] * square
-        special |= steep | ((v0 == 0.0) != (v1 == 0.0))
+        steep = 6.0 * abs(excess) + seconds * abs(v1 - v0) > bounds[STEEP, k] * square
+        sharp = abs(excess) > bounds[SHARP, k] * cube
+        special |= steep | sharp | ((v0 == 0.0) != (v1 == 0.0))
     if special:
         for k in range(len(position)):
             displacement = end[k] - start[k]
             v0, v1 = start_velocity[k] * seconds, end_velocity[k] * seconds
-            moved, _ = _special(displacement, v0, v1, share, most[k] * seconds * seconds)
+            steepest, sharpest = bounds[STEEP, k] * seconds**2, bounds[SHARP, k] * seconds**3
+            moved, _ = _special(displacement, v0, v1, share, steepest, sharpest)
             position[k] = start[k] + moved
 
 
@@ -133,7 +188,8 @@ def interpolate_rows(
     share: float,
     seconds: float,
     rate: float,
-    most: Array,
+    pace: float,
+    bounds: Array,
     driven: NDArray[np.bool_],
     position: Array,
     velocity: Array,
@@ -142,7 +198,8 @@ def interpolate_rows(
 
     Args:
         rows, velocities: of the ring, shape (n, K) [m or rad, per s]. first, second: places in it.
-        share, seconds, most: as of `positions_between`. rate: that velocities are scaled by [1].
+        share, seconds: as of `positions_between`. rate: that velocities are scaled by [1]. pace: of the rows.
+        bounds: as of `positions_between`, for a pace of 1.
         driven: shape (K,). position, velocity: written where driven, shape (K,).
     """
     for k in range(len(position)):
@@ -150,6 +207,10 @@ def interpolate_rows(
             continue
         displacement = rows[second, k] - rows[first, k]
         v0, v1 = velocities[first, k] * seconds, velocities[second, k] * seconds
-        moved, speed = _special(displacement, v0, v1, share, most[k] * seconds * seconds)
+        steepest, sharpest = (
+            bounds[STEEP, k] * (seconds / pace) ** 2,
+            bounds[SHARP, k] * (seconds / pace) ** 3,
+        )
+        moved, speed = _special(displacement, v0, v1, share, steepest, sharpest)
         position[k] = rows[first, k] + moved
         velocity[k] = speed / seconds * rate
