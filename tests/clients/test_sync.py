@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 import threading
 from collections.abc import Iterator
 
+import mcclient
 import pytest
 from fake_server import FakeServer
 from mcclient import NobodyAnswers, ProgramRejected
-from mcclient.sync import Machine
+from mcclient.sync import Machine, Program
 
 
 def test_lines_are_sent_and_waited_for(server: FakeServer) -> None:
@@ -62,3 +64,23 @@ def test_telemetry_and_events_are_plain_iterators(server: FakeServer) -> None:
         assert next(events).message == "so"
         states.close()
         assert list(states) == []
+
+
+@pytest.mark.parametrize(
+    ("blocking", "asynchronous", "left_out"),
+    [
+        # what is made of several awaits, or of no use to a caller who waits
+        (Machine, mcclient.Machine, {"online", "hash_of", "read_recording"}),
+        (Program, mcclient.Program, {"ended", "credit", "failure", "wait_accepted", "wait_done", "leave"}),
+    ],
+)
+def test_every_call_of_the_client_is_there_without_async(
+    blocking: type, asynchronous: type, left_out: set[str]
+) -> None:
+    public = {name for name in dir(asynchronous) if not name.startswith("_")}
+    assert public - left_out <= set(dir(blocking))
+
+
+def test_a_call_without_async_has_the_description_and_the_arguments_of_the_asynchronous_one() -> None:
+    assert Machine.jog.__doc__ == mcclient.Machine.jog.__doc__
+    assert inspect.signature(Machine.jog) == inspect.signature(mcclient.Machine.jog)

@@ -11,33 +11,21 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Coroutine, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterable, Iterator, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Concatenate, Generic, ParamSpec, Self, TypeVar
 
 from mcclient import machine as asynchronous
 from mcclient import program as asynchronous_program
-from mcclient.calls import DEADLINE_S
 from mcclient.discovery import CONNECT_S
 from mcclient.feed import Feed
 from mcclient.lines import from_thread
 from mcclient.machine import PATIENCE_S
-from mcclient.program import ProgramResult
 from mcclient.reports import Report
-from mcclient.telemetry import Samples
-from mcclient.types import (
-    BusScan,
-    CheckResult,
-    DriveInfo,
-    Event,
-    Info,
-    MachineStatus,
-    OnDisconnect,
-    ProgramStatus,
-    SdoObject,
-    SdoValue,
-)
+from mcclient.types import Info
 
+P = ParamSpec("P")
 T = TypeVar("T")
 
 
@@ -101,103 +89,129 @@ class Stream(Generic[T]):
         self.close()
 
 
-class Line:
+class _Blocking(Generic[T]):
+    """Something asynchronous, and the loop that it lives in."""
+
+    def __init__(self, loop: _LoopThread, inner: T) -> None:
+        self._loop = loop
+        self._inner = inner
+
+
+def _waited(
+    method: Callable[Concatenate[Any, P], Awaitable[T]],
+) -> Callable[Concatenate[_Blocking[Any], P], T]:
+    """Make the same method for callers that wait for its end."""
+
+    @wraps(method)
+    def call(self: _Blocking[Any], /, *arguments: P.args, **options: P.kwargs) -> T:
+        async def work() -> T:
+            return await method(self._inner, *arguments, **options)
+
+        return self._loop.run(work())
+
+    return call
+
+
+def _opened(
+    method: Callable[Concatenate[Any, P], Awaitable[asynchronous_program.Program]],
+) -> Callable[Concatenate[_Blocking[Any], P], Program]:
+    """Make the same method, which opens a program, for callers that wait."""
+    waited = _waited(method)
+
+    @wraps(method)
+    def call(self: _Blocking[Any], /, *arguments: P.args, **options: P.kwargs) -> Program:
+        return Program(self._loop, waited(self, *arguments, **options))
+
+    return call
+
+
+def _streamed(
+    method: Callable[Concatenate[Any, P], Feed[T]],
+) -> Callable[Concatenate[_Blocking[Any], P], Stream[T]]:
+    """Make the same method, which begins to listen, for callers that wait."""
+
+    @wraps(method)
+    def call(self: _Blocking[Any], /, *arguments: P.args, **options: P.kwargs) -> Stream[T]:
+        async def listen() -> Feed[T]:
+            return method(self._inner, *arguments, **options)
+
+        return Stream(self._loop, self._loop.run(listen()))
+
+    return call
+
+
+def _reports(program: asynchronous_program.Program) -> Feed[Report]:
+    return program.reports
+
+
+class Line(_Blocking[asynchronous_program.Line]):
     """A line that the server has taken."""
 
-    def __init__(self, loop: _LoopThread, line: asynchronous_program.Line) -> None:
-        self._loop = loop
-        self._line = line
-        self.number = line.number
+    done = _waited(asynchronous_program.Line.done)
 
-    def done(self) -> None:
-        """Waits until the line has ended."""
-        self._loop.run(self._line.done())
+    @property
+    def number(self) -> int:
+        return self._inner.number
 
 
-class Program:
+class Program(_Blocking[asynchronous_program.Program]):
     """As `mcclient.Program`."""
 
-    def __init__(self, loop: _LoopThread, program: asynchronous_program.Program) -> None:
-        self._loop = loop
-        self._program = program
-        self.id = program.id
-        self.axes = program.axes
-
-    @property
-    def state(self) -> str:
-        return self._program.state
-
-    @property
-    def accepted_through(self) -> int:
-        return self._program.accepted_through
-
-    @property
-    def done_through(self) -> int:
-        return self._program.done_through
-
-    @property
-    def given_through(self) -> int:
-        return self._program.given_through
-
-    @property
-    def lines_ahead(self) -> int:
-        return self._program.lines_ahead
-
-    @property
-    def reports(self) -> Stream[Report]:
-        async def open_reports() -> Feed[Report]:
-            return self._program.reports
-
-        return Stream(self._loop, self._loop.run(open_reports()))
-
-    def send(self, line: str) -> Line:
-        return Line(self._loop, self._loop.run(self._program.send(line)))
-
-    def send_lines(self, lines: Iterable[str]) -> int:
-        return self._loop.run(self._program.send_lines(from_thread(lines)))
-
-    def done(self) -> None:
-        self._loop.run(self._program.done())
-
-    def close(self) -> None:
-        self._loop.run(self._program.close())
-
-    def finish(self) -> ProgramResult:
-        return self._loop.run(self._program.finish())
-
-    def hold(self) -> None:
-        self._loop.run(self._program.hold())
-
-    def resume(self) -> None:
-        self._loop.run(self._program.resume())
-
-    def step(self) -> None:
-        self._loop.run(self._program.step())
-
-    def abort(self) -> None:
-        self._loop.run(self._program.abort())
-
-    def override(self, percent: float) -> None:
-        self._loop.run(self._program.override(percent))
-
-    def status(self) -> ProgramStatus:
-        return self._loop.run(self._program.status())
+    done = _waited(asynchronous_program.Program.done)
+    close = _waited(asynchronous_program.Program.close)
+    finish = _waited(asynchronous_program.Program.finish)
+    hold = _waited(asynchronous_program.Program.hold)
+    resume = _waited(asynchronous_program.Program.resume)
+    step = _waited(asynchronous_program.Program.step)
+    abort = _waited(asynchronous_program.Program.abort)
+    override = _waited(asynchronous_program.Program.override)
+    status = _waited(asynchronous_program.Program.status)
+    __exit__ = _waited(asynchronous_program.Program.__aexit__)
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *rest: Any) -> None:
-        self._loop.run(self._program.__aexit__(kind, *rest))
+    @property
+    def id(self) -> str:
+        return self._inner.id
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        return self._inner.axes
+
+    @property
+    def state(self) -> str:
+        return self._inner.state
+
+    @property
+    def accepted_through(self) -> int:
+        return self._inner.accepted_through
+
+    @property
+    def done_through(self) -> int:
+        return self._inner.done_through
+
+    @property
+    def given_through(self) -> int:
+        return self._inner.given_through
+
+    @property
+    def lines_ahead(self) -> int:
+        return self._inner.lines_ahead
+
+    @property
+    def reports(self) -> Stream[Report]:
+        return _streamed(_reports)(self)
+
+    def send(self, line: str) -> Line:
+        return Line(self._loop, self._loop.run(self._inner.send(line)))
+
+    def send_lines(self, lines: Iterable[str]) -> int:
+        return self._loop.run(self._inner.send_lines(from_thread(lines)))
 
 
-class Machine:
+class Machine(_Blocking[asynchronous.Machine]):
     """As `mcclient.Machine`."""
-
-    def __init__(self, loop: _LoopThread, machine: asynchronous.Machine) -> None:
-        self._loop = loop
-        self._machine = machine
-        self.name = machine.name
-        self.client = machine.client
 
     @classmethod
     def connect(
@@ -230,7 +244,7 @@ class Machine:
             raise
 
     def close(self) -> None:
-        self._loop.run(self._machine.close())
+        self._loop.run(self._inner.close())
         self._loop.stop()
 
     def __enter__(self) -> Self:
@@ -240,204 +254,61 @@ class Machine:
         self.close()
 
     @property
+    def name(self) -> str:
+        return self._inner.name
+
+    @property
+    def client(self) -> str:
+        return self._inner.client
+
+    @property
     def info(self) -> Info:
-        return self._machine.info
+        return self._inner.info
 
-    def status(self) -> MachineStatus:
-        return self._loop.run(self._machine.status())
+    program = _opened(asynchronous.Machine.program)
+    resume_program = _opened(asynchronous.Machine.resume_program)
 
-    def programs(self, program: str | None = None, *, ended: bool = True) -> list[ProgramStatus]:
-        return self._loop.run(self._machine.programs(program, ended=ended))
+    refresh_info = _waited(asynchronous.Machine.refresh_info)
+    status = _waited(asynchronous.Machine.status)
+    programs = _waited(asynchronous.Machine.programs)
+    clients = _waited(asynchronous.Machine.clients)
+    put_text = _waited(asynchronous.Machine.put_text)
+    check = _waited(asynchronous.Machine.check)
+    simulate = _waited(asynchronous.Machine.simulate)
 
-    def program(
-        self,
-        name: str = "",
-        axes: Sequence[int] | None = None,
-        *,
-        on_disconnect: OnDisconnect = "stop",
-        start_line: int = 1,
-        before: Sequence[str] = (),
-        step: bool = False,
-        hold: bool = False,
-    ) -> Program:
-        """As `mcclient.Machine.program`."""
+    hold = _waited(asynchronous.Machine.hold)
+    resume = _waited(asynchronous.Machine.resume)
+    step = _waited(asynchronous.Machine.step)
+    abort = _waited(asynchronous.Machine.abort)
+    override = _waited(asynchronous.Machine.override)
+    jog = _waited(asynchronous.Machine.jog)
+    home = _waited(asynchronous.Machine.home)
+    reference = _waited(asynchronous.Machine.reference)
+    reset = _waited(asynchronous.Machine.reset)
+    estop = _waited(asynchronous.Machine.estop)
 
-        async def start() -> asynchronous_program.Program:
-            return await self._machine.program(
-                name,
-                axes,
-                on_disconnect=on_disconnect,
-                start_line=start_line,
-                before=before,
-                step=step,
-                hold=hold,
-            )
+    request_run = _waited(asynchronous.Machine.request_run)
+    run_requests = _waited(asynchronous.Machine.run_requests)
+    run_preview = _waited(asynchronous.Machine.run_preview)
+    arm = _waited(asynchronous.Machine.arm)
+    run_armed = _waited(asynchronous.Machine.run_armed)
 
-        return Program(self._loop, self._loop.run(start()))
+    set_output = _waited(asynchronous.Machine.set_output)
+    set_simulated_input = _waited(asynchronous.Machine.set_simulated_input)
 
-    def resume_program(
-        self,
-        program: str,
-        *,
-        start_line: int,
-        axes: Sequence[int] | None = None,
-        on_disconnect: OnDisconnect = "stop",
-        hold: bool = False,
-    ) -> Program:
-        """As `mcclient.Machine.resume_program`."""
+    model = _waited(asynchronous.Machine.model)
+    read_mesh = _waited(asynchronous.Machine.read_mesh)
 
-        async def start() -> asynchronous_program.Program:
-            return await self._machine.resume_program(
-                program, start_line=start_line, axes=axes, on_disconnect=on_disconnect, hold=hold
-            )
+    drives = _waited(asynchronous.Machine.drives)
+    drives_scan = _waited(asynchronous.Machine.drives_scan)
+    sdo_read = _waited(asynchronous.Machine.sdo_read)
+    sdo_write = _waited(asynchronous.Machine.sdo_write)
 
-        return Program(self._loop, self._loop.run(start()))
+    start_recording = _waited(asynchronous.Machine.start_recording)
+    stop_recording = _waited(asynchronous.Machine.stop_recording)
+    save_black_box = _waited(asynchronous.Machine.save_black_box)
+    recordings = _waited(asynchronous.Machine.recordings)
 
-    def hold(self, program: str | None = None) -> list[str]:
-        return self._loop.run(self._machine.hold(program))
-
-    def resume(self, program: str | None = None) -> list[str]:
-        return self._loop.run(self._machine.resume(program))
-
-    def abort(self, program: str | None = None) -> list[str]:
-        return self._loop.run(self._machine.abort(program))
-
-    def override(self, percent: float, program: str | None = None) -> float:
-        return self._loop.run(self._machine.override(percent, program))
-
-    def jog(
-        self,
-        axis: int,
-        distance: float | None = None,
-        *,
-        velocity: float | None = None,
-        hold_s: float | None = None,
-        program: str | None = None,
-    ) -> str:
-        """As `mcclient.Machine.jog`."""
-        return self._loop.run(
-            self._machine.jog(axis, distance, velocity=velocity, hold_s=hold_s, program=program)
-        )
-
-    def home(self, axes: Sequence[int] | None = None) -> str:
-        """As `mcclient.Machine.home`."""
-        return self._loop.run(self._machine.home(axes))
-
-    def reference(self, positions: Mapping[int, float]) -> None:
-        """As `mcclient.Machine.reference`."""
-        self._loop.run(self._machine.reference(positions))
-
-    def reset(self, axes: Sequence[int] | None = None) -> None:
-        self._loop.run(self._machine.reset(axes))
-
-    def estop(self, reason: str = "", *, timeout_s: float = DEADLINE_S) -> None:
-        self._loop.run(self._machine.estop(reason, timeout_s=timeout_s))
-
-    def request_run(self, text: str, name: str = "", axes: list[int] | None = None) -> dict[str, Any]:
-        """As `mcclient.arming.ArmingCalls.request_run`."""
-        return self._loop.run(self._machine.request_run(text, name, axes))
-
-    def run_requests(self) -> list[dict[str, Any]]:
-        """As `mcclient.arming.ArmingCalls.run_requests`."""
-        return self._loop.run(self._machine.run_requests())
-
-    def run_preview(self, sha256: str) -> dict[str, Any]:
-        """As `mcclient.arming.ArmingCalls.run_preview`."""
-        return self._loop.run(self._machine.run_preview(sha256))
-
-    def arm(
-        self, sha256: str, *, seconds: float = 60.0, override: float = 100.0, number: int | None = None
-    ) -> dict[str, Any]:
-        """As `mcclient.arming.ArmingCalls.arm`."""
-        return self._loop.run(self._machine.arm(sha256, seconds=seconds, override=override, number=number))
-
-    def run_armed(self, text: str) -> dict[str, Any]:
-        """As `mcclient.arming.ArmingCalls.run_armed`."""
-        return self._loop.run(self._machine.run_armed(text))
-
-    def set_output(self, name: str, value: bool | float) -> float:
-        """As `mcclient.channels.ChannelCalls.set_output`."""
-        return self._loop.run(self._machine.set_output(name, value))
-
-    def set_simulated_input(self, name: str, value: bool | float) -> float:
-        """As `mcclient.channels.ChannelCalls.set_simulated_input`."""
-        return self._loop.run(self._machine.set_simulated_input(name, value))
-
-    def drives(self) -> list[DriveInfo]:
-        return self._loop.run(self._machine.drives())
-
-    def drives_scan(self, bus: str = "") -> list[BusScan]:
-        """As `mcclient.drives.DriveCalls.drives_scan`."""
-        return self._loop.run(self._machine.drives_scan(bus))
-
-    def sdo_read(
-        self,
-        axis: int | None,
-        index: int,
-        subindex: int = 0,
-        *,
-        type: str | None = None,
-        node: int | None = None,
-        bus: str = "",
-    ) -> SdoObject:
-        return self._loop.run(self._machine.sdo_read(axis, index, subindex, type=type, node=node, bus=bus))
-
-    def sdo_write(
-        self,
-        axis: int | None,
-        index: int,
-        subindex: int,
-        value: SdoValue,
-        *,
-        type: str | None = None,
-        node: int | None = None,
-        bus: str = "",
-    ) -> SdoObject:
-        return self._loop.run(
-            self._machine.sdo_write(axis, index, subindex, value, type=type, node=node, bus=bus)
-        )
-
-    def put_text(self, path: Path, sha256: str | None = None) -> str:
-        """As `mcclient.Machine.put_text`."""
-        return self._loop.run(self._machine.put_text(path, sha256))
-
-    def check(
-        self,
-        text: str | None = None,
-        positions: dict[int, float] | None = None,
-        *,
-        sha256: str | None = None,
-    ) -> CheckResult:
-        return self._loop.run(self._machine.check(text, positions, sha256=sha256))
-
-    def clients(self, *, timeout_s: float = 1.0) -> list[str]:
-        """As `mcclient.Machine.clients`."""
-        return self._loop.run(self._machine.clients(timeout_s=timeout_s))
-
-    def simulate(
-        self,
-        text: str,
-        positions: dict[int, float] | None = None,
-        *,
-        path_points: int = 0,
-        lines: bool = True,
-    ) -> dict[str, Any]:
-        return self._loop.run(self._machine.simulate(text, positions, path_points=path_points, lines=lines))
-
-    def telemetry(self) -> Stream[MachineStatus]:
-        async def listen() -> Feed[MachineStatus]:
-            return self._machine.telemetry()
-
-        return Stream(self._loop, self._loop.run(listen()))
-
-    def samples(self) -> Stream[Samples]:
-        async def listen() -> Feed[Samples]:
-            return self._machine.samples()
-
-        return Stream(self._loop, self._loop.run(listen()))
-
-    def events(self, *, history: bool = False) -> Stream[Event]:
-        async def listen() -> Feed[Event]:
-            return self._machine.events(history=history)
-
-        return Stream(self._loop, self._loop.run(listen()))
+    telemetry = _streamed(asynchronous.Machine.telemetry)
+    samples = _streamed(asynchronous.Machine.samples)
+    events = _streamed(asynchronous.Machine.events)
