@@ -91,9 +91,13 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark each test with its group; the files that take longest come first."""
+    # once a file: it would take half a second in each process to look for each test
+    places = {path: path.relative_to(ROOT) for path in {item.path for item in items}}
+    groups = {path: group_of(place) for path, place in places.items()}
+    orders = {path: order_of(place) for path, place in places.items()}
     for item in items:
-        item.add_marker(group_of(item.path.relative_to(ROOT)))
-    items.sort(key=lambda item: order_of(item.path.relative_to(ROOT)))
+        item.add_marker(groups[item.path])
+    items.sort(key=lambda item: orders[item.path])
 
 
 def order_of(place: Path) -> int:

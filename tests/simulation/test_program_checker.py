@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -13,9 +13,17 @@ from mcserver.simulation.program_checker import CLIENT_REQUESTS, ProgramChecker
 from tests.service.fakes import three_axes
 
 
-@pytest.fixture
-async def worker() -> AsyncIterator[ProgramChecker]:
+@pytest.fixture(scope="module")
+def worker() -> Iterator[ProgramChecker]:
     made = ProgramChecker(three_axes())
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def hasty() -> Iterator[ProgramChecker]:
+    """One in which a program has to make room for others soon, not after 20 s."""
+    made = ProgramChecker(three_axes(), shared_limit_s=0.2)
     yield made
     made.close()
 
@@ -38,34 +46,30 @@ async def test_more_than_a_few_of_one_client_are_refused_and_others_are_not(work
     assert await asyncio.gather(*tasks) == [[]] * len(tasks)
 
 
-async def test_long_simulations_of_one_client_do_not_keep_another_one_waiting(worker: ProgramChecker) -> None:
+async def test_long_simulations_of_one_client_do_not_keep_another_one_waiting(hasty: ProgramChecker) -> None:
     forever = "G1010\n" + "G04 P100000\n" * 50
-    greedy = [asyncio.ensure_future(worker.simulate("greedy", forever)) for _ in range(CLIENT_REQUESTS)]
+    greedy = [asyncio.ensure_future(hasty.simulate("greedy", forever)) for _ in range(CLIENT_REQUESTS)]
     await asyncio.wait({greedy[0]}, timeout=0.0)
     async with asyncio.timeout(60.0):
-        assert await worker.check("modest", "G90", None) == []
+        assert await hasty.check("modest", "G90", None) == []
     for task in greedy:
         task.cancel()
     await asyncio.gather(*greedy, return_exceptions=True)
 
 
-async def test_what_computes_long_is_ended_when_another_client_waits() -> None:
-    checker = ProgramChecker(three_axes(), shared_limit_s=0.2)
+async def test_what_computes_long_is_ended_when_another_client_waits(hasty: ProgramChecker) -> None:
     forever = "G1010\n" + "G04 P100000\n" * 50
-    try:
-        long = [asyncio.ensure_future(checker.simulate(client, forever)) for client in ("a", "b")]
-        await asyncio.wait({long[0]}, timeout=0.0)
-        async with asyncio.timeout(60.0):
-            assert await checker.check("modest", "G90", None) == []
-            done, _ = await asyncio.wait(long, return_when=asyncio.FIRST_COMPLETED)
-        with pytest.raises(ServiceError, match="while other clients waited") as refused:
-            done.pop().result()
-        assert refused.value.code == "MC523"
-        for task in long:
-            task.cancel()
-        await asyncio.gather(*long, return_exceptions=True)
-    finally:
-        checker.close()
+    long = [asyncio.ensure_future(hasty.simulate(client, forever)) for client in ("a", "b")]
+    await asyncio.wait({long[0]}, timeout=0.0)
+    async with asyncio.timeout(60.0):
+        assert await hasty.check("modest", "G90", None) == []
+        done, _ = await asyncio.wait(long, return_when=asyncio.FIRST_COMPLETED)
+    with pytest.raises(ServiceError, match="while other clients waited") as refused:
+        done.pop().result()
+    assert refused.value.code == "MC523"
+    for task in long:
+        task.cancel()
+    await asyncio.gather(*long, return_exceptions=True)
 
 
 async def test_a_simulation_solves_the_tools_of_the_machine() -> None:
