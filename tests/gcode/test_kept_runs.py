@@ -52,7 +52,7 @@ def taken(kept: KeptRuns, interpreter: Interpreter, number: int, size: int) -> i
     return 0 if found is None else found[2]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.one_of(programs, arc_programs()), st.integers(12, 40))
 def test_a_program_is_the_same_whether_its_check_kept_runs_or_not(texts: list[str], window: int) -> None:
     plain, quick = Interpreter(MACHINE), Interpreter(MACHINE, kept=checked(texts))

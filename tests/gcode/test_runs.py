@@ -58,7 +58,7 @@ def by_runs(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonical]
     return values, faults
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=250, deadline=None)
 @given(st.one_of(programs, arc_programs()), st.sampled_from([None, None, frozenset({0, 1, 3, 6})]))
 def test_runs_and_single_lines_are_equal_to_the_last_bit(
     texts: list[str], lease: frozenset[int] | None

@@ -52,7 +52,7 @@ def polylines(draw: st.DrawFn) -> tuple[Machine, list[FeedGroup]]:
 
 
 @given(polylines(), st.sampled_from([0.0, 1e-5, 1e-4]))
-@law(150)
+@law(75)
 def test_flowing_is_never_slower_than_stopping(
     made: tuple[Machine, list[FeedGroup]], tolerance: float
 ) -> None:
@@ -65,7 +65,7 @@ def test_flowing_is_never_slower_than_stopping(
 
 
 @given(polylines(), st.lists(st.tuples(st.integers(1, 24), st.floats(0.0, 300.0)), min_size=1, max_size=8))
-@law(60)
+@law(40)
 def test_a_window_that_is_cut_anywhere_keeps_the_limits(
     made: tuple[Machine, list[FeedGroup]], cuts: list[tuple[int, float]]
 ) -> None:

@@ -47,7 +47,7 @@ def law(examples: int) -> Any:
 
 
 @given(programs())
-@law(70)
+@law(35)
 def test_no_axis_passes_its_velocity_or_acceleration_limit(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     assert velocity_ratio(motion) <= VELOCITY_SLACK
@@ -56,14 +56,14 @@ def test_no_axis_passes_its_velocity_or_acceleration_limit(program: Program) -> 
 
 
 @given(programs(jerks=JERKS[1:]))
-@law(70)
+@law(35)
 def test_no_axis_passes_its_jerk_limit_but_at_a_vertex_passed_with_speed(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     assert jerk_ratio(motion, vertices=vertices_of(motion)) <= JERK_SLACK
 
 
 @given(programs(tolerances=(1e-5, 1e-4, 2e-3)))
-@law(60)
+@law(30)
 def test_rounded_corners_keep_every_limit_and_the_tolerance(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     tolerance = program.moves[0].tolerance
@@ -78,7 +78,7 @@ def test_rounded_corners_keep_every_limit_and_the_tolerance(program: Program) ->
 
 
 @given(programs())
-@law(60)
+@law(30)
 def test_every_row_lies_on_the_programmed_path_and_the_last_one_on_its_end(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     assert farthest_from_path(motion) <= EXACT
@@ -88,14 +88,14 @@ def test_every_row_lies_on_the_programmed_path_and_the_last_one_on_its_end(progr
 
 
 @given(programs(tolerances=(0.0, 1e-4, 2e-3)))
-@law(100)
+@law(50)
 def test_path_speed_under_g94_never_passes_f(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     assert speed_over_feed(motion) <= VELOCITY_SLACK
 
 
 @given(programs(tolerances=(0.0, 1e-4)))
-@law(60)
+@law(30)
 def test_output_is_in_order_of_time_and_says_when_lines_and_axes_begin_and_end(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     assert np.isfinite(motion.position).all()
@@ -129,7 +129,7 @@ def _assert_rows_stand_between_their_marks(pieces: list[Piece]) -> None:
 
 
 @given(programs(kinds=("line", "onward"), jerks=(None, 200_000.0)))
-@law(60)
+@law(30)
 def test_motion_never_goes_back_along_a_line(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     rows = np.concatenate([motion.start[None, :], motion.position])

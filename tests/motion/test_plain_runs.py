@@ -47,7 +47,7 @@ def one_by_one(machine: Machine, run: PlainRun) -> list[Piece]:
 
 
 @given(STEPS, st.sampled_from([None, 20_000.0]), st.booleans(), st.integers(1, 10))
-@law(40)
+@law(20)
 def test_a_run_is_planned_as_its_lines_one_by_one(
     steps: list[tuple[float, ...]], jerk: float | None, timed: bool, split: int
 ) -> None:

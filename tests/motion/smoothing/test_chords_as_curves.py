@@ -269,7 +269,7 @@ def chord_programs(draw: st.DrawFn) -> tuple[Array, float, float, float, float]:
 
 
 @given(chord_programs(), st.sampled_from([0, 1, 7, 30]), st.sampled_from([20.0, 300.0, math.inf]))
-@law(40)
+@law(20)
 def test_any_chords_keep_every_limit_at_every_cycle_and_the_tolerance(
     program: tuple[Array, float, float, float, float], every: int, ahead: float
 ) -> None:
