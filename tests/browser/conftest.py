@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from mcclient import sync
 
-from tests.e2e.conftest import served
-from tests.e2e.servers import ROOT, CommandProcess, ServerProcess
+from tests.e2e.conftest import served, slower
+from tests.e2e.servers import CommandProcess, ServerProcess
 
 HERE = Path(__file__).parent
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -73,13 +73,8 @@ def page_of(endpoint: str, folder: Path, *options: str) -> Iterator[PageProcess]
 @pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     folder = tmp_path_factory.mktemp("server")
-    # at a quarter of its rate, which would cost a seventh of a core as long as browsers run: test_cards has a
-    # machine at 1 kHz
-    text = (ROOT / "mcserver" / "machine" / "builtin" / "cartesian.toml").read_text("utf-8")
-    slower = text.replace("cycle_hz = 1000", "cycle_hz = 250")
-    assert slower != text
-    (folder / "cartesian.toml").write_text(slower, "utf-8")
-    with serving(folder, str(folder / "cartesian.toml"), "bench", recorder=True) as made:
+    # test_cards has a machine at 1 kHz
+    with serving(folder, slower(folder, "cartesian"), "bench", recorder=True) as made:
         yield made
 
 
