@@ -20,6 +20,7 @@ from mcserver.motion.kernels.rate_changes import (
     total_time,
 )
 from mcserver.motion.kernels.rate_search import TRIES, search_rate
+from mcserver.motion.kernels.rate_window import LIMITS, find_window
 from mcserver.motion.kernels.row_interpolation import interpolate_rows, positions_between
 from tests.executor.rig import Rig, machine
 
@@ -118,6 +119,21 @@ def test_a_change_from_next_to_100_percent_ends_on_whole_rows() -> None:
         end = 200.3 + total_advance(phases, count) - total_time(phases, count)
         assert end == pytest.approx(round(end), abs=1e-6)
         assert total_time(phases, count) < 300.0
+
+
+@pytest.mark.parametrize(("jump", "count"), [(0.02, 3), (0.0, 6)])
+def test_a_change_is_tried_as_far_as_where_u_waits_for_an_axis_that_moves_by_itself(
+    jump: float, count: int
+) -> None:
+    # a step of positions behind a rest counted as what rows do themselves, and let any jerk pass beside it
+    position = np.array([[-1e-5, 0.0], [-1e-6, 0.0], [0.0, 0.0], [0.0, jump], [1e-6, jump], [1e-5, jump]])
+    velocity = np.array([[9e-3, 0.0], [1e-3, 0.0], [0.0, 0.0], [1e-5, 0.0], [1e-3, 0.0], [9e-3, 0.0]])
+    places, at, driven = np.zeros(14), np.zeros(14, np.int64), np.ones(2, np.bool_)
+    limits = np.full((LIMITS, 2), 2e-6)
+    found = find_window(
+        np.arange(6), position, velocity, 0, 6, False, 0.0, driven, limits, 1e-3, places, at
+    )  # fmt: skip
+    assert found == (count, jump > 0.0)
 
 
 def test_one_cycle_tries_only_some_changes_and_the_next_one_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:

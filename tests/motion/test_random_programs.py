@@ -28,6 +28,12 @@ def test_no_plan_is_cut_where_a_corner_in_a_time_of_its_own_begins_or_ends(seed:
     assert broken_laws(plan(machine, moves, commits=commits)) == []
 
 
+def test_a_line_that_would_end_before_its_t_stops_where_no_slower_speed_can_be_reached() -> None:
+    # entered with a speed that it could stop from, but not come down to any other that leaves it its T
+    machine, moves, commits = program_of(48265)
+    assert broken_laws(plan(machine, moves, commits=commits)) == []
+
+
 # 70886: rows of an exact path by luck ask for a jerk that a path of such vertices does not have between them.
 # 21260: a change to 100 % began so near to it that u stayed between rows, where a vertex was passed.
 @pytest.mark.parametrize("seed", [70886, 21260])
@@ -62,7 +68,8 @@ def test_a_program_of_what_machines_seldom_do_keeps_every_law(seed: int) -> None
 
 
 # 30054: an override of 0 came in a long ramp that takes all of an acceleration; no change was gentle enough.
-@pytest.mark.parametrize(("seed", "orders"), [(1, False), (4, False), (5, True), (30054, True)])
+# 1309: a stop above 100 % was followed by a rapid.
+@pytest.mark.parametrize(("seed", "orders"), [(1, False), (4, False), (5, True), (30054, True), (1309, True)])
 def test_a_random_program_as_text_keeps_every_law_also_beside_a_planner(seed: int, orders: bool) -> None:
     broken, lines, _ = broken_laws_of_text(seed, orders=orders)
     assert lines > 0

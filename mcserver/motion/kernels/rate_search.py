@@ -354,7 +354,11 @@ def search_rate(
     from_rest, ends, urgent, planned, any_wanted = flags[0], flags[1], flags[2], flags[3], flags[4]
     slowly, in_parts = flags[5], flags[6]
     u, rate, target, edge, safe = state[U], state[NOW], state[TARGET], state[EDGE], state[SAFE]
-    count = find_window(row_u, first, behind, from_rest, state[BEGUN], places, at)
+    count, waits = find_window(
+        row_u, position, velocity, first, behind, from_rest, state[BEGUN], driven, limits, state[SECONDS],
+        places, at,
+    )  # fmt: skip
+    ends = ends or waits
     set_limits(velocity, limits, driven, displaced, first, behind, urgent, scratch)
     near = edge - u < state[FAR] * max(1.0, rate)
     keeps = near and state[BEND] == 0.0 and 0.0 < rate <= target

@@ -36,25 +36,35 @@ SCRATCH = 11
 @compiled
 def find_window(
     row_u: NDArray[np.int64],
+    position: Array,
+    velocity: Array,
     first: int,
     last: int,
     from_rest: bool,
     begun: float,
+    driven: NDArray[np.bool_],
+    limits: Array,
+    seconds: float,
     places: Array,
     at: NDArray[np.int64],
-) -> int:
+) -> tuple[int, bool]:
     """Write u and the place in the ring of rows first to last - 1, and where the axes rest between them.
 
     From where a motion stands at its beginning, or after a gap, to the next row it goes from rest: such a
-    place is noted as -1 - (the row it rests at), that of the beginning as -1 - n.
+    place is noted as -1 - (the row it rests at), that of the beginning as -1 - n. Rows behind which an axis
+    moves by itself before the next one, as by a rapid, are the last: u waits there for it.
 
     Returns:
-        The number of places.
+        The number of places, and whether such a rest is the last of them.
     """
     size = len(row_u)
     count = 0
     for number in range(first, last):
         here = float(row_u[number % size])
+        if number > first and _moves_by_itself(
+            position, velocity, (number - 1) % size, number % size, driven, limits, seconds
+        ):
+            return count, True
         if number == first and from_rest:
             places[0] = min(max(here - 1.0, begun), here - NEAR_U)
             at[0] = -1 - size
@@ -67,7 +77,28 @@ def find_window(
         places[count] = here
         at[count] = number % size
         count += 1
-    return count
+    return count, False
+
+
+@compiled
+def _moves_by_itself(
+    position: Array,
+    velocity: Array,
+    before: int,
+    after: int,
+    driven: NDArray[np.bool_],
+    limits: Array,
+    seconds: float,
+) -> bool:
+    """Return whether rows rest, and an axis is farther away in the next one than a motion from rest gets."""
+    for k in range(position.shape[1]):
+        if velocity[before, k] != 0.0:
+            return False
+    for k in range(position.shape[1]):
+        moved = abs(position[after, k] - position[before, k])
+        if driven[k] and moved > abs(velocity[after, k]) * seconds + 0.25 * limits[RAW_ACCELERATION, k]:
+            return True
+    return False
 
 
 @compiled

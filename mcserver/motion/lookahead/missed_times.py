@@ -50,7 +50,11 @@ def with_stops(solution: Solution, junction_vmax: Array, attempt: Callable[[Arra
 def none_early(
     solver: KnotSolver, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
 ) -> Solution:
-    """Lower speeds beside timed segments that end before their T until none does, where that is possible."""
+    """Lower speeds beside timed segments that end before their T until none does, where that is possible.
+
+    From the speed that is already there a segment may reach only speeds with which it ends too soon, or rest:
+    under a jerk limit a change to a lower speed may take more room than a stop. Then it stops.
+    """
     for _ in range(SLOWDOWNS):
         solver.slow_down(solution.early, solution.speeds, junction_vmax)
         try:
@@ -61,7 +65,21 @@ def none_early(
         if len(found.early) <= len(solution.early):
             solution = found
         if not solution.early:
-            break
+            return solution
+    for group in solution.early[:MOST_STOPS]:
+        for end in (group + 1, group):
+            if not 0 < end < len(junction_vmax) - 1:
+                continue
+            trial = junction_vmax.copy()
+            trial[end] = 0.0
+            try:
+                found = attempt(trial)
+            except PlanningError:
+                continue
+            if len(found.early) < len(solution.early):
+                solution = found
+                junction_vmax[end] = 0.0
+                break
     return solution
 
 
