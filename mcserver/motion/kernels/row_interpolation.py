@@ -4,11 +4,12 @@ Axes follow the cubic through positions and velocities, which is exact where jer
 a jerk limit may have a step of acceleration between rows, and about one of 2a the cubic accelerates by 1.5a:
 where it would pass the limit, the axis follows the motion of least acceleration, ±M with one switch.
 
-At a vertex of an exact path the velocity steps between two rows (D-36). About one near a row the cubic
-swings: it accelerates by four times what the step comes to, and brakes by twice that. There velocity goes
-from one value to the other without turning back, so that differences at the cycle rate are at most those of
-the step itself, wherever the cycles fall. Where a motion begins or ends between the rows, and any of these
-would swing past the rest, it is at rest for a part of the time.
+About a sudden change near one of the rows the cubic swings: it turns back, and goes beyond the speeds at both
+of them. That is where an exact path has a vertex, at which velocity steps (D-36), where a motion begins or
+ends between the rows, and where an axis without a jerk limit begins or ends to accelerate. There velocity
+goes one way only, from one value to the other within a part of the time. So differences at the cycle rate
+are at most those of the step itself, wherever the cycles fall, and nothing swings past a rest or a greatest
+speed.
 """
 
 from __future__ import annotations
@@ -21,8 +22,6 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
-# A cubic with one end at rest is monotone up to v·dt = 3·d, a motion of constant acceleration up to 2·d.
-_CUBIC_MONOTONE, _CONSTANT_MONOTONE = 3.0, 2.0
 # Rows of the bounds of interpolation: the acceleration that the cubic may not pass, infinite for axes with a
 # jerk limit, and the jerk that it does not pass but at a vertex, infinite for axes without.
 STEEP, SHARP = 0, 1
@@ -32,6 +31,9 @@ STEEP, SHARP = 0, 1
 VERTEX_JERK = 1.5
 # The same for the motion of least acceleration of an axis without a jerk limit.
 VERTEX_ACCELERATION = 1.01
+# Powers of the time left by which what is left of a change of velocity and of displacement falls: jerk is
+# constant, or acceleration is.
+_CONSTANT_JERK, _CONSTANT_ACCELERATION = 3, 2
 
 
 @compiled
@@ -47,28 +49,35 @@ def _special(
 ) -> tuple[float, float]:
     """Return displacement and velocity, per interval, where the cubic may not be right."""
     steep = _is_steep(displacement, v0, v1, bound)
-    monotone = _CONSTANT_MONOTONE if steep else _CUBIC_MONOTONE
-    if (v0 == 0.0) != (v1 == 0.0) and abs(v0 + v1) > monotone * abs(displacement):
-        return _rest_within(displacement, v0, v1, share)
-    if _is_vertex(displacement, v0, v1, bound, sharp):
-        return _step_of_velocity(displacement, v0, v1, share)
+    if _goes_one_way(displacement, v0, v1, bound, sharp, steep):
+        power = _CONSTANT_JERK if math.isinf(bound) else _CONSTANT_ACCELERATION
+        return _one_way(displacement, v0, v1, share, power)
     if steep:
         return _least_acceleration(displacement, v0, v1, share)
     return _cubic(displacement, v0, v1, share)
 
 
 @compiled
-def _is_vertex(displacement: float, v0: float, v1: float, bound: float, sharp: float) -> bool:
-    """Return whether velocity steps between the rows, so near to one of them that the cubic would swing.
+def _goes_one_way(displacement: float, v0: float, v1: float, bound: float, sharp: float, steep: bool) -> bool:
+    """Return whether something happens so near to one of the rows that the cubic would swing.
 
     With the change of speed w and e = d - (v0 + v1)/2 a step of w is at 1/2 - e/w of the interval, the cubic
     accelerates by w ± 6e, and the motion of least acceleration by 2|e| + √(4e² + w²).
     """
     excess, change = abs(displacement - 0.5 * (v0 + v1)), abs(v1 - v0)
-    if 6.0 * excess <= change or change == 0.0:
-        return False
+    resting = (v0 == 0.0) != (v1 == 0.0)
     least = 2.0 * excess + math.sqrt(4.0 * excess * excess + change * change)
-    return 12.0 * excess > sharp or least > VERTEX_ACCELERATION * bound
+    sudden = resting or least > VERTEX_ACCELERATION * bound
+    if change == 0.0:
+        return False
+    if 6.0 * excess <= change:
+        return steep and sudden
+    if sudden or 12.0 * excess > sharp:
+        return True
+    if math.isinf(bound) or 2.0 * excess >= change:
+        return False
+    # one acceleration, that begins or ends between the rows
+    return change * change / (change - 2.0 * excess) <= bound * (1.0 + 1e-9)
 
 
 @compiled
@@ -100,12 +109,11 @@ def _least_acceleration(displacement: float, v0: float, v1: float, share: float)
 
 
 @compiled
-def _step_of_velocity(displacement: float, v0: float, v1: float, share: float) -> tuple[float, float]:
+def _one_way(displacement: float, v0: float, v1: float, share: float, power: int) -> tuple[float, float]:
     """Return displacement and velocity of a motion whose speed changes one way only, per interval.
 
-    Acceleration falls to 0 within three times the distance of the step from the row that is nearer to it,
-    where the cubic does that, and would go on to the other sign. What no step between the rows explains is
-    displaced by a cubic.
+    It changes next to the row that the step is nearer to, within ``power`` times its distance from that.
+    What no step between the rows explains is displaced by a cubic.
     """
     change = v1 - v0
     excess = displacement - 0.5 * (v0 + v1)
@@ -113,27 +121,13 @@ def _step_of_velocity(displacement: float, v0: float, v1: float, share: float) -
     rest = excess - (0.5 - place) * change
     moved, speed = rest * share * share * (3.0 - 2.0 * share), 6.0 * rest * share * (1.0 - share)
     if place < 0.5:
-        left = max(0.0, 1.0 - share / (3.0 * place + 1e-300))
+        left = max(0.0, 1.0 - share / (power * place + 1e-300))
         # with a step at its place the interval is v0 place + v1 (1 - place) long
-        moved += share * v1 - place * change * (1.0 - left**3)
-        return moved, speed + v1 - change * left**2
-    left = max(0.0, 1.0 - (1.0 - share) / (3.0 * (1.0 - place) + 1e-300))
-    return moved + share * v0 + (1.0 - place) * change * left**3, speed + v0 + change * left**2
-
-
-@compiled
-def _rest_within(displacement: float, v0: float, v1: float, share: float) -> tuple[float, float]:
-    """Return displacement and velocity of a motion that ends, or begins, between two rows, per interval.
-
-    At constant acceleration it moves in the part 2·d/v of the time, and rests in the other.
-    """
-    speed = v0 + v1
-    ending = v1 == 0.0
-    part = max(2.0 * displacement / speed, 1e-300)
-    since = share if ending else 1.0 - share
-    left = max(0.0, 1.0 - since / part)
-    gone = displacement * (1.0 - left * left)
-    return (gone if ending else displacement - gone), speed * left
+        moved += share * v1 - place * change * (1.0 - left**power)
+        return moved, speed + v1 - change * left ** (power - 1)
+    left = max(0.0, 1.0 - (1.0 - share) / (power * (1.0 - place) + 1e-300))
+    moved += share * v0 + (1.0 - place) * change * left**power
+    return moved, speed + v0 + change * left ** (power - 1)
 
 
 @compiled
@@ -167,9 +161,11 @@ def positions_between(
         v0, v1 = start_velocity[k], end_velocity[k]
         position[k] = start[k] + (rise * displacement + first * v0 + last * v1)
         excess = displacement - 0.5 * seconds * (v0 + v1)
-        steep = 6.0 * abs(excess) + seconds * abs(v1 - v0) > bounds[STEEP, k] * square
-        sharp = abs(excess) > bounds[SHARP, k] * cube
-        special |= steep | sharp | ((v0 == 0.0) != (v1 == 0.0))
+        change = seconds * abs(v1 - v0)
+        steep = 6.0 * abs(excess) + change > bounds[STEEP, k] * square
+        sharp = (abs(excess) > bounds[SHARP, k] * cube) | (bounds[STEEP, k] < math.inf)
+        swings = sharp & (6.0 * abs(excess) > change)
+        special |= steep | swings | ((v0 == 0.0) != (v1 == 0.0))
     if special:
         for k in range(len(position)):
             displacement = end[k] - start[k]
