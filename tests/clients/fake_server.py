@@ -319,7 +319,8 @@ class FakeServer(FakeMethods):
             ack["fault"] = program.fault
         if expected:
             ack["expected"] = expected
-        self._put(f"ack/{program.program}", ack)
+        # as the server's: no reply overtakes it
+        self._put(f"ack/{program.program}", ack, zenoh.Priority.INTERACTIVE_HIGH)
 
     # ------------------------------------------------------------ the rest
 
@@ -392,6 +393,7 @@ class FakeServer(FakeMethods):
             "late_cycles": 0,
         }
 
-    def _put(self, key: str, message: Any) -> None:
+    def _put(self, key: str, message: Any, priority: zenoh.Priority = zenoh.Priority.DATA) -> None:
         if self._session is not None:
-            self._session.put(f"mc/@v1/{self.name}/{key}", msgpack.packb(message), encoding=ENCODING)
+            key = f"mc/@v1/{self.name}/{key}"
+            self._session.put(key, msgpack.packb(message), encoding=ENCODING, priority=priority)
