@@ -23,6 +23,7 @@ from mcserver.executor.view import ExecutorView, SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.warm_up import warm_up
+from mcserver.planning.gathering import Gathering
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.message_pipe import MessagePipe
 from mcserver.planning.pipeline import FaultRule, Pipeline
@@ -112,23 +113,32 @@ def run(pipe: MessagePipe, planner: Planner) -> None:
     encode = msgspec.msgpack.Encoder().encode
     poller = select.poll()
     poller.register(pipe, select.POLLIN)
-    pulse = time.monotonic()
+    gathering = Gathering()
+    now = pulse = time.monotonic()
     try:
         while True:
             poller.modify(pipe, select.POLLIN | (select.POLLOUT if pipe.blocked else 0))
-            for _, ready in poller.poll(1000.0 * planner.pause_s):
+            for _, ready in poller.poll(1000.0 * min(planner.pause_s, gathering.until_due(now))):
                 if ready & select.POLLOUT:
                     pipe.flush()
                 if ready & ~select.POLLOUT:
-                    for message in pipe.receive():
-                        if not message:
-                            return
-                        planner.handle(decode(message))
+                    messages = pipe.receive()
+                    commands = [decode(message) for message in messages if message]
+                    gathering.came(commands, time.monotonic())
+                    for command in commands:
+                        planner.handle(command)
+                    if len(commands) < len(messages):
+                        pipe.send(encode(gathering.take()))
+                        return
             events = planner.turn()
             now = time.monotonic()
-            if events or now - pulse >= PULSE_S:
+            gathering.happened(events, now)
+            if gathering.due(now) or now - pulse >= PULSE_S:
                 pulse = now
-                pipe.send(encode(events))
+                pipe.send(encode(gathering.take()))
+            if planner.pause_s and not pipe.blocked and (rest := gathering.until_look(now)):
+                time.sleep(rest)
+                now += rest
     except (EOFError, OSError):
         # the server is gone; the executor stops the machine by itself
         return

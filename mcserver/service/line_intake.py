@@ -32,7 +32,7 @@ class LineIntake:
                 line is faulty; those before it are taken) or MC519 (they cannot be journaled now).
         """
         program = owned_program(self._table.programs, client, program_id)
-        self._take(program, first, lines, urgent=True)
+        self._take(program, first, lines, urgent=True, awaited=judge)
         last = first + len(lines) - 1
         through = min(last, program.queue.accepted)
         self._check_journal(program, through)
@@ -70,7 +70,7 @@ class LineIntake:
         if program is None:
             return
         try:
-            self._take(program, first, lines, urgent=urgent)
+            self._take(program, first, lines, urgent=urgent, awaited=False)
         except ServiceError as error:
             self._table.acks.acknowledge(program, program.queue.expected if error.code == "MC505" else 0)
 
@@ -111,7 +111,9 @@ class LineIntake:
             program.wait_for(through, verdict, validated=False)
         return result
 
-    def _take(self, program: Program, first: int, lines: Sequence[str], *, urgent: bool) -> None:
+    def _take(
+        self, program: Program, first: int, lines: Sequence[str], *, urgent: bool, awaited: bool
+    ) -> None:
         last = first + len(lines) - 1
         if last <= program.queue.accepted:
             # all of it is there: acknowledged again, whatever has become of the program since
@@ -137,7 +139,7 @@ class LineIntake:
         if not taken.lines:
             self._table.acks.acknowledge(program)
             return
-        self._table.lines(program, taken.first, taken.lines, urgent=urgent)
+        self._table.lines(program, taken.first, taken.lines, urgent=urgent, awaited=awaited)
 
     def _check_journal(self, program: Program, through: int | None = None) -> None:
         """Refuse what the journal cannot take now; with ``through`` only if these lines are not in it."""

@@ -145,16 +145,19 @@ class ProgramTable:
         self.publish("program.opened", program)
         self._start(self.leases.request(program.program, program.axes))
 
-    def lines(self, program: Program, first: int, lines: Sequence[str], *, urgent: bool) -> None:
+    def lines(
+        self, program: Program, first: int, lines: Sequence[str], *, urgent: bool, awaited: bool
+    ) -> None:
         """Give lines that the program's queue has taken to the journal, and from there to the planner.
 
         Args:
             urgent: someone waits for them, and nothing else would share their transaction.
+            awaited: someone waits for the planner's verdict on them too.
         """
         if program.rejected:
             program.rejected = 0
             program.diagnostics = []
-        command = Lines(program.program, program.epoch, first, lines)
+        command = Lines(program.program, program.epoch, first, lines, awaited)
         committed = partial(self._lines_committed, program, command)
         self.journal.lines(program.program, first, lines, committed, urgent=urgent)
 
