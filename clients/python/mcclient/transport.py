@@ -18,6 +18,7 @@ import zenoh
 from mcclient.errors import ConfigurationError, NobodyAnswers
 from mcclient.inbox import Inbox
 from mcclient.keys import is_name
+from mcclient.thread_state import ThreadStates
 from mcclient.wire import ENCODING
 
 log = logging.getLogger(__name__)
@@ -135,6 +136,7 @@ class Link:
         self._replies: Inbox[Callable[[], None]] = Inbox(loop, lambda act: act(), limit=REPLIES_LIMIT)
         self._declared: list[Any] = []
         self._trust = _Trusted()
+        self._states = ThreadStates()
         self.closed = False
 
     @classmethod
@@ -185,7 +187,7 @@ class Link:
         """
         gathered: list[Reply] = []
         finished: asyncio.Future[None] = self._loop.create_future()
-        trust = self._trust
+        trust, keep_state = self._trust, self._states.keep
 
         def finish() -> None:
             if not finished.done():
@@ -197,6 +199,7 @@ class Link:
                 finish()
 
         def on_reply(reply: zenoh.Reply) -> None:
+            keep_state()
             source = _replier(reply)
             if not trust.accepts(source):
                 return
@@ -210,6 +213,7 @@ class Link:
             self._replies.push(lambda: take(came))
 
         def on_end() -> None:
+            keep_state()
             # the loop need not be woken for what it knows
             if not finished.done():
                 self._replies.push(finish)
@@ -289,7 +293,7 @@ class Link:
         kept.
         """
         inbox = Inbox(self._loop, deliver, limit=limit)
-        subscriber = self._session.declare_subscriber(key, _samples(inbox, self._trust))
+        subscriber = self._session.declare_subscriber(key, _samples(inbox, self._trust, self._states))
         return Subscription(inbox, subscriber.undeclare)
 
     def subscribe_recovering(self, key: str, deliver: Deliver, *, limit: int) -> Subscription:
@@ -301,7 +305,7 @@ class Link:
             subscriber: Any = zenoh.ext.declare_advanced_subscriber(
                 self._session,
                 key,
-                _samples(inbox, self._trust),
+                _samples(inbox, self._trust, self._states),
                 recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
             )
         except (zenoh.ZError, AttributeError) as error:
@@ -389,10 +393,13 @@ def _replier(reply: zenoh.Reply) -> str | None:
     return None if reply.replier_id is None else str(reply.replier_id.zid)
 
 
-def _samples(inbox: Inbox[Arrived], trust: _Trusted) -> zenoh.handlers.Callback[zenoh.Sample]:
+def _samples(
+    inbox: Inbox[Arrived], trust: _Trusted, states: ThreadStates
+) -> zenoh.handlers.Callback[zenoh.Sample]:
     """A callback for what only the server says; it holds no session, which Zenoh would keep open for it."""
 
     def on_sample(sample: zenoh.Sample) -> None:
+        states.keep()
         if trust.accepts(_source(sample)):
             inbox.push(Arrived(str(sample.key_expr), sample.payload.to_bytes(), False))
 
