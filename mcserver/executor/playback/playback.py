@@ -13,7 +13,7 @@ from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.shm.rings import ProgramRing, scalar_view
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.rate_changes import NEAR_U
-from mcserver.motion.kernels.row_interpolation import VERTEX_JERK, interpolate_rows
+from mcserver.motion.kernels.row_interpolation import interpolate_rows, interpolation_bounds
 
 # Rows that stay after they have been played: what setpoints that span them do is judged by what they do.
 KEPT_ROWS = 8
@@ -78,11 +78,10 @@ class Playback:
         self._scale_cells = scalar_view(ring.feed_scale)
         self._pace_cells = scalar_view(ring.pace)
         self._scratch = np.zeros(count)
-        self.bounds = np.array(
-            [
-                [np.inf if np.isfinite(axis.max_jerk) else axis.max_acceleration for axis in machine.axes],
-                [VERTEX_JERK * axis.max_jerk for axis in machine.axes],
-            ]
+        self.bounds = interpolation_bounds(
+            np.array([axis.max_acceleration for axis in machine.axes]),
+            np.array([axis.max_jerk for axis in machine.axes]),
+            machine.cycle_s,
         )
         # setpoints of the last cycles, that of cycle n in row n % 4
         self._recent = np.zeros((4, count))

@@ -23,7 +23,8 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
 # Rows of the bounds of interpolation: the acceleration that the cubic may not pass, infinite for axes with a
-# jerk limit, and the jerk that it does not pass but at a vertex, infinite for axes without.
+# jerk limit, and the jerk that it does not pass but at a vertex, infinite for axes without. One that lets
+# acceleration go from one limit to the other within a cycle is none here.
 STEEP, SHARP = 0, 1
 # Jerk of the cubic between two rows, in shares of the limit, from which on a vertex is between them. A motion
 # that keeps the limit stays below 1.05. A step of velocity that asks for s times the jerk limit makes the
@@ -34,6 +35,14 @@ VERTEX_ACCELERATION = 1.01
 # Powers of the time left by which what is left of a change of velocity and of displacement falls: jerk is
 # constant, or acceleration is.
 _CONSTANT_JERK, _CONSTANT_ACCELERATION = 3, 2
+
+
+def interpolation_bounds(acceleration: Array, jerk: Array, cycle_s: float) -> Array:
+    """Return the bounds of interpolation of axes with these limits, shape (2, K) [per s², per s³]."""
+    limited = jerk * cycle_s < 2.0 * acceleration
+    return np.stack(
+        [np.where(limited, math.inf, acceleration), np.where(limited, VERTEX_JERK * jerk, math.inf)]
+    )
 
 
 @compiled

@@ -7,6 +7,7 @@ solved again. Segments of G93 stand between knots of their own, since each has i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
@@ -153,11 +154,14 @@ class KnotSolver:
         """
         segment = self._segment(index)
         assert segment.duration is not None
-        limit_table = self.run.limit_table(index, index + 1)
-        kept = profiles_in_time(self._solver, segment.extent, entry, exit_, limit_table, segment.duration)
-        if kept is not None:
-            return kept, Timing.KEPT
-        quickest = min_time_profiles(segment.extent, entry, exit_, limit_table)
+        quickest: list[Profile] | None = None
+        # speeds at knots are those that can be joined with or without the rows of vertices
+        tables = [self.run.limit_table(index, index + 1, speed) for speed in (0.0, math.inf)]
+        for table in tables[: 1 + (tables[0] != tables[1])]:
+            kept = profiles_in_time(self._solver, segment.extent, entry, exit_, table, segment.duration)
+            if kept is not None:
+                return kept, Timing.KEPT
+            quickest = quickest or min_time_profiles(segment.extent, entry, exit_, table)
         if quickest is None:
             raise PlanningError(segment.line)
         least = sum(part.duration for part in quickest)
