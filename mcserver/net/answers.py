@@ -87,7 +87,9 @@ class AnswerMemory:
             ServiceError: MC506 the number was used for another method, MC508 too many clients.
         """
         known = self._client(client)
-        self._forget_old(known)
+        if request in known.entries:
+            # not answered from a memory that has aged
+            self._forget_old(known)
         entry = known.entries.get(request)
         if entry is None:
             known.entries[request] = _Entry(method, self._clock(), waiting=[on_answer])

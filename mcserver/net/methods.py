@@ -144,13 +144,15 @@ class Methods:
             instance=self._service.options.instance,
         )
 
-    def submit(self, client: str, request: wire.SubmitRequest) -> Deferred[wire.SubmitReply]:
+    def submit(
+        self, client: str, request: wire.SubmitRequest
+    ) -> wire.SubmitReply | Deferred[wire.SubmitReply]:
         taken = self._service.lines.submit(
             client, request.program, request.first, request.lines, judge=request.judge
         )
-        return taken.then(
-            lambda program: wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
-        )
+        # most are journaled at once
+        program = taken.value
+        return taken.then(_submit_reply) if program is None else _submit_reply(program)
 
     def close(self, client: str, request: wire.CloseRequest) -> Deferred[wire.CloseReply]:
         closed = self._service.lines.close(client, request.program, request.last)
@@ -288,6 +290,10 @@ def _sdo_reply(found: SdoValue) -> drive_wire.SdoReply:
         },
         drive_wire.SdoReply,
     )
+
+
+def _submit_reply(program: Program) -> wire.SubmitReply:
+    return wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
 
 
 def _done(programs: list[Program]) -> wire.Done:

@@ -60,8 +60,8 @@ class PlannerPort(Protocol):
     def poll_events(self) -> list[ExecutorEvent]:
         """Events since the last call, in order."""
 
-    def slots(self) -> Sequence[SlotView]:
-        """Every slot's place on its program's time axis, and its override."""
+    def views(self, slots: Sequence[int]) -> Sequence[SlotView]:
+        """The place of each of these slots on its program's time axis, and its override."""
 
     def sink(self, slot: int) -> MotionSink:
         """Where a program that begins in the slot puts its rows and control entries."""
@@ -170,9 +170,8 @@ class Planner:
         self._busy = False
         running = [plan for plan in self._plans.values() if plan.phase is PlanPhase.PLANNING]
         if running:
-            slots = self._port.slots()
-            for plan in running:
-                self._busy |= self._advance(plan, slots[plan.slot])
+            for plan, view in zip(running, self._port.views([plan.slot for plan in running]), strict=True):
+                self._busy |= self._advance(plan, view)
         events, self._events = self._events, []
         return events
 

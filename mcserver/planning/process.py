@@ -13,6 +13,7 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Sequence
 
 import msgspec
 
@@ -54,12 +55,10 @@ class SharedPlannerPort:
     def poll_events(self) -> list[ExecutorEvent]:
         return self._parts.events.take()
 
-    def slots(self) -> list[SlotView]:
+    def views(self, slots: Sequence[int]) -> list[SlotView]:
         override_of = self._parts.mailbox.effective_override
-        return [
-            SlotView(u, rate, override_of(index))
-            for index, (u, rate, *_) in enumerate(self._parts.feedback.newest_slots())
-        ]
+        newest = self._parts.feedback.newest_slots()
+        return [SlotView(newest[slot][0], newest[slot][1], override_of(slot)) for slot in slots]
 
     def sink(self, slot: int) -> MotionSink:
         ring = self._parts.rings[slot]
@@ -117,31 +116,40 @@ def run(pipe: MessagePipe, planner: Planner) -> None:
     now = pulse = time.monotonic()
     try:
         while True:
-            poller.modify(pipe, select.POLLIN | (select.POLLOUT if pipe.blocked else 0))
-            for _, ready in poller.poll(1000.0 * min(planner.pause_s, gathering.until_due(now))):
-                if ready & select.POLLOUT:
-                    pipe.flush()
-                if ready & ~select.POLLOUT:
-                    messages = pipe.receive()
-                    commands = [decode(message) for message in messages if message]
-                    gathering.came(commands, time.monotonic())
-                    for command in commands:
-                        planner.handle(command)
-                    if len(commands) < len(messages):
-                        pipe.send(encode(gathering.take()))
-                        return
+            rest = 0.0 if pipe.blocked else gathering.until_look(now)
+            if rest and planner.pause_s:
+                time.sleep(rest)
+                now, rest = now + rest, 0.0
+            if not rest:
+                messages = _exchange(pipe, poller, min(planner.pause_s, gathering.until_due(now)))
+                commands = [decode(message) for message in messages if message]
+                gathering.came(commands, time.monotonic())
+                for command in commands:
+                    planner.handle(command)
+                if len(commands) < len(messages):
+                    pipe.send(encode(gathering.take()))
+                    return
             events = planner.turn()
             now = time.monotonic()
             gathering.happened(events, now)
             if gathering.due(now) or now - pulse >= PULSE_S:
                 pulse = now
                 pipe.send(encode(gathering.take()))
-            if planner.pause_s and not pipe.blocked and (rest := gathering.until_look(now)):
-                time.sleep(rest)
-                now += rest
     except (EOFError, OSError):
         # the server is gone; the executor stops the machine by itself
         return
+
+
+def _exchange(pipe: MessagePipe, poller: select.poll, timeout_s: float) -> list[bytes]:
+    """Wait for messages, and send what the other end has not taken before."""
+    poller.modify(pipe, select.POLLIN | (select.POLLOUT if pipe.blocked else 0))
+    messages = []
+    for _, ready in poller.poll(1000.0 * timeout_s):
+        if ready & select.POLLOUT:
+            pipe.flush()
+        if ready & ~select.POLLOUT:
+            messages = pipe.receive()
+    return messages
 
 
 def main() -> int:

@@ -25,6 +25,11 @@ class Deferred(Generic[T]):
     def done(self) -> bool:
         return self._outcome is not None
 
+    @property
+    def value(self) -> T | None:
+        """The result, where it has come already and is no error."""
+        return None if self._outcome is None else self._outcome[0]
+
     def resolve(self, value: T) -> None:
         """Gives the result; a second one is ignored."""
         self._settle(value, None)

@@ -106,6 +106,9 @@ class FakePort:
     def slots(self) -> list[SlotView]:
         return [SlotView(0.0, 1.0)] * 8
 
+    def views(self, slots: Sequence[int]) -> list[SlotView]:
+        return [SlotView(0.0, 1.0) for _ in slots]
+
     def hold(self, slot: int) -> None:
         self.calls.append(("hold", slot))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mcserver.errors import ServiceError
@@ -89,12 +89,10 @@ class _Planning:
     def poll_events(self) -> list[ExecutorEvent]:
         return self._executor.events()
 
-    def slots(self) -> list[SlotView]:
+    def views(self, slots: Sequence[int]) -> list[SlotView]:
         override_of = self._executor.mailbox.effective_override
-        return [
-            SlotView(u, rate, override_of(index))
-            for index, (u, rate, *_) in enumerate(self._executor.history.newest_slots())
-        ]
+        newest = self._executor.history.newest_slots()
+        return [SlotView(newest[slot][0], newest[slot][1], override_of(slot)) for slot in slots]
 
     def sink(self, slot: int) -> MotionSink:
         ring = self._executor.sink(slot)
