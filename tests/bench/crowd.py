@@ -14,10 +14,11 @@ import msgspec
 import zenoh
 
 from tests.bench.figures import Figure, NotAvailable, percentile
+from tests.bench.machines import written_machine
 from tests.bench.round_trip import RAW_KEY, latencies, raw_session
 from tests.bench.server import Server, server
 
-SUBSCRIBERS, STREAMS = 50, 10
+SUBSCRIBERS, STREAMS = 50, 20
 CALLS = 1000
 STOPS = 60
 
@@ -27,7 +28,11 @@ def measure() -> list[Figure]:
 
     The crowd computes on the same cores: a raw get has nothing of the server in it but that load.
     """
-    with raw_session() as raw, server() as reached:
+    # each stream has an axis of its own
+    machine = written_machine(
+        axes=STREAMS, velocity=1000.0, acceleration=10_000.0, jerk=None, tolerance_mm=0.0, kind="simulated"
+    )
+    with raw_session() as raw, server(machine) as reached:
         key = f"mc/@v1/{reached.machine}/@rpc/bench/status"
         alone = latencies(reached.session, key, [b""] * CALLS)
         with crowd(reached, SUBSCRIBERS, STREAMS):
@@ -105,7 +110,9 @@ def crowd(reached: Server, subscribers: int, streams: int) -> Iterator[None]:
     try:
         for process in processes:
             assert process.stdout is not None
-            process.stdout.readline()
+            answer = process.stdout.readline().strip()
+            if answer != "ready":
+                raise NotAvailable(f"not all of the crowd came: {answer}")
         yield
     finally:
         for process in processes:

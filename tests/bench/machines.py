@@ -26,11 +26,25 @@ def ideal(
     kind: str = "ideal",
 ) -> Machine:
     """A machine of alike linear axes [mm, s]."""
+    return parse_machine(
+        written_machine(
+            axes=axes,
+            velocity=velocity,
+            acceleration=acceleration,
+            jerk=jerk,
+            tolerance_mm=tolerance_mm,
+            kind=kind,
+        )
+    )
+
+
+def written_machine(
+    *, axes: int, velocity: float, acceleration: float, jerk: float | None, tolerance_mm: float, kind: str
+) -> str:
+    """The machine file of such a machine."""
     written = "" if jerk is None else f"max_jerk = {jerk}"
     sections = "".join(
         AXIS.format(index=index, velocity=velocity, acceleration=acceleration, jerk=written, kind=kind)
         for index in range(axes)
     )
-    return parse_machine(
-        f'[machine]\nname = "bench"\n[motion]\npath_tolerance_mm = {tolerance_mm}\n{sections}'
-    )
+    return f'[machine]\nname = "bench"\n[motion]\npath_tolerance_mm = {tolerance_mm}\n{sections}'
