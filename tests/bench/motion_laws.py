@@ -5,9 +5,9 @@ planner has to hand over. Judged from outside, on the rows (`tests.motion.measur
 and jerk of every axis at every cycle, F, the tolerance in both directions, every line reported once and in
 order, and the end; a T is not ended sooner than it says, and later only with a limit to name. With
 ``--orders`` each program is played too, under random holds and overrides of 0 to 200 %. ``--wide`` draws
-from `tests.bench.wide_programs`, ``--text`` programs as text from `tests.bench.text_programs`, which are
-simulated, or with ``--orders`` played beside the planner. Seeds that break a law are printed; each replays
-alone.
+from `tests.bench.wide_programs`, ``--text`` programs as text from `tests.bench.text_programs`, ``--tools``
+those of an arm's tool from `tests.bench.tool_programs`; these two are simulated, or with ``--orders`` played
+beside the planner. Seeds that break a law are printed; each replays alone.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Array
 from tests.bench.text_laws import broken_laws_of_text
+from tests.bench.tool_programs import broken_laws_of_tools
 from tests.bench.wide_programs import wide_program_of
 from tests.executor.test_overrides_of_programs import rig_of
 from tests.motion.measure import (
@@ -303,8 +304,11 @@ def main() -> int:
     options.add_argument("--orders", action="store_true")
     options.add_argument("--wide", action="store_true")
     options.add_argument("--text", action="store_true")
+    options.add_argument("--tools", action="store_true")
     chosen = options.parse_args()
-    if chosen.text:
+    if chosen.tools:
+        judged = functools.partial(broken_laws_of_tools, orders=chosen.orders)
+    elif chosen.text:
         judged = functools.partial(broken_laws_of_text, orders=chosen.orders)
     else:
         draw = wide_program_of if chosen.wide else program_of

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from mckinematics.pose import Kinematics
 
 from mcserver.executor.entries import EventKind
 from mcserver.machine.machine_file import Machine
@@ -80,7 +81,14 @@ PROGRAMS: dict[str, Program] = {
 }
 
 
-def play(machine: Machine, lines: Sequence[str], orders: Sequence[Order], *, every: int = 0) -> Run:
+def play(
+    machine: Machine,
+    lines: Sequence[str],
+    orders: Sequence[Order],
+    *,
+    every: int = 0,
+    kinematics: Kinematics | None = None,
+) -> Run:
     """Play a program while the planner works beside it.
 
     Args:
@@ -91,7 +99,8 @@ def play(machine: Machine, lines: Sequence[str], orders: Sequence[Order], *, eve
     executor = VirtualExecutor(
         machine, recorder=lambda _t, _line, setpoint, _actual: rows.append(setpoint.copy())
     )
-    pipeline = Pipeline(machine, executor.open_slot(0), positions={axis.index: 0.0 for axis in machine.axes})
+    positions = {axis.index: axis.initial_position for axis in machine.axes}
+    pipeline = Pipeline(machine, executor.open_slot(0), positions=positions, kinematics=kinematics)
     texts = ["G1010", *lines]
     sent = 0
     waiting = list(orders)
