@@ -6,6 +6,7 @@ import pytest
 
 from tests.bench.motion_laws import MOST_ROWS, broken_laws, broken_under_orders, program_of
 from tests.bench.text_laws import broken_laws_of_text
+from tests.bench.tool_programs import broken_laws_of_tools
 from tests.bench.wide_programs import wide_program_of
 from tests.motion.support import alike, at_speed, line_curve, plan
 
@@ -72,5 +73,12 @@ def test_a_program_of_what_machines_seldom_do_keeps_every_law(seed: int) -> None
 @pytest.mark.parametrize(("seed", "orders"), [(1, False), (4, False), (5, True), (30054, True), (1309, True)])
 def test_a_random_program_as_text_keeps_every_law_also_beside_a_planner(seed: int, orders: bool) -> None:
     broken, lines, _ = broken_laws_of_text(seed, orders=orders)
+    assert lines > 0
+    assert broken == []
+
+
+@pytest.mark.parametrize(("seed", "orders"), [(0, False), (5003, True)])
+def test_a_random_program_of_a_tool_keeps_every_law_also_beside_a_planner(seed: int, orders: bool) -> None:
+    broken, lines, _ = broken_laws_of_tools(seed, orders=orders)
     assert lines > 0
     assert broken == []
