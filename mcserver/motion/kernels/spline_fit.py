@@ -4,6 +4,11 @@ It minimizes ∫ |q(t) - p(t)|² + L(t)⁶ |q'''(t)|² dt, where p is the polyli
 filter that is 1 / (1 + (ω L)⁶): features of the polyline much shorter than L, the vertices of short chords
 and the digits that their coordinates are rounded to, vanish; curves whose radius is some times L stay where
 they are. L is as long as the tolerance allows, place by place: where q leaves the tolerance it is shortened.
+
+Such a curve runs through the middle of what the chords and their vertices span. Where L is no longer than the
+chords themselves, their vertices turn alike and q misses them by little, it is moved within the tolerance
+instead: towards the one that minimizes the same while it stays within, by the alternating direction method of
+multipliers (Boyd et al., Distributed Optimization and Statistical Learning via ADMM, chapter 5).
 """
 
 from __future__ import annotations
@@ -11,32 +16,42 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.spline_basis import (
-    DEGREE,
-    ORDER,
-    basis,
-    basis_derivatives,
-    taylor_of_spans,
+from mcserver.motion.kernels.spline_basis import DEGREE, ORDER, taylor_of_spans
+from mcserver.motion.kernels.spline_equations import (
+    GRADE,
+    Equations,
+    Samples,
+    bind_end,
+    equations,
+    reach_at,
+    sample,
+    solve,
 )
 
 # Spacing of knots, samples of the polyline and places that are checked, as shares of L and of that spacing.
 KNOT_STEP, SAMPLE_STEP, CHECK_STEP = 0.8, 0.5, 0.34
-# How fast L may change along the curve.
-GRADE = 0.3
-# Fits that are tried; what is aimed at of the tolerance; the least and most that L shrinks by between them.
-ROUNDS, AIM, LEAST, MOST = 24, 0.9, 0.88, 0.35
+# Steps towards the least within the tolerance, for one L: how many, what a place outside weighs then, and
+# what they aim at of the tolerance.
+STEPS, PENALTY, TUBE = 40, 100.0, 0.96
+# They are taken where the plain fit misses by no more than so many tolerances, and L is no longer than so
+# many chords between vertices that turn alike: it misses the chords then, not the curve that they stand for.
+NEAR, SHORT = 8.0, 0.6
+# All of the curve is looked at when no sample is farther than so many of what is aimed at; the spacing of
+# places that are checked then; what L shrinks by where the steps did not do.
+CLOSE, CLOSE_STEP, LESS = 1.02, 0.12, 0.7
+# Fits that are tried; what is aimed at of the tolerance; the least and most that L shrinks by between plain
+# ones.
+ROUNDS, AIM, LEAST, MOST = 32, 0.9, 0.88, 0.35
 # The shortest L, in tolerances: a corner that turns back on itself has no shorter one.
 FLOOR = 0.1
 # Conditions at an end: its place alone, where the motion rests, or place and three derivatives.
 AT_REST, JOINED = 1, 4
 # Samples of one chord at most, and the least step to the next place that is checked, as a share of a chord.
 MOST_SAMPLES, LEAST_STEP = 200, 1e-6
-# Gauss-Legendre quadrature with three places, exact for the square of a third derivative.
-_PLACES = (0.5 - 0.5 * math.sqrt(0.6), 0.5, 0.5 + 0.5 * math.sqrt(0.6))
-_WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
 
 
 @compiled
@@ -49,15 +64,6 @@ def _grade(t: Array, reach: Array) -> None:
 
 
 @compiled
-def _reach_at(t: Array, reach: Array, chord: int, place: float, longest: float) -> float:
-    """L at a place of a chord."""
-    before = reach[chord] + GRADE * (place - t[chord])
-    after = reach[chord + 1] + GRADE * (t[chord + 1] - place)
-    reached: float = min(before, after, longest)
-    return reached
-
-
-@compiled
 def _place_knots(t: Array, reach: Array, longest: float, most: int) -> Array:
     """Clamped knots whose spacing follows L; empty where they would be more than ``most``."""
     inner = np.empty(most)
@@ -65,7 +71,7 @@ def _place_knots(t: Array, reach: Array, longest: float, most: int) -> Array:
     while place < end and count < most:
         while chord < len(t) - 2 and t[chord + 1] <= place:
             chord += 1
-        place += KNOT_STEP * _reach_at(t, reach, chord, place, longest)
+        place += KNOT_STEP * reach_at(t, reach, chord, place, longest)
         inner[count] = place
         count += 1
     if count >= most:
@@ -85,118 +91,36 @@ def _place_knots(t: Array, reach: Array, longest: float, most: int) -> Array:
 
 
 @compiled
-def _bind_end(knots: Array, control: Array, jet: Array, conditions: int, first: bool) -> None:
-    """Write the control points at an end that give its place and the derivatives there.
+def _draw_within(samples: Samples, control: Array, multipliers: Array, targets: Array) -> float:
+    """Take one step towards the curve that minimizes the same while its samples keep within their limits.
 
     Args:
-        jet: place and three derivatives, shape (4, K).
+        multipliers: scaled ones of the samples, shape (S, K); written: with this curve.
+        targets: written: what the next curve is drawn to.
+
+    Returns:
+        The greatest distance from the polyline, in limits.
     """
-    n, width = control.shape
-    values = np.empty((4, ORDER))
-    span = DEGREE if first else n - 1
-    basis_derivatives(knots, span, knots[0] if first else knots[-1], 3, values)
-    for order in range(conditions):
+    width = control.shape[1]
+    place, moved = np.empty(width), np.empty(width)
+    worst = 0.0
+    for at in range(len(targets)):
+        first, square, apart = samples.firsts[at], 0.0, 0.0
         for k in range(width):
-            total = jet[order, k]
-            for j in range(order):
-                at, value = (j, values[order, j]) if first else (n - 1 - j, values[order, DEGREE - j])
-                total -= value * control[at, k]
-            if first:
-                control[order, k] = total / values[order, order]
-            else:
-                control[n - 1 - order, k] = total / values[order, DEGREE - order]
-
-
-@compiled
-def _assemble(
-    t: Array, points: Array, reach: Array, longest: float, knots: Array, band: Array, right: Array
-) -> None:
-    """Add up the normal equations.
-
-    Args:
-        band: upper half of the symmetric matrix, shape (n, 6), zeroed. right: right-hand sides, shape (n, K),
-            zeroed.
-    """
-    width = points.shape[1]
-    values = np.empty(ORDER)
-    derivatives = np.empty((4, ORDER))
-    span, last = DEGREE, len(knots) - ORDER - 1
-    for chord in range(len(t) - 1):
-        low, length = t[chord], t[chord + 1] - t[chord]
-        step = SAMPLE_STEP * KNOT_STEP * min(reach[chord], reach[chord + 1])
-        count = max(1, min(MOST_SAMPLES, math.ceil(length / step)))
-        for i in range(count + 1):
-            share = i / count
-            place = low + share * length
-            weight = length / count * (0.5 if i in (0, count) else 1.0)
-            while span < last and knots[span + 1] <= place:
-                span += 1
-            while span > DEGREE and knots[span] > place:
-                span -= 1
-            basis(knots, span, place, values)
-            first = span - DEGREE
+            place[k] = 0.0
             for a in range(ORDER):
-                part = weight * values[a]
-                for b in range(a, ORDER):
-                    band[first + a, b - a] += part * values[b]
-                for k in range(width):
-                    target = points[chord, k] + share * (points[chord + 1, k] - points[chord, k])
-                    right[first + a, k] += part * target
-    chord = 0
-    for span in range(DEGREE, last + 1):
-        low, length = knots[span], knots[span + 1] - knots[span]
-        first = span - DEGREE
-        middle = low + 0.5 * length
-        while chord < len(t) - 2 and t[chord + 1] <= middle:
-            chord += 1
-        stiffness = _reach_at(t, reach, chord, middle, longest) ** 6
-        for which in range(len(_PLACES)):
-            basis_derivatives(knots, span, low + _PLACES[which] * length, 3, derivatives)
-            for a in range(ORDER):
-                part = stiffness * _WEIGHTS[which] * length * derivatives[3, a]
-                for b in range(a, ORDER):
-                    band[first + a, b - a] += part * derivatives[3, b]
-
-
-@compiled
-def _fix(band: Array, right: Array, control: Array, index: int) -> None:
-    """Take a control point that is known out of the equations."""
-    n, width = control.shape
-    for d in range(1, ORDER):
-        if index + d < n:
-            for k in range(width):
-                right[index + d, k] -= band[index, d] * control[index, k]
-        band[index, d] = 0.0
-        if index - d >= 0:
-            for k in range(width):
-                right[index - d, k] -= band[index - d, d] * control[index, k]
-            band[index - d, d] = 0.0
-    band[index, 0] = 1.0
-    for k in range(width):
-        right[index, k] = control[index, k]
-
-
-@compiled
-def _solve(band: Array, right: Array) -> bool:
-    """Solve the banded equations by LDLᵀ in place; False where they are singular."""
-    n, width = right.shape
-    for i in range(n):
-        pivot = band[i, 0]
-        if not pivot > 0.0:
-            return False
-        for d in range(1, min(ORDER, n - i)):
-            factor = band[i, d] / pivot
-            for e in range(d, min(ORDER, n - i)):
-                band[i + d, e - d] -= factor * band[i, e]
-            for k in range(width):
-                right[i + d, k] -= factor * right[i, k]
-    for i in range(n - 1, -1, -1):
+                place[k] += samples.values[at, a] * control[first + a, k]
+            moved[k] = place[k] + multipliers[at, k] - samples.places[at, k]
+            square += moved[k] ** 2
+            apart += (place[k] - samples.places[at, k]) ** 2
+        worst = max(worst, apart / samples.limits[at] ** 2)
+        share = min(1.0, samples.limits[at] / math.sqrt(square)) if square > 0.0 else 1.0
         for k in range(width):
-            total = right[i, k]
-            for d in range(1, min(ORDER, n - i)):
-                total -= band[i, d] * right[i + d, k]
-            right[i, k] = total / band[i, 0]
-    return True
+            kept = share * moved[k]
+            multipliers[at, k] = moved[k] - kept
+            pull = PENALTY * (kept - multipliers[at, k]) / (1.0 + PENALTY)
+            targets[at, k] = samples.places[at, k] + pull
+    return math.sqrt(worst)
 
 
 @compiled
@@ -211,7 +135,7 @@ def position_and_bend(spans: Array, span: int, x: float, k: int) -> tuple[float,
 
 
 @compiled
-def deviations(t: Array, points: Array, knots: Array, spans: Array, found: Array) -> None:
+def deviations(t: Array, points: Array, knots: Array, spans: Array, check: float, found: Array) -> None:
     """Write how far the curve and each chord are from each other at most, shape (n,).
 
     The distance is taken between equal parameters, which bounds the distance in both directions. Between
@@ -243,8 +167,57 @@ def deviations(t: Array, points: Array, knots: Array, spans: Array, found: Array
             worst = max(worst, square)
             between = max(between, apart * apart / 8.0 * max(bent, last_bend))
             last_place, last_bend = place, bent
-            place += max(CHECK_STEP * (knots[span + ORDER] - knots[span + DEGREE]), LEAST_STEP * (high - low))
+            place += max(check * (knots[span + ORDER] - knots[span + DEGREE]), LEAST_STEP * (high - low))
         found[chord] = math.sqrt(worst) + between
+
+
+@compiled
+def _drawn_within(
+    drawn: Equations, samples: Samples, control: Array, polyline: tuple[Array, Array, Array], knots: Array
+) -> tuple[bool, Array, Array]:
+    """Take steps towards the curve that minimizes the same within the tolerance, up to one that is within.
+
+    Args:
+        drawn: of a curve by `samples`. control: control points to begin with.
+        polyline: see `fit`: t, points, tolerances.
+
+    Returns:
+        Whether it is within, its spans, and how far each chord is missed.
+    """
+    t, points, tolerances = polyline
+    missed = np.empty(len(tolerances))
+    spans = np.empty((len(control) - DEGREE, ORDER, points.shape[1]))
+    targets, multipliers = np.empty(samples.places.shape), np.zeros(samples.places.shape)
+    for step in range(STEPS + 1):
+        worst = _draw_within(samples, control, multipliers, targets)
+        if step and (worst <= CLOSE or step == STEPS):
+            taylor_of_spans(knots, control, spans)
+            deviations(t, points, knots, spans, CLOSE_STEP, missed)
+            if (missed <= tolerances).all():
+                return True, spans, missed
+        control = solve(drawn, samples, targets)
+    return False, spans, missed
+
+
+@compiled
+def _shorten(t: Array, missed: Array, tolerances: Array, even: NDArray[np.bool_], reach: Array) -> bool:
+    """Shorten L where a plain fit misses chords by more than vertices within the tolerance could explain.
+
+    Returns:
+        Whether that is anywhere.
+    """
+    shorter = reach.copy()
+    far = False
+    for chord in range(len(missed)):
+        share = missed[chord] / tolerances[chord]
+        short = min(reach[chord], reach[chord + 1]) <= SHORT * (t[chord + 1] - t[chord])
+        if share > 1.0 and not (short and even[chord] and share < NEAR):
+            far = True
+            factor = max(MOST, min(LEAST, math.sqrt(AIM / share)))
+            for vertex in (chord, chord + 1):
+                shorter[vertex] = min(shorter[vertex], factor * reach[vertex])
+    reach[:] = shorter
+    return far
 
 
 @compiled
@@ -254,6 +227,7 @@ def fit(
     reach: Array,
     longest: float,
     tolerances: Array,
+    even: NDArray[np.bool_],
     start: tuple[int, Array],
     end: tuple[int, Array],
 ) -> tuple[bool, Array, Array]:
@@ -262,7 +236,8 @@ def fit(
     Args:
         t, points: the polyline over its length, shapes (n+1,) and (n+1, K).
         reach: L at the vertices to begin with, shape (n+1,); written: what was found.
-        longest: the longest L. tolerances: of the chords, shape (n,).
+        longest: the longest L. tolerances: of the chords, shape (n,). even: whether the vertices at both of
+            their ends turn alike, shape (n,).
         start, end: how many conditions hold there (`AT_REST`, `JOINED`), and place and three derivatives,
             shape (4, K).
 
@@ -270,8 +245,7 @@ def fit(
         Whether it was found; the knots, clamped, and the polynomials of its m spans, shape (m, 6, K).
     """
     width = points.shape[1]
-    missed = np.empty(len(t) - 1)
-    shrunk = np.empty(len(t))
+    missed, counts = np.empty(len(t) - 1), np.empty(len(t) - 1, np.intp)
     least = FLOOR * tolerances.min()
     most = 64 + 64 * len(t)
     nothing = np.empty(0), np.empty((0, ORDER, width))
@@ -282,33 +256,37 @@ def fit(
         knots = _place_knots(t, reach, longest, most)
         if len(knots) == 0:
             break
-        n = len(knots) - ORDER
-        control = np.zeros((n, width))
-        _bind_end(knots, control, start[1], start[0], True)
-        _bind_end(knots, control, end[1], end[0], False)
-        band, right = np.zeros((n, ORDER)), np.zeros((n, width))
-        _assemble(t, points, reach, longest, knots, band, right)
-        for index in range(start[0]):
-            _fix(band, right, control, index)
-        for index in range(end[0]):
-            _fix(band, right, control, n - 1 - index)
-        if not _solve(band, right):
+        known = np.zeros((len(knots) - ORDER, width))
+        bind_end(knots, known, start[1], start[0], True)
+        bind_end(knots, known, end[1], end[0], False)
+        for chord in range(len(counts)):
+            step = SAMPLE_STEP * KNOT_STEP * min(reach[chord], reach[chord + 1])
+            counts[chord] = max(1, min(MOST_SAMPLES, math.ceil((t[chord + 1] - t[chord]) / step)))
+        samples = sample(t, points, TUBE * tolerances, counts, knots)
+        plain = equations(t, reach, longest, knots, samples, known, (start[0], end[0]))
+        if not plain.solvable:
             break
-        spans = np.empty((n - DEGREE, ORDER, width))
-        taylor_of_spans(knots, right, spans)
-        deviations(t, points, knots, spans, missed)
-        kept = True
-        shrunk[:] = reach
-        for chord in range(len(missed)):
-            share = missed[chord] / tolerances[chord]
-            if share > 1.0:
-                kept = False
-                factor = max(MOST, min(LEAST, math.sqrt(AIM / share)))
-                for vertex in (chord, chord + 1):
-                    shrunk[vertex] = min(shrunk[vertex], factor * reach[vertex])
-        if kept:
+        control = solve(plain, samples, samples.places)
+        spans = np.empty((len(control) - DEGREE, ORDER, width))
+        taylor_of_spans(knots, control, spans)
+        deviations(t, points, knots, spans, CHECK_STEP, missed)
+        if (missed <= tolerances).all():
             return True, knots, spans
-        reach[:] = shrunk
+        if _shorten(t, missed, tolerances, even, reach):
+            continue
+        samples.weights[:] *= 1.0 + PENALTY
+        drawn = equations(t, reach, longest, knots, samples, known, (start[0], end[0]))
+        if not drawn.solvable:
+            break
+        within, spans, missed = _drawn_within(drawn, samples, control, (t, points, tolerances), knots)
+        if within:
+            return True, knots, spans
+        shorter = reach.copy()
+        for chord in range(len(missed)):
+            if missed[chord] > tolerances[chord]:
+                shorter[chord] = min(shorter[chord], LESS * reach[chord])
+                shorter[chord + 1] = min(shorter[chord + 1], LESS * reach[chord + 1])
+        reach[:] = shorter
     return False, nothing[0], nothing[1]
 
 

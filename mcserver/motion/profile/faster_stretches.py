@@ -82,6 +82,7 @@ def quicker_stretches(
         run,
         groups.edges,
         _single_segments(groups, passed),
+        _at_vertices(run),
         _feeds_of(groups, feeds),
         profile,
         phases,
@@ -134,14 +135,16 @@ class _Known:
     """What is known of a run.
 
     Attributes:
-        single: groups that are one whole segment. feed: least speed by F of the groups. profile, phases,
-            knots, first: as `KnotSolver` gives them. moments, speeds: at the knots [s]. apart: time between
+        single: groups that are one whole segment. at_vertex: groups with a vertex, which have all that is
+            about it. feed: least speed by F of the groups. profile, phases, knots, first: as `KnotSolver`
+            gives them. moments, speeds: at the knots [s]. apart: time between
             nodes [s]. stops: see `quicker_stretches`.
     """
 
     run: Run
     edges: Array
     single: NDArray[np.bool_]
+    at_vertex: NDArray[np.bool_]
     feed: Array
     profile: Phases
     phases: Array
@@ -163,6 +166,9 @@ class _Known:
         inner = _inner(rows, rests, self.apart)
         if inner is None or (rests[1] and last == len(self.knots) - 1 and not self.stops):
             return rows[:0], False
+        inner, edges = self._between_vertices(rows, inner, index, last)
+        if inner.start >= inner.stop:
+            return rows[:0], False
         before, between, after = rows[: inner.start], rows[inner], rows[inner.stop :]
         begin = self.moments[index] + before[:, 0].sum()
         end = self.moments[last] - after[:, 0].sum()
@@ -170,13 +176,35 @@ class _Known:
         at, v = self.profile.at(np.linspace(begin, end, count))
         at[0], v[0], push = between[0, 1:4]
         at[-1], v[-1], pull = self.edges[self.knots[last]], self.speeds[last], 0.0
-        if rests[1]:
+        if len(after):
             at[-1], v[-1], pull = after[0, 1:4]
-        edges = int(self.knots[index]), int(self.knots[last])
         found, looked = quicker_phases(
             self.run, self.edges, self.single, self.feed, *edges, at, v, (float(push), float(pull))
         )
         return np.concatenate((before, found, after)) if len(found) else found, looked
+
+    def _between_vertices(
+        self, rows: Array, inner: slice, index: int, last: int
+    ) -> tuple[slice, tuple[int, int]]:
+        """Return which of the phases between two knots are clear of vertices, and their groups' edges.
+
+        A vertex is passed as it was planned: those of the first half are left before, those of the last
+        behind.
+        """
+        left, right = int(self.knots[index]), int(self.knots[last])
+        vertices = left + np.flatnonzero(self.at_vertex[left:right])
+        if not len(vertices):
+            return inner, (left, right)
+        middle = self.profile.at(np.array([0.5 * (self.moments[index] + self.moments[last])]))[0][0]
+        begin, end = inner.start, inner.stop
+        split = int(np.searchsorted(self.edges[vertices], middle))
+        if split > 0:
+            left = int(vertices[split - 1]) + 1
+            begin = max(begin, int(np.searchsorted(rows[:, 1], self.edges[left])))
+        if split < len(vertices):
+            right = int(vertices[split])
+            end = min(end, int(np.searchsorted(rows[:, 1], self.edges[right], side="right")) - 1)
+        return slice(begin, end), (left, right)
 
     def stretch_end(self, index: int, longest: float) -> int:
         """Return the last knot of the stretch that begins at a knot.
@@ -226,6 +254,14 @@ def _inner(rows: Array, rests: tuple[bool, bool], apart: float) -> slice | None:
     if (rests[0] and rows[0, 0] < REST_NODES * apart) or (rests[1] and rows[-1, 0] < REST_NODES * apart):
         return None
     return slice(start, stop)
+
+
+def _at_vertices(run: Run) -> NDArray[np.bool_]:
+    """Return in which groups a vertex asks for a step of velocity, shape (n,)."""
+    width = run.limits.shape[1]
+    steps = (run.rows[:, 3 * width : 4 * width] > 0.0).any(axis=1)
+    found: NDArray[np.bool_] = np.logical_or.reduceat(steps, run.offset[:-1])
+    return found
 
 
 def _feeds_of(groups: Groups, feeds: Array) -> Array:

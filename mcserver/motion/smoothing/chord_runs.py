@@ -4,7 +4,8 @@ A vertex between two lines that turns by δ is missed by about 0.22 d δ if it i
 d behind it: the tolerance ε asks for d = ε / 0.22 δ. A line is a *chord* where that is more than its half at
 both of its vertices, so that their roundings would meet: neither the line nor its vertices are meant, but the
 curve that they stand for. Where d is shorter, the bend is larger than its neighbours suggest: a corner. But
-where both vertices turn alike and the same way, as in the tightest bend of a curve, d may be shorter.
+where both vertices turn alike and the same way, as in the tightest bend of a curve, d may be shorter, and
+much shorter where they turn by little.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ MISS = 0.22
 # Vertices that turn by more are corners [length of the difference of the unit tangents].
 SHARPEST = 1.2
 # How much shorter d may be than half a line between vertices that turn alike: the curve is then fitted more
-# closely to the vertices, which still takes no stop. Longer lines are polygons that are meant.
-EVEN_BEND = 3.0
+# closely to the vertices, which still takes no stop; and where both turn by less than `GENTLE`. Longer lines
+# are polygons that are meant.
+EVEN_BEND, GENTLE_BEND = 3.0, 7.0
+GENTLE = 0.5
 # Vertices turn alike where the smaller turn is this share of the larger one, and the cosine of the angle
 # between their directions is no less than this.
 ALIKE, SAME_WAY = 0.5, 0.5
@@ -79,7 +82,8 @@ class Chords:
         with np.errstate(divide="ignore"):
             distance = np.where(may, self.tolerances / (MISS * self.turns), 0.0)
         nearer = np.minimum(distance[:-1], distance[1:])
-        nearer[self.even] *= EVEN_BEND
+        gentle = np.maximum(self.turns[:-1], self.turns[1:]) <= GENTLE
+        nearer[self.even] *= np.where(gentle, GENTLE_BEND, EVEN_BEND)[self.even]
         inner: NDArray[np.bool_] = SHARE * self.lengths[1:-1] < nearer
         if linked is not None:
             inner[:linked] = True

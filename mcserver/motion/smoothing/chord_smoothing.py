@@ -178,7 +178,10 @@ class ChordSmoother:
         skip = 1 if jet is not None else 0
         bounds = _Bounds(begin, finish, start, end)
         drawn = inner[skip:]
-        spline = self._fit(drawn, bounds, chords.turns[skip:], tolerances[skip:], jet, longest)
+        even = np.zeros(len(inner), np.bool_)
+        if len(inner) > 2:
+            even = np.pad(chords.even, 1, "edge")
+        spline = self._fit(drawn, bounds, chords.turns[skip:], even[skip:], tolerances[skip:], jet, longest)
         if spline is None:
             return None
         curve = self._parts(
@@ -197,6 +200,7 @@ class ChordSmoother:
         lines: SegmentList,
         bounds: _Bounds,
         turns: Array,
+        even: NDArray[np.bool_],
         tolerances: Array,
         jet: Array | None,
         longest: float,
@@ -231,7 +235,7 @@ class ChordSmoother:
         limit = tolerances / MM
         reach = first_reach(t, turns, limit, VERTEX_REACH, longest / MM)
         found, knots, spans = fit(
-            t, points, reach, longest / MM, limit, (bounds.start, first), (bounds.end, last)
+            t, points, reach, longest / MM, limit, even, (bounds.start, first), (bounds.end, last)
         )
         if not found:
             return None

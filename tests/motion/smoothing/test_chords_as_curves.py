@@ -97,6 +97,25 @@ def test_chords_of_a_circle_take_hardly_longer_than_the_circle(
     assert motion.duration <= 1.10 * arc.duration
 
 
+@pytest.mark.parametrize(
+    ("radius", "tolerances", "share"),
+    # a circle lies between chords and vertices up to two tolerances; beyond, the curve has to bend about it
+    [(0.02, 1.9, 1.05), (0.02, 2.3, 1.25), (0.02, 4.0, 1.8), (0.02, 6.5, 2.4), (0.005, 2.0, 1.15)],
+)
+def test_chords_that_miss_the_circle_by_some_tolerances_bend_no_more_than_they_have_to(
+    radius: float, tolerances: float, share: float
+) -> None:
+    machine = alike(2, jerk=JERK)
+    chord = 2e-3
+    points = circle(radius, chord, 0.1 / radius)
+    tolerance = chord**2 / (8.0 * radius * tolerances)
+    motion = rounded(machine, points, 0.1, tolerance)
+    assert_kept(motion, tolerance)
+    turn = (len(points) - 1) * chord / radius
+    arc = plan(machine, [at_speed(0.1, arc_curve((0.0, 0.0), (0.0, radius), turn))])
+    assert motion.duration <= share * arc.duration
+
+
 def test_each_line_is_reported_once_in_order_and_ends_on_its_target() -> None:
     machine = alike(2, jerk=JERK)
     points = circle(0.01, 5e-4, 2.0)
