@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
+from mcclient.cli.options import with_target
 from mcclient.cli.output import exit_code_of, say, show_error
 from mcclient.errors import MotionError
 
@@ -104,7 +105,7 @@ def build_app(only: str | None = None) -> typer.Typer:
         if only in (None, name):
             # a distance, a velocity or a position may be negative: such words are no options
             settings = {"ignore_unknown_options": True} if name in NEGATIVE else None
-            app.command(name, context_settings=settings)(_imported(place))
+            app.command(name, context_settings=settings)(with_target(_imported(place)))
     for name, place in GROUPS.items():
         if only in (None, name):
             app.add_typer(_imported(place)(), name=name)

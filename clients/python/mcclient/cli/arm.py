@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.options import JsonOption, Target
 from mcclient.cli.output import carry_out, narration, results, say, write_json
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
@@ -23,6 +23,7 @@ WAITS = "waiting"
 
 
 def arm(
+    target: Target,
     sha256: Annotated[
         str | None,
         typer.Argument(metavar="[HASH]", help="Of the text, at least 8 digits; left out: list what waits."),
@@ -39,9 +40,6 @@ def arm(
         Path | None,
         typer.Option("--pictures", metavar="FOLDER", help="Where pictures go; default: the user's cache."),
     ] = None,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Arm a program that somebody asked to run: this very text, once; without a hash, list what waits.
@@ -50,7 +48,7 @@ def arm(
     """
 
     async def look() -> tuple[str, list[dict[str, Any]]]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             folder = pictures or default_folder() / one.name
             wanted = await one.run_requests()
             if pictures is None:
@@ -60,7 +58,7 @@ def arm(
             return one.name, [await shown(one, each, folder) for each in wanted]
 
     async def order(number: int | None) -> dict[str, Any]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             return await one.arm(sha256 or "", seconds=seconds, override=override, number=number)
 
     name, found = carry_out(look, json)

@@ -20,10 +20,7 @@ from rich.console import Console
 from mcclient.cli.codes import CODES, COMMANDS
 from mcclient.cli.options import (
     AxesOption,
-    ConfigOption,
-    ConnectOption,
     JsonOption,
-    MachineOption,
     Target,
     parse_axes,
 )
@@ -48,13 +45,7 @@ class CodeCompleter(Completer):
                 yield Completion(name, start_position=-len(word), display_meta=meaning)
 
 
-def console(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    axes: AxesOption = None,
-    zenoh: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def console(target: Target, axes: AxesOption = None, json: JsonOption = False) -> None:
     """Type G-code, line by line, in one program; :help lists the console's own commands.
 
     From a pipe each line is waited for, and the exit code is that of the last error.
@@ -62,7 +53,7 @@ def console(
 
     async def work() -> MotionError | None:
         chosen = parse_axes(axes)
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             if sys.stdin.isatty() and results().is_terminal:
                 talk = Talk(one, _console_above_prompt, axes=chosen)
                 await _at_terminal(talk, one.name)

@@ -12,7 +12,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.options import JsonOption, Target, with_target
 from mcclient.cli.output import carry_out, errors_shown, results, say, write_json
 from mcclient.cli.step import step
 from mcclient.errors import RequestRefused
@@ -41,31 +41,29 @@ _STYLES = {"operational": "green", "booting": "yellow", "restarting": "yellow", 
 def build_drives_app() -> typer.Typer:
     """``mcctl drives``, and ``mcctl drives watch``."""
     app = typer.Typer(invoke_without_command=True)
-    app.callback()(drives)
-    app.command("watch")(watch)
-    app.command("scan")(scan)
+    app.callback()(with_target(drives))
+    app.command("watch")(with_target(watch))
+    app.command("scan")(with_target(scan))
     # a distance may be negative
-    app.command("step", context_settings={"ignore_unknown_options": True})(step)
+    app.command("step", context_settings={"ignore_unknown_options": True})(with_target(step))
     return app
 
 
 def watch(
+    target: Target,
     interval: Annotated[
         float, typer.Option("--interval", metavar="S", min=0.05, help="Seconds between two looks.")
     ] = 0.5,
     count: Annotated[
         int, typer.Option("--count", metavar="N", min=0, help="End after so many looks; 0: on Ctrl-C.")
     ] = 0,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Look at the drives again and again: states, emergencies, monitored objects."""
 
     async def work() -> int:
         looks = 0
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             with Live(console=results(), auto_refresh=False, transient=False) as live:
                 while not count or looks < count:
                     if looks:
@@ -82,19 +80,17 @@ def watch(
 
 
 def scan(
+    target: Target,
     bus: Annotated[str, typer.Argument(metavar="[BUS]", help="Name of a bus; left out: all of them.")] = "",
     machine_file: Annotated[
         bool, typer.Option("--machine-file", help="Print a machine file to start from, instead of the table.")
     ] = False,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Look who is on the machine's CAN buses: identity, modes, EDS file, axis; nothing is changed."""
 
     async def work() -> list[BusScan]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             return await one.drives_scan(bus)
 
     found = carry_out(work, json)
@@ -143,19 +139,13 @@ def monitor_lines(drives: list[DriveInfo]) -> list[Text]:
     return lines
 
 
-def drives(
-    context: typer.Context,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def drives(target: Target, context: typer.Context, json: JsonOption = False) -> None:
     """Every drive on a CAN bus: node, heartbeat, statusword, identity, last emergency, monitored objects."""
     if context.invoked_subcommand is not None:
         return
 
     async def work() -> tuple[str, list[DriveInfo]]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             return one.name, await one.drives()
 
     name, found = carry_out(work, json)
@@ -210,19 +200,17 @@ def build_sdo_app() -> typer.Typer:
     def root() -> None:
         """Objects of a drive on a CAN bus (CANopen SDO)."""
 
-    app.command("read")(read)
+    app.command("read")(with_target(read))
     # a value may be negative: such a word is no option
-    app.command("write", context_settings={"ignore_unknown_options": True})(write)
+    app.command("write", context_settings={"ignore_unknown_options": True})(with_target(write))
     return app
 
 
 def read(
+    target: Target,
     axis: AxisArgument,
     place: ObjectArgument,
     kind: TypeOption = None,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Read an object: mcctl sdo read 2 6041."""
@@ -231,22 +219,20 @@ def read(
         check_type(kind)
 
     async def work() -> SdoObject:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             return await one.sdo_read(axis, index, subindex, type=kind)
 
     _tell(carry_out(work, json), json)
 
 
 def write(
+    target: Target,
     axis: AxisArgument,
     place: ObjectArgument,
     value: Annotated[
         str, typer.Argument(metavar="VALUE", help="A number, also 0x10 and 1.5; text; bytes as 01 ff.")
     ],
     kind: TypeOption = None,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Write an object, unless that would fight the cycle: mcctl sdo write 2 6065 5000."""
@@ -255,7 +241,7 @@ def write(
         check_type(kind)
 
     async def work() -> SdoObject:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             return await one.sdo_write(axis, index, subindex, value, type=kind)
 
     _tell(carry_out(work, json), json)

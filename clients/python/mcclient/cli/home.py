@@ -8,10 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from mcclient.cli.options import (
-    ConfigOption,
-    ConnectOption,
     JsonOption,
-    MachineOption,
     Target,
     axis_name,
     axis_of,
@@ -23,13 +20,11 @@ from mcclient.types import Event, Info, MachineStatus
 
 
 def home(
+    target: Target,
     axes: Annotated[
         list[str] | None, typer.Argument(metavar="[AXIS]...", help="Letters (X Y Z A B C) or numbers.")
     ] = None,
     all_: Annotated[bool, typer.Option("--all", help="Every axis that can find its reference.")] = False,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Let axes find their references: mcctl home X Y, mcctl home --all. Ctrl-C stops them."""
@@ -37,7 +32,7 @@ def home(
     async def work() -> tuple[str, dict[str, Any]]:
         if bool(axes) is all_:
             raise RequestRefused("MC511", "either axes or --all", "such as: mcctl home X, mcctl home --all")
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             chosen = None if all_ else [axis_of(text, one.info).index for text in axes or ()]
             program, homed = await _home(one, chosen, narrate=not json)
             return one.name, {"program": program, **_positions(homed, one.info, await one.status())}
@@ -86,19 +81,17 @@ def _check_ended(event: Event) -> None:
 
 
 def reference(
+    target: Target,
     words: Annotated[
         list[str], typer.Argument(metavar="AXIS POSITION...", help="Such as X 0, or X=0 Y=12.5 [mm, deg].")
     ],
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Say where axes are: mcctl reference X 0, mcctl reference Z=-12.5. Nothing moves."""
 
     async def work() -> tuple[str, dict[str, Any]]:
         given = pairs(words)
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             positions = {axis_of(axis, one.info).index: value for axis, value in given.items()}
             await one.reference(positions)
             return one.name, _positions(list(positions), one.info, await one.status())

@@ -12,7 +12,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.options import JsonOption, Target, with_target
 from mcclient.cli.output import carry_out, results, write_json
 from mcclient.machine import Machine
 from mcclient.types import Info, InputInfo, MachineStatus, OutputInfo
@@ -28,18 +28,16 @@ def build_app() -> typer.Typer:
         invoke_without_command=True,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.callback()(show)
+    app.callback()(with_target(show))
     # a value may be negative: such words are no options
-    app.command("set", context_settings={"ignore_unknown_options": True})(set_)
+    app.command("set", context_settings={"ignore_unknown_options": True})(with_target(set_))
     return app
 
 
 def show(
+    target: Target,
     context: typer.Context,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
     watch: Annotated[bool, typer.Option("--watch", "-w", help="Live; Ctrl-C leaves.")] = False,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Inputs and outputs: a table, or set one by name."""
@@ -47,7 +45,7 @@ def show(
         return
 
     async def work() -> None:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             status = await one.status()
             if json:
                 write_json(_as_json(status))
@@ -64,18 +62,16 @@ def show(
 
 
 def set_(
+    target: Target,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Of an output, or of a simulated input.")],
     value: Annotated[str, typer.Argument(metavar="VALUE", help="on, off, or a number in its unit.")],
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Set an output, or a simulated input: mcctl io set lamp on."""
     level = read_level(value)
 
     async def work() -> float:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             if any(each.name == name for each in one.info.inputs):
                 return await one.set_simulated_input(name, level)
             return await one.set_output(name, level)

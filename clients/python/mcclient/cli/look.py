@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from mcclient.cli.options import LOOK_S, ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.options import LOOK_S, ConfigOption, ConnectOption, JsonOption, Target
 from mcclient.cli.output import carry_out, error_as_json, fail, results, say, write_json
 from mcclient.cli.tables import axes_text, machine_view, programs_table
 from mcclient.discovery import list_machines
@@ -57,16 +57,11 @@ def _machine_as_json(name: str, info: Info | MotionError) -> dict[str, Any]:
     }
 
 
-def status(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def status(target: Target, json: JsonOption = False) -> None:
     """The machine's state now: axes, programs, faults."""
 
     async def work() -> tuple[str, Info, MachineStatus]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             return one.name, one.info, await one.status()
 
     name, info, state = carry_out(work, json)
@@ -77,17 +72,15 @@ def status(
 
 
 def programs(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
+    target: Target,
     running: Annotated[bool, typer.Option("--running", help="Only those that have not ended.")] = False,
     limit: Annotated[int, typer.Option("--limit", "-n", min=1, max=1000, help="How many.")] = 20,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Programs running, queued, ended and interrupted, the newest first."""
 
     async def work() -> list[ProgramStatus]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             return await one.programs(ended=not running, limit=limit)
 
     found = carry_out(work, json)

@@ -9,10 +9,7 @@ import typer
 
 from mcclient.cli.jog_keys import from_terminal, jog_by_keys
 from mcclient.cli.options import (
-    ConfigOption,
-    ConnectOption,
     JsonOption,
-    MachineOption,
     ProgramOption,
     Target,
     axis_name,
@@ -61,35 +58,21 @@ def _order_programs(
     _order(target, as_json, act, sentence)
 
 
-def hold(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    program: ProgramOption = None,
-    zenoh: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def hold(target: Target, program: ProgramOption = None, json: JsonOption = False) -> None:
     """Feed hold: stop along the path, ready to resume."""
-    _order_programs("hold", Target(machine, connect, zenoh), json, lambda one: one.hold(program))
+    _order_programs("hold", target, json, lambda one: one.hold(program))
 
 
-def resume(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    program: ProgramOption = None,
-    zenoh: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def resume(target: Target, program: ProgramOption = None, json: JsonOption = False) -> None:
     """End a hold, M00 or M01."""
-    _order_programs("resume", Target(machine, connect, zenoh), json, lambda one: one.resume(program))
+    _order_programs("resume", target, json, lambda one: one.resume(program))
 
 
 def step(
+    target: Target,
     program: Annotated[
         str | None, typer.Argument(metavar="ID", help="The program; default: the only one in step mode.")
     ] = None,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Start the next line of a program in single line mode."""
@@ -97,7 +80,7 @@ def step(
     async def order(one: Machine) -> list[str]:
         return await one.step(program or await _only_program(one))
 
-    _order_programs("step", Target(machine, connect, zenoh), json, order)
+    _order_programs("step", target, json, order)
 
 
 async def _only_program(machine: Machine) -> str:
@@ -108,25 +91,17 @@ async def _only_program(machine: Machine) -> str:
     return living[0]
 
 
-def abort(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    program: ProgramOption = None,
-    zenoh: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def abort(target: Target, program: ProgramOption = None, json: JsonOption = False) -> None:
     """Stop along the path and drop the rest of the program."""
-    _order_programs("abort", Target(machine, connect, zenoh), json, lambda one: one.abort(program))
+    _order_programs("abort", target, json, lambda one: one.abort(program))
 
 
 def override(
+    target: Target,
     percent: Annotated[
         float, typer.Argument(min=0.0, max=200.0, help="100 is as programmed, 0 stands still.")
     ],
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
     program: ProgramOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Feed override in percent, of one program or of all, those to come included."""
@@ -137,10 +112,11 @@ def override(
     def sentence(name: str, outcome: dict[str, Any]) -> str:
         return f"{name}: override {outcome['percent']:g} %"
 
-    _order(Target(machine, connect, zenoh), json, act, sentence)
+    _order(target, json, act, sentence)
 
 
 def jog(
+    target: Target,
     axis: Annotated[str, typer.Argument(metavar="AXIS", help="Its letter (X Y Z A B C) or number.")],
     distance: Annotated[
         float | None,
@@ -153,9 +129,6 @@ def jog(
     keys: Annotated[
         bool, typer.Option("--keys", help="Move while an arrow key, + or - is held down; q ends.")
     ] = False,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Move one axis by hand: mcctl jog X 5, mcctl jog 7 -0.5, mcctl jog Z --keys."""
@@ -193,37 +166,33 @@ def jog(
                 "a jog needs either a distance or --keys",
                 "such as: mcctl jog X 5, mcctl jog X --keys",
             )
-    _order(Target(machine, connect, zenoh), json, act, sentence)
+    _order(target, json, act, sentence)
 
 
-def reset(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    axes: AxesOption = None,
-    zenoh: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def reset(target: Target, axes: AxesOption = None, json: JsonOption = False) -> None:
     """Clear a latched fault or emergency stop; axes stay without energy until captured (G1010)."""
 
     async def act(one: Machine) -> dict[str, Any]:
         await one.reset(axes)
         return {}
 
-    _order(Target(machine, connect, zenoh), json, act, lambda name, _: f"{name}: reset")
+    _order(target, json, act, lambda name, _: f"{name}: reset")
 
 
 def estop(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
+    target: Target,
     reason: Annotated[str, typer.Option("--reason", help="Why, for the record.")] = "mcctl",
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Emergency stop of every axis, until reset. No safety function: use the machine's own circuit too."""
 
     async def work() -> str:
         return await emergency_stop(
-            machine, endpoints_of(connect), client="mcctl", reason=reason, config_file=zenoh
+            target.machine,
+            endpoints_of(target.connect),
+            client="mcctl",
+            reason=reason,
+            config_file=target.config_file,
         )
 
     name = carry_out(work, json)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -89,6 +92,31 @@ class Target:
             timeout_s=LOOK_S,
             config_file=self.config_file,
         )
+
+
+def with_target(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of its `Target`, which it takes by that name."""
+    signature = inspect.signature(command, eval_str=True)
+    if "target" not in signature.parameters:
+        return command
+
+    @functools.wraps(command)
+    def call(machine: str | None, connect: list[str] | None, zenoh: Path | None, **others: object) -> None:
+        command(target=Target(machine, connect, zenoh), **others)
+
+    shown = {
+        name: each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for name, each in signature.parameters.items()
+        if name != "target"
+    }
+    last = shown.pop("json", None)
+    for name, option in (("machine", MachineOption), ("connect", ConnectOption), ("zenoh", ConfigOption)):
+        shown[name] = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option)
+    if last is not None:
+        shown["json"] = last
+    call.__signature__ = signature.replace(parameters=list(shown.values()))  # type: ignore[attr-defined]
+    call.__annotations__ = {name: each.annotation for name, each in shown.items()}
+    return call
 
 
 def parse_axes(text: str | None) -> list[int] | None:

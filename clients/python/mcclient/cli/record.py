@@ -15,7 +15,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.options import JsonOption, Target, with_target
 from mcclient.cli.output import carry_out, results, say, write_json
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
@@ -40,16 +40,17 @@ class Format(enum.StrEnum):
 def build_app() -> typer.Typer:
     """The commands ``mcctl record …``."""
     app = typer.Typer(help="Record cycles: on the server, or here with --output.", no_args_is_help=False)
-    app.callback(invoke_without_command=True)(record)
-    app.command("start")(start)
-    app.command("stop")(stop)
-    app.command("save")(save)
-    app.command("list")(list_)
-    app.command("get")(get)
+    app.callback(invoke_without_command=True)(with_target(record))
+    app.command("start")(with_target(start))
+    app.command("stop")(with_target(stop))
+    app.command("save")(with_target(save))
+    app.command("list")(with_target(list_))
+    app.command("get")(with_target(get))
     return app
 
 
 def record(
+    target: Target,
     context: typer.Context,
     output: Annotated[
         Path | None,
@@ -67,9 +68,6 @@ def record(
     seconds: Annotated[
         float | None, typer.Option("--seconds", "-s", min=0.0, help="How long; default: until Ctrl-C.")
     ] = None,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Record cycles: on the server (start, stop, save, list, get), or here with --output."""
@@ -81,7 +79,7 @@ def record(
         raise typer.BadParameter(f"{output} is not called as a file of the format {format}")
 
     async def work() -> dict[str, Any]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             return await _record_here(one, _file_name(output, format, one.name, time.time()), seconds)
 
     found = carry_out(work, json)
@@ -156,39 +154,29 @@ def _on_interrupt(loop: asyncio.AbstractEventLoop, ended: asyncio.Event) -> Any:
 
 
 def start(
+    target: Target,
     name: NameArgument = "",
     seconds: Annotated[
         float | None, typer.Option("--seconds", "-s", min=0.001, max=86_400.0, help="End it after this time.")
     ] = None,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Record every cycle into a file on the server from now on."""
-    _order("recording", json, Target(machine, connect, zenoh), lambda one: one.start_recording(name, seconds))
+    _order("recording", json, target, lambda one: one.start_recording(name, seconds))
 
 
-def stop(
-    name: NameArgument = "",
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def stop(target: Target, name: NameArgument = "", json: JsonOption = False) -> None:
     """End a recording on the server; without a name the only one."""
-    _order("written", json, Target(machine, connect, zenoh), lambda one: one.stop_recording(name))
+    _order("written", json, target, lambda one: one.stop_recording(name))
 
 
 def save(
+    target: Target,
     reason: Annotated[str, typer.Option("--reason", help="Stands in the file and in its name.")] = "asked",
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Write out the black box, the last minutes, on the server."""
-    _order("written", json, Target(machine, connect, zenoh), lambda one: one.save_black_box(reason))
+    _order("written", json, target, lambda one: one.save_black_box(reason))
 
 
 def _order(word: str, json: bool, target: Target, order: Any) -> None:
@@ -203,16 +191,11 @@ def _order(word: str, json: bool, target: Target, order: Any) -> None:
         say(f"{machine}: {name} {word}")
 
 
-def list_(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def list_(target: Target, json: JsonOption = False) -> None:
     """List the recordings on the server, and what the black box holds."""
 
     async def work() -> tuple[str, dict[str, Any]]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             return one.name, await one.recordings()
 
     name, found = carry_out(work, json)
@@ -242,26 +225,24 @@ def recordings_table(recordings: list[dict[str, Any]]) -> Table:
 
 
 def get(
+    target: Target,
     name: Annotated[str, typer.Argument(metavar="[NAME]", help="Left out: the newest.")] = "",
     output: OutputOption = None,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Take a recording over from the server into a file here."""
 
     async def work() -> tuple[str, Path, int]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             chosen = name.removesuffix(SUFFIX) or await _newest(one)
-            target = output or Path(f"{chosen}{SUFFIX}")
-            return chosen, target, await _download(one, chosen, target)
+            file = output or Path(f"{chosen}{SUFFIX}")
+            return chosen, file, await _download(one, chosen, file)
 
-    chosen, target, size = carry_out(work, json)
+    chosen, file, size = carry_out(work, json)
     if json:
-        write_json({"ok": True, "recording": chosen, "output": str(target), "size": size})
+        write_json({"ok": True, "recording": chosen, "output": str(file), "size": size})
     else:
-        say(f"{target}: {size / 1e6:.1f} MB")
+        say(f"{file}: {size / 1e6:.1f} MB")
 
 
 async def _newest(machine: Machine) -> str:

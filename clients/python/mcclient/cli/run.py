@@ -14,10 +14,7 @@ from mcclient.cli.ahead import JobOptions
 from mcclient.cli.job import Job
 from mcclient.cli.options import (
     AxesOption,
-    ConfigOption,
-    ConnectOption,
     JsonOption,
-    MachineOption,
     Target,
     parse_axes,
 )
@@ -34,9 +31,8 @@ class OnDisconnectChoice(StrEnum):
 
 
 def run(
+    target: Target,
     file: Annotated[str, typer.Argument(metavar="FILE", help="The G-code program; - reads standard input.")],
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
     axes: AxesOption = None,
     from_line: Annotated[
         int,
@@ -56,7 +52,6 @@ def run(
         OnDisconnectChoice,
         typer.Option("--on-disconnect", help="When this command goes away, stop the program or finish it."),
     ] = OnDisconnectChoice.STOP,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run a program and follow it to its end.
@@ -65,7 +60,7 @@ def run(
     """
     with errors_shown(json):
         options = JobOptions(
-            target=Target(machine, connect, zenoh),
+            target=target,
             axes=parse_axes(axes),
             from_line=from_line,
             record=_checked_output(record),

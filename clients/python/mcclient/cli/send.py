@@ -9,10 +9,7 @@ import typer
 from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.options import (
     AxesOption,
-    ConfigOption,
-    ConnectOption,
     JsonOption,
-    MachineOption,
     Target,
     parse_axes,
 )
@@ -21,19 +18,17 @@ from mcclient.errors import ProgramRejected
 
 
 def send(
+    target: Target,
     lines: Annotated[list[str], typer.Argument(metavar="LINE...", help="Lines of G-code, each in quotes.")],
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
     axes: AxesOption = None,
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the motion's end.")] = True,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Send lines as one program: mcctl send 'G1010' 'G01 X10 F600'."""
     texts = [text for argument in lines for text in argument.splitlines() or [""]]
 
     async def work() -> dict[str, Any] | ProgramRejected:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             program = await one.program(
                 "mcctl send", parse_axes(axes), on_disconnect="stop" if wait else "finish"
             )

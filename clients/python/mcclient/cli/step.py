@@ -14,7 +14,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.options import JsonOption, Target
 from mcclient.cli.output import carry_out, results, say, write_json
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
@@ -30,6 +30,7 @@ MOST_ROWS = 200_000
 
 
 def step(
+    target: Target,
     axis: Annotated[int, typer.Argument(min=0, max=63, metavar="AXIS", help="Which axis moves.")],
     distance: Annotated[
         float, typer.Option("--distance", "-d", help=f"mm or deg there and back, {MOST:g} at most.")
@@ -43,9 +44,6 @@ def step(
     armed: Annotated[
         bool, typer.Option("--armed", help="Do not ask: somebody stands at the machine and sees the axis.")
     ] = False,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Move an axis a little and back as quickly as its limits allow, and measure how its drive follows."""
@@ -55,7 +53,7 @@ def step(
         _drawing()
 
     async def work() -> tuple[AxisInfo, Array, list[StepResponse]]:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             info = await _ready(one, axis)
             if not armed:
                 await _ask(one.name, info, distance)

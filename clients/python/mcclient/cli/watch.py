@@ -10,7 +10,7 @@ import typer
 from rich.console import Console, RenderableType
 from rich.live import Live
 
-from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.options import JsonOption, Target
 from mcclient.cli.output import carry_out, results, write_json
 from mcclient.cli.tables import machine_view
 from mcclient.machine import Machine
@@ -23,16 +23,14 @@ OTHER_ROWS = 10
 
 
 def watch(
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
+    target: Target,
     once: Annotated[bool, typer.Option("--once", help="Show one state and leave.")] = False,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Axes, programs and faults, live; Ctrl-C leaves. With --json one line a state."""
 
     async def work() -> None:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             if once:
                 _show_once(one, await one.status(), json)
             elif json:

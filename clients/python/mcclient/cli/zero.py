@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from mcclient.cli.options import ConfigOption, ConnectOption, JsonOption, MachineOption, Target
+from mcclient.cli.options import JsonOption, Target
 from mcclient.cli.output import errors_shown
 from mcclient.cli.send import send
 from mcclient.errors import RequestRefused
@@ -61,6 +61,7 @@ def probed_line(axes: list[str], system: int, probe: ProbeStatus | None) -> str:
 
 
 def zero(
+    target: Target,
     axes: Annotated[
         list[str],
         typer.Argument(metavar="AXIS...", help="Axes by their words: X, or Y=5 to read 5 mm there."),
@@ -71,16 +72,13 @@ def zero(
     probe: Annotated[
         bool, typer.Option("--probe", help="Where the probe met the work (G38.2), not where the axes are.")
     ] = False,
-    machine: MachineOption = None,
-    connect: ConnectOption = None,
-    zenoh: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Set the work coordinate system where the axes are: mcctl zero X Y, mcctl zero Z=1.5. Nothing moves."""
     line = zero_line(axes, system)
 
     async def look() -> ProbeStatus | None:
-        async with Target(machine, connect, zenoh).open() as one:
+        async with target.open() as one:
             # it would wait for the axes, and set where they are when they come free
             for program in await one.programs(ended=False):
                 raise RequestRefused(
@@ -94,4 +92,4 @@ def zero(
         found = asyncio.run(look())
         if probe:
             line = probed_line(axes, system, found)
-    send([line], machine=machine, connect=connect, zenoh=zenoh, json=json)
+    send(target, [line], json=json)
