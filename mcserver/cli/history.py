@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib.util
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +11,7 @@ import typer
 
 from mcserver.cli.console import narration
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
-from mcserver.errors import ConfigurationError
+from mcserver.cli.serving import require_packages
 
 if TYPE_CHECKING:
     from mcclient.fleet import FleetLink
@@ -35,11 +34,7 @@ def history(
     ] = 300.0,
 ) -> None:
     """Write events, line reports and states of all machines into Parquet files, until Ctrl-C."""
-    missing = [name for name in ("duckdb", "mcclient") if importlib.util.find_spec(name) is None]
-    if missing:
-        raise ConfigurationError(
-            "MC016", f"mcserver history needs {', '.join(missing)}", "pip install 'mcserver[history]'"
-        )
+    require_packages("history", "history", ("duckdb", "mcclient"))
     from mcserver.web.history import HistoryFolder
 
     kept = HistoryFolder(folder, time.time, period)

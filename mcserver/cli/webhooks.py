@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib.util
 import logging
 import time
 from pathlib import Path
@@ -13,7 +12,7 @@ import typer
 
 from mcserver.cli.console import narration
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
-from mcserver.errors import ConfigurationError
+from mcserver.cli.serving import require_packages
 
 if TYPE_CHECKING:
     from mcserver.web.webhooks import Hook
@@ -28,11 +27,7 @@ def webhooks(
     zenoh: ZenohConfigOption = None,
 ) -> None:
     """Tell other programs of programs that ended, faults and emergency stops, until Ctrl-C."""
-    missing = [name for name in ("httpx", "mcclient") if importlib.util.find_spec(name) is None]
-    if missing:
-        raise ConfigurationError(
-            "MC016", f"mcserver webhooks needs {', '.join(missing)}", "pip install 'mcserver[web]' mcclient"
-        )
+    require_packages("webhooks", "web", ("httpx", "mcclient"))
     from mcserver.web.webhooks import read_hooks
 
     hooks = read_hooks(config)

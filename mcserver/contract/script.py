@@ -77,6 +77,16 @@ class Script:
         self._messages.append((first, lines))
         self._note("sends", {"first": first, "lines": lines})
 
+    def exchange(self, first: int, last: int) -> None:
+        """The client sends these lines, and the server takes and answers them."""
+        self.sends(first, last)
+        self.answer()
+
+    def settled(self) -> None:
+        """The client sends nothing more, and knows what the server has."""
+        self.quiet()
+        self.knows()
+
     def quiet(self) -> None:
         self._note("quiet", True)
 

@@ -46,15 +46,12 @@ def sequences() -> list[dict[str, Any]]:
 def _numbering() -> Script:
     script = Script("numbering", "lines are numbered from 1 and sent in order")
     script.give("G1010", "G01 X10 F600", "", "(Fräse ß€𝄞)", "G01 X0")
-    script.sends(1, 5)
-    script.answer()
-    script.quiet()
-    script.knows()
+    script.exchange(1, 5)
+    script.settled()
     script.runs(3)
     script.knows()
     script.give("G01 X1")
-    script.sends(6, 6)
-    script.answer()
+    script.exchange(6, 6)
     script.knows()
     return script
 
@@ -65,8 +62,7 @@ def _start_line() -> Script:
     )
     script.knows()
     script.give(*lines(2))
-    script.sends(120, 121)
-    script.answer()
+    script.exchange(120, 121)
     script.knows()
     return script
 
@@ -74,32 +70,24 @@ def _start_line() -> Script:
 def _chunks() -> Script:
     script = Script("chunks", "no message holds more lines than it may", chunk_lines=3)
     script.give(*lines(7))
-    script.sends(1, 3)
-    script.answer()
-    script.sends(4, 6)
-    script.answer()
-    script.sends(7, 7)
-    script.answer()
-    script.quiet()
-    script.knows()
+    script.exchange(1, 3)
+    script.exchange(4, 6)
+    script.exchange(7, 7)
+    script.settled()
     return script
 
 
 def _credit() -> Script:
     script = Script("credit", "never more than `credit` lines beyond `accepted`", room=4)
     script.give(*lines(9))
-    script.sends(1, 4)
-    script.answer()
+    script.exchange(1, 4)
     script.quiet()
     script.runs(1)
-    script.sends(5, 5)
-    script.answer()
+    script.exchange(5, 5)
     script.quiet()
     script.runs(5)
-    script.sends(6, 9)
-    script.answer()
-    script.quiet()
-    script.knows()
+    script.exchange(6, 9)
+    script.settled()
     return script
 
 
@@ -109,8 +97,7 @@ def _no_credit_at_first() -> Script:
     script.quiet()
     script.program.queue = type(script.program.queue)(1, limit_lines=10)
     script.ack()
-    script.sends(1, 2)
-    script.answer()
+    script.exchange(1, 2)
     script.knows()
     return script
 
@@ -122,13 +109,11 @@ def _taken_in_part() -> Script:
     # by now less fits than the reply to `open` has said
     script.program.queue = type(script.program.queue)(1, limit_lines=4)
     script.answer()
-    script.quiet()
-    script.knows()
+    script.settled()
     script.runs(3)
     # who does not wait for replies cannot know whether line 5 is on its way still
     script.asked()
-    script.sends(5, 6)
-    script.answer()
+    script.exchange(5, 6)
     script.knows()
     return script
 
@@ -139,8 +124,7 @@ def _answer_lost() -> Script:
     script.sends(1, 3)
     script.answer_lost()
     script.asked()
-    script.quiet()
-    script.knows()
+    script.settled()
     return script
 
 
@@ -150,10 +134,8 @@ def _message_lost() -> Script:
     script.sends(1, 3)
     script.message_lost()
     script.asked()
-    script.sends(1, 3)
-    script.answer()
-    script.quiet()
-    script.knows()
+    script.exchange(1, 3)
+    script.settled()
     return script
 
 
@@ -162,13 +144,11 @@ def _lost_in_part() -> Script:
         "lost in part", "of two messages the second is lost: it alone is sent again", chunk_lines=2
     )
     script.give(*lines(4))
-    script.sends(1, 2)
-    script.answer()
+    script.exchange(1, 2)
     script.sends(3, 4)
     script.message_lost()
     script.asked()
-    script.sends(3, 4)
-    script.answer()
+    script.exchange(3, 4)
     script.knows()
     return script
 
@@ -183,14 +163,10 @@ def _gap() -> Script:
     script.give(*lines(4))
     script.sends(1, 2)
     script.message_lost()
-    script.sends(3, 4)
-    script.answer()
-    script.sends(1, 2)
-    script.answer()
-    script.sends(3, 4)
-    script.answer()
-    script.quiet()
-    script.knows()
+    script.exchange(3, 4)
+    script.exchange(1, 2)
+    script.exchange(3, 4)
+    script.settled()
     return script
 
 
@@ -205,8 +181,7 @@ def _gap_answered_once() -> Script:
     script.sends(1, 2)
     script.message_lost()
     script.sends(3, 4)
-    script.sends(5, 6)
-    script.answer()
+    script.exchange(5, 6)
     script.sends(1, 2)
     script.sends(3, 4)
     script.sends(5, 6)
@@ -216,8 +191,7 @@ def _gap_answered_once() -> Script:
     script.answer()
     script.answer()
     script.answer()
-    script.quiet()
-    script.knows()
+    script.settled()
     return script
 
 
@@ -226,13 +200,10 @@ def _old_acknowledgement() -> Script:
         "old acknowledgement", "one that is older than what is known changes nothing", chunk_lines=3
     )
     script.give(*lines(6))
-    script.sends(1, 3)
-    script.answer()
-    script.sends(4, 6)
-    script.answer()
+    script.exchange(1, 3)
+    script.exchange(4, 6)
     script.late_ack(3, 97)
-    script.quiet()
-    script.knows()
+    script.settled()
     return script
 
 
@@ -242,11 +213,9 @@ def _foreign_numbers() -> Script:
     script.sends(1, 2)
     script.late_ack(50, 100)
     script.answer()
-    script.quiet()
-    script.knows()
+    script.settled()
     script.give("G01 X3")
-    script.sends(3, 3)
-    script.answer()
+    script.exchange(3, 3)
     script.knows()
     return script
 
@@ -256,26 +225,22 @@ def _faulty_line() -> Script:
         "faulty line", "`accepted` steps back before the faulty line, which is reported with its place"
     )
     script.give("G1010", "G91 GO1", "G01 X2", "G01 X3")
-    script.sends(1, 4)
-    script.answer()
+    script.exchange(1, 4)
     script.rejects(2, FAULTY)
     script.fails("MC101", line=2, column=5)
-    script.quiet()
-    script.knows()
+    script.settled()
     return script
 
 
 def _faulty_line_again() -> Script:
     script = Script("faulty line again", "the program lives on: the corrected line has the same number")
     script.give("G1010", "G91 GO1", "G01 X2")
-    script.sends(1, 3)
-    script.answer()
+    script.exchange(1, 3)
     script.rejects(2, FAULTY)
     script.fails("MC101", line=2, column=5)
     script.asked()
     script.give("G91 G01", "G01 X2")
-    script.sends(2, 3)
-    script.answer()
+    script.exchange(2, 3)
     script.knows()
     script.runs(3)
     script.knows()
@@ -289,14 +254,12 @@ def _faulty_with_lines_under_way() -> Script:
         chunk_lines=3,
     )
     script.give("G1010", "G91 GO1", "G01 X2", "G01 X3", "G01 X4")
-    script.sends(1, 3)
-    script.answer()
+    script.exchange(1, 3)
     script.sends(4, 5)
     script.rejects(2, FAULTY)
     script.fails("MC101", line=2, column=5)
     script.answer()
-    script.quiet()
-    script.knows()
+    script.settled()
     return script
 
 
@@ -305,8 +268,7 @@ def _verdict() -> Script:
         "verdict", "a single line is judged before the call returns; a faulty one may be sent again"
     )
     script.judge("G1010")
-    script.sends(1, 1)
-    script.answer()
+    script.exchange(1, 1)
     script.knows()
     script.judge("G91 GO1")
     script.sends(2, 2)
@@ -314,8 +276,7 @@ def _verdict() -> Script:
     script.fails("MC101", line=2, column=5)
     script.knows()
     script.judge("G91 G01")
-    script.sends(2, 2)
-    script.answer()
+    script.exchange(2, 2)
     script.knows()
     return script
 
@@ -323,8 +284,7 @@ def _verdict() -> Script:
 def _rejected_at_the_end() -> Script:
     script = Script("rejected at the end", "a closed program ends at a faulty line")
     script.give("G1010", "G91 GO1")
-    script.sends(1, 2)
-    script.answer()
+    script.exchange(1, 2)
     script.closes(2)
     script.program.reject(2, [])
     script.program.diagnostics = [wire_diagnostic(FAULTY)]
@@ -337,8 +297,7 @@ def _rejected_at_the_end() -> Script:
 def _close_and_finish() -> Script:
     script = Script("close and finish", "a program is closed behind its last line and ends once all have run")
     script.give(*lines(3))
-    script.sends(1, 3)
-    script.answer()
+    script.exchange(1, 3)
     script.closes(3)
     script.runs(2)
     script.knows()
@@ -352,8 +311,7 @@ def _behind_the_end() -> Script:
         "behind the end", "lines behind M02 are refused once the program has ended", chunk_lines=2
     )
     script.give("G01 X1", "M02", "G01 X2")
-    script.sends(1, 2)
-    script.answer()
+    script.exchange(1, 2)
     script.sends(3, 3)
     script.ends("finished")
     script.answer()
@@ -367,38 +325,32 @@ def _aborted() -> Script:
         "aborted", "an operator's abort is raised to the application; nothing more is sent", room=2
     )
     script.give(*lines(5))
-    script.sends(1, 2)
-    script.answer()
+    script.exchange(1, 2)
     script.enters("ending")
     script.ends("aborted")
     script.fails("MC535")
-    script.quiet()
-    script.knows()
+    script.settled()
     return script
 
 
 def _faulted() -> Script:
     script = Script("faulted", "a fault of the machine is raised with its code")
     script.give(*lines(2))
-    script.sends(1, 2)
-    script.answer()
+    script.exchange(1, 2)
     script.runs(1)
     script.ends("faulted", Fault("MC401", "axis 2 has a following error", axis=2, line=2, t=4.5))
     script.fails("MC401")
-    script.quiet()
-    script.knows()
+    script.settled()
     return script
 
 
 def _held_and_paused() -> Script:
     script = Script("held and paused", "states come and go; lines are taken all the same", chunk_lines=1)
     script.give(*lines(2))
-    script.sends(1, 1)
-    script.answer()
+    script.exchange(1, 1)
     script.enters("held")
     script.knows()
-    script.sends(2, 2)
-    script.answer()
+    script.exchange(2, 2)
     script.enters("paused")
     script.knows()
     script.enters("running")
@@ -411,8 +363,7 @@ def _restart() -> Script:
         "restart", "a server that was restarted knows no such program: it was interrupted", room=3
     )
     script.give(*lines(5))
-    script.sends(1, 3)
-    script.answer()
+    script.exchange(1, 3)
     script.runs(2)
     script.sends(4, 5)
     script.message_lost()
@@ -427,16 +378,14 @@ def _restart() -> Script:
 def _resume() -> Script:
     script = Script("resume", "another program goes on where an interrupted one had ended")
     script.give(*lines(5))
-    script.sends(1, 5)
-    script.answer()
+    script.exchange(1, 5)
     script.runs(3)
     script.asked_after_restart()
     script.fails("MC534")
     script.resumes(4)
     script.knows()
     script.give("G01 X4", "G01 X5")
-    script.sends(4, 5)
-    script.answer()
+    script.exchange(4, 5)
     script.closes(5)
     script.ends("finished")
     script.knows()

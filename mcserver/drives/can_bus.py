@@ -50,6 +50,9 @@ class CanBus:
         port: None before `boot`.
     """
 
+    follows_exactly = False
+    delay_cycles = DELAY_CYCLES
+
     def __init__(
         self,
         machine: Machine,
@@ -63,7 +66,7 @@ class CanBus:
         self.port: CanPort | None = None
         self._opener = opener
         self._wait = wait
-        self._columns = tuple(columns)
+        self.columns = tuple(columns)
         self._cycle = machine.cycle_s
         axes = [machine.axes[column] for column in columns]
         self._axes = axes
@@ -101,10 +104,6 @@ class CanBus:
     # ------------------------------------------------------------------ the bus
 
     @property
-    def columns(self) -> tuple[int, ...]:
-        return self._columns
-
-    @property
     def inputs(self) -> tuple[int, ...]:
         """Columns of the machine's inputs on this bus."""
         own = () if self._io is None else self._io.inputs
@@ -139,14 +138,6 @@ class CanBus:
             self._io.read_outputs(fresh[:nodes])
         if self._drive_io is not None:
             self._drive_io.read_outputs(fresh[nodes:])
-
-    @property
-    def follows_exactly(self) -> bool:
-        return False
-
-    @property
-    def delay_cycles(self) -> int:
-        return DELAY_CYCLES
 
     @property
     def short(self) -> int:
@@ -362,8 +353,8 @@ class CanBus:
         self._down = False
         if self._watch is not None:
             self._watch.forget()
-        if self._columns:
-            self._events.append(bus_back(self._columns[0], self.config.name))
+        if self.columns:
+            self._events.append(bus_back(self.columns[0], self.config.name))
 
     def _fail_silent(self, servo: Cia402Axes) -> None:
         for number, age in enumerate(servo.readings.ages.tolist()):

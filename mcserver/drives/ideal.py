@@ -33,8 +33,11 @@ class IdealBus:
     by itself, it is at home where it stands.
     """
 
+    follows_exactly = True
+    delay_cycles = 0
+
     def __init__(self, axes: Sequence[Axis], columns: Sequence[int]) -> None:
-        self._columns = tuple(columns)
+        self.columns = tuple(columns)
         self._feedback = Feedback.of(len(axes))
         self._feedback.position[:] = [axis.initial_position for axis in axes]
         self._mode = b""
@@ -43,18 +46,6 @@ class IdealBus:
         self._torque = np.zeros(len(axes), np.bool_)
         self._marks = SimulatedMarks(axes)
         self._marks.place(self._feedback.position, self._feedback)
-
-    @property
-    def columns(self) -> tuple[int, ...]:
-        return self._columns
-
-    @property
-    def follows_exactly(self) -> bool:
-        return True
-
-    @property
-    def delay_cycles(self) -> int:
-        return 0
 
     def boot(self) -> Feedback:
         return self._feedback

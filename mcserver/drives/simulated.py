@@ -41,11 +41,14 @@ class SimulatedBus:
     Faults on demand: `jam`, `trip`, `silence`, `delay`; columns are the machine's.
     """
 
+    follows_exactly = False
+    delay_cycles = 0
+
     def __init__(
         self, axes: Sequence[Axis], columns: Sequence[int], cycle_s: float, start_cycles: int = START_CYCLES
     ) -> None:
         count = len(axes)
-        self._columns = tuple(columns)
+        self.columns = tuple(columns)
         self._cycle = cycle_s
         self._start_cycles = start_cycles
         self._model = ServoModel(axes, cycle_s)
@@ -83,18 +86,6 @@ class SimulatedBus:
         self._homing = np.zeros(count, np.int64)
 
     # ------------------------------------------------------------------ the bus
-
-    @property
-    def columns(self) -> tuple[int, ...]:
-        return self._columns
-
-    @property
-    def follows_exactly(self) -> bool:
-        return False
-
-    @property
-    def delay_cycles(self) -> int:
-        return 0
 
     def boot(self) -> Feedback:
         self._model.encoder(self._position, self._feedback.position)
@@ -169,24 +160,24 @@ class SimulatedBus:
 
     def jam(self, column: int, jammed: bool = True) -> None:
         """Blocks an axis mechanically, or frees it: its encoder stands whatever the drive does."""
-        self._jammed[self._columns.index(column)] = jammed
+        self._jammed[self.columns.index(column)] = jammed
         self._any_jammed = bool(self._jammed.any())
 
     def trip(self, column: int, fault: DriveFault = DriveFault.OVER_TEMPERATURE) -> None:
         """Lets a drive fail: it de-energizes and latches the fault."""
-        index = self._columns.index(column)
+        index = self.columns.index(column)
         self._true_state[index] = DriveState.FAULT
         self._feedback.fault[index] = fault
         self._changing = True
 
     def push(self, column: int, velocity: float) -> None:
         """Gives an axis a speed at once, as a blow would [m/s, rad/s]."""
-        self._loop[1, self._columns.index(column)] = velocity
+        self._loop[1, self.columns.index(column)] = velocity
         self._changing = True
 
     def silence(self, column: int, cycles: int | None = None) -> None:
         """Lets a drive not answer for a number of cycles (None: for good; 0: answers again)."""
-        self._mute[self._columns.index(column)] = -1 if cycles is None else cycles
+        self._mute[self.columns.index(column)] = -1 if cycles is None else cycles
         self._any_mute = bool((self._mute != 0).any())
 
     def delay(self, cycles: int) -> None:

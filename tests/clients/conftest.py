@@ -15,8 +15,10 @@ for folder in (ROOT / "clients" / "python", Path(__file__).resolve().parent):
         sys.path.insert(0, str(folder))
 
 from fake_server import FakeServer  # noqa: E402
+from mcclient.cli.app import run_command_line  # noqa: E402
 
 MakeServer = Callable[..., FakeServer]
+Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
@@ -38,6 +40,30 @@ def make_server() -> Iterator[MakeServer]:
 def server(make_server: MakeServer) -> FakeServer:
     """A machine ``cell`` with three axes, whose lines end as soon as they are accepted."""
     return make_server()
+
+
+@pytest.fixture
+def mcctl_at(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[[str], Run]:
+    """Runs command lines against an endpoint: exit code, standard output, standard error."""
+
+    def at(endpoint: str) -> Run:
+        monkeypatch.setenv("MC_CONNECT", endpoint)
+        monkeypatch.setenv("NO_COLOR", "1")
+        monkeypatch.setenv("COLUMNS", "140")
+        return run
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        code = run_command_line(list(arguments))
+        shown = capsys.readouterr()
+        return code, shown.out, shown.err
+
+    return at
+
+
+@pytest.fixture
+def mcctl(mcctl_at: Callable[[str], Run], server: FakeServer) -> Run:
+    """Runs command lines against the fake server."""
+    return mcctl_at(server.endpoint)
 
 
 @pytest.fixture(autouse=True)

@@ -18,27 +18,11 @@ import pytest
 from fake_server import FakeServer
 from mcclient import texts
 from mcclient.cli import ahead
-from mcclient.cli.app import run_command_line
 
 PACKAGE = Path(__file__).resolve().parents[2] / "clients" / "python"
 Run = Callable[..., tuple[int, str, str]]
 FAR_AWAY = "tcp/127.0.0.1:9"
 READ_LIMIT_S = 60.0
-
-
-@pytest.fixture
-def mcctl(server: FakeServer, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs one command line against the fake server: exit code, standard output, standard error."""
-    monkeypatch.setenv("MC_CONNECT", server.endpoint)
-    monkeypatch.setenv("NO_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "120")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        code = run_command_line(list(arguments))
-        shown = capsys.readouterr()
-        return code, shown.out, shown.err
-
-    return run
 
 
 def write(folder: Path, *lines: str) -> str:

@@ -8,24 +8,10 @@ from collections.abc import Callable
 import pytest
 from fake_server import FakeServer
 from mcclient import Machine, RequestRefused
-from mcclient.cli.app import run_command_line
 from mcclient.cli.drives import parse_object
 from mcclient.sync import Machine as SyncMachine
 
 Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def mcctl(server: FakeServer, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    monkeypatch.setenv("MC_CONNECT", server.endpoint)
-    monkeypatch.setenv("NO_COLOR", "1")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        code = run_command_line(list(arguments))
-        shown = capsys.readouterr()
-        return code, shown.out, shown.err
-
-    return run
 
 
 async def test_drives_are_values(server: FakeServer) -> None:

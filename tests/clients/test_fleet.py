@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 import pytest
 import zenoh
 from fake_server import FakeServer
-from mcclient.cli.app import run_command_line
 from mcclient.cli.fleet import Sight
 from mcclient.fleet import FleetLink
 
@@ -59,17 +58,8 @@ def site(make_server: MakeServer) -> Iterator[Site]:
 
 
 @pytest.fixture
-def mcctl(site: Site, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    monkeypatch.setenv("MC_CONNECT", site.endpoint)
-    monkeypatch.setenv("NO_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "140")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        code = run_command_line(list(arguments))
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return run
+def mcctl(mcctl_at: Callable[[str], Run], site: Site) -> Run:
+    return mcctl_at(site.endpoint)
 
 
 def test_one_table_has_every_machine_and_those_in_need_first(mcctl: Run, site: Site) -> None:

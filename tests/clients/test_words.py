@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from fake_server import FakeServer
 from mcclient.cli import interrupt
-from mcclient.cli.app import run_command_line
 from mcclient.cli.job import behind
 from mcclient.cli.jog_keys import FIRST_HOLD_S, NEXT_HOLD_S, jog_by_keys
 from mcclient.cli.options import axis_of
@@ -27,20 +26,6 @@ AXES = tuple(
     for index in (0, 1, 7)
 )
 INFO = Info("cell", "1", (1,), "i", 0.0, 0.001, axes=AXES)
-
-
-@pytest.fixture
-def mcctl(server: FakeServer, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    monkeypatch.setenv("MC_CONNECT", server.endpoint)
-    monkeypatch.setenv("NO_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "120")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        code = run_command_line(list(arguments))
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return run
 
 
 def program(name: str, axes: tuple[int, ...], state: str, opened_at: float) -> ProgramStatus:
