@@ -77,7 +77,8 @@ def test_a_random_program_as_text_keeps_every_law_also_beside_a_planner(seed: in
     assert broken == []
 
 
-@pytest.mark.parametrize(("seed", "orders"), [(0, False), (5003, True)])
+# 68: a rounded corner took so much of a line with a turn that the Jacobian was another one there.
+@pytest.mark.parametrize(("seed", "orders"), [(68, False), (5003, True)])
 def test_a_random_program_of_a_tool_keeps_every_law_also_beside_a_planner(seed: int, orders: bool) -> None:
     broken, lines, _ = broken_laws_of_tools(seed, orders=orders)
     assert lines > 0

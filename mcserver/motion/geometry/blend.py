@@ -33,7 +33,7 @@ from mcserver.units import MM
 SHARE = 0.49
 # Tangents that nearly oppose each other cannot be rounded: the curve would turn on the spot.
 REVERSAL = -0.95
-# A tool's Jacobian within a blend is that at the corner to within this share of its speed.
+# A tool's Jacobian within a blend is that between the ends of its line to within this share of its speed.
 RATES_CHANGE = 1.002
 _S = np.linspace(0.0, 1.0, SAMPLES)
 
@@ -164,22 +164,30 @@ def _moves_tool(before: Segment, after: Segment) -> NDArray[np.bool_]:
     return moves
 
 
-def _side(segment: Segment, end: int, slope: Array, mask: int, base: Array, *, at_joints: bool) -> _Side:
-    return _Side(segment, mask, base, length_of(slope), _feed_rates(segment, end), at_joints)
+def _side(
+    segment: Segment, end: int, s: float, slope: Array, mask: int, base: Array, *, at_joints: bool
+) -> _Side:
+    """Return the line before a blend (``end`` 1) or behind it (0), which it meets at ``s``."""
+    rates = _feed_rates(segment, end)
+    away = (1.0 - s, 0.0) if end else (0.0, s)
+    return _Side(segment, mask, base, length_of(slope), rates, away, at_joints)
 
 
 def _feed_rates(segment: Segment, end: int) -> Array | None:
-    """Return the rows of a tool's Jacobian at an end of a segment that its path speed counts (D-30)."""
+    """Return the rows of a tool's Jacobian at an end of a segment, and at the other one, that its path speed
+    counts (D-30), shape (2, 3, K).
+    """
     for curve, columns in zip(segment.curves, segment.columns, strict=True):
         if not isinstance(curve, SampledCurve) or curve.tool_rates is None:
             continue
         if segment.feed_columns[0] not in columns:
             continue
-        rates = np.zeros((3, segment.first.shape[0]))
-        rates[:, columns] = curve.tool_rates[end][:3]
-        if length_of(rates @ (segment.last if end else segment.first)) <= NO_TRAVEL:
+        rates = np.zeros((2, 3, segment.first.shape[0]))
+        ends = curve.tool_rates[[end, 1 - end]]
+        rates[:, :, columns] = ends[:, :3]
+        if length_of(rates[0] @ (segment.last if end else segment.first)) <= NO_TRAVEL:
             # it only turns
-            rates[:, columns] = curve.tool_rates[end][3:]
+            rates[:, :, columns] = ends[:, 3:]
         return rates
     return None
 
@@ -230,7 +238,9 @@ class _Side:
 
     Attributes:
         mask, base: of the blend. length: |dp/ds| of the line where it meets the blend. feed_rates: what turns
-            rates of the columns into those that a tool's path speed counts, shape (3, K); None: no tool's.
+            rates of the columns into those that a tool's path speed counts, at the corner and at the line's
+            other end, shape (2, 3, K); None: no tool's. away: shares of the line that the blend's first and
+            last point are from the corner.
         at_joints: whether the blend may be so long that these rates change on it.
     """
 
@@ -239,6 +249,7 @@ class _Side:
     base: Array
     length: float
     feed_rates: Array | None
+    away: tuple[float, float]
     at_joints: bool
 
 
@@ -257,9 +268,9 @@ def _between(
         power,
         0.0,
         columns,
-        _side(before, 1, before_slope[0], mask, after.base, at_joints=at_joints),
+        _side(before, 1, leave, before_slope[0], mask, after.base, at_joints=at_joints),
     )
-    side = _side(after, 0, after_slope[0], mask, after.base, at_joints=at_joints)
+    side = _side(after, 0, join, after_slope[0], mask, after.base, at_joints=at_joints)
     second = _half(power, 0.5, columns, side)
     if first is None or second is None:
         return None
@@ -366,11 +377,13 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
     if side.feed_rates is not None:
         curve_of_half = PolynomialCurve((), part, 0.0)
         slopes = curve_of_half.derivatives(_S)[0]
-        counted = np.linalg.norm(slopes @ side.feed_rates.T, axis=1)
+        corner, other = side.feed_rates
+        far = np.linspace(*side.away, len(slopes))[:, None]
+        counted = np.linalg.norm(slopes @ corner.T + far * (slopes @ (other - corner).T), axis=1)
         if side.at_joints:
             of_tool = _moves_tool(side.segment, side.segment)
             away = curve_of_half.position(_S) - side.base
-            counted += _change_of_rates(away[:, of_tool], slopes[:, of_tool], side.feed_rates[:, of_tool])
+            counted += _change_of_rates(away[:, of_tool], slopes[:, of_tool], corner[:, of_tool])
         fastest = RATES_CHANGE * float(counted.max())
         feed = side.segment.feed_speed / max(fastest, 1e-300)
     elif not side.segment.only_feed_columns:
