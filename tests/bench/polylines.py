@@ -14,6 +14,7 @@ from tests.bench.figures import Figure
 from tests.bench.machines import ideal
 
 RADIUS, SPEED, ACCELERATION, LENGTH, TOLERANCE = 20.0, 100.0, 1000.0, 500.0, 0.1
+TIGHT_CHORD = 2.0
 
 
 def measure() -> list[Figure]:
@@ -38,7 +39,25 @@ def measure() -> list[Figure]:
                         "≤ 1.10 ×" if tolerance else "",
                     )
                 )
-    return figures + changing()
+    return figures + tight() + changing()
+
+
+def tight() -> list[Figure]:
+    """Chords of 2 mm that miss the arc by some tolerances."""
+    from mcserver.simulation.simulation import simulate
+
+    figures = []
+    missed = TIGHT_CHORD**2 / (8.0 * RADIUS)
+    floor = float(simulate(arcs(), ideal(axes=2, jerk=50_000.0)).report["duration_s"])
+    for tolerances in (2.0, 4.0, 6.0):
+        machine = ideal(axes=2, jerk=50_000.0, tolerance_mm=missed / tolerances)
+        took = simulate(program(TIGHT_CHORD), machine).report["duration_s"]
+        # up to two tolerances an arc fits between chords and vertices
+        goal = "≤ 1.10 ×" if tolerances <= 2.0 else ""
+        what = f"{TIGHT_CHORD:g} mm, 50 000 mm/s³, tolerance {1e3 * missed / tolerances:.1f} µm"
+        what += f", which chords miss {tolerances:g} times"
+        figures.append(Figure(what, float(took), "s", floor, "the arc itself, as G03", goal))
+    return figures
 
 
 def changing() -> list[Figure]:
