@@ -9,11 +9,13 @@ interpolated (cubic Hermite on position and velocity).
 from __future__ import annotations
 
 import enum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from mcserver.motion.pieces import LineEdges, Rows
 
 Array = NDArray[np.float64]
 
@@ -123,6 +125,28 @@ class MotionSink(Protocol):
         Args:
             u, line: shape (n,). ends: which of them are `LINE_END`, shape (n,).
         """
+
+
+@runtime_checkable
+class ReplaceableSink(MotionSink, Protocol):
+    """A sink in which what the executor has not come to can be replaced: `ProgramRing`."""
+
+    def last_rows(self, u: int, most: int) -> Array | None:
+        """Return the velocities of up to ``most`` rows that end with the one at ``u`` and that the executor
+        has not come to, shape (n, K) [m/s or rad/s]; None where such a row is not there.
+        """
+
+    def row_at(self, u: int) -> tuple[Array, Array] | None:
+        """Return position and velocity (K,) of the row at ``u``; None where it is not there."""
+
+    def replacement_room(self, u: int) -> int:
+        """How many rows could be put in the place of those behind ``u``."""
+
+    def ask_replacement(self, rows: Rows, edges: LineEdges, entries_back: int) -> bool:
+        """Ask the executor to take rows and edges in the place of what is behind (`ProgramRing`)."""
+
+    def replacement_answer(self) -> bool | None:
+        """Whether it has taken them; None: it has not answered."""
 
 
 class EventKind(enum.IntEnum):

@@ -67,6 +67,19 @@ class HeadroomWriter:
         self._velocity = np.zeros(count)
         self._acceleration = np.zeros(count)
 
+    def behind(self, u: int, mask: int, earlier: Array, velocity: Array) -> HeadroomWriter:
+        """Return a writer for rows that follow the one at ``u``.
+
+        Args:
+            mask: of the columns that both it and the row before drive. earlier, velocity: of that row and
+                its own, shape (K,).
+        """
+        writer = HeadroomWriter(self._limits)
+        driven = ((np.uint64(mask) >> self._bits) & np.uint64(1)).astype(np.bool_)
+        writer._u, writer._mask, writer._velocity = u, mask, velocity.copy()
+        writer._acceleration = np.where(driven, velocity - earlier, 0.0) / self._limits.cycle_s
+        return writer
+
     def of(
         self, first_u: int, velocity: Array, masks: NDArray[np.uint64], torque: Array | None = None
     ) -> Array:

@@ -21,6 +21,7 @@ from mcserver.executor.headroom import RATE_MAX, Array
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
+from mcserver.executor.replacing import answer_replacement
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import OVERRIDE_MAX, MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
@@ -212,6 +213,10 @@ class ProgramSlot:
         self._mean_rate = 0.0
         if not self.running:
             return
+        if self.ring.replacement_asked:
+            plays = self._state is not SlotState.STOPPING and self.barrier is None
+            plays = plays and self.playback.active != 0 and not self.playback.at_start
+            answer_replacement(self.ring, self.playback, self._queue, self.ramp, self.u, plays=plays)
         self._queue.note(self.u)
         self._left = 1.0
         if not self._started:

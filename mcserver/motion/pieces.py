@@ -1,4 +1,4 @@
-"""Output of the planner besides rows: where lines begin and end, and the columns that rows drive."""
+"""Output of the planner: rows, where lines begin and end, and the columns that rows drive."""
 
 from __future__ import annotations
 
@@ -9,10 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.bound import Bound
-from mcserver.motion.profile.setpoint_sampling import Rows
 
 # Rows in one piece of output.
 PIECE = 1000
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows at u = first, first + 1, …: positions and velocities (n, K), masks and lines (n,), and what they
+    ask of joints whose torques are limited (n, 3, J), see `row_torques`; None without limits. The feed scales
+    that they are planned at (n,); None: all 1. And the pace, how many of them make a cycle then.
+    """
+
+    first: int
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    axes: NDArray[np.uint64]
+    line: NDArray[np.int64]
+    torque: NDArray[np.float64] | None = None
+    feed_scale: NDArray[np.float64] | None = None
+    pace: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

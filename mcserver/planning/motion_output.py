@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from mcserver.executor.entries import Control, MotionSink
-from mcserver.motion.pieces import Deactivation, LineEdges, Piece
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
+from mcserver.motion.pieces import Deactivation, LineEdges, Piece, Rows
+from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING
 
 
 class Output:

@@ -11,8 +11,7 @@ import pytest
 
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.pieces import Activation, Deactivation
-from mcserver.motion.profile.setpoint_sampling import Rows
+from mcserver.motion.pieces import Activation, Deactivation, Rows
 from tests.executor.rig import Rig
 from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
 from tests.motion.support import Motion, Move, alike, arc_curve, at_speed, line_curve, plan

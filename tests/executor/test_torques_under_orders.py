@@ -13,7 +13,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.torque_limits import TorqueLimits
-from mcserver.motion.profile.setpoint_sampling import Rows
+from mcserver.motion.pieces import Rows
 from tests.executor.rig import CYCLE_S, Rig, give
 from tests.kinematics import arm7
 from tests.motion.support import Move, at_speed, in_time, line_curve, plan

@@ -13,9 +13,8 @@ from mckinematics.dynamics import JointDynamics
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
-from mcserver.motion.pieces import LineBound, LineEdges, Piece
+from mcserver.motion.pieces import LineBound, LineEdges, Piece, Rows
 from mcserver.motion.planner import MotionPlanner
-from mcserver.motion.profile.setpoint_sampling import Rows
 from mcserver.units import AxisType
 
 

@@ -13,8 +13,8 @@ import pytest
 
 PLAN = """
 import numpy as np
+from mcserver.motion.pieces import Rows
 from mcserver.motion.planner import MotionPlanner
-from mcserver.motion.profile.setpoint_sampling import Rows
 from tests.motion.support import alike, polyline
 machine = alike(2, jerk=20_000.0)
 planner = MotionPlanner(machine, np.zeros(2))

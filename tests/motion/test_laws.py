@@ -9,8 +9,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from mcserver.motion.pieces import Activation, Deactivation, LineEdges, Piece
-from mcserver.motion.profile.setpoint_sampling import Rows
+from mcserver.motion.pieces import Activation, Deactivation, LineEdges, Piece, Rows
 from mcserver.units import MM
 from tests.motion.measure import (
     ACCELERATION_SLACK,

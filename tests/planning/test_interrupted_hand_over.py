@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.canonical import AxisOperation
-from mcserver.motion.profile.setpoint_sampling import Rows
+from mcserver.motion.pieces import Rows
 from mcserver.planning.motion_output import Output
 from tests.executor.rig import CYCLE_S, Rig, machine
 from tests.executor.test_rate import trapezoid

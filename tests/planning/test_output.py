@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.motion.pieces import LineEdges
-from mcserver.motion.profile.setpoint_sampling import Rows
+from mcserver.motion.pieces import LineEdges, Rows
 from mcserver.planning.motion_output import Output
 from tests.motion.test_laws import law
 

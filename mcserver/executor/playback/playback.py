@@ -124,12 +124,19 @@ class Playback:
 
     def plain_rate(self, u: float) -> float:
         """Return the rate that stands for 100 % at the rows after u [1]."""
+        at = self._place_after(u)
+        return 1.0 if at is None else float(self._pace_cells[at] / self._scale_cells[at])
+
+    def feed_scale(self, u: float) -> float:
+        """Return the feed scale of the rows after u [1]."""
+        at = self._place_after(u)
+        return 1.0 if at is None else float(self._scale_cells[at])
+
+    def _place_after(self, u: float) -> int | None:
+        """Return the place in the ring of the row after u, or of the last one there is."""
         self.seek(u)
         number = min(self.following, self.written - 1)
-        if number < self.first:
-            return 1.0
-        at = number % self._ring.rows
-        return float(self._pace_cells[at] / self._scale_cells[at])
+        return None if number < self.first else number % self._ring.rows
 
     @property
     def last_u(self) -> float:
@@ -149,6 +156,12 @@ class Playback:
         if number != self.following:
             self.following = number
             ring.free_rows(max(self.first, number - KEPT_ROWS))
+
+    def u_before(self, number: int) -> float | None:
+        """Return u of the row before a row; None where either is not to come."""
+        if not self.following < number < self._ring.rows_written:
+            return None
+        return float(self._u_cells[(number - 1) % self._ring.rows])
 
     def drop(self) -> None:
         """Free all rows: nothing more of this program is played."""

@@ -141,6 +141,11 @@ class RateControl:
         """Whether rows are played one a cycle, with no change of the rate under way."""
         return self._plan is None and self.rate == 1.0
 
+    def decided_until(self, u: float) -> float:
+        """Return up to where rows are passed by the change of the rate that is followed."""
+        plan = self._plan
+        return u if plan is None else self._origin + plan.at(len(plan))[0]
+
     def safe_rate(self, u: float) -> float:
         """Return the rate at which all rows ahead may be played [1]."""
         return self._look_ahead(u)[0]

@@ -5,6 +5,11 @@ one side. A payload is written before the counter that announces it, and read be
 it: on x86-64 stores become visible in program order and CPython reorders nothing, so aligned 8-byte counters
 are enough; other architectures would need a barrier here. A full ring has no room, and nothing is ever
 overwritten.
+
+What the reader has not come to can be replaced as a whole: the writer puts the new rows and entries where
+there is room, and asks. The reader answers in its next cycle: it takes them in the place of the old ones, in
+one go, or refuses, and nothing has changed. While a replacement is asked for, the counters of what is written
+are the reader's.
 """
 
 from __future__ import annotations
@@ -19,12 +24,16 @@ from numpy.typing import NDArray
 from mcserver.executor.entries import Array, Control, ControlKind
 from mcserver.executor.headroom import RATE_MAX, AxisLimits, HeadroomWriter
 from mcserver.motion.geometry.row_torques import NUMBERS, stop_cycles
+from mcserver.motion.pieces import LineEdges, Rows
 
 ROWS = 4096
 CONTROLS = 4096
 
-_HEADER_WORDS = 8
+_HEADER_WORDS = 16
 _ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ, _TORQUE_STOP = range(5)
+# of a replacement: its number and that of the last one answered, below 0 where it was refused; the number of
+# the first row and entry that it replaces, where those in their place stand meanwhile, and how many they are
+_ASKED, _ANSWERED, _ROW, _ROW_FROM, _ROW_COUNT, _ENTRY, _ENTRY_FROM, _ENTRY_COUNT = range(5, 13)
 # number of the row after those that come with it; kind, u, line, axes, seconds, operation, token, channel,
 # value, whether values follow
 _CONTROL = struct.Struct("<qqdqQdqqqdq")
@@ -112,6 +121,8 @@ class ProgramRing:
         self._weigh = None if limits is None else HeadroomWriter(limits)
         self._last_u = -1
         self._last_control_u = 0.0
+        # what these are once the replacement that is asked for has been taken
+        self._then: tuple[HeadroomWriter | None, int, float] | None = None
 
     def _words(self, kind: type[_Scalar], count: int) -> NDArray[_Scalar]:
         array: NDArray[_Scalar] = np.frombuffer(self._buffer, kind, count, self._offset)
@@ -129,6 +140,8 @@ class ProgramRing:
         self._last_u = -1
         self._last_control_u = 0.0
         self._counters[_TORQUE_STOP] = 0
+        self._counters[_ASKED] = self._counters[_ANSWERED] = 0
+        self._then = None
         if self._weigh is not None:
             self._weigh.restart()
         return self._counters[_ROWS_WRITTEN], self._counters[_CONTROLS_WRITTEN]
@@ -169,23 +182,29 @@ class ProgramRing:
         if torque is not None:
             self._counters[_TORQUE_STOP] = max(self._counters[_TORQUE_STOP], stop_cycles(torque))
         written = self._counters[_ROWS_WRITTEN]
+        rows = Rows(first_u, position, velocity, axes, line, torque, feed_scale, pace)
+        self._write_rows(written, rows, headroom)
+        self._last_u = first_u + count - 1
+        self._counters[_ROWS_WRITTEN] = written + count
+
+    def _write_rows(self, number: int, rows: Rows, headroom: Array | None) -> None:
+        """Write rows from ``number`` on."""
+        first_u, count, torque, feed_scale = rows.first, len(rows.line), rows.torque, rows.feed_scale
         done = 0
         while done < count:
-            at = (written + done) % self.rows
+            at = (number + done) % self.rows
             part = min(count - done, self.rows - at)
             target, source = slice(at, at + part), slice(done, done + part)
             self.row_u[target] = np.arange(first_u + done, first_u + done + part)
-            self.row_mask[target] = axes[source]
-            self.row_line[target] = line[source]
-            self.position[target] = position[source]
-            self.velocity[target] = velocity[source]
+            self.row_mask[target] = rows.axes[source]
+            self.row_line[target] = rows.line[source]
+            self.position[target] = rows.position[source]
+            self.velocity[target] = rows.velocity[source]
             self.torque[target] = 0.0 if torque is None else torque[source]
             self.headroom[target] = RATE_MAX if headroom is None else headroom[source]
             self.feed_scale[target] = 1.0 if feed_scale is None else feed_scale[source]
-            self.pace[target] = pace
+            self.pace[target] = rows.pace
             done += part
-        self._last_u = first_u + count - 1
-        self._counters[_ROWS_WRITTEN] = written + count
 
     def put_control(self, control: Control, rows: int = 0) -> None:
         """Put an entry (see `MotionSink`) before the rows that lie past it, of which ``rows`` come with it.
@@ -241,14 +260,100 @@ class ProgramRing:
             raise ValueError(f"a control entry at u = {u[at]} comes after one at {latest[at]}")
         self._last_control_u = float(latest[-1])
         written = self._counters[_CONTROLS_WRITTEN]
-        places = np.arange(written, written + count) % self.controls
-        words = np.zeros((count, _WORDS), np.int64)
-        words[:, _WITH] = self._counters[_ROWS_WRITTEN] + rows
-        words[:, _KIND] = np.where(ends, ControlKind.LINE_END, ControlKind.LINE_START)
-        words.view(np.float64)[:, _U] = u
-        words[:, _LINE] = line
-        self._entry_words[places] = words
+        self._write_edges(written, LineEdges(u, line, ends), self._counters[_ROWS_WRITTEN] + rows)
         self._counters[_CONTROLS_WRITTEN] = written + count
+
+    def _write_edges(self, number: int, edges: LineEdges, comes_with: int) -> None:
+        """Write edges from entry ``number`` on, which count with the row before ``comes_with``."""
+        count = len(edges)
+        places = np.arange(number, number + count) % self.controls
+        words = np.zeros((count, _WORDS), np.int64)
+        words[:, _WITH] = comes_with
+        words[:, _KIND] = np.where(edges.ends, ControlKind.LINE_END, ControlKind.LINE_START)
+        words.view(np.float64)[:, _U] = edges.u
+        words[:, _LINE] = edges.line
+        self._entry_words[places] = words
+
+    # ------------------------------------------------------------------ the writer replaces
+
+    def last_rows(self, u: int, most: int) -> Array | None:
+        """Return the velocities of up to ``most`` rows that end with the one at ``u`` and that the reader has
+        not come to, shape (n, K) [m/s or rad/s]; None where such a row is not there.
+        """
+        counters = self._counters
+        number = counters[_ROWS_WRITTEN] - (self._last_u - u)
+        first = max(number - most, counters[_ROWS_READ])
+        if first >= number or self.row_u[(number - 1) % self.rows] != u:
+            return None
+        found: Array = self.velocity[np.arange(first, number) % self.rows]
+        return found
+
+    def row_at(self, u: int) -> tuple[Array, Array] | None:
+        """Return position and velocity (K,) of the row at ``u``; None where it is not there."""
+        number = self._counters[_ROWS_WRITTEN] - 1 - (self._last_u - u)
+        at = number % self.rows
+        if (
+            number >= self._counters[_ROWS_WRITTEN]
+            or number < self._counters[_ROWS_READ]
+            or self.row_u[at] != u
+        ):
+            return None
+        return self.position[at].copy(), self.velocity[at].copy()
+
+    def replacement_room(self, u: int) -> int:
+        """Return how many rows could be put in the place of those behind ``u``."""
+        counters = self._counters
+        kept = counters[_ROWS_WRITTEN] - (self._last_u - u) - counters[_ROWS_READ]
+        return min(self.rows - kept - (self._last_u - u), (self.rows - kept) // 2)
+
+    def ask_replacement(self, rows: Rows, edges: LineEdges, entries_back: int) -> bool:
+        """Ask the reader to take rows, and where lines begin and end, in the place of what is behind.
+
+        Nothing may be put before `replacement_answer` has one.
+
+        Args:
+            rows: from a u that a row was put for, as smooth behind the row before as that one.
+            edges: behind that row. entries_back: how many entries they replace, all of them such edges.
+
+        Returns:
+            False, and nothing asked, where there is no room, or what is replaced is no longer there.
+        """
+        counters, count = self._counters, len(rows.line)
+        written, entries = counters[_ROWS_WRITTEN], counters[_CONTROLS_WRITTEN]
+        number, entry = written - (self._last_u - rows.first + 1), entries - entries_back
+        row_from, entry_from = max(written, number + count), max(entries, entry + len(edges))
+        if number - 2 < counters[_ROWS_READ] or entry < counters[_CONTROLS_READ]:
+            return False
+        if row_from + count - counters[_ROWS_READ] > self.rows:
+            return False
+        if entry_from + len(edges) - counters[_CONTROLS_READ] > self.controls:
+            return False
+        before, earlier = (number - 1) % self.rows, (number - 2) % self.rows
+        if self.row_u[before] != rows.first - 1 or self.row_u[earlier] != rows.first - 2:
+            return False
+        weigh, headroom = self._weigh, None
+        if weigh is not None:
+            mask = int(self.row_mask[earlier] & self.row_mask[before])
+            weigh = weigh.behind(rows.first - 1, mask, self.velocity[earlier], self.velocity[before])
+            headroom = weigh.of(rows.first, rows.velocity, rows.axes, rows.torque)
+        self._write_rows(row_from, rows, headroom)
+        self._write_edges(entry_from, edges, number)
+        last_u = rows.first + count - 1
+        self._then = (weigh, last_u, float(edges.u[-1]) if len(edges) else float(rows.first - 1))
+        counters[_ROW], counters[_ROW_FROM], counters[_ROW_COUNT] = number, row_from, count
+        counters[_ENTRY], counters[_ENTRY_FROM], counters[_ENTRY_COUNT] = entry, entry_from, len(edges)
+        counters[_ASKED] += 1
+        return True
+
+    def replacement_answer(self) -> bool | None:
+        """Return whether the reader has taken the replacement; None: it has not answered."""
+        if self.replacement_asked:
+            return None
+        taken = self._counters[_ANSWERED] > 0
+        if taken and self._then is not None:
+            self._weigh, self._last_u, self._last_control_u = self._then
+        self._then = None
+        return taken
 
     # ------------------------------------------------------------------ the reader
 
@@ -275,6 +380,33 @@ class ProgramRing:
         """Control entries with numbers below ``before`` are read."""
         self._counters[_CONTROLS_READ] = before
 
+    @property
+    def replacement_asked(self) -> bool:
+        """Whether a replacement waits for an answer."""
+        return self._counters[_ASKED] != abs(self._counters[_ANSWERED])
+
+    @property
+    def replacement(self) -> tuple[int, int]:
+        """Numbers of the first row and the first entry that are to be replaced."""
+        return self._counters[_ROW], self._counters[_ENTRY]
+
+    def refuse_replacement(self) -> None:
+        """Leave everything as it is."""
+        self._counters[_ANSWERED] = -self._counters[_ASKED]
+
+    def take_replacement(self) -> None:
+        """Put the new rows and entries in the place of those behind."""
+        counters = self._counters
+        number, source, count = counters[_ROW], counters[_ROW_FROM], counters[_ROW_COUNT]
+        rows = (self.row_u, self.row_mask, self.row_line, self.position, self.velocity, self.torque)
+        for array in (*rows, self.headroom, self.feed_scale, self.pace):
+            _move(array, number, source, count)
+        counters[_ROWS_WRITTEN] = number + count
+        entry, source, count = counters[_ENTRY], counters[_ENTRY_FROM], counters[_ENTRY_COUNT]
+        _move(self._entry_words, entry, source, count)
+        counters[_CONTROLS_WRITTEN] = entry + count
+        counters[_ANSWERED] = counters[_ASKED]
+
     def rows_with(self, number: int) -> int:
         """Number of the row after those that come with a control entry, which must be there."""
         return self._control_words[number % self.controls * _WORDS]
@@ -292,3 +424,13 @@ class ProgramRing:
         )
         values = tuple(self._values[at].tolist()) if has_values else None
         return Control(_KINDS[kind], u, line, axes, values, seconds, operation, token, channel, value)
+
+
+def _move(array: NDArray[Any], to: int, source: int, count: int) -> None:
+    """Copy elements of a ring to where others stand; the two do not overlap."""
+    size, done = len(array), 0
+    while done < count:
+        here, there = (to + done) % size, (source + done) % size
+        part = min(count - done, size - here, size - there)
+        array[here : here + part] = array[there : there + part]
+        done += part

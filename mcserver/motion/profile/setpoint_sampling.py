@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -14,26 +13,10 @@ from mcserver.motion.geometry.path_columns import ARC_KIND, OTHER, STRAIGHT, Pat
 from mcserver.motion.kernels.arc_segments import sample_arcs
 from mcserver.motion.kernels.row_sampling import locate_samples, sample_lines
 from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.pieces import Rows
 
 # Cycles by which a time may miss a whole cycle through rounding.
 CYCLE_ROUNDING = 1e-6
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Rows at u = first, first + 1, …: positions and velocities (n, K), masks and lines (n,), and what they
-    ask of joints whose torques are limited (n, 3, J), see `row_torques`; None without limits. The feed scales
-    that they are planned at (n,); None: all 1. And the pace, how many of them make a cycle then.
-    """
-
-    first: int
-    position: Array
-    velocity: Array
-    axes: NDArray[np.uint64]
-    line: NDArray[np.int64]
-    torque: Array | None = None
-    feed_scale: Array | None = None
-    pace: float = 1.0
 
 
 def whole_cycle(u: float) -> int:
