@@ -252,7 +252,7 @@ class PlannedWindow:
         """
         rest = plan.after(moment)
         table = self.lookahead.table
-        table.drop(int(plan.window_index[len(plan.segments) - len(rest.segments)]))
+        table.drop(plan.window_at(moment))
         if self._open is not None:
             # what of the curve is under way stays as it is
             under_way = len(self._open.chords) - len(table) + 1
@@ -278,6 +278,16 @@ class PlannedWindow:
         self.lookahead.entry = 0.0
         self._open = self.reserve = self.plan = None
         return reserve
+
+    def again(self, lookahead: Lookahead, plan: PlannedRun) -> PlannedWindow:
+        """Return a window that has back what was dropped of this one, in which no lines wait.
+
+        Args:
+            lookahead: its segments. plan: of those that had come when these were dropped.
+        """
+        found = PlannedWindow(self._limits)
+        found.lookahead, found.reserve, found._open = lookahead, plan, self._open
+        return found
 
     def clear(self) -> None:
         """Drop all segments: what comes next begins at rest."""

@@ -8,9 +8,11 @@ the motion can always stop on the path, and never stops where more lines are the
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from mckinematics.dynamics import JointDynamics
@@ -18,6 +20,7 @@ from mckinematics.dynamics import JointDynamics
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup, PathRun, PlainRun
+from mcserver.motion.committed import Committed, Cut, Stretch
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
@@ -43,6 +46,22 @@ WINDOW = 512
 LARGEST_WINDOW = 8192
 
 
+@dataclasses.dataclass(frozen=True)
+class PlannedAnew:
+    """A motion that is planned anew from a moment in what was committed.
+
+    Attributes:
+        planner: that goes on with it. u: that moment [cycles]. lasts: the motion from there on [s].
+        pieces: what is committed of it. cut: what they take the place of.
+    """
+
+    planner: MotionPlanner
+    u: float
+    lasts: float
+    pieces: tuple[Piece, ...]
+    cut: Cut
+
+
 class MotionPlanner:
     """Turns the feed groups of one program into pieces of output.
 
@@ -50,6 +69,7 @@ class MotionPlanner:
         u: end of what has been committed, on the program's time axis [cycles].
         position: commanded end of all columns, shape (K,) [m or rad].
         feed_scale, pace: that what is not committed yet is planned at: the override above 100 %, else 1.
+        committed: what is, as far as it may be planned anew.
     """
 
     def __init__(self, machine: Machine, position: Array, dynamics: JointDynamics | None = None) -> None:
@@ -60,6 +80,7 @@ class MotionPlanner:
         self.u = 0.0
         self.feed_scale = 1.0
         self.pace = Pace(self._limits)
+        self.committed = Committed()
         self._window = PlannedWindow(self._limits)
         self._left = WINDOW // 2
         self._active = 0
@@ -185,14 +206,19 @@ class MotionPlanner:
 
     # ------------------------------------------------------------------ committing
 
-    def follow_feed_scale(self) -> None:
-        """Plan what is not committed again where it has another feed scale; its pace goes with that."""
+    def follow_feed_scale(self, rate: float = 1.0) -> None:
+        """Plan what is not committed again where it has another feed scale; its pace goes with that.
+
+        Args:
+            rate: see `Pace.reachable`.
+        """
         window = self._window
         window.take_chords()
         if self._companions.present:
             # what runs beside its lines is planned already
             return
-        found = plan_at_feed_scale(window.lookahead, self.feed_scale, self.pace, self._output.latest)
+        latest = self._output.latest
+        found = plan_at_feed_scale(window.lookahead, self.feed_scale, self.pace, latest, rate)
         if found is not None:
             window.plan = found
             # the stop in reserve was from the speed at the pace before
@@ -229,11 +255,86 @@ class MotionPlanner:
             self._left = self.pending
             return None
         moment = plan.at_end(moment)
-        self._window.drop_until(plan, moment, keeps_plan=closing)
-        self._left = max(len(self._window), WINDOW // 2)
-        self.pace.under_way = True
-        origin, self.u = self.u, self.u + moment / self.pace.cycle
+        origin = self.u
+        self._drop_until(plan, moment, kept=not math.isinf(want), keeps_plan=closing)
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
+
+    def _drop_until(self, plan: PlannedRun, moment: float, *, kept: bool, keeps_plan: bool) -> None:
+        """Let what is planned up to a moment [s] be committed.
+
+        Args:
+            kept: it may be planned anew later. keeps_plan: see `PlannedWindow.drop_until`.
+        """
+        window, pace = self._window, self.pace
+        table, entry = window.lookahead.table, window.lookahead.entry
+        count = plan.window_at(moment)
+        kept = kept and not self._companions.present and self._limits.torque is None
+        before = (table.first(count), table.segments[count]) if kept else None
+        window.drop_until(plan, moment, keeps_plan=keeps_plan)
+        self._left = max(len(window), WINDOW // 2)
+        pace.under_way = True
+        origin, self.u = self.u, self.u + moment / pace.cycle
+        if before is None:
+            self.committed.clear()
+            return
+        self.committed.add(
+            Stretch(
+                origin,
+                self.u,
+                plan,
+                moment,
+                entry,
+                pace.now,
+                pace.plain,
+                self.feed_scale,
+                pace.limits.cycle,
+                *before,
+            )
+        )
+
+    def planned_anew(
+        self, cut: Cut, rate: float, latest: Callable[[int], Array | None], want: float, *, closing: bool
+    ) -> PlannedAnew | None:
+        """Plan what is committed behind a cut anew, at the present feed scale.
+
+        Nothing of this planner changes by that.
+
+        Args:
+            rate: at which what is before it is played, where that leaves room.
+            latest: gives the velocities of the last rows up to one, shape (n, K); None: it is not there.
+            want, closing: as of `commit`.
+
+        Returns:
+            None where it cannot be planned anew, or would be played more slowly.
+        """
+        self._window.take_chords()
+        again = None if self._companions.present else self._again(cut, latest)
+        if again is None:
+            return None
+        again.follow_feed_scale(rate)
+        if again._window.plan is None or again.pace.now < cut.fastest_pace:
+            # a rate that is safe on what is there must be so on what comes in its place
+            return None
+        begins, lasts = again.u, again._window.plan.phases.duration
+        source = again.commit(want, closing=closing)
+        pieces = None if source is None else tuple(source)
+        return None if pieces is None else PlannedAnew(again, begins, lasts, pieces, cut)
+
+    def _again(self, cut: Cut, latest: Callable[[int], Array | None]) -> MotionPlanner | None:
+        """Return a planner that has committed nothing behind a cut; None where there is no way back."""
+        window, stretch = self._window, cut.stretch
+        table = cut.table(window.lookahead.table)
+        if table is None:
+            return None
+        again = copy.copy(self)
+        again.pace = dataclasses.replace(self.pace, now=stretch.pace, plain=stretch.plain)
+        again.committed = Committed(cut.kept)
+        again._window = window.again(window.lookahead.with_table(table, stretch.entry), stretch.plan)
+        again.u = stretch.origin
+        if cut.moment > 0.0:
+            again._drop_until(stretch.plan, cut.moment, kept=True, keeps_plan=False)
+        again._output = self._output.again(latest(math.floor(again.u + CYCLE_ROUNDING)))
+        return again
 
     def _fall_back(self) -> Iterator[Piece]:
         """Commit the stop that was planned before the last segments came; they go on from there.
@@ -242,6 +343,7 @@ class MotionPlanner:
             PlanningError: no plan exists: the motion stands, and its first segment cannot be planned.
         """
         plan = self._window.drop_reserve()
+        self.committed.clear()
         origin, self.u = self.u, self.u + plan.phases.duration / self.pace.cycle
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)
 
@@ -261,6 +363,7 @@ class MotionPlanner:
         self.u = float(whole_cycle(end))
         self.pace.end()
         self._window.clear()
+        self.committed.clear()
         self._companions.closed()
         mask = self._active
         self._active = 0

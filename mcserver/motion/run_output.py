@@ -47,6 +47,12 @@ class RunOutput:
         self._torques = torques
         self.announced = 0
 
+    def again(self, latest: Array | None) -> RunOutput:
+        """Return the output as it was when ``latest`` were the velocities of the last rows."""
+        found = RunOutput(self._cycle, self._companions, self._torques)
+        found.latest, found.announced = latest, self.announced
+        return found
+
     def set_pace(self, pace: Pace) -> None:
         """Put rows out at the present pace."""
         self.pace = pace.now
@@ -96,6 +102,23 @@ class RunOutput:
             yield piece
 
 
+def edges_before(plan: PlannedRun, until: float) -> int:
+    """Return how many line starts before, and ends up to, a time [s] are put out."""
+    return int(_edges_put(plan, plan.segments.columns(0, len(plan.segments)), until).sum())
+
+
+def _edges_put(plan: PlannedRun, path: PathColumns, until: float) -> NDArray[np.bool_]:
+    """Return of each segment that begins before ``until`` [s] whether its start and its end are put out,
+    shape (n, 2).
+    """
+    times = plan.times
+    count = int(np.searchsorted(times[:-1], until))
+    put = np.empty((count, 2), np.bool_)
+    put[:, 0], put[:, 1] = path.opens[:count], path.closes[:count]
+    put[:, 1] &= times[1 : count + 1] <= until
+    return put
+
+
 @dataclass
 class _Happenings:
     """What happens along a run, in order.
@@ -136,11 +159,8 @@ class _Happenings:
         at = np.maximum.accumulate(origin + times[: count + 1] / cycle)
         before = np.floor(at + CYCLE_ROUNDING).astype(np.int64)
         places = np.minimum(at, latest)
-        marked = np.empty((count, 2), np.bool_)
-        marked[:, 0], marked[:, 1] = path.opens[:count], path.closes[:count]
         ended = times[1 : count + 1] <= until
-        marked[:, 1] &= ended
-        which = marked.ravel()
+        which = _edges_put(plan, path, until).ravel()
         lines = np.repeat(path.line[:count], 2)[which]
         ends = np.tile(np.array([False, True]), count)[which]
         edges = LineEdges(_beside(places)[which], lines, ends)

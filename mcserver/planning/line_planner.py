@@ -39,9 +39,9 @@ from mcserver.motion.canonical import (
 )
 from mcserver.motion.lookahead.leading_group import Companions
 from mcserver.motion.lookahead.parallel_groups import last_bound
-from mcserver.motion.pieces import Activation, LineBound, LineEdges, Piece
+from mcserver.motion.pieces import Activation, LineBound, LineEdges, Piece, Rows
 from mcserver.motion.planner import MotionPlanner
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, Rows
+from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING
 from mcserver.planning.motion_output import Output, then
 from mcserver.planning.payload_entries import PayloadEntries
 from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
@@ -190,6 +190,11 @@ class LinePlanner:
             self.output.put(edges.part(slice(index, passed)))
             self._set_outputs(self._at_start.pop(line, {}), u, line)
         self.output.put(edges.part(slice(passed, len(edges))))
+
+    def only_edges(self, edges: LineEdges) -> bool:
+        """Return whether nothing else comes along where these lines begin and end."""
+        known = [*self._at_start, *self._payloads.lines]
+        return not np.isin(edges.line, known).any()
 
     def settle(self, axes: frozenset[int]) -> None:
         """Ask the executor to bring axes to rest and to report their positions (D-14, D-25)."""

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink, ReplaceableSink
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.headroom import RATE_MAX, stopping_rows, torque_axes
 from mcserver.gcode.fast_path.kept_runs import KeptRuns
@@ -25,11 +25,12 @@ from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.profile.setpoint_sampling import Rows
+from mcserver.motion.pieces import Rows
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.line_planner import LinePlanner
 from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
 from mcserver.planning.solving_time import TimedKinematics
+from mcserver.planning.take_back import TakeBack
 
 # How far ahead of the executor motion is handed over [cycles]; what is not can still flow into later lines.
 AHEAD = 200
@@ -101,6 +102,7 @@ class Pipeline:
         self.lines = LineBuffer() if lines is None else lines
         dynamics = None if kinematics is None else kinematics.dynamics
         self._plan = LinePlanner(machine, sink, positions, energized, dynamics)
+        self._take_back = TakeBack(machine, self._plan, sink) if isinstance(sink, ReplaceableSink) else None
         self._width = len(machine.axes)
         self._on_fault = on_fault
         self._solving = None if kinematics is None else TimedKinematics(kinematics, clock)
@@ -209,18 +211,21 @@ class Pipeline:
 
     # ------------------------------------------------------------------ work
 
-    def pump(self, u: float | None = None, override: float = 1.0) -> bool:
+    def pump(self, u: float | None = None, override: float = 1.0, rate: float = 1.0) -> bool:
         """Do a bounded piece of work.
 
         Args:
             u: where the executor is on this program's time axis [cycles]; None where nothing hurries (a
                 virtual clock): then nothing is handed over before the window is full or closed.
             override: the feed override, 1 as programmed; above 1 motion is planned with so much more F.
+            rate: at which the executor plays rows now.
 
         Returns:
             True if something was done.
         """
         plan = self._plan
+        if self._phase is not Phase.ABORTED and self._take_back is not None and self._take_back.waits():
+            return False
         plan.motion.feed_scale = max(1.0, override)
         worked = plan.output.flush()
         if plan.output.blocked or self._phase is Phase.ABORTED:
@@ -229,6 +234,11 @@ class Pipeline:
             return self._draw() or worked
         if self._phase is Phase.FINISHED:
             return worked
+        if u is not None and self._take_back is not None:
+            plan.motion.committed.forget(u)
+            ahead = CLOSING_AHEAD + CLOSING if plan.flush else AHEAD
+            if self._take_back.ask(u, rate, self._stop, ahead):
+                return worked
         lead = None if u is None else (plan.motion.u - u) / plan.motion.pace.now
         due = plan.flush or plan.motion.full
         if plan.flush and lead is not None and plan.motion.pending:

@@ -57,6 +57,9 @@ class LineProgress:
                 self._requested[report.line] = report.requested_s
             if report.bound_by is not None:
                 self._bound_by[report.line] = report.bound_by
+            elif report.kind.value == "bound":
+                # planned anew, and no limit stretches it now
+                self._bound_by.pop(report.line, None)
 
     def planned_through(self, line: int) -> None:
         """All lines through ``line`` are planned: those not named in `planned` need no time."""

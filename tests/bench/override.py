@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -32,12 +33,22 @@ class Run:
     Attributes:
         setpoint: of every cycle, shape (n, K) [m]. moved_s: from the first cycle that moves to the last [s].
         lines: reported as ended, in order. faults: how many there were.
+        scale: the override that the rows under way are planned for, at every cycle, shape (n,).
+        begun: the first cycle that moves.
     """
 
     setpoint: np.ndarray[tuple[int, int], np.dtype[np.float64]]
     moved_s: float
     lines: list[int]
     faults: int
+    scale: np.ndarray[tuple[int], np.dtype[np.float64]]
+    begun: int
+
+    def planned_after(self, order: Order) -> int | None:
+        """Return the cycles from an order until rows that are planned for it are played; None: never."""
+        cycle = self.begun + order[0]
+        (found,) = np.nonzero(self.scale[cycle:] == max(1.0, order[1]))
+        return int(found[0]) if len(found) else None
 
 
 def long_lines(k: float) -> list[str]:
@@ -72,6 +83,26 @@ def timed(k: float) -> list[str]:
     return ["G93", *(f"G01 X{x} Y{y} F{120 * k:g}" for x, y in points)]
 
 
+def quick_zigzag(k: float) -> list[str]:
+    """Lines of 5 mm with corners of 90°, at an F that few of them come to."""
+    return [line.replace(f"F{2400 * k:g}", f"F{9000 * k:g}") for line in zigzag(k)[:60]]
+
+
+def small_circles(k: float) -> list[str]:
+    """Circles of 3 to 5 mm at a speed that their accelerations bound."""
+    return ["G94", *(f"G02 X0 Y0 I{3 + index % 3} J0 F{9000 * k:g}" for index in range(16))]
+
+
+def quick_chords(k: float) -> list[str]:
+    """Chords whose limits bind in every bend."""
+    return [line.replace(f"F{2400 * k:g}", f"F{12000 * k:g}") for line in chords(k)]
+
+
+def exact_stops(k: float) -> list[str]:
+    """Lines of 10 mm that end at rest (G61)."""
+    return ["G94", "G61", *(line for line in zigzag(2.0 * k)[1:40:2])]
+
+
 PROGRAMS: dict[str, Program] = {
     "long lines": long_lines,
     "lines of 5 mm with corners": zigzag,
@@ -79,6 +110,15 @@ PROGRAMS: dict[str, Program] = {
     "chords": chords,
     "G93 lines": timed,
 }
+# Programs whose speed limits bind rather than F.
+BOUND_PROGRAMS: dict[str, Program] = {
+    "lines of 5 mm bound by corners": quick_zigzag,
+    "circles bound by acceleration": small_circles,
+    "chords bound in bends": quick_chords,
+    "lines with exact stops": exact_stops,
+}
+# Moments of orders, in shares of a program's time.
+ORDERED_AT = (0.17, 0.31, 0.46, 0.58, 0.71)
 
 
 def play(
@@ -105,6 +145,7 @@ def play(
     sent = 0
     waiting = list(orders)
     ended: list[int] = []
+    scales: list[float] = []
     faults, begun = 0, -1
     for cycle in range(LONGEST_RUN):
         if begun < 0 and len(rows) > 1 and (rows[-1] != rows[0]).any():
@@ -118,9 +159,10 @@ def play(
             pipeline.lines.closed = sent == len(texts)
         if cycle % PLANNER_PERIOD == 0:
             override = executor.mailbox.effective_override(0)
-            while pipeline.pump(executor.u(0), override):
+            while pipeline.pump(executor.u(0), override, executor.executor.rate(0)):
                 pass
         executor.step()
+        scales.append(executor.executor.feed_scale(0))
         events = executor.events()
         for event in events:
             pipeline.on_event(event)
@@ -133,7 +175,7 @@ def play(
     points = np.array(rows)
     (moving,) = np.nonzero((np.diff(points, axis=0) != 0.0).any(axis=1))
     span = 0.0 if not len(moving) else float(moving[-1] - moving[0] + 1) * machine.cycle_s
-    return Run(points, span, ended, faults)
+    return Run(points, span, ended, faults, np.array(scales), max(begun, 0))
 
 
 def worst_ratios(machine: Machine, run: Run) -> tuple[float, float, float]:
@@ -147,7 +189,7 @@ def worst_ratios(machine: Machine, run: Run) -> tuple[float, float, float]:
 
 
 def measure() -> list[Figure]:
-    """150 and 200 % from the start, and from the middle of the time of 100 %."""
+    """150 and 200 % from the start, and from the middle of the time of 100 %; and how soon it is planned."""
     machine = ideal(axes=2, velocity=500.0, acceleration=3000.0, jerk=60_000.0, tolerance_mm=0.02)
     figures = []
     for name, program in PROGRAMS.items():
@@ -164,4 +206,19 @@ def measure() -> list[Figure]:
                         f"{name}, {100 * k:.0f} % {place}", run.moved_s, "s", ideal_s, f"F x {k:g}", "≤ 1.02"
                     )
                 )
-    return figures
+    return figures + [
+        _planned_after(machine, name, program, k)
+        for name, program in (PROGRAMS | BOUND_PROGRAMS).items()
+        for k in (1.5, 2.0)
+    ]
+
+
+def _planned_after(machine: Machine, name: str, program: Program, k: float) -> Figure:
+    """Time from an order on the way to motion that is planned for it: the median of several moments."""
+    cycles = play(machine, program(1.0), []).moved_s / machine.cycle_s
+    orders = [(round(share * cycles), k) for share in ORDERED_AT]
+    found = [play(machine, program(1.0), [order]).planned_after(order) for order in orders]
+    after = [1e3 * machine.cycle_s * each for each in found if each is not None]
+    worst = f"worst {max(after):.0f} ms" if after else "never"
+    what = f"{name}, {100 * k:.0f} %: new plan after ({worst})"
+    return Figure(what, statistics.median(after) if after else math.nan, "ms", None, "", "≤ 100")

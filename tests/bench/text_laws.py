@@ -42,7 +42,7 @@ def broken_laws_of_text(seed: int, *, orders: bool) -> tuple[list[str], int, int
     if found.exit_code or found.recording is None:
         return [f"refused: {found.report['diagnostics'][:1]}"], 0, 0
     rows = found.recording.setpoint * _units(text.machine)
-    broken = _broken_limits(text, Run(rows, 0.0, [], 0)) + _broken_requests(text, found)
+    broken = _broken_limits(text, Run(rows, 0.0, [], 0, np.empty(0), 0)) + _broken_requests(text, found)
     return broken, len(text.lines), len(rows)
 
 

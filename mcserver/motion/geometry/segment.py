@@ -185,6 +185,8 @@ class Segment(msgspec.Struct, eq=False, gc=False):
     def at_feed_scale(self, scale: float) -> Segment:
         """Return the segment with another feed scale."""
         share = scale / self.feed_scale
+        # one that is found is tried again where its ramps are the same; where none was, F may allow one now
+        corner = self.corner if self.corner is not None and self.corner.blend_time > 0.0 else None
         return msgspec.structs.replace(
             self,
             duration=None if self.duration is None else self.duration / share,
@@ -192,7 +194,7 @@ class Segment(msgspec.Struct, eq=False, gc=False):
             feed_speed=self.feed_speed * share,
             requested=self.requested / share,
             feed_scale=scale,
-            corner=None,
+            corner=corner,
         )
 
     def sample(self, s: Array) -> tuple[Array, Array]:

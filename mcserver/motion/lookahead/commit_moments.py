@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mcserver.motion.lookahead.planned_run import PlannedRun
@@ -26,6 +28,27 @@ def commit_moment(plan: PlannedRun, want: float, *, at_peaks: bool = False) -> f
     if moment > want + LATE_S and not at_peaks:
         moment = _moment(plan, want, at_peaks=True)
     return moment
+
+
+def turn_moment(plan: PlannedRun, want: float, until: float) -> float:
+    """Return the first time between two [s] at which speed turns from rising to falling or back, also inside
+    of what is not cut otherwise; infinite without one.
+
+    A plan that goes on there is smooth; a stretch that is solved as a whole is no longer the quickest one.
+    """
+    phases = plan.phases
+    first, last = phases.span(want, until)
+    for index in range(first, last):
+        a, jerk = float(phases.acceleration[index]), float(phases.jerk[index])
+        start, end = float(phases.start[index]), phases.end_of(index)
+        if plan.timed[index] or jerk == 0.0 or a * (a + jerk * (end - start)) >= 0.0:
+            continue
+        moment = start - a / jerk
+        if want <= moment < until and phases.state(moment)[1] > 0.0:
+            segment = plan.segments[plan.segment_at(moment)]
+            if segment.duration is None:
+                return moment
+    return math.inf
 
 
 def _moment(plan: PlannedRun, want: float, *, at_peaks: bool) -> float:

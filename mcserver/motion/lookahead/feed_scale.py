@@ -17,7 +17,7 @@ SHARES = (1.0, 0.5)
 
 
 def plan_at_feed_scale(
-    window: Lookahead, scale: float, pace: Pace, latest: Array | None = None
+    window: Lookahead, scale: float, pace: Pace, latest: Array | None = None, rate: float = 1.0
 ) -> PlannedRun | None:
     """Let the segments of a window have a feed scale, and plan it.
 
@@ -28,7 +28,7 @@ def plan_at_feed_scale(
 
     Args:
         pace: of the motion under way, or that begins with the window; changed with the scale.
-        latest: see `Pace.reachable`.
+        latest, rate: see `Pace.reachable`.
 
     Returns:
         The plan; None, and nothing changed, where the segments that may change have that scale already, or no
@@ -42,7 +42,7 @@ def plan_at_feed_scale(
         return None
     saved = table.save(0)
     table.set_feed_scale(scale)
-    found = _plan_at_pace(window, pace, pace.reachable(scale, latest))
+    found = _plan_at_pace(window, pace, pace.reachable(scale, latest, rate))
     if found is not None:
         return found
     table.put_back(saved)

@@ -111,6 +111,12 @@ class Lookahead:
         self.entry = 0.0
         self.stop_is_last = False
 
+    def with_table(self, table: SegmentTable, entry: float) -> Lookahead:
+        """Return a run of other segments, entered at another speed."""
+        found = Lookahead(self._limits)
+        found.table, found.entry, found.stop_is_last = table, entry, self.stop_is_last
+        return found
+
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
         """Append a segment that travels; the junction's speed says whether the motion flows into it."""
         met = None if from_rest else self._joined(segment)

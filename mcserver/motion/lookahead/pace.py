@@ -55,12 +55,13 @@ class Pace:
         """Return the pace at a feed scale [1]."""
         return min(max(self.plain * scale, 1.0), self.most)
 
-    def reachable(self, scale: float, latest: Array | None) -> float:
+    def reachable(self, scale: float, latest: Array | None, rate: float = 1.0) -> float:
         """Return the pace at a feed scale, or the rate that playback may have come to by the end of what is
         handed over, where that is less.
 
         Args:
             latest: velocities of the last rows, one cycle a row, shape (n, K) [m/s or rad/s].
+            rate: at which the first of them is played at the least, where they leave room for that.
         """
         wanted = self.at(scale)
         if not self.under_way or wanted <= self.now:
@@ -77,14 +78,15 @@ class Pace:
         )
         room = np.min(rooms, axis=(0, 2))
         for share in REACHABLE:
-            rate = self.now + share * (wanted - self.now)
-            change = (rate - self.now) * np.abs(latest[-1])
+            goal = self.now + share * (wanted - self.now)
+            known = bool((room >= goal).all())
+            change = (goal - max(self.now, min(rate, goal) if known else self.now)) * np.abs(latest[-1])
             ramp = np.where(
                 change * limits.jerk > limits.acceleration**2,
                 change / limits.acceleration + limits.acceleration / limits.jerk,
                 2.0 * np.sqrt(change / limits.jerk),
             )
-            rows = math.ceil(rate * float(ramp.max()) / cycle) + 1
-            if rows <= len(room) and (room[-rows:] >= rate).all():
-                return rate
+            rows = math.ceil(goal * float(ramp.max()) / cycle) + 1
+            if rows <= len(room) and (room[-rows:] >= goal).all():
+                return goal
         return self.now

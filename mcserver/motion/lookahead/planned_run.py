@@ -61,6 +61,10 @@ class PlannedRun:
             index -= 1
         return index
 
+    def window_at(self, moment: float) -> int:
+        """Return the segment of the window under way at a time [s], as `segment_at` does."""
+        return int(self.window_index[self.segment_at(moment)])
+
     def after(self, moment: float) -> PlannedRun:
         """Return the part after a time [s] that is not inside a time-domain blend, counted from there."""
         index = self.segment_at(moment)
