@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import sqlite3
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -12,12 +11,12 @@ import pytest
 from mcserver.errors import RejectedLines, ServiceError
 from mcserver.executor.entries import EventKind
 from mcserver.gcode.semantics.modal import ModalState
-from mcserver.service.journal_file import open_journal
 from mcserver.service.reports import Fault
 from mcserver.service.service import CLIENT_PROGRAMS
 from mcserver.service.stop_latch import CONFIRM_PERIOD_S
 from tests.service.conftest import LIMIT_S, Bench
 from tests.service.fakes import executed_lines
+from tests.service.simulated_cell import SimulatedDisk
 
 
 async def test_lines_run_and_are_done(bench: Bench) -> None:
@@ -354,29 +353,12 @@ async def test_too_long_a_line_is_rejected_like_a_faulty_one(bench: Bench) -> No
     assert rejected.value.code == "MC513"
 
 
-class FullDisk:
-    """A journal's connection to a disk that can be full."""
-
-    def __init__(self, path: Path) -> None:
-        self.full = False
-        self._connection = open_journal(path)
-
-    def execute(self, statement: str, parameters: tuple[object, ...] = ()) -> object:
-        # what was begun can be taken back on a full disk too
-        if self.full and statement != "ROLLBACK":
-            raise sqlite3.OperationalError("database or disk is full")
-        return self._connection.execute(statement, parameters)
-
-    def close(self) -> None:
-        self._connection.close()
-
-
 @pytest.fixture
-async def full_disk(tmp_path: Path) -> AsyncIterator[tuple[Bench, FullDisk]]:
-    disks: list[FullDisk] = []
+async def full_disk(tmp_path: Path) -> AsyncIterator[tuple[Bench, SimulatedDisk]]:
+    disks: list[SimulatedDisk] = []
 
-    def connect(path: Path) -> FullDisk:
-        disks.append(FullDisk(path))
+    def connect(path: Path) -> SimulatedDisk:
+        disks.append(SimulatedDisk(path))
         return disks[-1]
 
     made = Bench(tmp_path / "journal.db", connect=connect)
@@ -387,7 +369,7 @@ async def full_disk(tmp_path: Path) -> AsyncIterator[tuple[Bench, FullDisk]]:
 
 
 async def test_with_a_full_disk_the_next_submit_is_refused_and_not_left_waiting(
-    full_disk: tuple[Bench, FullDisk], caplog: pytest.LogCaptureFixture
+    full_disk: tuple[Bench, SimulatedDisk], caplog: pytest.LogCaptureFixture
 ) -> None:
     bench, disk = full_disk
     program = await bench.service.open("hmi")
@@ -410,7 +392,7 @@ async def test_with_a_full_disk_the_next_submit_is_refused_and_not_left_waiting(
 
 
 async def test_what_was_refused_with_a_full_disk_runs_once_when_there_is_room(
-    full_disk: tuple[Bench, FullDisk],
+    full_disk: tuple[Bench, SimulatedDisk],
 ) -> None:
     bench, disk = full_disk
     program = await bench.service.open("hmi")
