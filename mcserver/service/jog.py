@@ -18,6 +18,10 @@ DEFAULT_HOLD_S = 0.5
 # the longest jog without an end, at its velocity, where the axis has no limit
 ENDLESS_S = 600.0
 DEFAULT_SHARE = 0.1
+# a watch that runs out later than by this was held up with the whole server [s]
+HELD_UP_S = 0.02
+# what has arrived meanwhile has so long to be read
+READING_S = 0.05
 
 
 class Jogging:
@@ -89,9 +93,15 @@ class Jogging:
 
     def _watch(self, program_id: str, hold_s: float) -> None:
         loop = asyncio.get_running_loop()
-        self._watches[program_id] = loop.call_later(hold_s, self._let_go, program_id)
+        due = loop.time() + hold_s
+        self._watches[program_id] = loop.call_later(hold_s, self._let_go, program_id, due)
 
-    def _let_go(self, program_id: str) -> None:
+    def _let_go(self, program_id: str, due: float) -> None:
+        loop = asyncio.get_running_loop()
+        if loop.time() - due > HELD_UP_S:
+            # the client may have asked in time, and nobody has read it; once, so that it is a bounded delay
+            self._watches[program_id] = loop.call_later(READING_S, self._let_go, program_id, math.inf)
+            return
         self._watches.pop(program_id, None)
         program = self._found(program_id)
         if program is not None and not program.ended:
