@@ -362,3 +362,23 @@ func TestACallThatIsCancelledWhileLinesAreUnderWayLeavesTheNumbersRight(t *testi
 		t.Errorf("the messages begin with %v, accepted %d", firsts, program.Accepted())
 	}
 }
+
+func TestAJogWhoseContextIsDoneBeforeItHasBegunIsStoppedAndIsNoError(t *testing.T) {
+	ctx, cancel := context.WithCancel(context.Background())
+	gateway := newFakeGateway(t, func(method string, _ map[string]any) (any, *ErrorReply, bool) {
+		switch method {
+		case "info":
+			return fakeInfo, nil, true
+		case "jog":
+			cancel()
+			return map[string]any{"program": "j-1"}, nil, true
+		}
+		return map[string]any{}, nil, true
+	})
+	if err := gateway.machine().JogWhile(ctx, 0, 5); err != nil {
+		t.Error(err)
+	}
+	if count := gateway.count("abort"); count != 1 {
+		t.Errorf("it was stopped %d times", count)
+	}
+}

@@ -160,8 +160,12 @@ func (m *Machine) Jog(ctx context.Context, axis int64, distance, velocity float6
 // JogWhile moves an axis until the context is done; the velocity is signed [mm/s, deg/s]. The server's dead man's time stops the axis when
 // this process, its link or the gateway dies. A context that is done is no error.
 func (m *Machine) JogWhile(ctx context.Context, axis int64, velocity float64) error {
+	if ctx.Err() != nil {
+		return nil
+	}
 	params := map[string]any{"axis": axis, "velocity": velocity, "hold_s": holdS}
-	begun, err := callFor[JogReply](ctx, m, "jog", params)
+	// also when the context is done before the reply has come: only who knows the jog can stop it
+	begun, err := callFor[JogReply](context.WithoutCancel(ctx), m, "jog", params)
 	if err != nil {
 		return err
 	}
