@@ -138,8 +138,8 @@ async fn keep(
         program: Some(&program),
     };
     let mut tick = interval((hold / KEEPS_A_HOLD).max(Duration::from_millis(1)));
+    // the first one at once: the jog's own reply may have taken most of the time
     tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    tick.tick().await;
     let kept = loop {
         let keep = async {
             tick.tick().await;
