@@ -75,11 +75,20 @@ func (p *Program) sendChunk(ctx context.Context, lines []string) error {
 	return p.drain(ctx, false)
 }
 
+// linesUnderWay is one message: lines from first on, and how many rejections were known as they were numbered.
+type linesUnderWay struct {
+	first      int64
+	lines      []string
+	rejections int64
+	judge      bool
+}
+
 // drain sends what waits until all of it is accepted.
 func (p *Program) drain(ctx context.Context, judge bool) error {
 	for {
 		p.mu.Lock()
 		first, lines := p.stream.next()
+		rejections := p.stream.rejections
 		failure, left := p.stream.failure, len(p.stream.waiting)
 		p.mu.Unlock()
 		switch {
@@ -96,7 +105,7 @@ func (p *Program) drain(ctx context.Context, judge bool) error {
 				return err
 			}
 		default:
-			if err := p.submit(ctx, first, lines, judge); err != nil {
+			if err := p.submit(ctx, &linesUnderWay{first, lines, rejections, judge}); err != nil {
 				return err
 			}
 		}
@@ -104,12 +113,12 @@ func (p *Program) drain(ctx context.Context, judge bool) error {
 }
 
 // submit sends one message and takes its reply. When the context is done the exchange goes on without the caller.
-func (p *Program) submit(ctx context.Context, first int64, lines []string, judge bool) error {
+func (p *Program) submit(ctx context.Context, message *linesUnderWay) error {
 	outcome := make(chan error, 1)
 	finished := make(chan struct{})
 	go func() {
 		defer close(finished)
-		outcome <- p.carryOut(context.WithoutCancel(ctx), first, lines, judge)
+		outcome <- p.carryOut(context.WithoutCancel(ctx), message)
 	}()
 	select {
 	case <-ctx.Done():
@@ -130,8 +139,10 @@ func (p *Program) submit(ctx context.Context, first int64, lines []string, judge
 	return nil
 }
 
-func (p *Program) carryOut(ctx context.Context, first int64, lines []string, judge bool) error {
-	params := map[string]any{"program": p.ID, "first": first, "lines": lines, "judge": judge}
+func (p *Program) carryOut(ctx context.Context, message *linesUnderWay) error {
+	params := map[string]any{
+		"program": p.ID, "first": message.first, "lines": message.lines, "rejections": message.rejections, "judge": message.judge,
+	}
 	reply, err := callFor[SubmitReply](ctx, p.machine, "submit", params)
 	var refused *RefusedError
 	if err == nil {

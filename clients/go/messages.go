@@ -70,6 +70,8 @@ type Ack struct {
 	Diagnostics []Diagnostic `msgpack:"diagnostics"`
 	Fault       *Fault       `msgpack:"fault"`
 	Expected    int64        `msgpack:"expected"`
+	// Rejections of lines so far; an acknowledgement with a smaller count than one before is older.
+	Rejections int64 `msgpack:"rejections"`
 }
 
 // ProgramStatus is one program as the server knows it; DurationS is known once its text was simulated; Progress and EtaS are by time then.
@@ -96,6 +98,7 @@ type ProgramStatus struct {
 	EndedAt     *float64     `msgpack:"ended_at"`
 	DurationS   *float64     `msgpack:"duration_s"`
 	Notice      string       `msgpack:"notice"`
+	Rejections  int64        `msgpack:"rejections"`
 }
 
 // AxesStatus has one entry for each of Index in every slice.
@@ -306,10 +309,11 @@ type OpenReply struct {
 
 // SubmitReply is the answer to submit, cumulative as Ack.
 type SubmitReply struct {
-	Program  string `msgpack:"program" mc:"required"`
-	Accepted int64  `msgpack:"accepted" mc:"required"`
-	Done     int64  `msgpack:"done" mc:"required"`
-	Credit   int64  `msgpack:"credit" mc:"required"`
+	Program    string `msgpack:"program" mc:"required"`
+	Accepted   int64  `msgpack:"accepted" mc:"required"`
+	Done       int64  `msgpack:"done" mc:"required"`
+	Credit     int64  `msgpack:"credit" mc:"required"`
+	Rejections int64  `msgpack:"rejections"`
 }
 
 // CloseReply is the answer to close.

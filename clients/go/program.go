@@ -209,7 +209,7 @@ func (p *Program) Close(ctx context.Context) (failure error) {
 		return p.meaning(ctx, err)
 	}
 	p.hear(func(s *stream) {
-		s.numbers(reply.Accepted, reply.Done, 0)
+		s.numbers(s.rejections, reply.Accepted, reply.Done, 0)
 		// why it has ended is not in this reply
 		s.stale = s.stale || reply.State.Ended()
 	})

@@ -26,8 +26,9 @@ type stream struct {
 	waiting []string
 	// of these, so many are in the message under way
 	underWay int
-	// the line that was found faulty last, until it has been accepted anew: late acknowledgements still name it
-	rejected int64
+	// rejections of lines that are known. Lines go out with this count, and the server takes none of before a rejection; what it says with a
+	// smaller one is older than what is known.
+	rejections int64
 	// an acknowledgement could not be placed: the server has to be asked
 	stale bool
 	// lines were given up while it was not known whether they had arrived: the server's number is the right one
@@ -89,7 +90,9 @@ func (s *stream) next() (first int64, lines []string) {
 // answered takes the reply to the message under way.
 func (s *stream) answered(reply *SubmitReply) {
 	s.underWay = 0
-	s.numbers(reply.Accepted, reply.Done, reply.Credit)
+	// of a rejection that is not heard of the reply does not say which line it is
+	s.stale = s.stale || reply.Rejections > s.rejections
+	s.numbers(reply.Rejections, reply.Accepted, reply.Done, reply.Credit)
 	s.leftOver()
 }
 
@@ -98,11 +101,16 @@ func (s *stream) refused(refusal *RefusedError) error {
 	sent := s.underWay
 	s.underWay = 0
 	cause := refusal.Cause
-	s.credit = whole(cause.Details["credit"], s.credit)
 	s.done = max(s.done, whole(cause.Details["done"], 0))
+	rejections := whole(cause.Details["rejections"], s.rejections)
+	accepted := whole(cause.Details["accepted"], s.accepted)
+	if len(cause.Diagnostics) > 0 {
+		s.rejection(rejections, whole(cause.Details["expected"], accepted+1), cause.Diagnostics)
+	}
+	s.numbers(rejections, accepted, s.done, whole(cause.Details["credit"], s.credit))
 	switch {
 	case len(cause.Diagnostics) > 0:
-		s.reject(whole(cause.Details["expected"], s.accepted+1), cause.Diagnostics)
+		// its line is given up, now or when an acknowledgement said so before
 	case cause.Code == "MC505":
 		// a line before was rejected, which an acknowledgement says or has said
 		if s.failure == nil {
@@ -130,8 +138,12 @@ func (s *stream) acknowledged(ack *Ack) {
 	if ack.Program != s.program {
 		return
 	}
-	s.numbers(ack.Accepted, ack.Done, ack.Credit)
-	s.rejection(ack.Rejected, ack.Accepted, ack.State, ack.Diagnostics)
+	s.report(ack.Rejections, ack.Rejected, ack.Accepted, ack.Diagnostics)
+	if ack.Rejections < s.rejections && !ack.State.Ended() {
+		// older than what is known
+		return
+	}
+	s.numbers(ack.Rejections, ack.Accepted, ack.Done, ack.Credit)
 	s.enter(ack.State, ack.Fault, ack.Diagnostics)
 	s.leftOver()
 }
@@ -143,15 +155,19 @@ func (s *stream) asked(status *ProgramStatus) {
 		s.unknown()
 		return
 	}
+	s.report(status.Rejections, status.Rejected, status.Accepted, status.Diagnostics)
+	if status.Rejections < s.rejections && !status.State.Ended() {
+		// older than what is known
+		return
+	}
 	if s.adrift && status.Accepted > s.accepted {
 		s.accepted, s.waiting = status.Accepted, nil
 	}
 	s.adrift = false
-	s.numbers(status.Accepted, status.Done, status.Credit)
-	s.rejection(status.Rejected, status.Accepted, status.State, status.Diagnostics)
+	s.numbers(status.Rejections, status.Accepted, status.Done, status.Credit)
 	s.enter(status.State, status.Fault, status.Diagnostics)
 	s.leftOver()
-	if status.Accepted < s.accepted && s.failure == nil {
+	if status.Rejections == s.rejections && status.Accepted < s.accepted && s.failure == nil {
 		// lines that were acknowledged and are not there any more: nothing that this client could send again
 		s.failure = &EndedError{
 			Cause: &Error{Code: CodeNotUnderstood, Message: fmt.Sprintf("the server has lines through %d, and had acknowledged %d", status.Accepted, s.accepted), Hint: "abort the program"},
@@ -160,9 +176,10 @@ func (s *stream) asked(status *ProgramStatus) {
 	}
 }
 
-func (s *stream) numbers(accepted, done, credit int64) {
+// numbers takes how far the program is, unless a line has been rejected since, or one that is not heard of.
+func (s *stream) numbers(rejections, accepted, done, credit int64) {
 	// older than what is known, or about lines that were never given
-	if accepted < s.accepted || accepted > s.given() {
+	if rejections != s.rejections || accepted < s.accepted || accepted > s.given() {
 		return
 	}
 	if accepted > s.accepted {
@@ -170,36 +187,39 @@ func (s *stream) numbers(accepted, done, credit int64) {
 		s.waiting = s.waiting[count:]
 		s.underWay = max(0, s.underWay-count)
 		s.accepted = accepted
-		if s.accepted >= s.rejected {
-			s.rejected = 0
-		}
 	}
 	s.done = max(s.done, done)
 	s.credit = credit
 }
 
-// rejection takes a line that was found faulty, as an acknowledgement names it.
-func (s *stream) rejection(line, accepted int64, state ProgramState, diagnostics []Diagnostic) {
-	switch {
-	case line == 0 || accepted != line-1 || line > s.given() || s.failure != nil:
+// report takes the rejection that an acknowledgement or a status tells of, if it is not known yet.
+func (s *stream) report(rejections, rejected, accepted int64, diagnostics []Diagnostic) {
+	if rejections <= s.rejections {
 		return
-	case line == s.rejected:
-		// an old one, or the corrected line is faulty too
-		s.stale = s.stale || s.underWay > 0
-	case s.underWay > 0 && line > s.accepted:
-		// within the message under way: its reply says so too, or the server is asked
-		s.stale = true
-	case state.Ended():
-		s.cut(line)
-	default:
-		s.reject(line, diagnostics)
+	}
+	if rejected == 0 {
+		rejected = accepted + 1
+	}
+	s.rejection(rejections, rejected, diagnostics)
+	if s.adrift {
+		// of the lines that were given up on their way these have arrived
+		s.accepted, s.waiting, s.adrift = accepted, nil, false
 	}
 }
 
-func (s *stream) reject(line int64, diagnostics []Diagnostic) {
+// rejection gives up a line that was found faulty, and what follows, where it is not given up yet.
+func (s *stream) rejection(rejections, line int64, diagnostics []Diagnostic) {
+	if rejections <= s.rejections {
+		return
+	}
+	s.rejections = rejections
+	lost := line <= s.given()
 	s.cut(line)
-	s.rejected = line
-	s.failure = s.faulty(line, diagnostics)
+	// what is before it is accepted
+	s.numbers(rejections, line-1, s.done, s.credit)
+	if lost && s.failure == nil {
+		s.failure = s.faulty(line, diagnostics)
+	}
 }
 
 // cut gives up a line and all behind it: it is the next number.

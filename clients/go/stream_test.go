@@ -84,11 +84,14 @@ func (p *player) step(number int, what string, value json.RawMessage) {
 		p.stream.give(line)
 	case "sends":
 		var wanted struct {
-			First int64
-			Lines []string
+			First, Rejections int64
+			Lines             []string
 		}
 		must(t, json.Unmarshal(value, &wanted))
 		first, lines := p.stream.next()
+		if p.stream.rejections != wanted.Rejections {
+			t.Fatalf("step %d: sends after %d rejections, not %d", number, p.stream.rejections, wanted.Rejections)
+		}
 		if first != wanted.First || !reflect.DeepEqual(lines, wanted.Lines) {
 			t.Fatalf("step %d: sends %d %q, not %d %q", number, first, lines, wanted.First, wanted.Lines)
 		}
@@ -148,7 +151,7 @@ func (p *player) step(number int, what string, value json.RawMessage) {
 func (p *player) answer(answer map[string]json.RawMessage) {
 	if p.closing {
 		reply := of[CloseReply](p.t, answer["reply"])
-		p.stream.numbers(reply.Accepted, reply.Done, p.stream.credit)
+		p.stream.numbers(p.stream.rejections, reply.Accepted, reply.Done, p.stream.credit)
 		p.closing = false
 	} else if refused, found := answer["refused"]; found {
 		must(p.t, p.stream.refused(refusal(of[ErrorReply](p.t, refused)).(*RefusedError)))
@@ -174,7 +177,7 @@ func TestARejectionThatNobodyHasHeardOfKeepsLaterLinesBack(t *testing.T) {
 	s.give("GO1")
 	s.next()
 	s.answered(&SubmitReply{Program: "p-1", Accepted: 2, Credit: 8})
-	s.acknowledged(&Ack{Program: "p-1", Accepted: 1, Credit: 9, State: Running, Rejected: 2, Diagnostics: []Diagnostic{{Code: "MC101", Line: 2}}})
+	s.acknowledged(&Ack{Program: "p-1", Accepted: 1, Credit: 9, State: Running, Rejected: 2, Rejections: 1, Diagnostics: []Diagnostic{{Code: "MC101", Line: 2}}})
 	s.give("G01 X3")
 	if _, lines := s.next(); lines != nil || Code(s.failure) != "MC101" {
 		t.Fatalf("%q is sent, failure %v", lines, s.failure)
@@ -220,7 +223,7 @@ func TestAcknowledgementsOfAnotherProgramChangeNothing(t *testing.T) {
 
 func TestALateAcknowledgementOfARejectionDoesNotRejectTheCorrectedLine(t *testing.T) {
 	s := opened(10)
-	old := &Ack{Program: "p-1", Credit: 9, State: Running, Rejected: 1, Diagnostics: []Diagnostic{{Code: "MC101", Line: 1}}}
+	old := &Ack{Program: "p-1", Credit: 9, State: Running, Rejected: 1, Rejections: 1, Diagnostics: []Diagnostic{{Code: "MC101", Line: 1}}}
 	s.give("GO1")
 	s.next()
 	s.answered(&SubmitReply{Program: "p-1", Accepted: 1, Credit: 9})
@@ -229,7 +232,24 @@ func TestALateAcknowledgementOfARejectionDoesNotRejectTheCorrectedLine(t *testin
 	s.give("G01")
 	s.next()
 	s.acknowledged(old)
-	if s.failure != nil || !s.stale {
+	if s.failure != nil || s.stale {
 		t.Fatalf("failure %v, stale %v", s.failure, s.stale)
+	}
+	s.acknowledged(&Ack{Program: "p-1", Credit: 9, State: Running, Rejected: 1, Rejections: 2})
+	if Code(s.failure) != "MC100" {
+		t.Fatalf("the corrected line is faulty too: %v", s.failure)
+	}
+}
+
+func TestARejectionAmongLinesThatWereGivenUpOnTheirWayLeavesTheServersNumber(t *testing.T) {
+	s := opened(10)
+	s.give("first")
+	s.give("GO1")
+	s.next()
+	s.abandon()
+	s.acknowledged(&Ack{Program: "p-1", Accepted: 1, Credit: 9, State: Running, Rejected: 2, Rejections: 1})
+	s.give("third")
+	if first, lines := s.next(); first != 2 || lines[0] != "third" || s.failure != nil {
+		t.Fatalf("%d %q is sent, failure %v", first, lines, s.failure)
 	}
 }

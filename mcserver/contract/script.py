@@ -17,7 +17,7 @@ from mcserver.net.messages import CloseReply, ErrorReply, OpenReply, SubmitReply
 from mcserver.net.rpc import encode_error
 from mcserver.service.line_queue import Gap, LineQueue
 from mcserver.service.program import Program
-from mcserver.service.reports import Fault, ProgramState, wire_diagnostic
+from mcserver.service.reports import Ack, Fault, ProgramState, wire_diagnostic
 
 PROGRAM = "b4c1-1"
 CLIENT = "contract-1"
@@ -48,7 +48,10 @@ class Script:
         self._steps: list[dict[str, Any]] = []
         self._given: dict[int, str] = {}
         self._next = start_line
-        self._messages: list[tuple[int, list[str]]] = []
+        self._messages: list[tuple[int, list[str], int]] = []
+        # rejections that the client has heard of, and the number that one it has not heard of gives back
+        self._heard = 0
+        self._unheard = 0
         self.program = self._opened(PROGRAM, start_line, room)
 
     def sequence(self) -> dict[str, Any]:
@@ -74,8 +77,8 @@ class Script:
     def sends(self, first: int, last: int) -> None:
         """The client sends these lines as one message, which the server gets unless it is lost."""
         lines = [self._given[number] for number in range(first, last + 1)]
-        self._messages.append((first, lines))
-        self._note("sends", {"first": first, "lines": lines})
+        self._messages.append((first, lines, self._heard))
+        self._note("sends", {"first": first, "lines": lines, "rejections": self._heard})
 
     def exchange(self, first: int, last: int) -> None:
         """The client sends these lines, and the server takes and answers them."""
@@ -125,6 +128,16 @@ class Script:
         """The server takes the oldest message and finds a line of it faulty before it answers."""
         self._receive()
         self._reject(line, diagnostic)
+        self._refuse()
+
+    def rejects_and_says_so(self, line: int, diagnostic: Diagnostic) -> None:
+        """As `rejects_at_once`, and an acknowledgement overtakes the answer."""
+        self._receive()
+        self._reject(line, diagnostic)
+        self.ack()
+        self._refuse()
+
+    def _refuse(self) -> None:
         numbers = {**self._numbers(), "expected": self.program.queue.expected}
         self._answer(_error(RejectedLines(self.program.diagnostics, **numbers)))
 
@@ -136,16 +149,29 @@ class Script:
     def ack(self, expected: int = 0) -> None:
         """An acknowledgement comes by itself."""
         self._note("ack", _message(self.program.ack(expected)))
+        self._hear()
 
-    def late_ack(self, accepted: int, credit: int) -> None:
-        """An acknowledgement that is older than what the client knows."""
-        late = msgspec.structs.replace(self.program.ack(), accepted=accepted, credit=credit)
-        self._note("ack", _message(late))
+    def keep_ack(self) -> Ack:
+        """An acknowledgement goes out and comes late, or a second time."""
+        return self.program.ack()
+
+    def late_ack(self, ack: Ack) -> None:
+        """An acknowledgement comes that is older than what the client knows."""
+        self._note("ack", _message(ack))
+
+    def foreign_ack(self, accepted: int, credit: int) -> None:
+        """An acknowledgement with numbers that are not the server's now."""
+        self.late_ack(msgspec.structs.replace(self.program.ack(), accepted=accepted, credit=credit))
 
     def rejects(self, line: int, diagnostic: Diagnostic) -> None:
         """A line that was accepted turns out faulty once it is planned."""
         self._reject(line, diagnostic)
         self.ack()
+
+    def rejects_unheard(self, line: int, diagnostic: Diagnostic) -> None:
+        """As `rejects`, and the acknowledgement is lost."""
+        self.program.reject(line, [wire_diagnostic(diagnostic)])
+        self._unheard = line
 
     def ends(self, state: ProgramState, fault: Fault | None = None) -> None:
         """The program ends; the acknowledgement says how."""
@@ -162,6 +188,7 @@ class Script:
     def asked(self) -> None:
         """The client, in doubt or on a new connection, asks `programs`."""
         self._note("asked", _message(self.program.status()))
+        self._hear()
 
     def asked_after_restart(self) -> None:
         """The server has been restarted since and knows the program no more (MC503)."""
@@ -170,6 +197,7 @@ class Script:
     def resumes(self, start_line: int, room: int = 100) -> None:
         """The application opens another program that goes on with this one."""
         self._next = start_line
+        self._heard = self._unheard = 0
         self.program = self._opened("c7d0-1", start_line, room)
 
     # ------------------------------------------------------------ the server's bookkeeping
@@ -201,8 +229,18 @@ class Script:
 
     def _receive(self) -> dict[str, Any]:
         """Take the oldest message as the service does, and give the reply to a `submit` of it."""
-        first, lines = self._messages.pop(0)
+        first, lines, rejections = self._messages.pop(0)
         program = self.program
+        if rejections != program.epoch:
+            return _error(
+                Refused(
+                    "MC505",
+                    f"lines from {first} on were given when {rejections} lines had been rejected, now it is"
+                    f" {program.epoch}",
+                    f"send what is to run from line {program.queue.expected} on",
+                    **self._numbers(),
+                )
+            )
         if first + len(lines) - 1 > program.queue.accepted:
             if not program.takes_lines:
                 return _error(
@@ -228,7 +266,9 @@ class Script:
             if taken.lines:
                 program.rejected, program.diagnostics = 0, []
         return {
-            "reply": _message(SubmitReply(program.program, program.journaled, program.done, program.credit))
+            "reply": _message(
+                SubmitReply(program.program, program.journaled, program.done, program.credit, program.epoch)
+            )
         }
 
     def _reject(self, line: int, diagnostic: Diagnostic) -> None:
@@ -247,7 +287,14 @@ class Script:
             "accepted": program.journaled,
             "done": program.done,
             "credit": program.credit,
+            "rejections": program.epoch,
         }
+
+    def _hear(self) -> None:
+        """The client has been reached by what the server has to say."""
+        self._heard = self.program.epoch
+        if self._unheard:
+            self._next, self._unheard = self._unheard, 0
 
     def _close_reply(self) -> dict[str, Any]:
         program = self.program
@@ -257,6 +304,7 @@ class Script:
 
     def _answer(self, reply: dict[str, Any]) -> None:
         self._note("answer", {"ack": _message(self.program.ack()), **reply})
+        self._hear()
 
     def _note(self, what: str, value: object) -> None:
         self._steps.append({what: value})

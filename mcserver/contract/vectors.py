@@ -179,7 +179,8 @@ def _with_defects(structure: inspect.StructType) -> dict[str, bytes]:
     """One required field missing, or one field of a type that it cannot have."""
     if structure.array_like:
         values = message(structure, Edge.PLAIN)
-        found = {"an element is missing": values[:-1]}
+        least = sum(field.required for field in structure.fields)
+        found = {"an element is missing": values[: least - 1]}
         for index, field in enumerate(structure.fields):
             wrong = [*values[:index], WRONG_TYPE, *values[index + 1 :]]
             found[f"{field.encode_name} is of another type"] = wrong

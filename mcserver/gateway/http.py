@@ -54,10 +54,14 @@ class OpenBody(_Body):
 
 
 class LinesBody(_Body):
-    """Lines ``first``, ``first + 1``, …; sent again they are never run again."""
+    """Lines ``first``, ``first + 1``, …; sent again they are never run again.
+
+    ``rejections``: how many the caller has heard of; lines of before a rejection are refused.
+    """
 
     first: int = Field(ge=1, le=2**53)
     lines: list[str] = Field(min_length=1, max_length=20_000)
+    rejections: int | None = Field(None, ge=0, le=2**53)
 
 
 class CloseBody(_Body):

@@ -274,7 +274,7 @@ class MachineEndpoint:
             if error.code != "MC503":
                 self._warn(service, error.code, f"in/{client}/{program}: {error.message}")
             return
-        service.lines.stream(program, message.first, message.lines, urgent=alone)
+        service.lines.stream(program, message.first, message.lines, message.rejections, urgent=alone)
 
     def _on_stray(self, service: MachineService, sample: zenoh.Sample) -> None:
         """A put by a wildcard, such as ``mc/@v1/**``: it reaches every key, and so none is meant."""

@@ -74,6 +74,7 @@ ProgramId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
 RequestId = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{1,64}$")]
 LineNumber = Annotated[int, Meta(ge=1, le=2**53)]
+Rejections = Annotated[int, Meta(ge=0, le=2**53)]
 ChannelName = Annotated[str, Meta(max_length=40)]
 AxisIndex = Annotated[int, Meta(ge=0, le=63)]
 
@@ -145,28 +146,41 @@ class OpenReply(msgspec.Struct, frozen=True):
 
 
 class SubmitRequest(Request, frozen=True, kw_only=True):
-    """Lines ``first``, ``first + 1``, …; without ``judge`` the reply does not wait for the verdict."""
+    """Lines ``first``, ``first + 1``, …; without ``judge`` the reply does not wait for the verdict.
+
+    ``rejections``: how many the client has heard of; lines of before a rejection are refused. None: not said,
+    they are taken for lines of now.
+    """
 
     program: ProgramId
     first: LineNumber
     lines: Annotated[list[str], Meta(min_length=1, max_length=MAX_LINES_A_MESSAGE)]
     judge: bool = True
+    rejections: Rejections | None = None
 
 
 class SubmitReply(msgspec.Struct, frozen=True):
-    """Cumulative: lines through ``accepted`` are taken, through ``done`` have ended; ``credit`` more fit."""
+    """Cumulative: lines through ``accepted`` are taken, through ``done`` have ended; ``credit`` more fit.
+
+    ``rejections``: how many the program has had.
+    """
 
     program: str
     accepted: int
     done: int
     credit: int
+    rejections: int = 0
 
 
 class StreamLines(msgspec.Struct, frozen=True, array_like=True):
-    """Payload of ``in/{client}/{program}``, an array: ``[first line number, [lines]]``."""
+    """Payload of ``in/{client}/{program}``, an array: ``[first line number, [lines], rejections]``.
+
+    ``rejections``: as in `SubmitRequest`; may be left out.
+    """
 
     first: LineNumber
     lines: Annotated[list[str], Meta(max_length=MAX_LINES_A_MESSAGE)]
+    rejections: Rejections | None = None
 
 
 class CloseRequest(Request, frozen=True, kw_only=True):

@@ -148,7 +148,7 @@ class Methods:
         self, client: str, request: wire.SubmitRequest
     ) -> wire.SubmitReply | Deferred[wire.SubmitReply]:
         taken = self._service.lines.submit(
-            client, request.program, request.first, request.lines, judge=request.judge
+            client, request.program, request.first, request.lines, request.rejections, judge=request.judge
         )
         # most are journaled at once
         program = taken.value
@@ -293,7 +293,7 @@ def _sdo_reply(found: SdoValue) -> drive_wire.SdoReply:
 
 
 def _submit_reply(program: Program) -> wire.SubmitReply:
-    return wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
+    return wire.SubmitReply(program.program, program.journaled, program.done, program.credit, program.epoch)
 
 
 def _done(programs: list[Program]) -> wire.Done:

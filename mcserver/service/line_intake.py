@@ -23,16 +23,27 @@ class LineIntake:
         self._loop = loop
 
     def submit(
-        self, client: str, program_id: str, first: int, lines: Sequence[str], *, judge: bool = True
+        self,
+        client: str,
+        program_id: str,
+        first: int,
+        lines: Sequence[str],
+        rejections: int | None = None,
+        *,
+        judge: bool = True,
     ) -> Deferred[Program]:
         """Take lines; the result comes once they are journaled and, within a limit, validated.
 
+        Args:
+            rejections: how many the client knew of when it gave them the numbers; None: not said.
+
         Raises:
-            ServiceError: MC503, MC504, MC505 a gap, MC510 closed, MC519. The result may be `RejectedLines` (a
-                line is faulty; those before it are taken) or MC519 (they cannot be journaled now).
+            ServiceError: MC503, MC504, MC505 a gap or lines of before a rejection, MC510 closed, MC519. The
+                result may be `RejectedLines` (a line is faulty; those before it are taken) or MC519 (they
+                cannot be journaled now).
         """
         program = owned_program(self._table.programs, client, program_id)
-        self._take(program, first, lines, urgent=True, awaited=judge)
+        self._take(program, first, lines, rejections, urgent=True, awaited=judge)
         last = first + len(lines) - 1
         through = min(last, program.queue.accepted)
         self._check_journal(program, through)
@@ -60,19 +71,29 @@ class LineIntake:
         verdict.listen(answer)
         return result
 
-    def stream(self, program_id: str, first: int, lines: Sequence[str], *, urgent: bool = False) -> None:
+    def stream(
+        self,
+        program_id: str,
+        first: int,
+        lines: Sequence[str],
+        rejections: int | None = None,
+        *,
+        urgent: bool = False,
+    ) -> None:
         """Take lines that were put without asking; whatever happens is said by an acknowledgement.
 
         Args:
+            rejections: as of `submit`.
             urgent: no other message waits to be journaled with them.
         """
         program = self._table.programs.get(program_id)
         if program is None:
             return
         try:
-            self._take(program, first, lines, urgent=urgent, awaited=False)
+            self._take(program, first, lines, rejections, urgent=urgent, awaited=False)
         except ServiceError as error:
-            self._table.acks.acknowledge(program, program.queue.expected if error.code == "MC505" else 0)
+            gap = error.code == "MC505" and _of_now(program, rejections)
+            self._table.acks.acknowledge(program, program.queue.expected if gap else 0)
 
     def close(self, client: str, program_id: str, last: int | None = None) -> Deferred[Program]:
         """Take no more lines; the result comes once those accepted are journaled.
@@ -112,10 +133,18 @@ class LineIntake:
         return result
 
     def _take(
-        self, program: Program, first: int, lines: Sequence[str], *, urgent: bool, awaited: bool
+        self,
+        program: Program,
+        first: int,
+        lines: Sequence[str],
+        rejections: int | None,
+        *,
+        urgent: bool,
+        awaited: bool,
     ) -> None:
         last = first + len(lines) - 1
-        if last <= program.queue.accepted:
+        of_now = _of_now(program, rejections)
+        if of_now and last <= program.queue.accepted:
             # all of it is there: acknowledged again, whatever has become of the program since
             self._table.acks.acknowledge(program)
             return
@@ -125,6 +154,15 @@ class LineIntake:
                 f"{program.program} takes no more lines: {program.state}",
                 "open another program",
                 state=program.state,
+                **_numbers(program),
+            )
+        if not of_now:
+            # they were given before a line was rejected: their numbers are those of other lines now
+            raise Refused(
+                "MC505",
+                f"lines from {first} on were given when {rejections} lines had been rejected, now it is"
+                f" {program.epoch}",
+                f"send what is to run from line {program.queue.expected} on",
                 **_numbers(program),
             )
         self._check_journal(program)
@@ -163,10 +201,16 @@ class LineIntake:
             self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
 
 
+def _of_now(program: Program, rejections: int | None) -> bool:
+    """Return whether lines that were given at this count of rejections have the numbers of now."""
+    return rejections is None or rejections == program.epoch
+
+
 def _numbers(program: Program) -> dict[str, object]:
     return {
         "expected": program.queue.expected,
         "accepted": program.journaled,
         "done": program.done,
         "credit": program.credit,
+        "rejections": program.epoch,
     }

@@ -74,7 +74,8 @@ class Program:
         self.unhomed = False
         # executor time of the newest cycle before it began [s]
         self.begun = 0.0
-        # counts rejections: what the planner says about lines of an earlier epoch no longer matters
+        # counts rejections: what the planner says about lines of an earlier epoch no longer matters, and what
+        # clients give for one is not taken
         self.epoch = 0
         self.journaled = start_line - 1
         self.validated = start_line - 1
@@ -131,6 +132,7 @@ class Program:
             diagnostics=self.diagnostics,
             fault=self.fault,
             expected=expected,
+            rejections=self.epoch,
         )
 
     @property
@@ -163,6 +165,7 @@ class Program:
             fault=self.fault,
             rejected=self.rejected,
             diagnostics=self.diagnostics,
+            rejections=self.epoch,
             resume_of=self.resume_of,
             opened_at=self.opened_at,
             ended_at=self.ended_at,

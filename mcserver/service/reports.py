@@ -96,6 +96,8 @@ class Ack(msgspec.Struct, frozen=True, omit_defaults=True):
         diagnostics: what is wrong with it.
         fault: what stopped the program.
         expected: set where the message acknowledged held a gap: the number that is expected.
+        rejections: how many lines of the program have been rejected so far. An acknowledgement with a smaller
+            count than one before is older: its numbers are of lines that are given up.
     """
 
     program: str
@@ -107,6 +109,7 @@ class Ack(msgspec.Struct, frozen=True, omit_defaults=True):
     diagnostics: list[WireDiagnostic] = []
     fault: Fault | None = None
     expected: int = 0
+    rejections: int = 0
 
 
 class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -123,6 +126,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
             the lines so far.
         pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
             these waits.
+        rejections: as in `Ack`; 0 in programs of an earlier start of the server.
         opened_at, ended_at: Unix time [s].
     """
 
@@ -150,6 +154,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     notice: str = ""
     simulated: float = 1.0
     pauses: int = 0
+    rejections: int = 0
 
 
 class AxesStatus(msgspec.Struct, frozen=True):

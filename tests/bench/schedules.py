@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from mcserver.service import program_table
-from tests.service.simulated_cell import Violation
+from tests.service.simulated_laws import Violation
 from tests.service.test_simulated_faults import NoHeartbeat, simulate
 
 REPORT_S = 60.0

@@ -28,6 +28,7 @@ class FakeProgram:
     started: int = 0
     closed: bool = False
     rejected: int = 0
+    rejections: int = 0
     diagnostics: list[dict[str, Any]] = field(default_factory=list)
     fault: dict[str, Any] | None = None
     override: float = 100.0
@@ -139,14 +140,15 @@ class FakeMethods:
         program = self._program(request)
         if program.ended or program.closed or program.state == "ending":
             raise Refusal("MC510", "takes no more lines", details={"state": program.state})
-        state = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
-        if request["first"] > program.accepted + 1:
-            raise Refusal("MC505", "a gap", details={"expected": program.accepted + 1, **state})
-        before = program.rejected
+        of_now = request.get("rejections") in (None, program.rejections)
+        if not of_now or request["first"] > program.accepted + 1:
+            state = {"expected": program.accepted + 1, **self._numbers(program)}
+            raise Refusal("MC505", "a gap" if of_now else "of before a rejection", details=state)
+        before = program.rejections
         self._take(program, request["first"], request["lines"])
         self._acknowledge(program)
-        state = {"accepted": program.accepted, "done": program.done, "credit": self._credit(program)}
-        if program.rejected and (program.rejected != before or program.accepted < request["first"]):
+        state = self._numbers(program)
+        if program.rejections != before:
             raise Refusal(
                 program.diagnostics[0]["code"],
                 program.diagnostics[0]["message"],
@@ -154,6 +156,14 @@ class FakeMethods:
                 diagnostics=program.diagnostics,
             )
         return {"program": program.program, **state}
+
+    def _numbers(self, program: FakeProgram) -> dict[str, Any]:
+        return {
+            "accepted": program.accepted,
+            "done": program.done,
+            "credit": self._credit(program),
+            "rejections": program.rejections,
+        }
 
     def _do_close(self, request: dict[str, Any]) -> dict[str, Any]:
         program = self._program(request)

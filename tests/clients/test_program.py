@@ -56,9 +56,69 @@ async def test_a_rejected_line_of_a_stream_ends_the_stream_and_its_number_is_use
     async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
         with pytest.raises(ProgramRejected) as caught:
             await program.send_lines(["G01 X1", "BAD", *["G01 X9"] * 5000])
-        assert caught.value.line == 2
+        assert (caught.value.line, caught.value.accepted) == (2, 1)
         assert await program.send_lines(["G01 X2", "G01 X3"]) == 3
     assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2", "G01 X3"]
+
+
+async def test_an_acknowledgement_from_before_the_corrected_line_does_not_reject_it(
+    server: FakeServer,
+) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        with pytest.raises(ProgramRejected):
+            await program.send_lines(["G01 X1", "BAD"])
+        server.crossing = 1
+        assert await program.send_lines(["G01 X2", "G01 X3"]) == 3
+        assert server.crossing == 0
+    assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2", "G01 X3"]
+
+
+async def test_a_corrected_line_that_is_faulty_too_is_rejected_again(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+        for lines in (["G01 X1", "BAD"], ["BAD again", "G01 X3"]):
+            server.crossing = 1
+            with pytest.raises(ProgramRejected) as caught:
+                await program.send_lines(lines)
+            assert caught.value.line == 2
+        with pytest.raises(ProgramRejected):
+            await program.send("BAD for the third time")
+        assert await program.send_lines(["G01 X2"]) == 2
+    assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2"]
+
+
+async def test_no_line_is_given_in_ignorance_of_a_rejection(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    server.credit_limit = 10
+    async with Machine.connect(connect=server.endpoint) as machine:
+        program = await machine.program()
+        # more than the client keeps: it waits for room
+        sending = asyncio.create_task(program.send_lines(["G01 X1"] * 20_000))
+        await asyncio.to_thread(server.wait_until, lambda: server.programs[program.id].accepted == 10)
+        watching = asyncio.create_task(program.done())
+        await program.status()
+        server.reject(program.id, 5)
+        for task in (watching, sending):
+            with pytest.raises(ProgramRejected):
+                await task
+        assert program.given_through == 4
+        assert await program.send_lines(["G01 X5"]) == 5
+        assert server.programs[program.id].texts[5] == "G01 X5"
+        await program.abort()
+
+
+async def test_a_program_that_finished_without_a_rejected_line_says_so(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    async with Machine.connect(connect=server.endpoint) as machine:
+        program = await machine.program()
+        await program.send_lines(["G01 X1", "G01 X2", "G01 X3"])
+        server.lose["ack"] = 1
+        server.reject(program.id, 2)
+        finishing = asyncio.create_task(program.finish())
+        await asyncio.to_thread(server.wait_until, lambda: server.programs[program.id].closed)
+        server.run_lines(program.id)
+        with pytest.raises(ProgramRejected) as caught:
+            await finishing
+        assert caught.value.line == 2
 
 
 async def test_a_line_found_faulty_after_its_acceptance_is_reported_by_done(server: FakeServer) -> None:

@@ -41,12 +41,12 @@ class ScriptedServer:
         self._deliver = lambda _: None
 
     async def put(self, _key: str, payload: bytes) -> None:
-        first, lines = msgspec.msgpack.decode(payload)
-        self.sent.append({"first": first, "lines": lines})
+        first, lines, rejections = msgspec.msgpack.decode(payload)
+        self.sent.append({"first": first, "lines": lines, "rejections": rejections})
 
     async def call(self, method: str, fields: dict[str, Any], **_: object) -> bytes:
         if method == "submit":
-            self.sent.append({"first": fields["first"], "lines": fields["lines"]})
+            self.sent.append({key: fields[key] for key in ("first", "lines", "rejections")})
             answer = await self._verdicts.get()
             if "refused" in answer:
                 raise refused(answer["refused"])
@@ -107,11 +107,12 @@ class Player:
         self.stream.window = LineWindow(opened.expected, opened.credit, chunk_lines=self._chunk_lines)
 
     async def give(self, lines: list[str]) -> None:
-        await self.stream.settle_stragglers()
+        self.stream.begin()
         for line in lines:
             await self.stream.give(line)
 
     def judge(self, line: str) -> None:
+        self.stream.begin()
         self._judging = asyncio.get_running_loop().create_task(self.stream.submit(line))
 
     def sends(self, message: dict[str, Any]) -> None:

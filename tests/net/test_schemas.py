@@ -26,4 +26,7 @@ def test_every_message_of_the_reference_has_a_schema() -> None:
 
 def test_messages_are_maps_and_streamed_lines_an_array() -> None:
     assert isinstance(msgspec.msgpack.decode(msgspec.msgpack.encode(OpenRequest())), dict)
-    assert msgspec.msgpack.decode(msgspec.msgpack.encode(StreamLines(3, ["G90"]))) == [3, ["G90"]]
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(StreamLines(3, ["G90"], 1))) == [3, ["G90"], 1]
+    # who does not count rejections leaves the count out
+    short = msgspec.msgpack.encode([3, ["G90"]])
+    assert msgspec.msgpack.decode(short, type=StreamLines) == StreamLines(3, ["G90"])

@@ -10,12 +10,13 @@ from __future__ import annotations
 import asyncio
 import random
 import sqlite3
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 
-from mcserver.errors import Diagnostic, ProgramRejected, Refused, ServiceError
+from mcserver.errors import Diagnostic, ProgramRejected, ServiceError
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.planning.line_buffer import LineBuffer
@@ -31,10 +32,12 @@ from mcserver.planning.planner_messages import (
 )
 from mcserver.service.journal_file import open_journal
 from mcserver.service.motion_port import Snapshot
-from mcserver.service.reports import ENDED, Ack, Event
+from mcserver.service.reports import Ack, Event
 from mcserver.service.service import MachineService
 from mcserver.service.service_options import ServiceOptions
 from tests.service.fakes import FakePort, FakeSink, three_axes
+from tests.service.simulated_client import SimulatedClient
+from tests.service.simulated_laws import Violation, require
 
 LIMIT_S = 60.0
 
@@ -55,15 +58,6 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         if not self._ready and timers:  # type: ignore[attr-defined]
             self._virtual = max(self._virtual, timers[0]._when)
         super()._run_once()  # type: ignore[misc]
-
-
-class Violation(AssertionError):
-    """Something that has to hold did not."""
-
-
-def require(holds: bool, what: str) -> None:
-    if not holds:
-        raise Violation(what)
 
 
 class SimulatedDisk:
@@ -142,7 +136,7 @@ class SimulatedPipeline:
         self._reports: list[Report] = []
         self._ended = False
 
-    def pump(self, u: float | None = None, override: float = 1.0) -> bool:  # noqa: ARG002
+    def pump(self, u: float | None = None, override: float = 1.0, rate: float = 1.0) -> bool:  # noqa: ARG002
         if self._ended:
             return False
         for _ in range(self._cell.random.randint(1, 5)):
@@ -244,86 +238,6 @@ class SimulatedPlanning:
         return self._cell.planner
 
 
-class SimulatedClient:
-    """Sends a program over a bad network, and again what is not acknowledged, as docs/keyspace.md says."""
-
-    def __init__(self, cell: Cell, name: str, lines: int, axes: list[int]) -> None:
-        self.name = name
-        self.done = False
-        self._cell = cell
-        self._lines = lines
-        self._axes = axes
-        self._program = ""
-        self._opening = False
-        self._accepted = 0
-        self._corrected: set[int] = set()
-        self._faulty = {cell.random.randint(1, lines)} if cell.random.random() < 0.3 else set()
-
-    def text(self, program: str, number: int) -> str:
-        return f"{'bad' if number in self._faulty - self._corrected else 'move'} {program}:{number}"
-
-    def work(self) -> None:
-        """Does the next thing, and comes back for more."""
-        if not self.done:
-            if self._program:
-                self._cell.network(self._send)
-            elif not self._opening:
-                self._opening = True
-                task = self._cell.loop.create_task(self._open())
-                self._cell.tasks.add(task)
-                task.add_done_callback(self._cell.tasks.discard)
-            self._cell.later(self.work)
-
-    def forget(self) -> None:
-        """The server has gone: begins again."""
-        self._program, self._accepted, self._opening = "", 0, False
-
-    def on_ack(self, ack: Ack) -> None:
-        if ack.program != self._program:
-            return
-        if ack.rejected:
-            self._corrected.add(ack.rejected)
-            self._accepted = ack.accepted
-        self._accepted = ack.expected - 1 if ack.expected else max(self._accepted, ack.accepted)
-        if ack.state in ENDED:
-            self.done = ack.state == "finished"
-            self.forget()
-
-    async def _open(self) -> None:
-        try:
-            program = await self._cell.service.open(self.name, axes=self._axes, on_disconnect="finish")
-            self._program = program.program
-        except ServiceError:
-            pass
-        self._opening = False
-
-    def _send(self) -> None:
-        service, draw = self._cell.service, self._cell.random
-        program = self._program
-        if not program:
-            return
-        first = max(1, self._accepted + 1 - draw.choice([0, 0, 0, 1, 3]) + draw.choice([0, 0, 0, 2]))
-        last = min(self._lines, first + draw.randint(0, 6))
-        lines = [self.text(program, number) for number in range(first, last + 1)]
-        try:
-            if self._accepted >= self._lines:
-                service.lines.close(self.name, program, last=self._lines)
-            elif draw.random() < 0.5:
-                service.lines.submit(self.name, program, first, lines).listen(lambda _program, _error: None)
-            else:
-                service.lines.stream(program, first, lines)
-            status = service.program(program)
-            if draw.random() < 0.2:
-                # asks how it stands, as one that has heard nothing for a while
-                self._cell.network(lambda: self.on_ack(status.ack()))
-        except ServiceError as error:
-            if error.code == "MC503":
-                self.forget()
-            elif isinstance(error, Refused) and error.code == "MC505":
-                # an acknowledgement from before a rejection came late
-                self._accepted = int(str(error.details["expected"])) - 1
-
-
 class Cell:
     """One run.
 
@@ -336,7 +250,12 @@ class Cell:
         self.loop = loop
         self.tasks: set[asyncio.Task[None]] = set()
         self.executed: dict[str, list[int]] = {}
+        # the same by text
+        self.texts: defaultdict[str, dict[int, str]] = defaultdict(dict)
         self.calm = False
+        # in callbacks of the loop, and within the planner, which takes them for defects of its own
+        self._violations: list[Violation] = []
+        loop.set_exception_handler(self._on_exception)
         self._journal = journal
         # reads what is committed; opened by the first question after a start of the server
         self._reader: sqlite3.Connection | None = None
@@ -363,26 +282,58 @@ class Cell:
             self.loop.call_later(self.random.expovariate(20.0), deliver)
 
     def execute(self, program: str, number: int, text: str) -> None:
+        """A line begins to move."""
+        try:
+            self._execute(program, number, text)
+        except Violation as violation:
+            self._violations.append(violation)
+            raise
+
+    def _on_exception(self, _loop: asyncio.AbstractEventLoop, context: dict[str, object]) -> None:
+        error = context.get("exception")
+        violation = error if isinstance(error, Violation) else Violation(f"{context['message']}: {error!r}")
+        self._violations.append(violation)
+
+    def _execute(self, program: str, number: int, text: str) -> None:
         ran = self.executed.setdefault(program, [])
         require(not self.port.stopped, f"{program} runs line {number} in an emergency stop")
         require(number == (ran[-1] if ran else 0) + 1, f"{program} runs line {number} after {ran[-1:]}")
-        require(text == f"move {program}:{number}", f"{program} runs {text!r} as line {number}")
+        require(text.startswith(f"move {program}:{number} "), f"{program} runs {text!r} as line {number}")
         require(self._journaled(program) >= number, f"{program} runs line {number}, which is not journaled")
         ran.append(number)
+        self.texts[program][number] = text
+        for client in self._clients:
+            told = client.told(program, number)
+            require(told in (None, text), f"{program} runs {text!r}, and {told!r} was said to be accepted")
+
+    def agree(self, program: str, told: dict[int, str]) -> None:
+        """What ran is what a client was told is accepted."""
+        for number, text in told.items():
+            ran = self.texts[program].get(number)
+            require(ran == text, f"{program} ran {ran!r}, and {text!r} was said to be accepted")
 
     async def run(self, faults: int) -> None:
         """Lets faults happen, then a calm in which every program has to come to its end."""
         for client in self._clients:
             client.work()
         self._write()
+        try:
+            await self._pass(faults)
+        finally:
+            if self._violations:
+                raise self._violations[0]
+
+    async def _pass(self, faults: int) -> None:
         kinds = [self.planner_killed, self.server_killed, self.disk_full, self.stopped, self.aborted]
         for _ in range(faults):
             await asyncio.sleep(self.random.expovariate(3.0))
+            if self._violations:
+                return
             self.random.choice(kinds)()
         self.calm, self._disk.full = True, False
         self._reset()
         until = self.loop.time() + LIMIT_S
-        while not all(client.done for client in self._clients):
+        while not (self._violations or all(client.done for client in self._clients)):
             require(self.loop.time() < until, f"programs do not end: {self._states()}")
             await asyncio.sleep(0.1)
 

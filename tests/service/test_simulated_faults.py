@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.service import program_table
-from tests.service.simulated_cell import Cell, Violation, VirtualLoop
+from mcserver.service import line_intake, program_table
+from tests.service.simulated_cell import Cell, VirtualLoop
+from tests.service.simulated_laws import Violation
 
 # thousands more: make schedules
 SEEDS = 100
@@ -52,6 +53,20 @@ def test_every_line_runs_once_and_in_order_whatever_fails(
             simulate(seed, tmp_path / f"{seed}.db")
         except Violation as violation:
             pytest.fail(f"seed {seed}: {violation}")
+
+
+def test_a_server_that_takes_lines_of_before_a_rejection_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(program_table, "Heartbeat", NoHeartbeat)
+    monkeypatch.setattr(line_intake, "_of_now", lambda _program, _rejections: True)
+    found = 0
+    for seed in range(10):
+        try:
+            simulate(seed, tmp_path / f"{seed}.db")
+        except Violation:
+            found += 1
+    assert found
 
 
 def test_a_seed_is_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

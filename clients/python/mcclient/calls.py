@@ -11,8 +11,6 @@ import asyncio
 import itertools
 from typing import Any
 
-import zenoh
-
 from mcclient.errors import MotionError, NoAnswerInTime, NobodyAnswers, RequestRefused
 from mcclient.keys import Keys
 from mcclient.presence import Presence
@@ -51,7 +49,6 @@ class Caller:
         deadline_s: float = DEADLINE_S,
         attempt_s: float = ATTEMPT_S,
         patient: bool = False,
-        priority: zenoh.Priority = zenoh.Priority.INTERACTIVE_HIGH,
     ) -> bytes:
         """The reply's payload.
 
@@ -74,9 +71,7 @@ class Caller:
             if remaining <= 0.0:
                 raise self._no_answer(method, deadline_s)
             sent_at = clock()
-            replies = await self._link.query(
-                key, payload, timeout_s=min(attempt_s, remaining), priority=priority, one=True
-            )
+            replies = await self._link.query(key, payload, timeout_s=min(attempt_s, remaining), one=True)
             if replies:
                 error = _error_of(replies[0])
                 if error is None:

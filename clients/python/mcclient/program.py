@@ -131,7 +131,7 @@ class Program:
         """
         text = self._checked(line)
         async with self._turn:
-            await self._stream.settle_stragglers()
+            self._stream.begin()
             await self._stream.accepted_all()
             self._check_open()
             return Line(self, await self._stream.submit(text))
@@ -147,7 +147,7 @@ class Program:
             ProgramError: the program has ended. NobodyAnswers: the server is gone.
         """
         async with self._turn:
-            await self._stream.settle_stragglers()
+            self._stream.begin()
             self._check_open()
             if isinstance(lines, AsyncIterable):
                 async for line in lines:
@@ -158,7 +158,7 @@ class Program:
                     if count % LINES_A_TURN == 0:
                         await asyncio.sleep(0)
             await self._stream.accepted_all()
-            self._stream.raise_failure()
+            self._stream.check()
             return self._stream.window.given
 
     # ------------------------------------------------------------ the end
@@ -290,6 +290,6 @@ class Program:
         return text
 
     def _check_open(self) -> None:
-        self._stream.raise_failure()
+        self._stream.check()
         if self._stream.closed or self.ended:
             raise endings.closed(self.state if self.ended else "closed", self._stream.extent)

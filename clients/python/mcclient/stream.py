@@ -11,8 +11,6 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-import zenoh
-
 from mcclient import endings
 from mcclient.calls import Caller
 from mcclient.endings import Extent
@@ -41,6 +39,8 @@ class LineStream:
         state: the program's, as last reported.
         done: lines through this number have ended.
         failure: why it does not go on; None while it does.
+        rejections: of lines of this program that are known. Each line goes out with this count, and the
+            server takes none of before a rejection; what it says with a smaller one is older than that.
 
     Args:
         patience_s: how long the server may be away before `NobodyAnswers`.
@@ -55,11 +55,12 @@ class LineStream:
         self.done = opened.expected - 1
         self.closed = False
         self.failure: MotionError | None = None
+        self.rejections = 0
         self._reported = False
+        # the last one of a streamed line: it stays when the line has been corrected
+        self._rejection: ProgramRejected | None = None
         # a line under judgement by `submit`: its reply tells of a rejection, not the acknowledgements
         self._judging = False
-        # lines were rejected, and puts of theirs may be on their way
-        self._stragglers = False
         self._link = link
         self._keys = keys
         self._caller = caller
@@ -88,12 +89,11 @@ class LineStream:
     # ------------------------------------------------------------ lines and waiting
 
     async def give(self, text: str) -> int:
-        """Appends a line, once there is room; returns its number."""
+        """Appends a line, once there is room; returns its number. Raises as `check`."""
         if not self.window.has_room:
             self._wake.set()
-            await self.until(lambda: self.window.has_room)
-        elif self.failure is not None:
-            self.raise_failure()
+            await self.until(lambda: self.window.has_room or self.failure is not None)
+        self.check()
         self._wake.set()
         return self.window.give(text)
 
@@ -105,10 +105,16 @@ class LineStream:
     async def until(self, condition: Callable[[], bool], *, past_rejection: bool = False) -> None:
         """Until the condition holds; raises the failure where it no longer can.
 
+        Each that waits hears of a rejection, whoever else has heard of it: what it waits for was given up.
+
         Args:
             past_rejection: what is before a rejected line is waited for all the same.
         """
+        before = self._rejection
         while not condition():
+            if self._rejection is not None and self._rejection is not before and not past_rejection:
+                self._reported = self._reported or self.failure is self._rejection
+                raise self._rejection
             if not (past_rejection and isinstance(self.failure, ProgramRejected)):
                 self.raise_failure()
             if self.ended and self.window.pending:
@@ -148,29 +154,25 @@ class LineStream:
             self._wake.set()
         return number
 
-    async def settle_stragglers(self) -> None:
-        """After a rejection: lets puts that are on their way arrive, as gaps, before their numbers are used
-        anew.
+    def begin(self) -> None:
+        """Before lines are given: raises the failure; a rejection that was reported is over."""
+        self.raise_failure()
+        if isinstance(self.failure, ProgramRejected):
+            self.failure = None
 
-        The question goes at the lines' own priority, so that it cannot overtake them.
+    def check(self) -> None:
+        """Raises what has happened since `begin`, whoever else has heard of it: lines that are given in
+        ignorance of a rejection would take the numbers of others.
         """
-        self.raise_failure()
-        if not self._stragglers:
-            return
-        status = await self.ask_status(zenoh.Priority.DATA_HIGH)
-        self._stragglers = False
-        self.failure = None
-        if status is not None:
-            self.progress(status.state, status.done, status.fault, status.diagnostics)
-        self.raise_failure()
+        if self.failure is not None:
+            self._reported = True
+            raise self.failure
 
-    async def ask_status(
-        self, priority: zenoh.Priority = zenoh.Priority.INTERACTIVE_HIGH
-    ) -> ProgramStatus | None:
+    async def ask_status(self) -> ProgramStatus | None:
         """The program as the server knows it; None: it knows no such program."""
         try:
             payload = await self._caller.call(
-                "programs", {"program": self.program}, deadline_s=self._patience_s, priority=priority
+                "programs", {"program": self.program}, deadline_s=self._patience_s
             )
         except RequestRefused as error:
             if error.code == "MC503":
@@ -219,28 +221,35 @@ class LineStream:
         except MotionError as error:
             log.warning("an acknowledgement was not understood: %s", error)
             return
-        self._take(ack.accepted, ack.credit, ack.expected)
-        self._hear_rejection(ack)
-        self.progress(ack.state, ack.done, ack.fault, ack.diagnostics)
+        self._hear(ack, ack.expected)
 
-    def _take(self, accepted: int, credit: int, expected: int = 0) -> None:
+    def _hear(self, report: Ack | ProgramStatus, expected: int = 0) -> None:
+        """Takes what the server says of the program, which may be older than what is known."""
+        if report.rejections > self.rejections:
+            self._hear_rejection(report)
+        self._take(report.accepted, report.credit, report.rejections, expected)
+        if report.rejections >= self.rejections or report.state in ENDED:
+            self.progress(report.state, report.done, report.fault, report.diagnostics)
+
+    def _take(self, accepted: int, credit: int, rejections: int, expected: int = 0) -> None:
+        """Takes numbers, unless a line before them has been rejected since, or one that is not heard of."""
         self._heard_at = self._clock()
-        self.window.acknowledge(accepted, credit, expected=expected)
+        if rejections == self.rejections:
+            self.window.acknowledge(accepted, credit, expected=expected)
 
     def _hear_rejection(self, report: Ack | ProgramStatus) -> None:
-        if report.rejected and report.state not in ENDED:
-            self._reject(report.rejected, report.accepted, report.diagnostics)
-        elif report.rejected and report.state == "rejected" and report.accepted == report.rejected - 1:
-            # the program ends there; why comes with its state
-            self.window.reject(report.rejected)
-
-    def _reject(self, line: int, accepted: int, diagnostics: tuple[Diagnostic, ...]) -> None:
         """A streamed line is faulty: it and what follows is given up."""
-        if self._judging or self._stragglers or line > self.window.given or accepted != line - 1:
+        if self._judging and report.state not in ENDED:
             return
+        line = report.rejected or report.accepted + 1
+        lost = line <= self.window.given
+        self.rejections = report.rejections
         self.window.reject(line)
-        self._stragglers = True
-        self._fail(endings.rejected(line, self.extent, diagnostics))
+        self._take(report.accepted, report.credit, report.rejections)
+        if lost:
+            # where the program has ended otherwise than well, that will be the failure
+            self._rejection = endings.rejected(line, self.extent, report.diagnostics)
+            self._fail(self._rejection)
 
     def _fail(self, failure: MotionError | None) -> None:
         self.failure = failure
@@ -250,7 +259,12 @@ class LineStream:
     # ------------------------------------------------------------ sending
 
     async def _submit_once(self, number: int, text: str) -> None:
-        request = {"program": self.program, "first": number, "lines": [text]}
+        request = {
+            "program": self.program,
+            "first": number,
+            "lines": [text],
+            "rejections": self.rejections,
+        }
         try:
             payload = await self._caller.call(
                 "submit", request, deadline_s=self._patience_s, attempt_s=VERDICT_ATTEMPT_S, patient=True
@@ -262,7 +276,7 @@ class LineStream:
                 raise await self._rejection_of(number, error) from error
             raise await self.translated(error) from error
         reply = decode(SubmitReply, payload)
-        self._take(reply.accepted, reply.credit)
+        self._take(reply.accepted, reply.credit, reply.rejections)
         self.progress(self.state, reply.done)
 
     async def _rejection_of(self, number: int, error: RequestRefused) -> MotionError:
@@ -276,13 +290,15 @@ class LineStream:
             if not diagnostics:
                 return error
         self.window.reject(min(line, number))
-        if line < number:
-            # lines that were streamed may still be on their way
-            self._stragglers = True
+        self.rejections = max(self.rejections, int(details.get("rejections") or 0))
         if isinstance(details.get("accepted"), int) and isinstance(details.get("credit"), int):
-            self._take(details["accepted"], details["credit"])
+            self._take(details["accepted"], details["credit"], self.rejections)
         self.progress(self.state, int(details.get("done") or 0))
-        return endings.rejected(line, self.extent, diagnostics)
+        rejection = endings.rejected(line, self.extent, diagnostics)
+        if line < number:
+            # whoever waits for lines that were streamed hears of it too
+            self._rejection = rejection
+        return rejection
 
     async def _send_and_ask(self) -> None:
         """The task: sends what may be sent, and asks the server when it has been silent for too long."""
@@ -292,7 +308,9 @@ class LineStream:
             chunk = None if self._judging or self.failure is not None else self.window.next_chunk()
             if chunk is not None:
                 doubt_s = FIRST_DOUBT_S
-                await self._link.put(self._keys.lines_in(self.program), encode([chunk.first, chunk.lines]))
+                await self._link.put(
+                    self._keys.lines_in(self.program), encode([chunk.first, chunk.lines, self.rejections])
+                )
                 continue
             if not self._in_doubt():
                 await self._wake.wait()
@@ -330,11 +348,9 @@ class LineStream:
         if status is None:
             self.progress("interrupted", 0)
             return
-        self._take(status.accepted, status.credit)
+        self._hear(status)
         if not self._judging:
             self.window.rewind()
-        self._hear_rejection(status)
-        self.progress(status.state, status.done, status.fault, status.diagnostics)
 
     async def _hear_of_end(self, timeout_s: float) -> None:
         try:

@@ -176,7 +176,6 @@ class Link:
         payload: bytes | None,
         *,
         timeout_s: float,
-        priority: zenoh.Priority = zenoh.Priority.INTERACTIVE_HIGH,
         one: bool = False,
     ) -> list[Reply]:
         """All replies; an empty list says nothing about whether the query arrived.
@@ -228,8 +227,8 @@ class Link:
                 target=zenoh.QueryTarget.BEST_MATCHING,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 congestion_control=zenoh.CongestionControl.BLOCK,
-                priority=priority,
-                express=priority is zenoh.Priority.INTERACTIVE_HIGH,
+                priority=zenoh.Priority.INTERACTIVE_HIGH,
+                express=True,
             )
         except zenoh.ZError as error:
             log.debug("query %s: %s", key, error)

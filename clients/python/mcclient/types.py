@@ -66,7 +66,10 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Ack:
-    """Cumulative acknowledgement of a program's lines: the last one counts."""
+    """Cumulative acknowledgement of a program's lines: the last one counts.
+
+    ``rejections``: how many lines have been rejected so far; one with a smaller count is older.
+    """
 
     program: str
     accepted: int
@@ -77,6 +80,7 @@ class Ack:
     diagnostics: tuple[Diagnostic, ...] = ()
     fault: Fault | None = None
     expected: int = 0
+    rejections: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +118,7 @@ class ProgramStatus:
     notice: str = ""
     simulated: float = 1.0
     pauses: int = 0
+    rejections: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -456,6 +461,7 @@ class SubmitReply:
     accepted: int
     done: int
     credit: int
+    rejections: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ use std::time::Duration;
 
 use serde::Serialize;
 use tokio::time::Instant;
-use zenoh::qos::Priority;
 
 use crate::error::{Error, Problem, Result};
 use crate::keys::Keys;
@@ -35,7 +34,6 @@ pub(crate) struct Trying {
     pub attempt: Duration,
     /// The deadline starts anew as long as the server is there: for what waits for motion.
     pub patient: bool,
-    pub priority: Priority,
 }
 
 impl Default for Trying {
@@ -44,7 +42,6 @@ impl Default for Trying {
             deadline: DEADLINE,
             attempt: ATTEMPT,
             patient: false,
-            priority: Priority::InteractiveHigh,
         }
     }
 }
@@ -115,7 +112,7 @@ impl Caller {
                 return Err(self.no_answer(method, trying.deadline));
             }
             let attempt = trying.attempt.min(remaining);
-            let replies = self.link.query(&key, payload.clone(), attempt, trying.priority).await;
+            let replies = self.link.query(&key, payload.clone(), attempt).await;
             let answered = !replies.is_empty();
             if let Some(reply) = replies.into_iter().next() {
                 match refusal_of(&reply)? {

@@ -270,20 +270,19 @@ impl Player {
         match what {
             "open" | "lost" => {}
             "give" => {
-                core.check().unwrap();
-                if core.has_stragglers() {
-                    core.settle(None);
-                }
+                core.begin().unwrap();
                 for line in value.as_array().unwrap() {
                     core.give(line.as_str().unwrap().to_owned());
                 }
             }
             "judge" => {
+                core.begin().unwrap();
                 core.judge(true);
                 let line = value.as_str().unwrap();
                 let number = core.give(line.to_owned());
                 self.judged = Some(number);
-                self.sent.push_back(json!({"first": number, "lines": [line]}));
+                self.sent.push_back(json!({"first": number, "lines": [line],
+                    "rejections": core.rejections()}));
             }
             "sends" => assert_eq!(self.sent.pop_front().as_ref(), Some(value), "{place}"),
             "quiet" => assert!(self.sent.is_empty(), "{place}: {:?}", self.sent),
@@ -315,7 +314,8 @@ impl Player {
                 assert_eq!(&known, value, "{place}");
             }
             "fails" => {
-                let error = self.verdict.take().or_else(|| core.check_wait(false).err()).expect(place);
+                let error =
+                    self.verdict.take().or_else(|| core.check_wait(false, core.heard()).err()).expect(place);
                 assert_eq!(error.code(), text(value, "code"), "{place}");
                 if let Some(line) = value.get("line") {
                     assert_eq!(
@@ -327,8 +327,9 @@ impl Player {
             }
             other => panic!("{place}: a step {other} that is not known here"),
         }
-        while let Step::Send(chunk) = core.next(NOW) {
-            self.sent.push_back(json!({"first": chunk.first, "lines": chunk.lines}));
+        while let Step::Send { chunk, rejections } = core.next(NOW) {
+            let message = json!({"first": chunk.first, "lines": chunk.lines, "rejections": rejections});
+            self.sent.push_back(message);
         }
     }
 }

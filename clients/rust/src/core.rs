@@ -16,14 +16,27 @@ const LONGEST_DOUBT: Duration = Duration::from_secs(2);
 /// What the driver does next.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Put these lines.
-    Send(Chunk),
+    /// Put these lines, numbered when so many rejections were known.
+    Send { chunk: Chunk, rejections: u64 },
     /// Ask the server how far the program is, and give the answer to [`Core::on_status`] or [`Core::fail`].
     Ask,
     /// Wait until something happens, or until this time.
     WaitUntil(Duration),
     /// Wait until something happens.
     Wait,
+}
+
+/// What an acknowledgement or a status says of a program.
+struct Report<'a> {
+    accepted: u64,
+    done: u64,
+    credit: u64,
+    expected: u64,
+    state: &'a ProgramState,
+    rejected: u64,
+    rejections: u64,
+    diagnostics: &'a [Diagnostic],
+    fault: Option<&'a Fault>,
 }
 
 /// Why a program does not go on.
@@ -45,8 +58,12 @@ pub(crate) struct Core {
     failure: Option<Failure>,
     /// A line is under judgement by `submit`: its reply says whether it is faulty, not the acknowledgements.
     judging: bool,
-    /// Lines were rejected, and puts of theirs may be on their way.
-    stragglers: bool,
+    /// Rejections of lines that are known. Lines go out with this count, and the server takes none of before a
+    /// rejection; what it says with a smaller one is older than what is known.
+    rejections: u64,
+    /// The last one of a streamed line, which stays when the line has been corrected, and how many there were.
+    rejection: Option<Error>,
+    heard: u64,
     /// When the server was heard last; none: what is known may be old.
     heard_at: Option<Duration>,
     doubt: Duration,
@@ -66,7 +83,9 @@ impl Core {
             closed: false,
             failure: None,
             judging: false,
-            stragglers: false,
+            rejections: 0,
+            rejection: None,
+            heard: 0,
             heard_at: Some(now),
             doubt: FIRST_DOUBT,
         }
@@ -106,8 +125,13 @@ impl Core {
         self.state.is_end()
     }
 
-    pub fn has_stragglers(&self) -> bool {
-        self.stragglers
+    pub fn rejections(&self) -> u64 {
+        self.rejections
+    }
+
+    /// How many rejections of streamed lines were heard of.
+    pub fn heard(&self) -> u64 {
+        self.heard
     }
 
     pub fn extent(&self) -> Extent {
@@ -140,10 +164,36 @@ impl Core {
         Err(failure.error.clone())
     }
 
-    /// Returns why a wait cannot end any more.
+    /// Before lines are given: returns the failure; a rejection that was reported is over.
+    pub fn begin(&mut self) -> Result<(), Error> {
+        self.check()?;
+        if self.rejected() {
+            self.failure = None;
+        }
+        Ok(())
+    }
+
+    /// Returns what has happened since [`Core::begin`], whoever else has heard of it: lines that are given in ignorance
+    /// of a rejection would take the numbers of others.
+    pub fn check_giving(&mut self) -> Result<(), Error> {
+        let Some(failure) = &mut self.failure else {
+            return Ok(());
+        };
+        failure.reported = true;
+        Err(failure.error.clone())
+    }
+
+    /// Returns why a wait cannot end any more. Each that waits hears of a rejection: what it waits for was given up.
     ///
-    /// `past_rejection`: what is before a rejected line is waited for all the same.
-    pub fn check_wait(&mut self, past_rejection: bool) -> Result<(), Error> {
+    /// `past_rejection`: what is before a rejected line is waited for all the same. `before`: [`Core::heard`] as the
+    /// wait began.
+    pub fn check_wait(&mut self, past_rejection: bool, before: u64) -> Result<(), Error> {
+        if let Some(rejection) = self.rejection.clone().filter(|_| !past_rejection && self.heard > before) {
+            if self.rejected() {
+                let _ = self.check();
+            }
+            return Err(rejection);
+        }
         if !(past_rejection && self.rejected()) {
             self.check()?;
         }
@@ -155,7 +205,7 @@ impl Core {
 
     /// Returns an error where the program takes no more lines.
     pub fn check_open(&mut self) -> Result<(), Error> {
-        self.check()?;
+        self.check_giving()?;
         if self.ended() {
             return Err(self.extent().closed(&self.state.to_string()));
         }
@@ -188,9 +238,18 @@ impl Core {
     // ------------------------------------------------------------ what the server says
 
     pub fn on_ack(&mut self, ack: &Ack, now: Duration) {
-        self.take(ack.accepted, ack.credit, ack.expected, now);
-        self.hear_rejection(&ack.state, ack.rejected, ack.accepted, &ack.diagnostics);
-        self.progress(&ack.state, ack.done, ack.fault.as_ref(), &ack.diagnostics);
+        let report = Report {
+            accepted: ack.accepted,
+            done: ack.done,
+            credit: ack.credit,
+            expected: ack.expected,
+            state: &ack.state,
+            rejected: ack.rejected,
+            rejections: ack.rejections,
+            diagnostics: &ack.diagnostics,
+            fault: ack.fault.as_ref(),
+        };
+        self.hear(&report, now);
     }
 
     /// Takes the answer to [`Step::Ask`]; none: the server knows no such program.
@@ -199,22 +258,38 @@ impl Core {
             self.progress(&ProgramState::Interrupted, 0, None, &[]);
             return;
         };
-        self.take(status.accepted, status.credit, 0, now);
+        let report = Report {
+            accepted: status.accepted,
+            done: status.done,
+            credit: status.credit,
+            expected: 0,
+            state: &status.state,
+            rejected: status.rejected,
+            rejections: status.rejections,
+            diagnostics: &status.diagnostics,
+            fault: status.fault.as_ref(),
+        };
+        self.hear(&report, now);
         if !self.judging {
             self.window.rewind();
         }
-        self.hear_rejection(
-            &status.state,
-            status.rejected,
-            status.accepted,
-            &status.diagnostics,
+    }
+
+    /// Takes what the server says of the program, which may be older than what is known.
+    fn hear(&mut self, report: &Report<'_>, now: Duration) {
+        if report.rejections > self.rejections {
+            self.hear_rejection(report, now);
+        }
+        self.take(
+            report.accepted,
+            report.credit,
+            report.rejections,
+            report.expected,
+            now,
         );
-        self.progress(
-            &status.state,
-            status.done,
-            status.fault.as_ref(),
-            &status.diagnostics,
-        );
+        if report.rejections >= self.rejections || report.state.is_end() {
+            self.progress(report.state, report.done, report.fault, report.diagnostics);
+        }
     }
 
     /// The server is there again, perhaps another start of it: what is known may be old.
@@ -228,10 +303,12 @@ impl Core {
         self.heard_at = None;
     }
 
-    /// Takes the numbers of a reply or of a refusal's details.
-    pub fn take(&mut self, accepted: u64, credit: u64, expected: u64, now: Duration) {
+    /// Takes numbers, unless a line before them has been rejected since, or one that is not heard of.
+    pub fn take(&mut self, accepted: u64, credit: u64, rejections: u64, expected: u64, now: Duration) {
         self.heard_at = Some(now);
-        self.window.acknowledge(accepted, credit, expected);
+        if rejections == self.rejections {
+            self.window.acknowledge(accepted, credit, expected);
+        }
     }
 
     /// Takes the program's state; the first one that is an end stays.
@@ -255,7 +332,7 @@ impl Core {
 
     /// Takes the reply to a line under judgement.
     pub fn on_reply(&mut self, reply: &SubmitReply, now: Duration) {
-        self.take(reply.accepted, reply.credit, 0, now);
+        self.take(reply.accepted, reply.credit, reply.rejections, 0, now);
         self.progress(&self.state.clone(), reply.done, None, &[]);
     }
 
@@ -273,12 +350,9 @@ impl Core {
             _ => number,
         };
         self.window.reject(line.min(number));
-        if line < number {
-            // lines that were streamed may still be on their way
-            self.stragglers = true;
-        }
+        self.rejections = self.rejections.max(refusal.number("rejections").unwrap_or(0));
         if let (Some(accepted), Some(credit)) = (refusal.number("accepted"), refusal.number("credit")) {
-            self.take(accepted, credit, 0, now);
+            self.take(accepted, credit, self.rejections, 0, now);
         }
         self.progress(
             &self.state.clone(),
@@ -286,21 +360,13 @@ impl Core {
             None,
             &[],
         );
-        self.extent().rejected(line, diagnostics)
-    }
-
-    /// No put of rejected lines is on its way any more: `status` was asked for behind them.
-    pub fn settle(&mut self, status: Option<&ProgramStatus>) {
-        self.stragglers = false;
-        self.failure = None;
-        if let Some(status) = status {
-            self.progress(
-                &status.state,
-                status.done,
-                status.fault.as_ref(),
-                &status.diagnostics,
-            );
+        let rejection = self.extent().rejected(line, diagnostics);
+        if line < number {
+            // whoever waits for lines that were streamed hears of it too
+            self.rejection = Some(rejection.clone());
+            self.heard += 1;
         }
+        rejection
     }
 
     pub fn fail(&mut self, error: Option<Error>) {
@@ -310,27 +376,26 @@ impl Core {
         });
     }
 
-    fn hear_rejection(&mut self, state: &ProgramState, line: u64, accepted: u64, diagnostics: &[Diagnostic]) {
-        if line == 0 || accepted + 1 != line {
-            return;
-        }
-        if !state.is_end() {
-            self.reject(line, diagnostics);
-        } else if *state == ProgramState::Rejected {
-            // the program ends there; why is said with its state
-            self.window.reject(line);
-        }
-    }
-
     /// A streamed line is faulty: it and what follows is given up.
-    fn reject(&mut self, line: u64, diagnostics: &[Diagnostic]) {
-        if self.judging || self.stragglers || line > self.window.given() {
+    fn hear_rejection(&mut self, report: &Report<'_>, now: Duration) {
+        if self.judging && !report.state.is_end() {
             return;
         }
+        let line = match report.rejected {
+            0 => report.accepted + 1,
+            line => line,
+        };
+        let lost = line <= self.window.given();
+        self.rejections = report.rejections;
         self.window.reject(line);
-        self.stragglers = true;
-        let error = self.extent().rejected(line, diagnostics.to_vec());
-        self.fail(Some(error));
+        self.take(report.accepted, report.credit, report.rejections, 0, now);
+        if lost {
+            // where the program has ended otherwise than well, that will be the failure
+            let error = self.extent().rejected(line, report.diagnostics.to_vec());
+            self.rejection = Some(error.clone());
+            self.heard += 1;
+            self.fail(Some(error));
+        }
     }
 
     // ------------------------------------------------------------ what to do
@@ -340,7 +405,8 @@ impl Core {
         if !self.judging && self.failure.is_none() {
             if let Some(chunk) = self.window.next_chunk() {
                 self.doubt = FIRST_DOUBT;
-                return Step::Send(chunk);
+                let rejections = self.rejections;
+                return Step::Send { chunk, rejections };
             }
         }
         if !self.in_doubt() {

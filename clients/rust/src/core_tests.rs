@@ -71,6 +71,7 @@ fn ack(accepted: u64, done: u64, credit: u64, expected: u64) -> Ack {
         diagnostics: Vec::new(),
         fault: None,
         expected,
+        rejections: 0,
     }
 }
 
@@ -94,7 +95,7 @@ fn core(credit: u64) -> Core {
 
 fn send_all(core: &mut Core) -> Vec<Chunk> {
     let mut sent = Vec::new();
-    while let Step::Send(chunk) = core.next(NOW) {
+    while let Step::Send { chunk, .. } = core.next(NOW) {
         sent.push(chunk);
     }
     sent
@@ -237,14 +238,18 @@ fn a_streamed_line_that_is_faulty_is_reported_once_and_its_number_is_the_next_on
     send_all(&mut core);
     let mut rejected = ack(1, 1, 100, 0);
     rejected.rejected = 2;
+    rejected.rejections = 1;
     core.on_ack(&rejected, NOW);
-    let error = core.check_wait(false).unwrap_err();
+    let error = core.check_wait(false, 0).unwrap_err();
     assert!(
         matches!(&error, Error::ProgramRejected(about) if about.accepted == 1 && about.problem.line == 2)
     );
     assert!(send_all(&mut core).is_empty());
-    assert!(core.check().is_ok() && core.has_stragglers());
-    core.settle(Some(&status(1, 1, 100)));
+    assert!(core.check().is_ok() && core.check_giving().is_err());
+    core.begin().unwrap();
     assert_eq!(core.give("G01 X9".to_owned()), 2);
     assert_eq!(send_all(&mut core)[0].first, 2);
+    // made before the corrected line came
+    core.on_ack(&rejected, NOW);
+    assert!(core.check().is_ok() && core.given() == 2);
 }

@@ -159,13 +159,7 @@ impl Link {
     }
 
     /// Returns all replies; an empty list says nothing about whether the query arrived.
-    pub async fn query(
-        &self,
-        key: &str,
-        payload: Vec<u8>,
-        limit: Duration,
-        priority: Priority,
-    ) -> Vec<Reply> {
+    pub async fn query(&self, key: &str, payload: Vec<u8>, limit: Duration) -> Vec<Reply> {
         let replies = self
             .session
             .get(key)
@@ -175,8 +169,8 @@ impl Link {
             .target(QueryTarget::BestMatching)
             .consolidation(ConsolidationMode::None)
             .congestion_control(CongestionControl::Block)
-            .priority(priority)
-            .express(priority == Priority::InteractiveHigh)
+            .priority(Priority::InteractiveHigh)
+            .express(true)
             .with(FifoChannel::new(REPLIES_LIMIT))
             .await;
         let replies = match replies {

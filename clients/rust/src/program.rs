@@ -9,7 +9,6 @@ use futures_core::Stream;
 use serde::Serialize;
 use tokio::runtime::Handle;
 use tokio::sync::Mutex;
-use zenoh::qos::Priority;
 
 use crate::calls::{Caller, Trying};
 use crate::core::Core;
@@ -232,7 +231,7 @@ impl Program {
         let text = self.checked(line)?;
         let _turn = self.turn.lock().await;
         let stream = &self.stream.shared;
-        stream.settle_stragglers().await?;
+        stream.with(|core, _| core.begin())?;
         stream.accepted_all().await?;
         stream.with(|core, _| core.check_open())?;
         stream.submit(text).await
@@ -251,7 +250,7 @@ impl Program {
         I::Item: AsRef<str>,
     {
         let _turn = self.turn.lock().await;
-        self.begin_lines().await?;
+        self.begin_lines()?;
         for (count, line) in lines.into_iter().enumerate() {
             self.give(line.as_ref()).await?;
             if count % LINES_A_TURN == LINES_A_TURN - 1 {
@@ -271,7 +270,7 @@ impl Program {
         S::Item: AsRef<str>,
     {
         let _turn = self.turn.lock().await;
-        self.begin_lines().await?;
+        self.begin_lines()?;
         let mut lines = pin!(lines);
         while let Some(line) = std::future::poll_fn(|context| lines.as_mut().poll_next(context)).await {
             self.give(line.as_ref()).await?;
@@ -279,9 +278,11 @@ impl Program {
         self.end_lines().await
     }
 
-    async fn begin_lines(&self) -> Result<()> {
-        self.stream.shared.settle_stragglers().await?;
-        self.stream.shared.with(|core, _| core.check_open())
+    fn begin_lines(&self) -> Result<()> {
+        self.stream.shared.with(|core, _| {
+            core.begin()?;
+            core.check_open()
+        })
     }
 
     async fn give(&self, line: &str) -> Result<()> {
@@ -291,7 +292,7 @@ impl Program {
 
     async fn end_lines(&self) -> Result<u64> {
         self.stream.shared.accepted_all().await?;
-        self.stream.shared.with(|core, _| core.check().map(|()| core.given()))
+        self.stream.shared.with(|core, _| core.check_giving().map(|()| core.given()))
     }
 
     // ------------------------------------------------------------ the end
@@ -430,7 +431,7 @@ impl Program {
     /// # Errors
     /// MC503 it knows no such program.
     pub async fn status(&self) -> Result<ProgramStatus> {
-        let status = self.stream.shared.ask_status(Priority::InteractiveHigh).await?;
+        let status = self.stream.shared.ask_status().await?;
         status.ok_or_else(|| {
             Error::RequestRefused(Box::new(Problem::new(
                 "MC503",

@@ -33,6 +33,7 @@ struct SubmitRequest<'a> {
     program: &'a str,
     first: u64,
     lines: [&'a str; 1],
+    rejections: u64,
 }
 
 /// What the callers, the sending task and Zenoh's threads share.
@@ -132,10 +133,10 @@ impl Shared {
     /// Appends a line, once there is room; returns its number.
     pub async fn give(&self, text: String) -> Result<u64> {
         if !self.with(|core, _| core.has_room()) {
-            self.until(Core::has_room, false).await?;
+            self.until(|core| core.has_room() || core.failure().is_some(), false).await?;
         }
         let number = self.with(|core, _| {
-            core.check()?;
+            core.check_giving()?;
             Ok(core.give(text))
         });
         self.wake.notify_one();
@@ -150,12 +151,13 @@ impl Shared {
     /// Until the condition holds; an error where it no longer can.
     pub async fn until(&self, condition: impl Fn(&Core) -> bool, past_rejection: bool) -> Result<()> {
         let mut changed = self.changed.subscribe();
+        let before = self.with(|core, _| core.heard());
         loop {
             let reached = self.with(|core, _| {
                 if condition(core) {
                     return Ok(true);
                 }
-                core.check_wait(past_rejection).map(|()| false)
+                core.check_wait(past_rejection, before).map(|()| false)
             })?;
             if reached {
                 return Ok(());
@@ -190,12 +192,12 @@ impl Shared {
             program: &self.program,
             first: number,
             lines: [text],
+            rejections: self.with(|core, _| core.rejections()),
         };
         let trying = Trying {
             deadline: self.patience,
             attempt: VERDICT_ATTEMPT,
             patient: true,
-            ..Trying::default()
         };
         match self.caller.call("submit", &request, trying).await {
             Ok(payload) => {
@@ -222,7 +224,7 @@ impl Shared {
     async fn rejection_of(&self, number: u64, refusal: Error) -> Result<Error> {
         let mut diagnostics = refusal.diagnostics().to_vec();
         if diagnostics.is_empty() {
-            let status = self.ask_status(Priority::InteractiveHigh).await?;
+            let status = self.ask_status().await?;
             diagnostics = status.map_or_else(Vec::new, |status| status.diagnostics);
             if diagnostics.is_empty() {
                 return Ok(refusal);
@@ -233,32 +235,14 @@ impl Shared {
         Ok(rejection)
     }
 
-    /// After a rejection: lets puts that are on their way arrive, as gaps, before their numbers are used anew.
-    ///
-    /// The question goes at the lines' own priority, so that it cannot overtake them.
-    pub async fn settle_stragglers(&self) -> Result<()> {
-        self.with(|core, _| core.check())?;
-        if !self.with(|core, _| core.has_stragglers()) {
-            return Ok(());
-        }
-        let status = self.ask_status(Priority::DataHigh).await?;
-        self.with(|core, _| {
-            core.settle(status.as_ref());
-            core.check()
-        })
-    }
-
     /// Asks for the program as the server knows it; none: it knows no such program.
-    pub async fn ask_status(&self, priority: Priority) -> Result<Option<ProgramStatus>> {
+    pub async fn ask_status(&self) -> Result<Option<ProgramStatus>> {
         let request = ProgramsRequest {
             program: Some(&self.program),
             ended: true,
             limit: 1,
         };
-        let trying = Trying {
-            priority,
-            ..Trying::within(self.patience)
-        };
+        let trying = Trying::within(self.patience);
         match self.caller.call("programs", &request, trying).await {
             Ok(payload) => {
                 let found: ProgramsReply = decode(&payload)?;
@@ -296,7 +280,7 @@ impl Shared {
 
     /// Asks what the server has; what it lacks will be sent again.
     pub async fn resynchronise(&self) -> Result<()> {
-        match self.ask_status(Priority::InteractiveHigh).await {
+        match self.ask_status().await {
             Ok(status) => {
                 self.with(|core, now| core.on_status(status.as_ref(), now));
                 self.tell();
@@ -337,7 +321,7 @@ impl Shared {
     async fn send_and_ask(self: Arc<Self>) {
         loop {
             match self.with(Core::next) {
-                Step::Send(chunk) => match encode(&(chunk.first, chunk.lines)) {
+                Step::Send { chunk, rejections } => match encode(&(chunk.first, chunk.lines, rejections)) {
                     Ok(payload) => {
                         let key = self.keys.lines_in(&self.program);
                         self.link.put(key, payload, Priority::DataHigh).await;

@@ -16,11 +16,13 @@ export interface Fault { code: string; message: string; hint?: string; axis?: nu
 export interface Ack {
   program: string; accepted: number; done: number; credit: number; state: ProgramState;
   rejected?: number; diagnostics?: Diagnostic[]; fault?: Fault | null; expected?: number;
+  /** Of lines so far; an acknowledgement with a smaller count than one before is older. */
+  rejections?: number;
 }
 
 export interface OpenReply { program: string; state: ProgramState; axes: number[]; expected: number; credit: number; instance: string; }
 
-export interface SubmitReply { program: string; accepted: number; done: number; credit: number; }
+export interface SubmitReply { program: string; accepted: number; done: number; credit: number; rejections?: number; }
 
 export interface ProgramStatus extends Ack {
   client: string; name: string; axes: number[]; line: number; closed: boolean; progress: number; eta_s?: number | null; duration_s?: number | null; notice?: string; simulated?: number; pauses?: number;

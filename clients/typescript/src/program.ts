@@ -153,7 +153,7 @@ export class Program {
     }
   }
 
-  async #submit(message: { first: number; lines: string[] }, judge: boolean): Promise<void> {
+  async #submit(message: { first: number; lines: string[]; rejections: number }, judge: boolean): Promise<void> {
     try {
       const reply = understand<SubmitReply>("SubmitReply", await this.machine.call("submit", { program: this.id, ...message, judge }));
       this.#hear((window) => window.answered(reply));

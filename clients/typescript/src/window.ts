@@ -23,8 +23,11 @@ export class LineWindow {
   /** Lines given that are not known to be accepted: accepted + 1, accepted + 2, … */
   #waiting: string[] = [];
   #underWay = 0;
-  /** The line that was found faulty last, until it has been accepted anew: late acknowledgements still name it. */
-  #rejected = 0;
+  /**
+   * Rejections of lines that are known. Lines go out with this count, and the server takes none of before a rejection; what it says with a
+   * smaller one is older than what is known.
+   */
+  #rejections = 0;
   /** Lines were given up while it was not known whether they had arrived: the server's number is the right one. */
   #adrift = false;
 
@@ -51,7 +54,7 @@ export class LineWindow {
   forgive(): void { if (this.failure instanceof ProgramRejected && !this.ended) this.failure = null; }
 
   /** The message to send now, within the credit; null where nothing waits, or one is under way. */
-  next(): { first: number; lines: string[] } | null {
+  next(): { first: number; lines: string[]; rejections: number } | null {
     if (this.#underWay > 0 || this.failure || this.ended) return null;
     let count = Math.min(this.#waiting.length, Math.max(0, this.credit), this.#chunkLines);
     let size = 0;
@@ -61,13 +64,15 @@ export class LineWindow {
     }
     if (count === 0) return null;
     this.#underWay = count;
-    return { first: this.accepted + 1, lines: this.#waiting.slice(0, count) };
+    return { first: this.accepted + 1, lines: this.#waiting.slice(0, count), rejections: this.#rejections };
   }
 
   /** Takes the reply to the message under way. */
   answered(reply: SubmitReply): void {
     this.#underWay = 0;
-    this.#numbers(reply.accepted, reply.done, reply.credit);
+    // of a rejection that is not heard of the reply does not say which line it is
+    this.stale ||= (reply.rejections ?? 0) > this.#rejections;
+    this.#numbers(reply.rejections ?? 0, reply.accepted, reply.done, reply.credit);
     this.#leftOver();
   }
 
@@ -75,10 +80,14 @@ export class LineWindow {
   refused(refusal: RequestRefused): RequestRefused | null {
     const sent = this.#underWay;
     this.#underWay = 0;
-    this.credit = wholeNumber(refusal.details["credit"], this.credit);
     this.done = Math.max(this.done, wholeNumber(refusal.details["done"], 0));
-    if (refusal.diagnostics.length) this.#reject(wholeNumber(refusal.details["expected"], this.accepted + 1), refusal.diagnostics);
-    else if (refusal.code === "MC505") this.stale ||= !this.failure;
+    const rejections = wholeNumber(refusal.details["rejections"], this.#rejections);
+    const accepted = wholeNumber(refusal.details["accepted"], this.accepted);
+    // its line is given up, now or when an acknowledgement said so before
+    if (refusal.diagnostics.length) this.#rejection(rejections, wholeNumber(refusal.details["expected"], accepted + 1), refusal.diagnostics);
+    this.#numbers(rejections, accepted, this.done, wholeNumber(refusal.details["credit"], this.credit));
+    if (refusal.diagnostics.length) return null;
+    if (refusal.code === "MC505") this.stale ||= !this.failure;
     else if (refusal.code === "MC503") this.#end("interrupted");
     else if (refusal.code === "MC510") {
       const state = String(refusal.details["state"] ?? "");
@@ -95,8 +104,9 @@ export class LineWindow {
   /** Takes an acknowledgement, whenever one comes. */
   acknowledged(ack: Ack): void {
     if (ack.program !== this.#program) return;
-    this.#numbers(ack.accepted, ack.done, ack.credit);
-    this.#rejection(ack.rejected ?? 0, ack.accepted, ack.state, ack.diagnostics ?? []);
+    this.#report(ack);
+    if (this.#isOld(ack)) return;
+    this.#numbers(ack.rejections ?? 0, ack.accepted, ack.done, ack.credit);
     this.#enter(ack.state, ack.fault, ack.diagnostics ?? []);
     this.#leftOver();
   }
@@ -106,10 +116,12 @@ export class LineWindow {
     this.#underWay = 0;
     this.stale = false;
     if (!status) { this.#end("interrupted"); return; }
+    this.#report(status);
+    if (this.#isOld(status)) return;
     if (this.#adrift && status.accepted > this.accepted) { this.accepted = status.accepted; this.#waiting = []; }
     this.#adrift = false;
     this.acknowledged(status);
-    if (status.accepted < this.accepted && !this.failure) {
+    if ((status.rejections ?? 0) === this.#rejections && status.accepted < this.accepted && !this.failure) {
       this.failure = new ProgramEnded(this.state, "MC533", `the server has lines through ${status.accepted}, and had acknowledged ${this.accepted}`, "abort the program", status.accepted, this.done);
     }
   }
@@ -121,31 +133,38 @@ export class LineWindow {
     this.#underWay = 0;
   }
 
-  #numbers(accepted: number, done: number, credit: number): void {
+  /** Takes how far the program is, unless a line has been rejected since, or one that is not heard of. */
+  #numbers(rejections: number, accepted: number, done: number, credit: number): void {
     // older than what is known, or about lines that were never given
-    if (accepted < this.accepted || accepted > this.given) return;
+    if (rejections !== this.#rejections || accepted < this.accepted || accepted > this.given) return;
     this.#waiting.splice(0, accepted - this.accepted);
     this.#underWay = Math.max(0, this.#underWay - (accepted - this.accepted));
-    if (accepted > this.accepted && accepted >= this.#rejected) this.#rejected = 0;
     this.accepted = accepted;
     this.done = Math.max(this.done, done);
     this.credit = credit;
   }
 
-  #rejection(line: number, accepted: number, state: ProgramState, diagnostics: Diagnostic[]): void {
-    if (line === 0 || accepted !== line - 1 || line > this.given || this.failure) return;
-    // an old one, or the corrected line is faulty too
-    if (line === this.#rejected) this.stale ||= this.#underWay > 0;
-    // within the message under way: its reply says so too, or the server is asked
-    else if (this.#underWay > 0 && line > this.accepted) this.stale = true;
-    else if (ENDED.has(state)) this.#cut(line);
-    else this.#reject(line, diagnostics);
+  /** Whether a report is from before a rejection that is known; that a program has ended is never too old. */
+  #isOld(report: Ack): boolean { return (report.rejections ?? 0) < this.#rejections && !ENDED.has(report.state); }
+
+  /** Takes the rejection that a report tells of, if it is not known yet. */
+  #report({ rejections = 0, rejected = 0, accepted, diagnostics = [] }: Ack): void {
+    if (rejections <= this.#rejections) return;
+    this.#rejection(rejections, rejected || accepted + 1, diagnostics);
+    if (!this.#adrift) return;
+    // of the lines that were given up on their way these have arrived
+    this.accepted = accepted;
+    this.#waiting = [];
+    this.#adrift = false;
   }
 
-  #reject(line: number, diagnostics: Diagnostic[]): void {
+  /** Gives up a line that was found faulty, and what follows, where it is not given up yet. */
+  #rejection(rejections: number, line: number, diagnostics: Diagnostic[]): void {
+    if (rejections <= this.#rejections) return;
+    this.#rejections = rejections;
+    const lost = line <= this.given;
     this.#cut(line);
-    this.#rejected = line;
-    this.failure = faulty(line, diagnostics);
+    if (lost) this.failure ??= faulty(line, diagnostics);
   }
 
   /** Gives up a line and all behind it: it is the next number. */

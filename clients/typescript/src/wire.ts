@@ -6,14 +6,14 @@ type Kind = "string" | "number" | "boolean" | "array" | "object";
 const FIELDS: Record<string, Record<string, Kind | `${Kind}?`>> = {
   Ack: {
     program: "string", accepted: "number", done: "number", credit: "number", state: "string",
-    rejected: "number?", diagnostics: "array?", fault: "object?", expected: "number?",
+    rejected: "number?", diagnostics: "array?", fault: "object?", expected: "number?", rejections: "number?",
   },
   ProgramStatus: {
     program: "string", accepted: "number", done: "number", credit: "number", state: "string",
-    rejected: "number?", diagnostics: "array?", fault: "object?",
+    rejected: "number?", diagnostics: "array?", fault: "object?", rejections: "number?",
   },
   OpenReply: { program: "string", state: "string", axes: "array", expected: "number", credit: "number", instance: "string" },
-  SubmitReply: { program: "string", accepted: "number", done: "number", credit: "number" },
+  SubmitReply: { program: "string", accepted: "number", done: "number", credit: "number", rejections: "number?" },
   CloseReply: { program: "string", accepted: "number", done: "number", state: "string" },
   ErrorReply: { code: "string", message: "string", hint: "string?", details: "object?", diagnostics: "array?" },
   Event: { seq: "number", t: "number", instance: "string", kind: "string" },

@@ -185,6 +185,9 @@ pub struct Ack {
     /// The number expected, in answer to a gap; 0: no gap.
     #[serde(default)]
     pub expected: u64,
+    /// Rejections of lines so far; an acknowledgement with a smaller count than one before is older.
+    #[serde(default)]
+    pub rejections: u64,
 }
 
 /// One program as the server knows it.
@@ -254,6 +257,9 @@ pub struct ProgramStatus {
     /// What it said last to the operator; while it is paused, what to do.
     #[serde(default)]
     pub notice: String,
+    /// As of [`Ack`]; 0 in programs of an earlier start of the server.
+    #[serde(default)]
+    pub rejections: u64,
 }
 
 /// Reply of `open`.
@@ -284,6 +290,9 @@ pub struct SubmitReply {
     pub done: u64,
     /// How many lines after `accepted` fit now.
     pub credit: u64,
+    /// Rejections of lines so far.
+    #[serde(default)]
+    pub rejections: u64,
 }
 
 /// Reply of `close`.

@@ -27,8 +27,8 @@ final class LineCore {
     /** How far a program came. */
     record Extent(String program, long accepted, long done) {}
 
-    /** Lines {@code first}, {@code first + 1}, … to be sent. */
-    record Chunk(long first, List<String> lines) {}
+    /** Lines {@code first}, {@code first + 1}, … to be sent; {@code rejections} were known as they were numbered. */
+    record Chunk(long first, List<String> lines, long rejections) {}
 
     private final String program;
     private final int chunkLines;
@@ -43,8 +43,15 @@ final class LineCore {
     private boolean judging;
     /** A message got no answer: the server is asked before anything more is sent. */
     private boolean lost;
+    /**
+     * Rejections of lines that are known. Lines go out with this count, and the server takes none of before a rejection; what it says with a
+     * smaller one is older than what is known.
+     */
+    private long rejections;
     private MotionException failure;
     private boolean reported;
+    /** The last one of a streamed line: it stays when the line has been corrected. */
+    private MotionException rejection;
 
     LineCore(Messages.OpenReply opened, int chunkLines) {
         program = opened.program();
@@ -102,6 +109,39 @@ final class LineCore {
         return lines.isEmpty() || (lines.size() < BUFFER_LINES && characters < BUFFER_CHARACTERS);
     }
 
+    long rejections() {
+        return rejections;
+    }
+
+    MotionException rejection() {
+        return rejection;
+    }
+
+    /** The server has to be asked before anything more is sent. */
+    boolean isLost() {
+        return lost;
+    }
+
+    /** Before lines are given: throws the failure; a rejection that was reported is over. */
+    void begin() {
+        checkOpen();
+        if (failure instanceof MotionException.ProgramRejected) {
+            failure = null;
+            reported = false;
+        }
+    }
+
+    /**
+     * Throws what has happened since {@link #begin}, whoever else has heard of it: lines that are given in ignorance of a rejection would
+     * take the numbers of others.
+     */
+    void checkGiving() {
+        if (failure != null) {
+            reported = true;
+            throw failure;
+        }
+    }
+
     /** Throws the failure; a rejection that was reported does not keep its line from being sent anew. */
     void check() {
         if (failure == null || (reported && failure instanceof MotionException.ProgramRejected && !state.equals("rejected"))) {
@@ -111,8 +151,15 @@ final class LineCore {
         throw failure;
     }
 
-    /** Throws why a wait cannot end any more; {@code pastRejection}: what is before a rejected line is waited for all the same. */
-    void checkWait(boolean pastRejection) {
+    /**
+     * Throws why a wait cannot end any more; {@code pastRejection}: what is before a rejected line is waited for all the same. Each that waits
+     * hears of a rejection after {@code before}, the last one as it began: what it waits for was given up.
+     */
+    void checkWait(boolean pastRejection, MotionException before) {
+        if (!pastRejection && rejection != null && rejection != before) {
+            reported = reported || failure == rejection;
+            throw rejection;
+        }
         if (!(pastRejection && failure instanceof MotionException.ProgramRejected)) {
             check();
         }
@@ -133,11 +180,6 @@ final class LineCore {
 
     /** Appends a line and returns its number. */
     long give(String line) {
-        if (reported) {
-            // its rejection is known to the application, which goes on
-            failure = null;
-            reported = false;
-        }
         lines.addLast(line);
         characters += line.length();
         return given();
@@ -171,7 +213,7 @@ final class LineCore {
             chunk.add(line);
         }
         underWay = true;
-        return new Chunk(accepted + 1, chunk);
+        return new Chunk(accepted + 1, chunk, rejections);
     }
 
     /** Something is awaited that a lost acknowledgement could have said. */
@@ -184,7 +226,9 @@ final class LineCore {
 
     void onReply(Messages.SubmitReply reply) {
         underWay = false;
-        take(reply.accepted(), reply.credit());
+        // of a rejection that is not heard of the reply does not say which line it is
+        lost = lost || reply.rejections() > rejections;
+        take(reply.accepted(), reply.credit(), reply.rejections());
         done = Math.max(done, reply.done());
     }
 
@@ -201,28 +245,40 @@ final class LineCore {
     MotionException onRefusal(MotionException.RequestRefused refusal, long number) {
         underWay = false;
         done = Math.max(done, refusal.number("done", 0));
+        long now = refusal.number("rejections", rejections);
         if (!refusal.diagnostics().isEmpty()) {
+            if (now <= rejections && !judging && failure instanceof MotionException.ProgramRejected) {
+                // an acknowledgement has said so before
+                return failure;
+            }
             long line = refusal.number("expected", refusal.line() > 0 ? refusal.line() : number);
             reject(Math.min(line, number));
-            take(refusal.number("accepted", accepted), refusal.number("credit", credit));
-            MotionException rejection = new MotionException.ProgramRejected(line, extent(), refusal.diagnostics());
-            if (!judging) {
-                fail(rejection);
+            rejections = Math.max(rejections, now);
+            take(refusal.number("accepted", accepted), refusal.number("credit", credit), rejections);
+            MotionException faulty = new MotionException.ProgramRejected(line, extent(), refusal.diagnostics());
+            if (line < number || !judging) {
+                // whoever waits for lines that were streamed hears of it too
+                rejection = faulty;
             }
-            return rejection;
+            if (!judging) {
+                fail(faulty);
+            }
+            return faulty;
         }
         if (refusal.code().equals("MC505")) {
-            take(refusal.number("accepted", accepted), refusal.number("credit", credit));
+            // which line was rejected before is not said here
+            lost = lost || now > rejections;
+            take(refusal.number("accepted", accepted), refusal.number("credit", credit), now);
             return null;
         }
         if (refusal.code().equals("MC510")) {
-            take(refusal.number("accepted", accepted), 0);
-            String now = String.valueOf(refusal.details().getOrDefault("state", "closed"));
-            if (ENDED.contains(now)) {
-                progress(now, done, null, List.of());
+            take(refusal.number("accepted", accepted), 0, now);
+            String end = String.valueOf(refusal.details().getOrDefault("state", "closed"));
+            if (ENDED.contains(end)) {
+                progress(end, done, null, List.of());
             }
-            if (failure == null && !now.equals("ending")) {
-                fail(new MotionException.ProgramClosed(now, extent()));
+            if (failure == null && !end.equals("ending")) {
+                fail(new MotionException.ProgramClosed(end, extent()));
             }
             // why it ends is said once it stands still
             lost = failure == null;
@@ -237,8 +293,11 @@ final class LineCore {
     }
 
     void onAck(Messages.Ack ack) {
-        take(ack.accepted(), ack.credit());
-        hearRejection(ack.state(), ack.rejected(), ack.accepted(), ack.diagnostics());
+        hearRejection(ack.state(), ack.rejections(), ack.rejected(), ack.accepted(), ack.diagnostics());
+        if (isOld(ack.rejections(), ack.state())) {
+            return;
+        }
+        take(ack.accepted(), ack.credit(), ack.rejections());
         progress(ack.state(), ack.done(), ack.fault(), ack.diagnostics());
     }
 
@@ -251,8 +310,11 @@ final class LineCore {
             return;
         }
         underWay = underWay && judging;
-        take(status.accepted(), status.credit());
-        hearRejection(status.state(), status.rejected(), status.accepted(), status.diagnostics());
+        hearRejection(status.state(), status.rejections(), status.rejected(), status.accepted(), status.diagnostics());
+        if (isOld(status.rejections(), status.state())) {
+            return;
+        }
+        take(status.accepted(), status.credit(), status.rejections());
         progress(status.state(), status.done(), status.fault(), status.diagnostics());
     }
 
@@ -269,22 +331,32 @@ final class LineCore {
         reported = false;
     }
 
-    private void hearRejection(String now, long line, long before, List<Messages.Diagnostic> diagnostics) {
-        if (line == 0 || before != line - 1 || line > given()) {
+    /** A report is from before a rejection that is known; that a program has ended is never too old. */
+    private boolean isOld(long rejections, String now) {
+        return rejections < this.rejections && !ENDED.contains(now);
+    }
+
+    /** Takes the rejection that a report tells of, if it is not known yet. */
+    private void hearRejection(String now, long rejections, long rejected, long before, List<Messages.Diagnostic> diagnostics) {
+        if (rejections <= this.rejections || (judging && !ENDED.contains(now))) {
             return;
         }
-        if (now.equals("rejected")) {
-            // the program ends there; why is said with its state
-            reject(line);
-        } else if (!ENDED.contains(now) && !judging && !(failure instanceof MotionException.ProgramRejected)) {
-            reject(line);
-            fail(new MotionException.ProgramRejected(line, extent(), diagnostics));
+        long line = rejected > 0 ? rejected : before + 1;
+        boolean ours = line <= given();
+        this.rejections = rejections;
+        reject(line);
+        // what is before it is accepted
+        take(before, credit, rejections);
+        if (ours) {
+            // where the program has ended otherwise than well, that will be the failure
+            rejection = new MotionException.ProgramRejected(line, extent(), diagnostics);
+            fail(rejection);
         }
     }
 
-    /** Takes cumulative numbers; those that are older than what is known change nothing. */
-    private void take(long accepted, long credit) {
-        if (accepted < this.accepted || accepted > given()) {
+    /** Takes cumulative numbers, unless a line has been rejected since, or one that is not heard of; older ones change nothing. */
+    private void take(long accepted, long credit, long rejections) {
+        if (rejections != this.rejections || accepted < this.accepted || accepted > given()) {
             return;
         }
         for (long taken = this.accepted; taken < accepted; taken++) {

@@ -34,10 +34,13 @@ public final class Messages {
             String code, String message, @Sparse String hint, @Sparse Long axis, @Sparse long line, @Sparse("null") String program,
             @Sparse double t) {}
 
-    /** Cumulative acknowledgement of a program's lines: the last one counts. */
+    /**
+     * Cumulative acknowledgement of a program's lines: the last one counts. {@code rejections} of lines so far: one with a smaller count is
+     * older.
+     */
     public record Ack(
             String program, long accepted, long done, long credit, String state, @Sparse long rejected,
-            @Sparse List<Diagnostic> diagnostics, @Sparse Fault fault, @Sparse long expected) {}
+            @Sparse List<Diagnostic> diagnostics, @Sparse Fault fault, @Sparse long expected, @Sparse long rejections) {}
 
     /** One program as the server knows it. */
     public record ProgramStatus(
@@ -45,7 +48,7 @@ public final class Messages {
             @Sparse("1") long startLine, @Sparse long line, @Sparse long accepted, @Sparse long done, @Sparse long credit,
             @Sparse boolean closed, @Sparse("100") double override, @Sparse double progress, @Sparse double openedAt,
             @Sparse Double etaS, @Sparse Fault fault, @Sparse long rejected, @Sparse List<Diagnostic> diagnostics,
-            @Sparse("null") String resumeOf, @Sparse Double endedAt) {}
+            @Sparse("null") String resumeOf, @Sparse Double endedAt, @Sparse long rejections) {}
 
     /** All axes, column-wise: each list has one entry for each of {@code index}. */
     public record AxesStatus(
@@ -127,7 +130,7 @@ public final class Messages {
     public record OpenReply(String program, String state, List<Long> axes, long expected, long credit, String instance) {}
 
     /** Reply of {@code submit}, cumulative as {@link Ack}. */
-    public record SubmitReply(String program, long accepted, long done, long credit) {}
+    public record SubmitReply(String program, long accepted, long done, long credit, @Sparse long rejections) {}
 
     /** Reply of {@code close}. */
     public record CloseReply(String program, long accepted, long done, String state) {}

@@ -22,7 +22,7 @@ public final class Program implements AutoCloseable {
     private static final long LONGEST_DOUBT_MS = 2000;
 
     /** What is waited for: a condition on the core, checked at each change. */
-    private record Waiter(BooleanSupplier condition, boolean pastRejection, CompletableFuture<Void> reached) {}
+    private record Waiter(BooleanSupplier condition, boolean pastRejection, MotionException before, CompletableFuture<Void> reached) {}
 
     private final Gateway gateway;
     private final Machine machine;
@@ -53,7 +53,7 @@ public final class Program implements AutoCloseable {
     static CompletableFuture<Program> follow(Gateway gateway, Machine machine, Messages.OpenReply opened) {
         Program program = new Program(gateway, machine, opened);
         return gateway.listen(machine.name(), "ack/" + program.id,
-                (message, missed) -> program.hear(Wire.read(Messages.Ack.class, message)), program::ask).thenApply(stop -> {
+                (message, missed) -> program.hear(Wire.read(Messages.Ack.class, message)), program::query).thenApply(stop -> {
                     program.unsubscribe = stop;
                     program.act();
                     return program;
@@ -121,26 +121,30 @@ public final class Program implements AutoCloseable {
     public CompletableFuture<Long> send(String line) {
         return inTurn(() -> {
             String text = LineCore.checked(line, longestLine);
-            check(core::check);
+            check(core::begin);
             return until(() -> !core.pending(), false).thenCompose(accepted -> {
                 long number;
                 synchronized (lock) {
+                    core.checkGiving();
                     core.checkOpen();
                     number = core.give(text);
                     core.judge(true);
                 }
-                return judge(number, text).whenComplete((verdict, error) -> {
+                return judge(number, text).handle((verdict, error) -> {
                     synchronized (lock) {
                         core.judge(false);
                     }
                     act();
-                });
+                    // a line before may have been rejected, which nobody has heard of
+                    return error == null ? CompletableFuture.completedFuture(verdict) : this.<Long>translated(Futures.cause(error), "MC505");
+                }).thenCompose(result -> result);
             });
         });
     }
 
     private CompletableFuture<Long> judge(long number, String text) {
-        Map<String, Object> request = Map.of("program", id, "first", number, "lines", List.of(text), "judge", true);
+        Map<String, Object> request =
+                Map.of("program", id, "first", number, "lines", List.of(text), "rejections", core.rejections(), "judge", true);
         return machine.ask("submit", request, Messages.SubmitReply.class).handle((reply, error) -> {
             synchronized (lock) {
                 if (error == null) {
@@ -174,7 +178,7 @@ public final class Program implements AutoCloseable {
      */
     public CompletableFuture<Long> sendLines(Iterator<String> lines) {
         return inTurn(() -> {
-            check(core::checkOpen);
+            check(core::begin);
             CompletableFuture<Long> sent = new CompletableFuture<>();
             Thread reader = new Thread(() -> {
                 try {
@@ -195,7 +199,7 @@ public final class Program implements AutoCloseable {
     /** As {@link #sendLines(Iterator)}, of lines that are published. */
     public CompletableFuture<Long> sendLines(Flow.Publisher<String> lines) {
         return inTurn(() -> {
-            check(core::checkOpen);
+            check(core::begin);
             CompletableFuture<Long> sent = new CompletableFuture<>();
             lines.subscribe(new PublishedLines(this::give, this::acceptedAll, sent));
             return sent;
@@ -208,7 +212,7 @@ public final class Program implements AutoCloseable {
         return room.thenAccept(ready -> {
             boolean sendNow;
             synchronized (lock) {
-                core.check();
+                core.checkGiving();
                 core.give(text);
                 sendNow = core.given() - core.accepted() == 1 || core.given() % 100 == 0;
             }
@@ -222,7 +226,7 @@ public final class Program implements AutoCloseable {
         act();
         return until(() -> !core.pending(), false).thenApply(all -> {
             synchronized (lock) {
-                core.check();
+                core.checkGiving();
                 return core.given();
             }
         });
@@ -253,7 +257,7 @@ public final class Program implements AutoCloseable {
                 Map<String, Object> request = Map.of("program", id, "last", acceptedThrough());
                 return machine.ask("close", request, Messages.CloseReply.class).handle((reply, error) -> {
                     if (error != null) {
-                        return translated(Futures.cause(error));
+                        return this.<Void>translated(Futures.cause(error), "MC503", "MC504", "MC510");
                     }
                     synchronized (lock) {
                         core.onClosed(reply);
@@ -365,7 +369,7 @@ public final class Program implements AutoCloseable {
                 boolean over = waiter.condition().getAsBoolean();
                 if (!over) {
                     try {
-                        core.checkWait(waiter.pastRejection());
+                        core.checkWait(waiter.pastRejection(), waiter.before());
                     } catch (MotionException failure) {
                         error = failure;
                     }
@@ -381,7 +385,7 @@ public final class Program implements AutoCloseable {
                 doubting = null;
             }
             if (!left && core.inDoubt()) {
-                doubting = later(this::ask, doubtMs);
+                doubting = later(this::query, doubtMs);
                 doubtMs = Math.min(2 * doubtMs, LONGEST_DOUBT_MS);
             }
         }
@@ -401,22 +405,24 @@ public final class Program implements AutoCloseable {
     }
 
     private void submit(LineCore.Chunk chunk) {
-        Map<String, Object> request = Map.of("program", id, "first", chunk.first(), "lines", chunk.lines(), "judge", false);
+        Map<String, Object> request = Map.of(
+                "program", id, "first", chunk.first(), "lines", chunk.lines(), "rejections", chunk.rejections(), "judge", false);
         machine.ask("submit", request, Messages.SubmitReply.class).whenComplete((reply, error) -> {
-            boolean ended = false;
+            boolean unclear = false;
             synchronized (lock) {
                 if (error == null) {
                     core.onReply(reply);
+                    unclear = core.isLost();
                 } else if (Futures.cause(error) instanceof MotionException.RequestRefused refusal) {
                     core.onRefusal(refusal, chunk.first());
-                    ended = List.of("MC503", "MC504", "MC510").contains(refusal.code());
+                    unclear = core.isLost() || List.of("MC503", "MC504", "MC510").contains(refusal.code());
                 } else {
                     core.onLost();
                     onSilence(Futures.cause(error));
                 }
             }
-            if (ended) {
-                ask();
+            if (unclear) {
+                query();
             } else {
                 act();
             }
@@ -424,10 +430,6 @@ public final class Program implements AutoCloseable {
     }
 
     /** Asks the server how far the program is; what it lacks will be sent again. */
-    private void ask() {
-        query();
-    }
-
     private CompletableFuture<Void> query() {
         return machine.ask("programs", Map.of("program", id), Messages.ProgramsReply.class).handle((reply, error) -> {
             synchronized (lock) {
@@ -454,30 +456,29 @@ public final class Program implements AutoCloseable {
         }
     }
 
-    /** A refusal as what it means for the program: ended, interrupted, or itself. */
-    private CompletableFuture<Void> translated(Throwable error) {
-        if (!(error instanceof MotionException.RequestRefused refusal) || !List.of("MC503", "MC504", "MC510").contains(refusal.code())) {
+    /** A refusal with one of these codes as what it means for the program: ended, interrupted, rejected, or itself. */
+    private <T> CompletableFuture<T> translated(Throwable error, String... codes) {
+        if (!(error instanceof MotionException.RequestRefused refusal) || !List.of(codes).contains(refusal.code())) {
             return CompletableFuture.failedFuture(error);
         }
         return query().thenCompose(known -> {
-            synchronized (lock) {
-                return CompletableFuture.failedFuture(core.failure() != null ? core.failure() : refusal);
-            }
+            check(core::check);
+            return CompletableFuture.failedFuture(refusal);
         });
     }
 
     // ---------------------------------------------------------------- waiting
 
     private CompletableFuture<Void> until(BooleanSupplier condition, boolean pastRejection) {
-        Waiter waiter = new Waiter(condition, pastRejection, new CompletableFuture<>());
+        CompletableFuture<Void> reached = new CompletableFuture<>();
         synchronized (lock) {
             if (condition.getAsBoolean()) {
                 return CompletableFuture.completedFuture(null);
             }
-            waiters.add(waiter);
+            waiters.add(new Waiter(condition, pastRejection, core.rejection(), reached));
         }
         act();
-        return waiter.reached();
+        return reached;
     }
 
     private void check(Runnable checks) {

@@ -225,12 +225,16 @@ class ContractTest {
         private void take(String what, JsonElement value, String where) {
             switch (what) {
                 case "open" -> core = new LineCore(Wire.decode(Messages.OpenReply.class, bytes(value.getAsJsonObject())), chunkLines);
-                case "give" -> value.getAsJsonArray().forEach(line -> core.give(line.getAsString()));
+                case "give" -> {
+                    core.begin();
+                    value.getAsJsonArray().forEach(line -> core.give(line.getAsString()));
+                }
                 case "judge" -> {
+                    core.begin();
                     long line = core.give(value.getAsString());
                     judged = line;
                     core.judge(true);
-                    sent.add(new LineCore.Chunk(line, List.of(value.getAsString())));
+                    sent.add(new LineCore.Chunk(line, List.of(value.getAsString()), core.rejections()));
                 }
                 case "sends" -> {
                     LineCore.Chunk chunk = sent.poll();
@@ -239,6 +243,7 @@ class ContractTest {
                     value.getAsJsonObject().get("lines").getAsJsonArray().forEach(line -> lines.add(line.getAsString()));
                     assertEquals(value.getAsJsonObject().get("first").getAsLong(), chunk.first(), where);
                     assertEquals(lines, chunk.lines(), where);
+                    assertEquals(value.getAsJsonObject().get("rejections").getAsLong(), chunk.rejections(), where);
                 }
                 case "quiet" -> assertTrue(sent.isEmpty(), where);
                 case "lost" -> {
@@ -284,7 +289,7 @@ class ContractTest {
             MotionException error = verdict;
             verdict = null;
             if (error == null) {
-                error = assertThrows(MotionException.class, () -> core.checkWait(false), where);
+                error = assertThrows(MotionException.class, () -> core.checkWait(false, null), where);
             } else if (core.failure() == error) {
                 assertThrows(MotionException.class, core::check, where);
             }
