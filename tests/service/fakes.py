@@ -213,7 +213,7 @@ class FakePipeline:
         self._reports: list[Report] = []
         self._ended = False
 
-    def pump(self, u: float | None = None, override: float = 1.0) -> bool:  # noqa: ARG002
+    def pump(self, u: float | None = None, override: float = 1.0, rate: float = 1.0) -> bool:  # noqa: ARG002
         assert u is not None
         if self._ended:
             return False
