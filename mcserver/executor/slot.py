@@ -404,6 +404,9 @@ class ProgramSlot:
         elif rate > 0.0 and self.playback.unmoved(self.u):
             start = self._start_rate()
             found = start if max(rate, start) > 1.0 else rate
+            if found > rate and not self.playback.rested:
+                # what has just ended and what begins are within the same differences, tried at this rate
+                found = rate
         else:
             return rate
         if found != rate:

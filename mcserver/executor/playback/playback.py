@@ -315,6 +315,11 @@ class Playback:
         latest: Array = self._recent[[(self._cycles + step) & 3 for step in (1, 2, 3)]]
         return latest
 
+    @property
+    def rested(self) -> bool:
+        """Whether nothing has moved in the last three cycles."""
+        return bool((self._recent == self._row.setpoint).all())
+
     def window(self, u: float, ahead: int) -> RowWindow | None:
         """Return the rows about u and up to ``ahead`` rows after it; None where there are none yet."""
         ring = self._ring

@@ -32,6 +32,8 @@ STEEP, SHARP = 0, 1
 VERTEX_JERK = 1.5
 # The same for the motion of least acceleration of an axis without a jerk limit.
 VERTEX_ACCELERATION = 1.01
+# What rounding may add to one acceleration between two rows.
+ONE_ACCELERATION = 1.001
 # Powers of the time left by which what is left of a change of velocity and of displacement falls: jerk is
 # constant, or acceleration is.
 _CONSTANT_JERK, _CONSTANT_ACCELERATION = 3, 2
@@ -86,7 +88,7 @@ def _goes_one_way(displacement: float, v0: float, v1: float, bound: float, sharp
     if math.isinf(bound) or 2.0 * excess >= change:
         return False
     # one acceleration, that begins or ends between the rows
-    return change * change / (change - 2.0 * excess) <= bound * (1.0 + 1e-9)
+    return change * change / (change - 2.0 * excess) <= ONE_ACCELERATION * bound
 
 
 @compiled
