@@ -29,6 +29,7 @@ CHORDS = (0.1, 0.5, 2.0)
 TOLERANCES = (0.02, 0.1, 1.0)
 # What inverse kinematics may be away from the path [mm], and what the bow between two cycles adds.
 SOLVED = 0.012
+OUT_OF_REACH = "MC303"
 # F at the tip in a rounded corner: the Jacobian there is taken from the ends of the line.
 FEED_SLACK = VELOCITY_SLACK + 2e-3
 
@@ -148,10 +149,14 @@ def broken_laws_of_tools(seed: int, *, orders: bool) -> tuple[list[str], int, in
         return broken, len(program.lines), len(run.setpoint)
     text = "\n".join(["G1010", *program.lines])
     found = simulate(text, machine, kinematics=kinematics, record=True)
+    refused = [each["code"] for each in found.report["diagnostics"] if each["severity"] == "error"]
+    if OUT_OF_REACH in refused:
+        # a point that the arm does not come to
+        return [], 0, 0
     if found.exit_code or found.recording is None:
         return [f"refused: {found.report['diagnostics'][:1]}"], 0, 0
     joints = np.radians(found.recording.setpoint)
-    broken = _broken_limits(machine, Run(joints, 0.0, [], 0), program.here)
+    broken = _broken_limits(machine, Run(joints, 0.0, [], 0, np.empty(0), 0), program.here)
     points = 1e3 * tips("arm6.urdf", "tip", joints)[0]
     lines = {line["line"]: line for line in found.report["lines"]}
     cycle = machine.cycle_s
