@@ -257,7 +257,7 @@ public final class Program implements AutoCloseable {
                 Map<String, Object> request = Map.of("program", id, "last", acceptedThrough());
                 return machine.ask("close", request, Messages.CloseReply.class).handle((reply, error) -> {
                     if (error != null) {
-                        return this.<Void>translated(Futures.cause(error), "MC503", "MC504", "MC510");
+                        return this.<Void>translated(Futures.cause(error), "MC503", "MC504", "MC505", "MC510");
                     }
                     synchronized (lock) {
                         core.onClosed(reply);
