@@ -77,7 +77,7 @@ def test_rounded_corners_keep_every_limit_and_the_tolerance(program: Program) ->
 
 
 @given(programs())
-@law(30)
+@law(40)
 def test_every_row_lies_on_the_programmed_path_and_the_last_one_on_its_end(program: Program) -> None:
     motion = plan(program.machine, program.moves, commits=program.commits)
     assert farthest_from_path(motion) <= EXACT
