@@ -343,7 +343,7 @@ class ProgramSlot:
             self._pass(control, left)
             # a motion that begins or ends in this cycle changes how far u may go
             if control.kind in (ControlKind.BEGIN, ControlKind.END):
-                rate = self._rate_at_rest(rate)
+                rate = self._rate_at_rest(rate, left)
                 reach = self._reach(self.u + rate * left)
         if reach > self.u:
             whole = round(reach)
@@ -395,7 +395,7 @@ class ProgramSlot:
             return False
         return self.playback.at_start or self.ramp.rate <= STANDSTILL
 
-    def _rate_at_rest(self, rate: float) -> float:
+    def _rate_at_rest(self, rate: float, left: float) -> float:
         """Return the rate for what is left of a cycle in which a motion has ended or begun: only rows of a
         greater pace are played at more than 100 %.
         """
@@ -405,8 +405,9 @@ class ProgramSlot:
             start = self._start_rate()
             found = start if max(rate, start) > 1.0 else rate
             if found > rate and not self.playback.rested:
-                # what has just ended and what begins are within the same differences, tried at this rate
-                found = rate
+                # what has just ended and what begins are within the same differences
+                edge, _ = self._queue.edge(self.u)
+                found = found if self.ramp.may_begin(self.u, found, left, edge) else rate
         else:
             return rate
         if found != rate:

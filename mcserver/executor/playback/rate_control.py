@@ -28,6 +28,7 @@ from mcserver.motion.kernels.rate_search import (
     TRIES,
     WORTH,
     headroom_ahead,
+    keeps_limits,
     safe_rates,
     search_rate,
 )
@@ -157,6 +158,52 @@ class RateControl:
         until = u + SOON * max(1.0, self.rate)
         first, written = playback.following, playback.written
         return safe_rates(ring.pace, ring.velocity, ring.row_u, first, written, until)
+
+    def may_begin(self, u: float, rate: float, left: float, edge: float | None) -> bool:
+        """Return whether a motion that begins at u goes well with the setpoints before it at a steady rate.
+
+        Args:
+            left: share of this cycle that is left for it. edge: as of `advance`.
+        """
+        window = self._playback.window(u, math.ceil((SETTLING + 2) * RATE_MAX))
+        if window is None:
+            return False
+        edge = math.inf if edge is None else edge
+        # as if it had begun with the cycle, so far before its beginning
+        early = u - (1.0 - left) * rate
+        state = (
+            early,
+            rate,
+            0.0,
+            rate,
+            edge,
+            self._far,
+            self._cycle,
+            window.begun,
+            rate,
+            rate,
+            math.inf,
+            rate,
+        )
+        return keeps_limits(
+            self._ring.row_u,
+            self._ring.position,
+            self._ring.velocity,
+            self._torques,
+            self._ring.pace,
+            np.array(window.numbers),
+            np.array((window.from_rest, window.ends)),
+            window.driven,
+            window.displaced,
+            window.start,
+            self._playback.recent(),
+            self._limits,
+            np.array(state),
+            self._places,
+            self._at,
+            self._scratch,
+            self._phases,
+        )
 
     def rows_before(self, u: float, edge: float) -> int:
         """Return the rows that u may pass before a stop at an edge has to be thought of."""

@@ -434,3 +434,41 @@ def warm_up_playback() -> None:
     headroom_ahead(np.ones(size), 0, size)
     safe_rates(np.ones(size), rows, np.arange(size), 0, size, 0.0)
     interpolate_rows(rows, rows, 0, 1, 0.5, 1e-3, 1.0, 1.0, rows[:2], some, rows[2], rows[3])
+
+
+@compiled
+def keeps_limits(
+    row_u: NDArray[np.int64],
+    position: Array,
+    velocity: Array,
+    torque: Array,
+    pace: Array,
+    numbers: NDArray[np.int64],
+    flags: NDArray[np.bool_],
+    driven: NDArray[np.bool_],
+    displaced: NDArray[np.bool_],
+    start: Array,
+    recent: Array,
+    limits: Array,
+    state: Array,
+    places: Array,
+    at: NDArray[np.int64],
+    scratch: Array,
+    phases: Array,
+) -> bool:
+    """Return whether the next setpoints keep all limits at a steady rate, `TARGET`, with those before.
+
+    Args:
+        As of `search_rate`; of the numbers the first and the third count, of the flags the first two.
+    """
+    first, behind = numbers[0], numbers[2]
+    count, waits = find_window(
+        row_u, position, velocity, first, behind, flags[0], state[BEGUN], driven, limits, state[SECONDS],
+        places, at,
+    )  # fmt: skip
+    set_limits(velocity, limits, driven, displaced, first, behind, False, scratch)
+    over, _ = excess(
+        position, velocity, torque, pace, start, places, at, count, flags[1] or waits, recent, limits,
+        scratch, state, phases, 0, state[TARGET], 1.0,
+    )  # fmt: skip
+    return bool(over <= 1.0)
