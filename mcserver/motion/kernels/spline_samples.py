@@ -14,6 +14,9 @@ from mcserver.motion.kernels.polynomials import limit_of
 
 # Samples of the limits in one span of knots, where q''' goes from one parabola to the next.
 SAMPLES_A_SPAN = 4
+# Samples of a part stand evenly up to so many steps; beyond, as where knots are far closer at one end of a
+# long line than at the other, each span has as many.
+EVEN_STEPS = 128
 
 
 class PartSamples(NamedTuple):
@@ -55,6 +58,23 @@ def spline_at(breaks: Array, spans: Array, t: Array, found: Array) -> None:
 
 
 @compiled
+def _spans_of(breaks: Array, first: int, begin: float, end: float) -> tuple[int, int]:
+    """Return the first span of a part, at or behind ``first``, and how many it touches."""
+    while first < len(breaks) - 2 and breaks[first + 1] <= begin:
+        first += 1
+    behind = first + 1
+    while behind < len(breaks) - 1 and breaks[behind] < end:
+        behind += 1
+    return first, behind - first
+
+
+@compiled
+def _steps_a_span(count: int) -> int:
+    """Return the steps of each of the spans of a part whose samples do not stand evenly."""
+    return max(SAMPLES_A_SPAN, math.ceil(EVEN_STEPS / count))
+
+
+@compiled
 def count_samples(breaks: Array, t: Array, offset: NDArray[np.intp]) -> None:
     """Write where the samples of each part begin, and one past the last, shape (n+1,).
 
@@ -64,13 +84,13 @@ def count_samples(breaks: Array, t: Array, offset: NDArray[np.intp]) -> None:
     offset[0] = 0
     span = 0
     for part in range(len(t) - 1):
-        while span < len(breaks) - 2 and breaks[span + 1] <= t[part]:
-            span += 1
-        least, which = math.inf, span
-        while which < len(breaks) - 1 and (which == span or breaks[which] < t[part + 1]):
+        span, count = _spans_of(breaks, span, t[part], t[part + 1])
+        least = math.inf
+        for which in range(span, span + count):
             least = min(least, breaks[which + 1] - breaks[which])
-            which += 1
         steps = max(1, math.ceil((t[part + 1] - t[part]) / (least / SAMPLES_A_SPAN) - 1e-9))
+        if steps >= EVEN_STEPS:
+            steps = count * _steps_a_span(count)
         offset[part + 1] = offset[part] + steps + 1
 
 
@@ -122,14 +142,22 @@ def sample_parts(
     width, count = (rows.shape[1] - 2) // 5, len(columns)
     # derivatives of orders 1 to 4 at the sample before and at this one
     before, here = np.empty((4, count)), np.empty((4, count))
-    span = 0
+    span = first = 0
     for part in range(len(t) - 1):
         steps = offset[part + 1] - offset[part] - 1
-        apart = (t[part + 1] - t[part]) / steps
+        first, touched = _spans_of(breaks, first, t[part], t[part + 1])
+        each, place = _steps_a_span(touched), t[part]
         counted = every = counted_slope = every_slope = 0.0
         fastest = fastest_of_all = 0.0
         for i in range(steps + 1):
-            place = t[part] + (t[part + 1] - t[part]) * i / steps
+            last_place = place
+            if steps < EVEN_STEPS or i == steps:
+                place = t[part] + (t[part + 1] - t[part]) * i / steps
+            else:
+                which = first + i // each
+                low, high = max(breaks[which], t[part]), min(breaks[which + 1], t[part + 1])
+                place = low + (high - low) * (i % each) / each
+            apart = place - last_place
             while span < len(spans) - 1 and breaks[span + 1] <= place:
                 span += 1
             while span > 0 and breaks[span] > place:

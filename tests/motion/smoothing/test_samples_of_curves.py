@@ -23,7 +23,7 @@ SPEED = 0.1
 MISSED = (1.0 + 2e-4, 1.0 + 1e-3, 1.0 + 5e-3)
 
 
-def curves_of(points: Array) -> list[SmoothRun]:
+def curves_of(points: Array, tolerance: float = 5e-4) -> list[SmoothRun]:
     """The curves that stand for chords through points (n, 2) [m]."""
     machine = alike(2, jerk=50_000.0)
     linear, position = np.ones(2, np.bool_), points[0].copy()
@@ -31,7 +31,7 @@ def curves_of(points: Array) -> list[SmoothRun]:
     for number, group in enumerate(polyline(machine, points.tolist(), SPEED), start=1):
         lines.append(segment_of(group, number, {0: 0, 1: 1}, linear))
         anchor(lines[-1], position)
-        lines[-1].tolerance = 5e-4
+        lines[-1].tolerance = tolerance
     items = ChordSmoother(AxisLimits.of(machine)).smooth(SegmentList(lines), rests=True)
     return [item for item in items if isinstance(item, SmoothRun)]
 
@@ -42,22 +42,38 @@ def waves(seed: int) -> Array:
     return np.column_stack((along, 1e-3 * np.sin(along / rng.uniform(1e-3, 5e-3))))
 
 
+def assert_sampled(curve: SmoothRun, shares: Array) -> None:
+    """No derivative passes the samples at these shares of each part, nor its speed F."""
+    samples = curve.samples
+    for index, part in enumerate(curve.parts):
+        own = spline_part(part)
+        assert own is not None
+        found = own.spline.at(own.low + shares * (own.high - own.low))
+        rows = samples.rows[samples.offset[index] : samples.offset[index + 1]]
+        for order in range(3):
+            most = rows[:, 2 * order : 2 * order + 2].max(axis=0)
+            assert (np.abs(found[order + 1]).max(axis=0) <= most * MISSED[order] + 1e-12).all()
+        fastest = float(np.linalg.norm(found[1], axis=1).max()) * samples.spans[index]
+        assert part.feed * fastest <= SPEED * MISSED[0]
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_no_derivative_of_a_curve_passes_its_samples_and_its_speed_is_f_at_the_most(seed: int) -> None:
     curves = curves_of(waves(seed))
     assert curves
     for curve in curves:
-        samples = curve.samples
-        for index, part in enumerate(curve.parts):
-            own = spline_part(part)
-            assert own is not None
-            found = own.spline.at(np.linspace(own.low, own.high, 400))
-            rows = samples.rows[samples.offset[index] : samples.offset[index + 1]]
-            for order in range(3):
-                most = rows[:, 2 * order : 2 * order + 2].max(axis=0)
-                assert (np.abs(found[order + 1]).max(axis=0) <= most * MISSED[order] + 1e-12).all()
-            fastest = float(np.linalg.norm(found[1], axis=1).max()) * samples.spans[index]
-            assert part.feed * fastest <= SPEED * MISSED[0]
+        assert_sampled(curve, np.linspace(0.0, 1.0, 400))
+
+
+def test_a_long_line_behind_tiny_ones_has_samples_where_its_knots_are() -> None:
+    # evenly it had some hundred thousands
+    points = np.array([[0.0, 0.0], [3e-6, 9.6e-6], [1.3e-5, 9.6e-6], [0.5, 9.6e-6], [0.55, 9.6e-6]])
+    curves = curves_of(points, 1e-5)
+    assert curves
+    for curve in curves:
+        assert len(curve.samples.rows) <= 2000 * len(curve.parts)
+        near = np.geomspace(1e-7, 0.5, 300)
+        assert_sampled(curve, np.concatenate((near, 1.0 - near)))
 
 
 @given(
