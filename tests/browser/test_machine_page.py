@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mcclient import MachineStatus, sync
 
-from tests.browser.conftest import LIMIT_MS, PageProcess, opened, page_of, playwright
+from tests.browser.conftest import LIMIT_MS, TRIES, PageProcess, opened, page_of, playwright
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -42,10 +42,18 @@ def at_rest(status: MachineStatus) -> bool:
 
 
 def upload(page: Page, name: str, text: str) -> None:
-    page.locator("input[type=file]").set_input_files(
-        {"name": name, "mimeType": "text/plain", "buffer": text.encode()}
-    )
-    expect(page.get_by_label("Program", exact=True)).to_have_value(name)
+    """Upload a file; once more where a busy browser had lost its link, and the page was built anew."""
+    field = page.get_by_label("Program", exact=True)
+    for _ in range(TRIES):
+        page.locator("input[type=file]").set_input_files(
+            {"name": name, "mimeType": "text/plain", "buffer": text.encode()}
+        )
+        try:
+            expect(field).to_have_value(name, timeout=LIMIT_MS / TRIES)
+        except AssertionError:
+            continue
+        return
+    raise AssertionError(f"{name} is not uploaded")
 
 
 def test_a_file_is_uploaded_run_held_overridden_and_finished(
