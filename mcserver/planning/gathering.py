@@ -1,8 +1,8 @@
 """What comes to the planner's process and leaves it, gathered for a moment where nobody waits for it.
 
 Each wake-up of a process costs more than the line that it is for, and most lines are streamed or submitted
-without waiting for the verdict. So lines that nobody waits for are taken together, and so is told what nobody
-waits for; the first line to a planner at rest is planned at once.
+without waiting for the verdict. So lines that nobody waits for are taken together, and news that nobody
+waits for is sent together; the first line to a planner at rest is planned at once.
 """
 
 from __future__ import annotations

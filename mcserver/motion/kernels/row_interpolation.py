@@ -24,7 +24,7 @@ from mcserver.motion.kernels.compiled import compiled
 
 # Rows of the bounds of interpolation: the acceleration that the cubic may not pass, infinite for axes with a
 # jerk limit, and the jerk that it does not pass but at a vertex, infinite for axes without. One that lets
-# acceleration go from one limit to the other within a cycle is none here.
+# acceleration go from one limit to the other within a cycle counts as infinite.
 STEEP, SHARP = 0, 1
 # Jerk of the cubic between two rows, in shares of the limit, from which on a vertex is between them. A motion
 # that keeps the limit stays below 1.05. A step of velocity that asks for s times the jerk limit makes the
