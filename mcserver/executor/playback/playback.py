@@ -317,7 +317,7 @@ class Playback:
 
     @property
     def rested(self) -> bool:
-        """Whether nothing has moved in the last three cycles."""
+        """Whether nothing has moved since four cycles ago."""
         return bool((self._recent == self._row.setpoint).all())
 
     def window(self, u: float, ahead: int) -> RowWindow | None:

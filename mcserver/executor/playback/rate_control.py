@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mcserver.executor.entries import Array
 from mcserver.executor.headroom import RATE_MAX, longest_stop
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_plan import RatePlan
@@ -168,23 +169,9 @@ class RateControl:
         window = self._playback.window(u, math.ceil((SETTLING + 2) * RATE_MAX))
         if window is None:
             return False
-        edge = math.inf if edge is None else edge
         # as if it had begun with the cycle, so far before its beginning
         early = u - (1.0 - left) * rate
-        state = (
-            early,
-            rate,
-            0.0,
-            rate,
-            edge,
-            self._far,
-            self._cycle,
-            window.begun,
-            rate,
-            rate,
-            math.inf,
-            rate,
-        )
+        state = self._state(early, (rate, 0.0, rate), edge, window.begun, rate, (rate, math.inf, rate))
         return keeps_limits(
             self._ring.row_u,
             self._ring.position,
@@ -198,7 +185,7 @@ class RateControl:
             window.start,
             self._playback.recent(),
             self._limits,
-            np.array(state),
+            state,
             self._places,
             self._at,
             self._scratch,
@@ -335,6 +322,24 @@ class RateControl:
 
     # ------------------------------------------------------------------ what
 
+    def _state(
+        self,
+        u: float,
+        rates: tuple[float, float, float],
+        edge: float | None,
+        begun: float,
+        passed: float,
+        ahead: tuple[float, float, float],
+    ) -> Array:
+        """Return the state that kernels are asked about, see `rate_window`.
+
+        Args:
+            rates: the rate, its slope, and the rate that is wished for. edge: as of `advance`.
+            begun: u where the motion began. passed: rows in the last cycle. ahead: as of `_look_ahead`.
+        """
+        until = math.inf if edge is None else edge
+        return np.array((u, *rates, until, self._far, self._cycle, begun, passed, *ahead))
+
     def _search(self, u: float, wish: _Wish, passed: float) -> RatePlan | None:
         """Return the fastest plan found that keeps all limits."""
         playback, ring = self._playback, self._ring
@@ -359,7 +364,7 @@ class RateControl:
             if stage in (1, 3):
                 edge = min(edge, u + LITTLE_WAY * self._far)
         by_any = must_stop or (waits and self._refused >= patience)
-        safe, higher_from, higher = self._ahead
+        safe = self._ahead[0]
         if by_any and target > safe and not near:
             # nothing is passed to be faster than the rows
             by_any, target = self.rate < safe, safe if self.rate < safe else target
@@ -370,7 +375,7 @@ class RateControl:
         in_parts = self._has_torques or self._refused >= QUICK_TRIES or self._is_partial(wish)
         flags = (window.from_rest, window.ends, wish.urgent, self._plan is not None, by_any, slowly, in_parts)
         rates = (self.rate, self._slope, target)
-        state = (u, *rates, edge, self._far, self._cycle, window.begun, passed, safe, higher_from, higher)
+        state = self._state(u, rates, edge, window.begun, passed, self._ahead)
         parts, end, spare_parts, spare_end, tries = search_rate(
             ring.row_u,
             ring.position,
@@ -385,7 +390,7 @@ class RateControl:
             window.start,
             playback.recent(),
             self._limits,
-            np.array(state),
+            state,
             self._tries,
             self._places,
             self._at,
