@@ -279,16 +279,17 @@ class MotionPlanner:
             return
         self.committed.add(
             Stretch(
-                origin,
-                self.u,
-                plan,
-                moment,
-                entry,
-                pace.now,
-                pace.plain,
-                self.feed_scale,
-                pace.limits.cycle,
-                *before,
+                origin=origin,
+                end=self.u,
+                plan=plan,
+                until=moment,
+                entry=entry,
+                pace=pace.now,
+                plain=pace.plain,
+                feed_scale=self.feed_scale,
+                cycle=pace.limits.cycle,
+                dropped=before[0],
+                cut=before[1],
             )
         )
 

@@ -34,11 +34,8 @@ def with_stops(solution: Solution, junction_vmax: Array, attempt: Callable[[Arra
             inner = [end for end in ends if 0 < end < len(junction_vmax) - 1 and junction_vmax[end] > 0.0]
             if len(inner) < len(ends):
                 continue
-            trial = junction_vmax.copy()
-            trial[inner] = 0.0
-            try:
-                other = attempt(trial)
-            except PlanningError:
+            other = _stopping(inner, junction_vmax, attempt)
+            if other is None:
                 continue
             late, time = _lateness(solution)
             if _lateness(other) < (late, time * STOP_GAIN):
@@ -70,17 +67,22 @@ def none_early(
         for end in (group + 1, group):
             if not 0 < end < len(junction_vmax) - 1:
                 continue
-            trial = junction_vmax.copy()
-            trial[end] = 0.0
-            try:
-                found = attempt(trial)
-            except PlanningError:
-                continue
-            if len(found.early) < len(solution.early):
-                solution = found
+            stopped = _stopping([end], junction_vmax, attempt)
+            if stopped is not None and len(stopped.early) < len(solution.early):
+                solution = stopped
                 junction_vmax[end] = 0.0
                 break
     return solution
+
+
+def _stopping(ends: list[int], junction_vmax: Array, attempt: Callable[[Array], Solution]) -> Solution | None:
+    """Return the plan with stops at these ends of groups; None where no plan exists."""
+    trial = junction_vmax.copy()
+    trial[ends] = 0.0
+    try:
+        return attempt(trial)
+    except PlanningError:
+        return None
 
 
 def _lateness(solution: Solution) -> tuple[int, float]:
