@@ -53,7 +53,7 @@ def test_no_command_leaves_no_pause() -> None:
     "event",
     [Consumed("a", 1), Validated("a", 1, 0.0), executor(EventKind.LINE_END), executor(EventKind.AXIS_DONE)],
 )
-def test_progress_is_told_within_a_moment_and_in_order(event: PlannerEvent) -> None:
+def test_progress_is_sent_within_a_moment_and_in_order(event: PlannerEvent) -> None:
     gathering = Gathering()
     gathering.happened([event], now=10.0)
     gathering.happened([Consumed("a", 2)], now=10.0 + GATHER_S / 2)
@@ -74,14 +74,14 @@ def test_progress_is_told_within_a_moment_and_in_order(event: PlannerEvent) -> N
         executor(EventKind.PAUSED),
     ],
 )
-def test_what_somebody_may_wait_for_is_told_at_once_behind_what_came_before(event: PlannerEvent) -> None:
+def test_what_somebody_may_wait_for_is_sent_at_once_behind_what_came_before(event: PlannerEvent) -> None:
     gathering = Gathering()
     gathering.happened([Consumed("a", 1), event], now=10.0)
     assert gathering.due(10.0)
     assert gathering.take() == [Consumed("a", 1), event]
 
 
-def test_the_verdict_on_a_line_that_is_waited_for_is_told_at_once() -> None:
+def test_the_verdict_on_a_line_that_is_waited_for_is_sent_at_once() -> None:
     gathering = Gathering()
     gathering.came([STREAMED, SUBMITTED], now=10.0)
     gathering.happened([Validated("a", 1, 0.0)], now=10.0)

@@ -303,12 +303,14 @@ class Cell:
         ran.append(number)
         self.texts[program][number] = text
         for client in self._clients:
-            told = client.told(program, number)
-            require(told in (None, text), f"{program} runs {text!r}, and {told!r} was said to be accepted")
+            accepted = client.accepted_text(program, number)
+            require(
+                accepted in (None, text), f"{program} runs {text!r}, not {accepted!r}, which was accepted"
+            )
 
-    def agree(self, program: str, told: dict[int, str]) -> None:
-        """What ran is what a client was told is accepted."""
-        for number, text in told.items():
+    def agree(self, program: str, accepted: dict[int, str]) -> None:
+        """What ran is what a client takes for accepted."""
+        for number, text in accepted.items():
             ran = self.texts[program].get(number)
             require(ran == text, f"{program} ran {ran!r}, and {text!r} was said to be accepted")
 

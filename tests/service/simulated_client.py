@@ -19,7 +19,7 @@ class SimulatedClient:
     """Sends a program over a bad network, and again what is not acknowledged, as docs/wire/lines.md says.
 
     Some lines are faulty, up to twice in a row; each text that it gives is another one, so that what runs
-    under a number can be held against what it was told is accepted.
+    under a number can be held against what it takes for accepted.
     """
 
     def __init__(self, cell: Cell, name: str, lines: int, axes: list[int]) -> None:
@@ -41,7 +41,7 @@ class SimulatedClient:
         self._program, self._accepted, self._rejections, self._opening = "", 0, 0, False
         self._given: dict[int, str] = {}
         # what was said to be accepted
-        self._told: dict[int, str] = {}
+        self._accepted_texts: dict[int, str] = {}
 
     def work(self) -> None:
         """Does the next thing, and comes back for more."""
@@ -55,9 +55,9 @@ class SimulatedClient:
                 task.add_done_callback(self._cell.tasks.discard)
             self._cell.later(self.work)
 
-    def told(self, program: str, number: int) -> str | None:
-        """The text that it was told is accepted."""
-        return self._told.get(number) if program == self._program else None
+    def accepted_text(self, program: str, number: int) -> str | None:
+        """The text that it takes for accepted."""
+        return self._accepted_texts.get(number) if program == self._program else None
 
     def on_ack(self, ack: Ack) -> None:
         if ack.program != self._program:
@@ -92,7 +92,7 @@ class SimulatedClient:
             return
         taken = {number: self._given.get(number, "") for number in range(self._accepted + 1, accepted + 1)}
         require(all(taken.values()), f"{program}: lines through {accepted} are accepted, {taken} was given")
-        self._told |= taken
+        self._accepted_texts |= taken
         self._accepted = accepted
         self._cell.agree(program, {n: text for n, text in taken.items() if n in self._cell.texts[program]})
 
@@ -105,7 +105,7 @@ class SimulatedClient:
         self._accepted = min(self._accepted, line - 1)
         for number in [each for each in self._given if each >= line]:
             del self._given[number]
-            self._told.pop(number, None)
+            self._accepted_texts.pop(number, None)
 
     def _send(self) -> None:
         """Gives a message to the network: lines, the close or a question."""
