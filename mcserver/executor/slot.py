@@ -35,6 +35,9 @@ LANDING = 1e-6
 START_ROWS = 16.0
 # A rate below this is standstill [1].
 STANDSTILL = 1e-6
+# Shares of its rate at which a motion may begin right behind one that was played at more than 100 %: the
+# first one that keeps all limits.
+BEGINNING = (1.0, 0.75, 0.5, 0.25)
 
 _ALWAYS = (ControlKind.LINE_END, ControlKind.END)
 
@@ -313,7 +316,7 @@ class ProgramSlot:
 
     def _run(self, left: float, rate: float) -> None:
         """Lets what is left of the cycle pass: control entries on the way, then u."""
-        start = self.u
+        start, fastest = self.u, rate
         reach = self._reach(start + rate * left)
         while True:
             barrier = self.barrier
@@ -343,7 +346,7 @@ class ProgramSlot:
             self._pass(control, left)
             # a motion that begins or ends in this cycle changes how far u may go
             if control.kind in (ControlKind.BEGIN, ControlKind.END):
-                rate = self._rate_at_rest(rate, left)
+                rate = self._rate_at_rest(rate, left, fastest)
                 reach = self._reach(self.u + rate * left)
         if reach > self.u:
             whole = round(reach)
@@ -395,19 +398,23 @@ class ProgramSlot:
             return False
         return self.playback.at_start or self.ramp.rate <= STANDSTILL
 
-    def _rate_at_rest(self, rate: float, left: float) -> float:
+    def _rate_at_rest(self, rate: float, left: float, fastest: float) -> float:
         """Return the rate for what is left of a cycle in which a motion has ended or begun: only rows of a
         greater pace are played at more than 100 %.
+
+        Args:
+            fastest: the rate at which the cycle began.
         """
         if not self.playback.active:
             found = min(rate, 1.0)
         elif rate > 0.0 and self.playback.unmoved(self.u):
             start = self._start_rate()
             found = start if max(rate, start) > 1.0 else rate
-            if found > rate and not self.playback.rested:
+            if (found > rate or fastest > 1.0) and not self.playback.rested:
                 # what has just ended and what begins are within the same differences
                 edge, _ = self._queue.edge(self.u)
-                found = found if self.ramp.may_begin(self.u, found, left, edge) else rate
+                tried = (found, *(share * rate for share in BEGINNING))
+                found = next((each for each in tried if self.ramp.may_begin(self.u, each, left, edge)), rate)
         else:
             return rate
         if found != rate:
