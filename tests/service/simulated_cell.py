@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+import selectors
 import sqlite3
 from collections import defaultdict
 from collections.abc import Callable
@@ -42,12 +43,19 @@ from tests.service.simulated_laws import Violation, require
 LIMIT_S = 60.0
 
 
+class _NothingToRead(selectors.SelectSelector):
+    """Asks the system for nothing: all that happens here is in timers and callbacks."""
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:  # noqa: ARG002
+        return []
+
+
 class VirtualLoop(asyncio.SelectorEventLoop):
     """An event loop whose time goes on to the next timer when nothing else is to be done."""
 
     def __init__(self) -> None:
         self._virtual = 0.0
-        super().__init__()
+        super().__init__(_NothingToRead())
 
     def time(self) -> float:
         return self._virtual
