@@ -85,8 +85,10 @@ class Kinematics(Protocol):
     def rotation_angle(self, tool: int, start: Triple, end: Triple) -> float:
         """Angle of the single turn that takes orientation ``start`` to ``end`` [rad] (D-30, D-51)."""
 
-    def jacobian(self, tool: int, joints: Mapping[int, float]) -> Array:
-        """Rates of the tool's point [m] and, with orientation, of its turn [rad] by those of its joints."""
+    def jacobians(self, tool: int, joints: Array) -> Array:
+        """Rates of the tool's point [m] and, with orientation, of its turn [rad] by those of its joints, at
+        positions of the chain's K joints in order, shape (n, K): shape (n, 3 or 6, K).
+        """
 
     def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:
         """Joint positions of the chain for a pose, nearest to ``joints``; raises `KinematicsError`."""

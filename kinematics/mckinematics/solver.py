@@ -89,15 +89,17 @@ class MachineKinematics:
         turn = euler_to_matrix(end, order) @ euler_to_matrix(start, order).T
         return float(np.linalg.norm(rotation_vectors(turn[None])[0]))
 
-    def jacobian(self, tool: int, joints: Mapping[int, float]) -> Array:
+    def jacobians(self, tool: int, joints: Array) -> Array:
         """Rates of the tool's point [m] and, with orientation, of its turn [rad] by those of its joints.
 
+        Args:
+            joints: positions of the chain's joints, base to tool, shape (n, K) [rad or m].
+
         Returns:
-            Shape (3 or 6, K), along the base's axes.
+            Shape (n, 3 or 6, K), along the base's axes.
         """
         model = self.tool(tool)
-        jacobian: Array = model.chain.jacobian(_column(model, joints)[None], model.rows)[2][0]
-        return jacobian
+        return model.chain.jacobian(joints, model.rows)[2]
 
     def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:
         """Joint positions of the chain for a pose, nearest to ``joints``.

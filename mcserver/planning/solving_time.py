@@ -52,9 +52,9 @@ class TimedKinematics:
         """Angle of the single turn between two orientations [rad]."""
         return self._kinematics.rotation_angle(tool, start, end)
 
-    def jacobian(self, tool: int, joints: Mapping[int, float]) -> Array:
-        """Rates of the tool by those of its joints, shape (3 or 6, K)."""
-        return self._kinematics.jacobian(tool, joints)
+    def jacobians(self, tool: int, joints: Array) -> Array:
+        """Rates of the tool by those of its joints at n places of these, shape (n, 3 or 6, K)."""
+        return self._kinematics.jacobians(tool, joints)
 
     def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:
         """Joint positions for a pose; raises `KinematicsError`."""

@@ -30,8 +30,6 @@ TOLERANCES = (0.02, 0.1, 1.0)
 # What inverse kinematics may be away from the path [mm], and what the bow between two cycles adds.
 SOLVED = 0.012
 OUT_OF_REACH = "MC303"
-# F at the tip in a rounded corner: the Jacobian there is taken from the ends of the line.
-FEED_SLACK = VELOCITY_SLACK + 2e-3
 
 
 class _Writer:
@@ -166,8 +164,8 @@ def broken_laws_of_tools(seed: int, *, orders: bool) -> tuple[list[str], int, in
         speed, took = program.feeds.get(number), program.times.get(number)
         if speed is not None and len(rows) > 1:
             fastest = float(np.linalg.norm(np.diff(rows, axis=0), axis=1).max()) / cycle / speed
-            if fastest > FEED_SLACK:
-                broken.append(f"F {fastest:.6g} > {FEED_SLACK} in line {number}")
+            if fastest > VELOCITY_SLACK:
+                broken.append(f"F {fastest:.6g} > {VELOCITY_SLACK} in line {number}")
         if took is not None:
             late = line["end_s"] - line["start_s"] - took
             if late < -cycle:

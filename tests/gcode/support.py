@@ -77,8 +77,8 @@ class Gantries:
     def rotation_angle(self, tool: int, start: Triple, end: Triple) -> float:  # noqa: ARG002
         return max(abs(b - a) for a, b in zip(start, end, strict=True))
 
-    def jacobian(self, tool: int, joints: Mapping[int, float]) -> np.ndarray:  # noqa: ARG002
-        return np.eye(len(self.axes(tool)))
+    def jacobians(self, tool: int, joints: np.ndarray) -> np.ndarray:
+        return np.tile(np.eye(len(self.axes(tool))), (len(joints), 1, 1))
 
     def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:  # noqa: ARG002
         self._refuse(tool, np.array([pose.position]))

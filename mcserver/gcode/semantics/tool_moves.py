@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from mckinematics.errors import KinematicsError
-from mckinematics.pose import Array, JointPath, Kinematics, Pose, ToolPath
+from mckinematics.pose import Array, Kinematics, Pose, ToolPath
 
 from mcserver.gcode.semantics.arcs import find_arc, find_plane
 from mcserver.gcode.semantics.axis_words import Words
@@ -81,21 +82,11 @@ def tool_feed_move(block: BlockState, command: Command, words: Words, number: in
         knots=joint_path.knots,
         coefficients=joint_path.coefficients,
         length=turn if measure is FeedBasis.TURN else travel,
-        tool_rates=_tool_rates(kinematics, tool, joint_path) if block.path_tolerance > 0.0 else None,
+        tool_rates=partial(kinematics.jacobians, tool) if block.path_tolerance > 0.0 else None,
     )
     block.feed_length += travel
     _arrive(block, tool, end, tuple(float(value) for value in curve.position(np.array([1.0]))[0]))
     return FeedMove(command, curve, measure, block.modal.inverse_time, block.modal.feed)
-
-
-def _tool_rates(kinematics: Kinematics, tool: int, path: JointPath) -> Array:
-    """Return the Jacobians at both ends of a joint path, shape (2, 3 or 6, K)."""
-    width = path.knots[-1] - path.knots[-2]
-    start = path.coefficients[-1, 0]
-    end = np.polyval(path.coefficients[:, -1], width)
-    return np.array(
-        [kinematics.jacobian(tool, dict(zip(path.axes, each.tolist(), strict=True))) for each in (start, end)]
-    )
 
 
 Found = tuple[int, Kinematics, Pose, Pose]

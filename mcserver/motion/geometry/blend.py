@@ -33,8 +33,8 @@ from mcserver.units import MM
 SHARE = 0.49
 # Tangents that nearly oppose each other cannot be rounded: the curve would turn on the spot.
 REVERSAL = -0.95
-# A tool's Jacobian within a blend is that between the ends of its line to within this share of its speed.
-RATES_CHANGE = 1.002
+# A tool's speed between two samples of a blend passes that at both by less than this share.
+BETWEEN_SAMPLES = 1.001
 _S = np.linspace(0.0, 1.0, SAMPLES)
 
 
@@ -84,7 +84,7 @@ def blend(
     cosine = float(t1 @ t2)
     handle = _handle(handle_share, cosine)
     for _ in range(40):
-        made = _fit(before, after, distance, handle, metric, at_joints=per_joint is not None)
+        made = _fit(before, after, distance, handle, metric)
         if made is None:
             return None
         rounded, error = made
@@ -93,6 +93,8 @@ def blend(
         distance *= max(0.5, 0.97 * min(1.0, tolerance / error))
     else:
         return None
+    _keep_feed_of_tool(rounded.first, before, 1)
+    _keep_feed_of_tool(rounded.second, after, 0)
     return rounded
 
 
@@ -131,8 +133,9 @@ def corner_metric(before: Segment, after: Segment, per_axis: Array) -> Array:
             if not isinstance(curve, SampledCurve) or curve.tool_rates is None or not own[columns].all():
                 continue
             own[columns] = False
-            rates = np.zeros((curve.tool_rates.shape[1], len(per_axis)))
-            rates[:, columns] = curve.tool_rates[end]
+            of_tool = curve.tool_rates(curve.position(np.array([float(end)])))[0]
+            rates = np.zeros((len(of_tool), len(per_axis)))
+            rates[:, columns] = of_tool
             rates[3:] *= MM / math.radians(1.0)
             rows.append(rates)
     metric: Array = np.concatenate([np.diag(per_axis)[own], *rows])
@@ -164,34 +167,6 @@ def _moves_tool(before: Segment, after: Segment) -> NDArray[np.bool_]:
     return moves
 
 
-def _side(
-    segment: Segment, end: int, s: float, slope: Array, mask: int, base: Array, *, at_joints: bool
-) -> _Side:
-    """Return the line before a blend (``end`` 1) or behind it (0), which it meets at ``s``."""
-    rates = _feed_rates(segment, end)
-    away = (1.0 - s, 0.0) if end else (0.0, s)
-    return _Side(segment, mask, base, length_of(slope), rates, away, at_joints)
-
-
-def _feed_rates(segment: Segment, end: int) -> Array | None:
-    """Return the rows of a tool's Jacobian at an end of a segment, and at the other one, that its path speed
-    counts (D-30), shape (2, 3, K).
-    """
-    for curve, columns in zip(segment.curves, segment.columns, strict=True):
-        if not isinstance(curve, SampledCurve) or curve.tool_rates is None:
-            continue
-        if segment.feed_columns[0] not in columns:
-            continue
-        rates = np.zeros((2, 3, segment.first.shape[0]))
-        ends = curve.tool_rates[[end, 1 - end]]
-        rates[:, :, columns] = ends[:, :3]
-        if length_of(rates[0] @ (segment.last if end else segment.first)) <= NO_TRAVEL:
-            # it only turns
-            rates[:, :, columns] = ends[:, 3:]
-        return rates
-    return None
-
-
 def _length_in(segment: Segment) -> float:
     """Length of what remains of a segment, all columns together; of a tool's path its shorter end counts."""
     rate = min(length_of(segment.first), length_of(segment.last))
@@ -199,7 +174,7 @@ def _length_in(segment: Segment) -> float:
 
 
 def _fit(
-    before: Segment, after: Segment, distance: float, handle: float, metric: Array, *, at_joints: bool
+    before: Segment, after: Segment, distance: float, handle: float, metric: Array
 ) -> tuple[Blend, float] | None:
     leave = before.finish - distance / length_of(before.last)
     join = after.begin + distance / length_of(after.first)
@@ -228,7 +203,7 @@ def _fit(
         sample_programmed_path(before, after, leave, join)[:, columns] @ weight,
         straight=before.straight and after.straight,
     )
-    made = _between(before, after, leave, join, power, at_joints=at_joints)
+    made = _between(before, after, leave, join, power)
     return None if made is None else (made, error)
 
 
@@ -237,25 +212,16 @@ class _Side:
     """The line to which half of a blend belongs.
 
     Attributes:
-        mask, base: of the blend. length: |dp/ds| of the line where it meets the blend. feed_rates: what turns
-            rates of the columns into those that a tool's path speed counts, at the corner and at the line's
-            other end, shape (2, 3, K); None: no tool's. away: shares of the line that the blend's first and
-            last point are from the corner.
-        at_joints: whether the blend may be so long that these rates change on it.
+        mask, base: of the blend. length: |dp/ds| of the line where it meets the blend.
     """
 
     segment: Segment
     mask: int
     base: Array
     length: float
-    feed_rates: Array | None
-    away: tuple[float, float]
-    at_joints: bool
 
 
-def _between(
-    before: Segment, after: Segment, leave: float, join: float, power: Array, *, at_joints: bool = False
-) -> Blend | None:
+def _between(before: Segment, after: Segment, leave: float, join: float, power: Array) -> Blend | None:
     """Return two segments trimmed at s = ``leave`` and ``join``, with the curve of ``power`` between
     them.
     """
@@ -264,14 +230,8 @@ def _between(
     width = len(before.base)
     before_slope, before_bend, _ = before.derivatives(np.array([leave]), width)
     after_slope, after_bend, _ = after.derivatives(np.array([join]), width)
-    first = _half(
-        power,
-        0.0,
-        columns,
-        _side(before, 1, leave, before_slope[0], mask, after.base, at_joints=at_joints),
-    )
-    side = _side(after, 0, join, after_slope[0], mask, after.base, at_joints=at_joints)
-    second = _half(power, 0.5, columns, side)
+    first = _half(power, 0.0, columns, _Side(before, mask, after.base, length_of(before_slope[0])))
+    second = _half(power, 0.5, columns, _Side(after, mask, after.base, length_of(after_slope[0])))
     if first is None or second is None:
         return None
     first.opens = False
@@ -374,19 +334,7 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
         return None
     # the path speed of the line it belongs to is kept where the parameter runs fastest
     feed = side.segment.feed * side.length / float(speeds.max())
-    if side.feed_rates is not None:
-        curve_of_half = PolynomialCurve((), part, 0.0)
-        slopes = curve_of_half.derivatives(_S)[0]
-        corner, other = side.feed_rates
-        far = np.linspace(*side.away, len(slopes))[:, None]
-        counted = np.linalg.norm(slopes @ corner.T + far * (slopes @ (other - corner).T), axis=1)
-        if side.at_joints:
-            of_tool = _moves_tool(side.segment, side.segment)
-            away = curve_of_half.position(_S) - side.base
-            counted += _change_of_rates(away[:, of_tool], slopes[:, of_tool], corner[:, of_tool])
-        fastest = RATES_CHANGE * float(counted.max())
-        feed = side.segment.feed_speed / max(fastest, 1e-300)
-    elif not side.segment.only_feed_columns:
+    if not side.segment.only_feed_columns:
         counted = PolynomialCurve((), part[:, side.segment.feed_columns], 0.0).derivatives(_S)[0]
         feed = min(feed, side.segment.feed_speed / max(float(np.linalg.norm(counted, axis=1).max()), 1e-300))
     orders = np.arange(len(part), dtype=np.float64)
@@ -417,25 +365,31 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
     )
 
 
-def _change_of_rates(away: Array, slopes: Array, rates: Array) -> Array:
-    """Bound what joints away from a corner add to the tool's rates that the Jacobian there gives.
+def _keep_feed_of_tool(half: Segment, line: Segment, end: int) -> None:
+    """Let half of a blend keep the feed rate of its line at the tool, if inverse kinematics moves it.
 
-    The lever of a joint turns with the joints before it and changes by the levers of those behind it, so
-    |∂J_j/∂q_i| is at most the longer one of the levers of i and j.
+    The joints of a tool that turns much on its way go far for a path that is short, and what they add at the
+    tool nearly cancels: of its Jacobian a small change is a large one of its speed. So |J(q)·dq/ds| is taken
+    at the joints' own places q all along the blend, which are not those of the line.
 
     Args:
-        away: of the joints from the corner, shape (n, J). slopes: their derivatives, shape (n, J).
-        rates: the Jacobian at the corner, shape (3, J).
-
-    Returns:
-        Shape (n,).
+        half: is changed. end: of the line that the blend is at, 0 or 1.
     """
-    levers = np.linalg.norm(rates, axis=0)
-    turned = np.abs(away)
-    first = np.einsum("ni,ij,nj->n", turned, np.maximum.outer(levers, levers), np.abs(slopes))
-    # levers are longer away from the corner, too
-    found: Array = first * (1.0 + turned.sum(axis=1)) ** 2
-    return found
+    for curve, columns in zip(line.curves, line.columns, strict=True):
+        if not isinstance(curve, SampledCurve) or curve.tool_rates is None:
+            continue
+        if line.feed_columns[0] not in columns:
+            continue
+        own = np.searchsorted(half.columns[0], columns)
+        rounded = half.curves[0]
+        corner = curve.position(np.array([float(end)]))
+        rates = curve.tool_rates(np.concatenate((rounded.position(_S)[:, own], corner)))
+        at_corner = rates[-1, :3] @ (line.last if end else line.first)[columns]
+        # a line that only turns is fed by its angle (D-30)
+        counted = rates[:-1, :3] if length_of(at_corner) > NO_TRAVEL else rates[:-1, 3:]
+        speeds = np.linalg.norm(np.einsum("nij,nj->ni", counted, rounded.derivatives(_S)[0][:, own]), axis=1)
+        half.feed = line.feed_speed / max(BETWEEN_SAMPLES * float(speeds.max()), 1e-300)
+        return
 
 
 def sample_programmed_path(before: Segment, after: Segment, leave: float, join: float) -> Array:

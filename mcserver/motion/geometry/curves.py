@@ -7,6 +7,7 @@ any s. Nothing is chopped into chords: sampling happens only at the cycle. All q
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Protocol
 
 import msgspec
@@ -167,15 +168,15 @@ class SampledCurve(msgspec.Struct, frozen=True):
         knots: shape (M,), increasing from 0 to 1.
         coefficients: shape (4, M-1, K), highest power first, in (s - knots[i]) (as scipy's PPoly).
         length: of the tool's path [m], or the angle of a pure rotation [rad].
-        tool_rates: at s = 0 and 1, shape (2, 3 or 6, K): rates of the tool's point [m] and of its turn
-            [rad] by those of the axes; None where they are not known: its corners stay.
+        tool_rates: positions of the axes, shape (n, K) → shape (n, 3 or 6, K): rates of the tool's point [m]
+            and of its turn [rad] by those of the axes; None where they are not known: its corners stay.
     """
 
     axes: tuple[int, ...]
     knots: Array
     coefficients: Array
     length: float
-    tool_rates: Array | None = None
+    tool_rates: Callable[[Array], Array] | None = None
 
     def _cell(self, s: Array) -> tuple[Array, NDArray[np.intp]]:
         cell = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, len(self.knots) - 2)
