@@ -21,19 +21,27 @@ def answer_replacement(
 ) -> None:
     """Take new rows in the place of old ones, at a cycle's beginning, or refuse.
 
-    They are taken where nothing that is decided depends on what they replace: they are behind all that the
-    change of the rate under way passes, and behind what this cycle may pass. So each setpoint is what it
-    would be if these rows had come first.
+    They are taken where they are behind all that the change of the rate under way passes, and behind what
+    this cycle may pass: each setpoint is what it would be if these rows had come first. They are also taken
+    where that change keeps all limits on them too: it is tried on them, and goes on as it was decided.
 
     Args:
         plays: whether the program moves by rows, and waits for nothing.
     """
     row, entry = ring.replacement
     last_u = playback.u_before(row)
-    settled = max(u + 2.0 * RATE_MAX, ramp.decided_until(u)) + SPANNED
-    if not plays or last_u is None or last_u < settled or not _are_edges(ring, queue, entry, last_u):
+    soonest = u + 2.0 * RATE_MAX + SPANNED
+    if not plays or last_u is None or last_u < soonest or not _are_edges(ring, queue, entry, last_u):
         ring.refuse_replacement()
         return
+    if last_u < ramp.decided_until(u) + SPANNED:
+        ring.try_replacement()
+        playback.look()
+        edge, _ = queue.edge(u)
+        if not ramp.may_go_on(u, edge):
+            ring.refuse_replacement()
+            playback.look()
+            return
     ring.take_replacement()
     queue.replaced(entry, last_u)
 

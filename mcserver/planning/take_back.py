@@ -77,6 +77,9 @@ class TakeBack:
         if answer:
             self._go_on(asked)
         else:
+            if self._answer == 1:
+                # where it is on its way to another rate is known now
+                self._next_u = -math.inf
             self._answer = min(2 * self._answer, LONGEST_ANSWER)
         return False
 
@@ -93,8 +96,8 @@ class TakeBack:
             self._scale, self._answer, self._tries, self._next_u = motion.feed_scale, 1, 0, -math.inf
         if motion.feed_scale <= 1.0 or u < self._next_u or self._tries >= TRIES:
             return False
-        late = ANSWER * self._answer + SPARE * self._a_segment * motion.pending
-        from_u = u + late * max(1.0, rate)
+        late = ANSWER * max(1, self._answer // 2) + SPARE * self._a_segment * motion.pending
+        from_u = u + max(late * max(1.0, rate), self._rising_rows(u, rate))
         if motion.u - from_u < stop * motion.pace.now:
             # what is there has to last until the plan is made, should it be in vain
             return False
@@ -122,6 +125,22 @@ class TakeBack:
             return False
         self._asked = found
         return True
+
+    def _rising_rows(self, u: float, rate: float) -> int:
+        """Return the rows that playback needs to come to the new pace: where it has refused it is on its way
+        there, and what is planned for less behind would be faster by both. Else 0.
+        """
+        if self._answer == 1:
+            return 0
+        motion = self._plan.motion
+        latest = self._last_rows(math.ceil(u) + LEAST)
+        cuts = motion.committed.cuts_at(u, at_turns=False)
+        if latest is None or not cuts:
+            return 0
+        # what is committed last may be planned for this scale already
+        stretch = cuts[0].stretch
+        pace = dataclasses.replace(motion.pace, now=stretch.pace, plain=stretch.plain)
+        return pace.rows_until(motion.feed_scale, latest[-1], rate)
 
     def _note_time(self, u: float, rate: float) -> None:
         """Note how long the last plan took."""

@@ -94,20 +94,35 @@ def test_rows_that_this_cycle_may_come_to_are_not_replaced() -> None:
     np.testing.assert_array_equal(ended(rig, 5).setpoint, ended(begun(0.0), 5).setpoint)
 
 
-def test_rows_that_a_change_of_the_rate_passes_are_not_replaced() -> None:
-    rig = begun(0.0)
-    until(rig, 200.0)
+def slowed(further: float, u: float = 200.0) -> Rig:
+    """A motion in which a change to half the rate has begun at a row, which goes on for some cycles and
+    rows."""
+    rig = begun(further)
+    until(rig, u)
     rig.executor.mailbox.set_override(0.5, 0)
     while rig.executor.executor.rate(0) == 1.0:
         rig.step()
-    # the change goes on for some cycles, and passes some rows
-    near = int(rig.executor.u(0)) + 13
-    refused = 0
-    for first in range(near, near + 100):
-        if ask(rig, first) is True:
-            break
-        refused += 1
-    assert 0 < refused < 99
+    return rig
+
+
+def test_rows_that_a_change_of_the_rate_passes_are_replaced_by_such_as_it_keeps_all_limits_on() -> None:
+    rig, plain = slowed(0.0), slowed(FURTHER)
+    assert ask(rig, int(rig.executor.u(0)) + 13) is True
+    np.testing.assert_array_equal(ended(rig, 5).setpoint, ended(plain, 5).setpoint)
+
+
+# within the limits at the full rate both
+@pytest.mark.parametrize(("further", "answer"), [(-1e-3, True), (-0.075, False)])
+def test_rows_that_a_change_of_the_rate_passes_are_replaced_only_where_it_keeps_all_limits_on_them(
+    further: float, answer: bool
+) -> None:
+    rig = slowed(0.0, CUT - 16.0)
+    assert rig.program.ring.ask_replacement(rows_of(further, CUT + 1), edges(), 0)
+    rig.step()
+    assert rig.program.ring.replacement_answer() is answer
+    ended(rig, 5)
+    assert rig.setpoint[-1, 0] == pytest.approx(LENGTH + (further if answer else 0.0))
+    assert np.abs(np.diff(rig.setpoint[:, 0], 3)).max() / CYCLE_S**3 <= 200.0 * 1.05
 
 
 @pytest.mark.parametrize("kind", [ControlKind.OUTPUT, ControlKind.PAUSE, ControlKind.BEGIN])
@@ -176,9 +191,10 @@ def put(ring: ProgramRing, first: int, count: int) -> None:
     marks=st.integers(0, 6),
     old_marks=st.integers(0, 6),
     taken=st.booleans(),
+    tried=st.booleans(),
 )
 def test_a_replacement_is_whole_or_nothing(
-    before: int, count: int, back: int, new: int, marks: int, old_marks: int, taken: bool
+    before: int, count: int, back: int, new: int, marks: int, old_marks: int, taken: bool, tried: bool
 ) -> None:
     buffer = bytearray(program_ring_size(64, 16, 1))
     writer, reader = ProgramRing(buffer, 64, 16, 1), ProgramRing(buffer, 64, 16, 1)
@@ -196,6 +212,10 @@ def test_a_replacement_is_whole_or_nothing(
         assert new > writer.replacement_room(first - 1)
         return
     assert reader.rows_written == last
+    if tried:
+        reader.try_replacement()
+        assert reader.rows_written == first - 1 + new
+        assert (reader.position[np.arange(first - 1, first - 1 + new) % 64] == 2.0).all()
     if taken:
         reader.take_replacement()
     else:

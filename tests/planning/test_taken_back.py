@@ -17,7 +17,10 @@ from tests.bench.override import (
     Order,
     Program,
     Run,
+    arcs,
+    chords,
     exact_stops,
+    long_lines,
     play,
     quick_zigzag,
     worst_ratios,
@@ -77,6 +80,22 @@ def test_where_limits_bind_a_new_plan_is_played_soon_after_its_order(
         assert run.setpoint[-1] == pytest.approx(whole.setpoint[-1], abs=1e-12)
         assert run.moved_s <= whole.moved_s + machine().cycle_s
         assert_laws(run)
+    assert any(taken)
+
+
+@pytest.mark.parametrize("program", [long_lines, arcs, chords])
+def test_rows_that_are_played_faster_meanwhile_are_planned_anew_within_100_ms(
+    program: Program, taken: list[bool]
+) -> None:
+    lines = program(1.0)
+    whole = play(machine(), lines, [])
+    order: Order = (int(0.31 * whole.moved_s / machine().cycle_s), 2.0)
+    run = play(machine(), lines, [order])
+    after = run.planned_after(order)
+    assert after is not None
+    assert after <= 100
+    assert run.lines == whole.lines
+    assert_laws(run)
     assert any(taken)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from mcserver.executor.entries import Array
 from mcserver.executor.headroom import RATE_MAX, longest_stop
-from mcserver.executor.playback.playback import Playback
+from mcserver.executor.playback.playback import Playback, RowWindow
 from mcserver.executor.playback.rate_plan import RatePlan
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.machine.machine_file import Machine
@@ -172,6 +172,32 @@ class RateControl:
         # as if it had begun with the cycle, so far before its beginning
         early = u - (1.0 - left) * rate
         state = self._state(early, (rate, 0.0, rate), edge, window.begun, rate, (rate, math.inf, rate))
+        return self._keeps_limits(window, state, 0)
+
+    def may_go_on(self, u: float, edge: float | None) -> bool:
+        """Return whether the change of the rate under way keeps all limits on the rows as they are now, and
+        leaves room for a stop: they may be others than those that it was found for.
+
+        Args:
+            u: at the cycle's beginning. edge: as of `advance`.
+        """
+        plan, passed = self._plan, u - self._last_u
+        if plan is None:
+            return True
+        before = 0.0 if self._passed == 0 else plan.at(self._passed)[0]
+        if abs(self._origin + before - u) > 1e-6 or not 0.0 <= passed <= RATE_MAX + SAME_RATE:
+            return False
+        ahead = self.decided_until(u) - u + (SETTLING + 2) * RATE_MAX
+        window = self._playback.window(u, math.ceil(ahead))
+        if window is None:
+            return False
+        rates = (self.rate, self._slope, plan.target)
+        # no steady part of it is passed over
+        state = self._state(u, rates, edge, window.begun, passed, (0.0, math.inf, 0.0))
+        return self._keeps_limits(window, state, plan.write_rest(self._passed, self._phases))
+
+    def _keeps_limits(self, window: RowWindow, state: Array, parts: int) -> bool:
+        """Return whether the first phases of the search's memory keep all limits, as `keeps_limits` does."""
         return keeps_limits(
             self._ring.row_u,
             self._ring.position,
@@ -190,6 +216,7 @@ class RateControl:
             self._at,
             self._scratch,
             self._phases,
+            parts,
         )
 
     def rows_before(self, u: float, edge: float) -> int:

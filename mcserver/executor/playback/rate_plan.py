@@ -5,6 +5,7 @@ Time is counted in cycles and u in rows, one row a cycle at a rate of 1.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -54,6 +55,22 @@ class RatePlan:
             passed += duration * (rate + duration * (slope / 2.0 + duration * curvature / 6.0))
         parts.append(RatePhase(start, passed, target, 0.0, 0.0))
         return cls(tuple(parts), math.ceil(start - 1e-9) + steady, target)
+
+    def write_rest(self, cycle: int, phases: Array) -> int:
+        """Write what is left at the end of a cycle, shape (n, 4) as of `rate_changes`; return how many phases
+        that is before the steady rate.
+        """
+        count = 0
+        for phase, following in itertools.pairwise(self.phases):
+            t = max(cycle - phase.start, 0.0)
+            lasts = following.start - phase.start - t
+            if lasts <= 0.0:
+                continue
+            slope = phase.slope + t * phase.curvature
+            rate = phase.rate + t * (phase.slope + t * phase.curvature / 2.0)
+            phases[count] = lasts, rate, slope, phase.curvature
+            count += 1
+        return count
 
     def keeps_above(self, rate: float) -> bool:
         """Return whether a steady rate above this one is kept on the way to one that is not above it."""

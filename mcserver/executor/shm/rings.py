@@ -123,6 +123,8 @@ class ProgramRing:
         self._last_control_u = 0.0
         # what these are once the replacement that is asked for has been taken
         self._then: tuple[HeadroomWriter | None, int, float] | None = None
+        # how many rows had been written before the one that is tried
+        self._tried: int | None = None
 
     def _words(self, kind: type[_Scalar], count: int) -> NDArray[_Scalar]:
         array: NDArray[_Scalar] = np.frombuffer(self._buffer, kind, count, self._offset)
@@ -390,18 +392,40 @@ class ProgramRing:
         """Numbers of the first row and the first entry that are to be replaced."""
         return self._counters[_ROW], self._counters[_ENTRY]
 
+    def try_replacement(self) -> None:
+        """Put the new rows in the place of those behind, to be looked at: it is taken or refused next."""
+        counters = self._counters
+        self._tried = counters[_ROWS_WRITTEN]
+        self._swap_rows()
+        counters[_ROWS_WRITTEN] = counters[_ROW] + counters[_ROW_COUNT]
+
+    def _swap_rows(self) -> None:
+        counters = self._counters
+        for array in self._row_arrays:
+            _swap(array, counters[_ROW], counters[_ROW_FROM], counters[_ROW_COUNT])
+
+    @property
+    def _row_arrays(self) -> tuple[NDArray[Any], ...]:
+        rows = (self.row_u, self.row_mask, self.row_line, self.position, self.velocity, self.torque)
+        return (*rows, self.headroom, self.feed_scale, self.pace)
+
     def refuse_replacement(self) -> None:
-        """Leave everything as it is."""
+        """Leave everything as it is, or was before it was tried."""
+        tried, self._tried = self._tried, None
+        if tried is not None:
+            self._swap_rows()
+            self._counters[_ROWS_WRITTEN] = tried
         self._counters[_ANSWERED] = -self._counters[_ASKED]
 
     def take_replacement(self) -> None:
         """Put the new rows and entries in the place of those behind."""
         counters = self._counters
-        number, source, count = counters[_ROW], counters[_ROW_FROM], counters[_ROW_COUNT]
-        rows = (self.row_u, self.row_mask, self.row_line, self.position, self.velocity, self.torque)
-        for array in (*rows, self.headroom, self.feed_scale, self.pace):
-            _move(array, number, source, count)
-        counters[_ROWS_WRITTEN] = number + count
+        tried, self._tried = self._tried, None
+        if tried is None:
+            number, source, count = counters[_ROW], counters[_ROW_FROM], counters[_ROW_COUNT]
+            for array in self._row_arrays:
+                _move(array, number, source, count)
+            counters[_ROWS_WRITTEN] = number + count
         entry, source, count = counters[_ENTRY], counters[_ENTRY_FROM], counters[_ENTRY_COUNT]
         _move(self._entry_words, entry, source, count)
         counters[_CONTROLS_WRITTEN] = entry + count
@@ -424,6 +448,18 @@ class ProgramRing:
         )
         values = tuple(self._values[at].tolist()) if has_values else None
         return Control(_KINDS[kind], u, line, axes, values, seconds, operation, token, channel, value)
+
+
+def _swap(array: NDArray[Any], to: int, source: int, count: int) -> None:
+    """Exchange elements of a ring with others; the two do not overlap."""
+    size, done = len(array), 0
+    while done < count:
+        here, there = (to + done) % size, (source + done) % size
+        part = min(count - done, size - here, size - there)
+        kept = array[here : here + part].copy()
+        array[here : here + part] = array[there : there + part]
+        array[there : there + part] = kept
+        done += part
 
 
 def _move(array: NDArray[Any], to: int, source: int, count: int) -> None:

@@ -224,7 +224,7 @@ def _candidate(
         return _change(phases, u, rate, bend, safe, slope, curvature), safe
     higher = not math.isinf(state[HIGHER_FROM])
     if higher and (which == 3 or (which == 0 and target <= state[HIGHER] + WORTH)):
-        goal = min(target if which == 0 else rate, state[HIGHER])
+        goal = min(target if which == 0 else min(rate, target), state[HIGHER])
         if which == 3 and goal < safe + WORTH:
             return -1, safe
         return change_and_keep(phases, state[HIGHER_FROM] - u, rate, bend, goal, slope, curvature), goal
@@ -235,7 +235,8 @@ def _candidate(
     elif which == 2:
         goal = 0.5 * (max(rate, safe) + capped)
     elif which == 3:
-        goal = rate
+        # no more is kept than is wished for
+        goal = min(rate, target)
     tried = (which >= 1 and abs(goal - target) <= WORTH) or (
         which >= 2 and capped > safe + WORTH and abs(goal - capped) <= WORTH
     )
@@ -455,11 +456,13 @@ def keeps_limits(
     at: NDArray[np.int64],
     scratch: Array,
     phases: Array,
+    parts: int,
 ) -> bool:
-    """Return whether the next setpoints keep all limits at a steady rate, `TARGET`, with those before.
+    """Return whether the next setpoints keep all limits with those before.
 
     Args:
         As of `search_rate`; of the numbers the first and the third count, of the flags the first two.
+        phases, parts: the change of the rate to the steady one, `TARGET`; none: at that from now on.
     """
     first, behind = numbers[0], numbers[2]
     count, waits = find_window(
@@ -469,6 +472,6 @@ def keeps_limits(
     set_limits(velocity, limits, driven, displaced, first, behind, False, scratch)
     over, _ = excess(
         position, velocity, torque, pace, start, places, at, count, flags[1] or waits, recent, limits,
-        scratch, state, phases, 0, state[TARGET], 1.0,
+        scratch, state, phases, parts, state[TARGET], 1.0,
     )  # fmt: skip
     return bool(over <= 1.0)

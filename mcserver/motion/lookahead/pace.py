@@ -19,6 +19,8 @@ from mcserver.motion.geometry.segment import AxisLimits
 FASTER_PACE = 2.0
 # Shares of a rise of the rate that are looked at, and what stands for no motion at all.
 REACHABLE, TRACE = (1.0, 0.75, 0.5, 0.25), 1e-30
+# Rows without which the jerk of others is not known, the one under way included.
+DIFFERENCES = 3
 
 
 @dataclass
@@ -80,13 +82,26 @@ class Pace:
         for share in REACHABLE:
             goal = self.now + share * (wanted - self.now)
             known = bool((room >= goal).all())
-            change = (goal - max(self.now, min(rate, goal) if known else self.now)) * np.abs(latest[-1])
-            ramp = np.where(
-                change * limits.jerk > limits.acceleration**2,
-                change / limits.acceleration + limits.acceleration / limits.jerk,
-                2.0 * np.sqrt(change / limits.jerk),
-            )
-            rows = math.ceil(goal * float(ramp.max()) / cycle) + 1
+            rows = self._rows_to(goal, max(self.now, min(rate, goal) if known else self.now), latest[-1])
             if rows <= len(room) and (room[-rows:] >= goal).all():
                 return goal
         return self.now
+
+    def rows_until(self, scale: float, velocity: Array, rate: float) -> int:
+        """Return the rows behind which playback can have come to the pace at a feed scale.
+
+        Args:
+            velocity: of the rows there, shape (K,) [m/s or rad/s]. rate: of playback.
+        """
+        goal = self.at(scale)
+        return self._rows_to(goal, max(self.now, min(rate, goal)), velocity) + DIFFERENCES
+
+    def _rows_to(self, goal: float, now: float, velocity: Array) -> int:
+        """Return the rows that a change of the rate passes at most, from now to a goal [1]."""
+        limits, change = self.limits, (goal - now) * np.abs(velocity)
+        ramp = np.where(
+            change * limits.jerk > limits.acceleration**2,
+            change / limits.acceleration + limits.acceleration / limits.jerk,
+            2.0 * np.sqrt(change / limits.jerk),
+        )
+        return math.ceil(goal * float(ramp.max()) / limits.cycle) + 1
