@@ -83,7 +83,7 @@ def everything(**environment: str) -> dict[str, Any]:
         cwd=Path(__file__).parents[2],
         capture_output=True,
         text=True,
-        timeout=400,
+        timeout=850,
         check=False,
     )
     assert done.returncode == 0, done.stderr
@@ -92,14 +92,14 @@ def everything(**environment: str) -> dict[str, Any]:
     return report
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 def test_warming_up_leaves_nothing_to_compile() -> None:
     report = everything()
     assert report["faults"] == []
     assert report["late"] == {}
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 def test_no_kernel_goes_beyond_an_array() -> None:
     """Compiled with a check at every access, which the cache keeps apart from what is compiled without."""
     assert everything(NUMBA_BOUNDSCHECK="1")["faults"] == []
