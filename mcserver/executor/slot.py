@@ -35,9 +35,6 @@ LANDING = 1e-6
 START_ROWS = 16.0
 # A rate below this is standstill [1].
 STANDSTILL = 1e-6
-# Shares of its rate at which a motion may begin right behind one that was played at more than 100 %: the
-# first one that keeps all limits.
-BEGINNING = (1.0, 0.75, 0.5, 0.25)
 
 _ALWAYS = (ControlKind.LINE_END, ControlKind.END)
 
@@ -413,8 +410,7 @@ class ProgramSlot:
             if (found > rate or fastest > 1.0) and not self.playback.rested:
                 # what has just ended and what begins are within the same differences
                 edge, _ = self._queue.edge(self.u)
-                tried = (found, *(share * rate for share in BEGINNING))
-                found = next((each for each in tried if self.ramp.may_begin(self.u, each, left, edge)), rate)
+                found = self.ramp.beginning_rate(self.u, found, rate, left, edge)
         else:
             return rate
         if found != rate:

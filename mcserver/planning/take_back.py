@@ -25,8 +25,9 @@ from mcserver.planning.planner_messages import Report, ReportKind
 ANSWER, A_SEGMENT, MOST_A_SEGMENT = 24.0, 0.05, 5.0
 # What is left for a plan, as a multiple of what the last one took.
 SPARE = 1.3
-# The same after it has refused, as a multiple: it may be in a change of the rate that goes further.
-LONGEST_ANSWER = 16
+# The time until the answer after refusals, at most, as a multiple: the executor may be in a change of the
+# rate that goes further.
+LONGEST_ANSWER = 8
 # Tries for an order.
 TRIES = 8
 # Fewer rows are not worth a plan.
@@ -60,8 +61,8 @@ class TakeBack:
         self._reach = 4.0 * np.array(reach)
         self._asked: PlannedAnew | None = None
         self._scale = 1.0
-        # by how much longer an answer may take, how often it was tried, and from where on it is again
-        self._answer, self._tries, self._next_u = 1, 0, -math.inf
+        # how often it was refused, and tried, for an order, and from where on it is tried again
+        self._refused, self._tries, self._next_u = 0, 0, -math.inf
         # cycles that a plan takes for each segment, where the last one was begun, and for how many
         self._a_segment = A_SEGMENT
         self._begun: tuple[float, int] | None = None
@@ -77,10 +78,10 @@ class TakeBack:
         if answer:
             self._go_on(asked)
         else:
-            if self._answer == 1:
+            if self._refused == 0:
                 # where it is on its way to another rate is known now
                 self._next_u = -math.inf
-            self._answer = min(2 * self._answer, LONGEST_ANSWER)
+            self._refused += 1
         return False
 
     def ask(self, u: float, rate: float, stop: float, ahead: float) -> bool:
@@ -93,10 +94,11 @@ class TakeBack:
         motion = self._plan.motion
         self._note_time(u, rate)
         if motion.feed_scale != self._scale:
-            self._scale, self._answer, self._tries, self._next_u = motion.feed_scale, 1, 0, -math.inf
+            self._scale, self._refused, self._tries, self._next_u = motion.feed_scale, 0, 0, -math.inf
         if motion.feed_scale <= 1.0 or u < self._next_u or self._tries >= TRIES:
             return False
-        late = ANSWER * max(1, self._answer // 2) + SPARE * self._a_segment * motion.pending
+        longer = min(2 ** max(self._refused - 1, 0), LONGEST_ANSWER)
+        late = ANSWER * longer + SPARE * self._a_segment * motion.pending
         from_u = u + max(late * max(1.0, rate), self._rising_rows(u, rate))
         if motion.u - from_u < stop * motion.pace.now:
             # what is there has to last until the plan is made, should it be in vain
@@ -104,7 +106,7 @@ class TakeBack:
         if not motion.committed.slower_behind(from_u + LEAST, motion.feed_scale):
             return False
         # who has refused is playing faster already, which is worth more than a quick plan
-        cuts = motion.committed.cuts_at(from_u, at_turns=self._answer == 1)
+        cuts = motion.committed.cuts_at(from_u, at_turns=self._refused == 0)
         cuts = [each for each in cuts if each.slower_behind(motion.feed_scale) >= LEAST]
         if not cuts:
             return False
@@ -130,7 +132,7 @@ class TakeBack:
         """Return the rows that playback needs to come to the new pace: where it has refused it is on its way
         there, and what is planned for less behind would be faster by both. Else 0.
         """
-        if self._answer == 1:
+        if self._refused == 0:
             return 0
         motion = self._plan.motion
         latest = self._last_rows(math.ceil(u) + LEAST)

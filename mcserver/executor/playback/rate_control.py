@@ -58,6 +58,8 @@ NEAR_ROWS = 8.0
 SOON = 64.0
 # Share of the rows in which a stop is near, that motion goes on by where there is no room for more.
 LITTLE_WAY = 0.99
+# Shares of its rate at which a motion may begin right behind another: the first one that keeps all limits.
+BEGINNING = (1.0, 0.75, 0.5, 0.25)
 
 # Where no rate above 100 % is to be had: the safe rate, and that no higher one follows.
 _ALL_PLAIN = (1.0, math.inf, 1.0)
@@ -160,12 +162,18 @@ class RateControl:
         first, written = playback.following, playback.written
         return safe_rates(ring.pace, ring.velocity, ring.row_u, first, written, until)
 
-    def may_begin(self, u: float, rate: float, left: float, edge: float | None) -> bool:
-        """Return whether a motion that begins at u goes well with the setpoints before it at a steady rate.
+    def beginning_rate(self, u: float, wanted: float, rate: float, left: float, edge: float | None) -> float:
+        """Return the rate at which a motion goes on from its beginning at u, right behind another: the wanted
+        one, or the first share of ``rate`` that keeps all limits with the setpoints before; else ``rate``.
 
         Args:
             left: share of this cycle that is left for it. edge: as of `advance`.
         """
+        tried = dict.fromkeys((wanted, *(share * rate for share in BEGINNING)))
+        return next((each for each in tried if self._may_begin(u, each, left, edge)), rate)
+
+    def _may_begin(self, u: float, rate: float, left: float, edge: float | None) -> bool:
+        """Return whether a motion that begins at u goes well with the setpoints before at a steady rate."""
         window = self._playback.window(u, math.ceil((SETTLING + 2) * RATE_MAX))
         if window is None:
             return False

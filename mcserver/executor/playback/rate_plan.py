@@ -24,6 +24,15 @@ class RatePhase:
     slope: float
     curvature: float
 
+    def at(self, t: float) -> tuple[float, float, float]:
+        """Return the rows passed since the plan's start, the rate and its slope after t cycles."""
+        rate, slope, curvature = self.rate, self.slope, self.curvature
+        return (
+            self.passed + t * (rate + t * (slope / 2.0 + t * curvature / 6.0)),
+            rate + t * (slope + t * curvature / 2.0),
+            slope + t * curvature,
+        )
+
 
 @dataclass(frozen=True)
 class RatePlan:
@@ -66,8 +75,7 @@ class RatePlan:
             lasts = following.start - phase.start - t
             if lasts <= 0.0:
                 continue
-            slope = phase.slope + t * phase.curvature
-            rate = phase.rate + t * (phase.slope + t * phase.curvature / 2.0)
+            _, rate, slope = phase.at(t)
             phases[count] = lasts, rate, slope, phase.curvature
             count += 1
         return count
@@ -90,11 +98,4 @@ class RatePlan:
         # a cycle that ends with a phase is still of it
         while number > 0 and cycle <= phases[number].start:
             number -= 1
-        phase = phases[number]
-        t = cycle - phase.start
-        rate, slope, curvature = phase.rate, phase.slope, phase.curvature
-        return (
-            phase.passed + t * (rate + t * (slope / 2.0 + t * curvature / 6.0)),
-            rate + t * (slope + t * curvature / 2.0),
-            slope + t * curvature,
-        )
+        return phases[number].at(cycle - phases[number].start)
