@@ -1,15 +1,16 @@
 """The service journal: what was accepted, what was done, what failed. SQLite in WAL mode.
 
 One thread commits what has gathered in a transaction; callbacks that came with it then run in the loop, in
-order. Lines are acknowledged, and sent to the planner, only from there. A single message that someone waits
-for may be committed by the loop itself while the thread is idle: a commit takes 20 µs, since nothing is
-synced in it, and the detour through the thread ten times that. A killed process loses nothing that was
-committed; a power cut may lose the last `SYNC_PERIOD_S`.
+order. Lines are acknowledged, and sent to the planner, only from there. Lines that someone waits for are kept
+in a log (`mcserver.service.line_log`) at once while the thread has nothing to do, and come into the database
+with its next transaction: the detour through the thread takes a hundred times as long. A killed process loses
+nothing of what was committed or kept; a power cut may lose the last `SYNC_PERIOD_S`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import queue
 import sqlite3
@@ -18,6 +19,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -28,20 +30,42 @@ from mcserver.service.journal_file import (
     Statement,
     open_journal,
     prune,
+    taken_records,
     transaction,
 )
+from mcserver.service.line_log import LOG_BYTES, LineLog, LoggedLines, line_log_path, read_line_log
 from mcserver.service.reports import Fault, LineReport, ProgramState
+
+log = logging.getLogger(__name__)
 
 SYNC_PERIOD_S = 0.25
 BATCH = 2000
 RETRY_S = 0.5
 CHECKPOINT_PERIOD_S = 5.0
 INSERT_LINES = "INSERT INTO chunks(program, first, last, lines, crc) VALUES (?,?,?,?,?)"
+# from the log of a server that was killed: lines that go on where their program has come to; a log that was
+# left beside an older database may have others
+INSERT_LEFT_LINES = (
+    "INSERT INTO chunks(program, first, last, lines, crc) SELECT ?,?,?,?,? WHERE EXISTS("
+    "SELECT 1 FROM programs WHERE program=? AND ?=1 + max(start_line - 1, coalesce("
+    "(SELECT max(last) FROM chunks WHERE chunks.program=programs.program), 0)))"
+)
 PRUNE_PERIOD_S = 30.0
 
 OnCommitted = Callable[[], None]
-# a statement, and what is called once it is committed
-Entry = tuple[Statement | None, OnCommitted | None]
+
+
+class Entry(NamedTuple):
+    """What the thread is given.
+
+    Attributes:
+        statement: to be executed. on_committed: called once it is committed.
+        record: its number in the log of lines, which keeps it already; 0: it is not in there.
+    """
+
+    statement: Statement | None
+    on_committed: OnCommitted | None
+    record: int = 0
 
 
 class Journal:
@@ -53,6 +77,7 @@ class Journal:
         on_failure: called there with the reason each time a batch could not be written, and with "" when one
             could again; it is tried until then, and nothing is reported as committed meanwhile.
         threaded: writes in a thread of its own; else its owner calls `write_pending`, on whatever clock.
+        log_bytes: size of the log of lines.
     """
 
     def __init__(
@@ -64,20 +89,26 @@ class Journal:
         bounds: JournalBounds | None = None,
         connect: Callable[[Path], JournalConnection] = open_journal,
         threaded: bool = True,
+        log_bytes: int = LOG_BYTES,
     ) -> None:
         self.path = path
         self._call_soon = call_soon
         self._on_failure = on_failure
         self._bounds = bounds or JournalBounds()
         self._inbox: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
-        # entries given to the thread, and those whose callbacks have run; both belong to the owner
+        # lines in the log that the thread is not woken for: they go ahead of the next entry, or when it
+        # wakes by itself
+        self._later: list[Entry] = []
+        self._giving = threading.Lock()
+        # entries given to the thread, and those whose callbacks have run; both belong to the owner, as does
+        # the number of the last record that the database has
         self._given = 0
         self._settled = 0
-        # goes with the connection
-        self._writing = threading.Lock()
+        self._taken = 0
         self._unsynced = False
         self._stopping = threading.Event()
         self._connection = connect(path)
+        self._lines_log = self._open_log(log_bytes)
         # what could not be written yet, without a thread
         self._failed: list[Entry] = []
         self._thread: threading.Thread | None = None
@@ -136,29 +167,24 @@ class Journal:
             on_committed: called once they are committed.
             urgent: someone waits: commits before it returns, if the thread has nothing to do.
         """
+        last = first + len(lines) - 1
         text = msgspec.msgpack.encode(lines)
-        row = program, first, first + len(lines) - 1, text, row_checksum(program, first, text)
-        if urgent and self._commit_now((INSERT_LINES, row)):
-            if on_committed is not None:
-                on_committed()
-        else:
+        record = self._log(LoggedLines(program, first, last, text)) if urgent else 0
+        row = program, first, last, text, row_checksum(program, first, text)
+        if not record:
             self._put(INSERT_LINES, row, on_committed)
+            return
+        with self._giving:
+            self._later.append(Entry((INSERT_LINES, row), None, record))
+        if on_committed is not None:
+            on_committed()
 
-    def _commit_now(self, statement: Statement) -> bool:
+    def _log(self, record: LoggedLines) -> int:
+        """Return the record's number in the log of lines; 0: it has to go through the thread."""
         # what was given before has to be through with its callbacks too
-        if self._given != self._settled or not self._writing.acquire(blocking=False):
-            return False
-        try:
-            if self._stopping.is_set():
-                return False
-            self._connection.execute(*statement)
-        except sqlite3.Error:
-            # the thread has the patience to try again
-            return False
-        finally:
-            self._writing.release()
-        self._unsynced = True
-        return True
+        if self._lines_log is None or self._given != self._settled or self._stopping.is_set():
+            return 0
+        return self._lines_log.append(record)
 
     def rejected(self, program: str, line: int) -> None:
         """Lines from ``line`` on do not count."""
@@ -218,17 +244,20 @@ class Journal:
 
     def after(self, on_committed: OnCommitted) -> None:
         """Calls back behind all that was written before."""
-        self._given += 1
-        self._inbox.put((None, on_committed))
+        self._give(Entry(None, on_committed))
 
     def close(self, timeout_s: float = 5.0) -> None:
         """Writes what is left, syncs and closes. Safe to call twice."""
         self._stopping.set()
         if self._thread is None:
             self._connection.close()
-            return
-        self._inbox.put(None)
-        self._thread.join(timeout_s)
+        else:
+            with self._giving:
+                self._inbox.put(None)
+            self._thread.join(timeout_s)
+        if self._lines_log is not None:
+            self._lines_log.close()
+            self._lines_log = None
 
     def write_pending(self) -> None:
         """Try once to commit what has gathered, without a thread."""
@@ -236,6 +265,7 @@ class Journal:
         if not batch:
             while not self._inbox.empty() and (entry := self._inbox.get()) is not None:
                 batch.append(entry)
+            batch += self._take_later()
         failure = self._commit(batch) if batch else ""
         if failure:
             self._failed = batch
@@ -246,8 +276,38 @@ class Journal:
             self._settle(batch)
 
     def _put(self, sql: str, parameters: tuple[object, ...], on_committed: OnCommitted | None = None) -> None:
+        self._give(Entry((sql, parameters), on_committed))
+
+    def _give(self, entry: Entry) -> None:
         self._given += 1
-        self._inbox.put(((sql, parameters), on_committed))
+        with self._giving:
+            for each in self._later:
+                self._inbox.put(each)
+            self._later.clear()
+            self._inbox.put(entry)
+
+    def _take_later(self) -> list[Entry]:
+        # nothing in the inbox is newer: lines are kept in the log only while it is empty
+        with self._giving:
+            taken, self._later = self._later, []
+        return taken
+
+    def _open_log(self, size: int) -> LineLog | None:
+        """Open the log of lines, and give the thread what the database does not have of it."""
+        path = line_log_path(self.path)
+        self._taken = taken_records(self.path)
+        kept = read_line_log(path)
+        left = [(number, lines) for number, lines in kept.records if number > self._taken]
+        for number, lines in left:
+            checksum = row_checksum(lines.program, lines.first, lines.text)
+            row = (lines.program, lines.first, lines.last, lines.text, checksum)
+            self._inbox.put(Entry((INSERT_LEFT_LINES, (*row, lines.program, lines.first)), None, number))
+        last = max([self._taken, *(number for number, _ in kept.records)])
+        try:
+            return LineLog(path, last, kept.end if left else 0, size=size)
+        except OSError as error:
+            log.warning("lines are journaled without a log of lines, which is slower: %s: %s", path, error)
+            return None
 
     def _run(self) -> None:
         wal = -1
@@ -267,16 +327,15 @@ class Journal:
                     wal = self._sync(wal)
                 if now - last_checkpoint >= CHECKPOINT_PERIOD_S:
                     last_checkpoint = now
-                    with self._writing, contextlib.suppress(sqlite3.Error):
+                    with contextlib.suppress(sqlite3.Error):
                         self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
                 if now - last_prune >= PRUNE_PERIOD_S:
                     last_prune = now
-                    self._write([(statement, None) for statement in prune(self._bounds)])
+                    self._write([Entry(statement, None) for statement in prune(self._bounds)])
         finally:
             if wal >= 0:
                 os.close(wal)
-            with self._writing:
-                self._connection.close()
+            self._connection.close()
 
     def _sync(self, wal: int) -> int:
         """Lets what was committed reach the disk; the log's descriptor."""
@@ -298,8 +357,8 @@ class Journal:
                     return batch, False
                 item = self._inbox.get_nowait()
         except queue.Empty:
-            return batch, False
-        return batch, True
+            return batch + self._take_later(), False
+        return batch + self._take_later(), True
 
     def _write(self, batch: list[Entry]) -> bool:
         """Commits one transaction; tries until it can. False: given up, because the journal is being
@@ -317,17 +376,26 @@ class Journal:
     def _commit(self, batch: list[Entry]) -> str:
         """Commit one transaction; why not, where that fails."""
         try:
-            with self._writing, transaction(self._connection):
-                for statement, _ in batch:
-                    if statement is not None:
-                        self._connection.execute(*statement)
+            with transaction(self._connection):
+                for entry in batch:
+                    if entry.statement is not None:
+                        self._connection.execute(*entry.statement)
+                records = [entry.record for entry in batch if entry.record]
+                if records:
+                    self._connection.execute("UPDATE line_log SET taken=?", (records[-1],))
         except sqlite3.Error as error:
             return str(error)
         self._unsynced = True
         return ""
 
     def _settle(self, batch: list[Entry]) -> None:
-        self._settled += len(batch)
-        for _, on_committed in batch:
-            if on_committed is not None:
-                on_committed()
+        for entry in batch:
+            if entry.record:
+                self._taken = entry.record
+            else:
+                self._settled += 1
+        if self._lines_log is not None and self._taken == self._lines_log.number:
+            self._lines_log.clear()
+        for entry in batch:
+            if entry.on_committed is not None:
+                entry.on_committed()

@@ -38,6 +38,9 @@ CREATE: tuple[str, ...] = (
     "CREATE TABLE IF NOT EXISTS commands("
     " id INTEGER PRIMARY KEY, at REAL NOT NULL, client TEXT NOT NULL, method TEXT NOT NULL, program TEXT,"
     " detail TEXT NOT NULL, crc INTEGER)",
+    # the last record of the log of lines that is in ``chunks``
+    "CREATE TABLE IF NOT EXISTS line_log(id INTEGER PRIMARY KEY CHECK(id = 1), taken INTEGER NOT NULL)",
+    "INSERT OR IGNORE INTO line_log(id, taken) VALUES (1, 0)",
 )
 
 Statement = tuple[str, tuple[object, ...]]
@@ -116,6 +119,13 @@ def open_journal(path: Path) -> sqlite3.Connection:
             "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
         ) from error
     return connection
+
+
+def taken_records(path: Path) -> int:
+    """Return the number of the last record of its log of lines that an open journal's database has."""
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        (taken,) = connection.execute("SELECT taken FROM line_log").fetchone()
+    return int(taken)
 
 
 def prune(bounds: JournalBounds) -> list[Statement]:

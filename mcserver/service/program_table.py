@@ -101,6 +101,7 @@ class ProgramTable:
                 on_failure=self._journal_state,
                 connect=options.connect,
                 threaded=options.journal_thread,
+                log_bytes=options.line_log_bytes,
             )
         except BaseException:
             self._lock.release()

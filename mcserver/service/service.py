@@ -6,6 +6,7 @@ It speaks through two callbacks, acknowledgements and events, and knows nothing 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable, Mapping, Sequence
 
@@ -45,6 +46,8 @@ OPEN_PROGRAMS = 64
 CLIENT_PROGRAMS = 16
 SHOWN_ENDED_S = 10.0
 STOP_LIMIT_S = 3.0
+# for what a reader of the journal is to find there
+JOURNAL_LIMIT_S = 2.0
 
 
 class MachineService:
@@ -198,6 +201,7 @@ class MachineService:
         wanted = axes_of(self.machine, axes)
         self._check_limits(client)
         if resume_of is not None:
+            await self._journal_written()
             earlier = self._table.programs.get(resume_of)
             if earlier is None:
                 await asyncio.to_thread(check_known, self.options.journal, resume_of)
@@ -392,6 +396,7 @@ class MachineService:
         mine = {key: program for key, program in self._table.programs.items() if program_id in (None, key)}
         found = [program.status() for program in reversed(mine.values()) if ended or not program.ended]
         if ended and len(found) < limit:
+            await self._journal_written()
             older = await asyncio.to_thread(
                 read_programs, self.options.journal, limit=limit + len(mine), program=program_id
             )
@@ -451,6 +456,13 @@ class MachineService:
         # the newest first, so that none is given the axes of one before it
         for program in reversed(open_programs(self._table.programs, None)):
             self._table.stop(program, "faulted", fault.message, fault)
+
+    async def _journal_written(self) -> None:
+        """Wait until what was journaled so far can be read; not for ever, should it not be written."""
+        written: asyncio.Future[None] = self._loop.create_future()
+        self._table.journal.after(lambda: None if written.done() else written.set_result(None))
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(written, 0.0 if self._table.journal_failure else JOURNAL_LIMIT_S)
 
     def _ready(self) -> None:
         if self._stopping:

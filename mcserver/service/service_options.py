@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.service.journal_file import JournalConnection, open_journal
+from mcserver.service.line_log import LOG_BYTES
 
 
 class ServiceOptions(msgspec.Struct, frozen=True):
@@ -19,6 +20,7 @@ class ServiceOptions(msgspec.Struct, frozen=True):
         instance: id of this start.
         clock: Unix time [s].
         connect: opens the journal's file. journal_thread: the journal writes in a thread of its own.
+        line_log_bytes: size of the journal's log of lines.
     """
 
     journal: Path
@@ -26,3 +28,4 @@ class ServiceOptions(msgspec.Struct, frozen=True):
     clock: Callable[[], float] = time.time
     connect: Callable[[Path], JournalConnection] = open_journal
     journal_thread: bool = True
+    line_log_bytes: int = LOG_BYTES

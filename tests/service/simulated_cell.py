@@ -32,6 +32,7 @@ from mcserver.planning.planner_messages import (
     ReportKind,
 )
 from mcserver.service.journal_file import open_journal
+from mcserver.service.line_log import line_log_path, read_line_log
 from mcserver.service.motion_port import Snapshot
 from mcserver.service.reports import Ack, Event
 from mcserver.service.service import MachineService
@@ -41,6 +42,8 @@ from tests.service.simulated_client import SimulatedClient
 from tests.service.simulated_laws import Violation, require
 
 LIMIT_S = 60.0
+# a handful of messages: it is full again and again
+LINE_LOG_BYTES = 1024
 
 
 class _NothingToRead(selectors.SelectSelector):
@@ -263,6 +266,8 @@ class Cell:
         self.calm = False
         # in callbacks of the loop, and within the planner, which takes them for defects of its own
         self._violations: list[Violation] = []
+        # lines of the programs that a kill of the server has ended
+        self._kept: dict[str, int] = {}
         loop.set_exception_handler(self._on_exception)
         self._journal = journal
         # reads what is committed; opened by the first question after a start of the server
@@ -346,6 +351,9 @@ class Cell:
         while not (self._violations or all(client.done for client in self._clients)):
             require(self.loop.time() < until, f"programs do not end: {self._states()}")
             await asyncio.sleep(0.1)
+        for program, kept in self._kept.items():
+            found = self._in_database(program)
+            require(found == kept, f"{program} was killed with {kept} lines journaled, {found} came back")
 
     def planner_killed(self) -> None:
         self.planner.kill()
@@ -353,7 +361,8 @@ class Cell:
     def server_killed(self) -> None:
         self.close()
         for program, ran in self.executed.items():
-            require(self._journaled(program) >= len(ran), f"{program} ran lines that the journal has lost")
+            self._kept[program] = self._journaled(program)
+            require(self._kept[program] >= len(ran), f"{program} ran lines that the journal has lost")
             require(self._done(program) <= len(ran), f"{program} is said to be done through more than ran")
         self._start()
         for client in self._clients:
@@ -386,6 +395,7 @@ class Cell:
                 clock=self.loop.time,
                 connect=self._connect,
                 journal_thread=False,
+                line_log_bytes=LINE_LOG_BYTES,
             ),
             on_ack=lambda ack: self._on_ack(start, ack),
             on_event=lambda event: self._on_event(start, event),
@@ -430,15 +440,22 @@ class Cell:
             require(event.seq == self._seq, f"event {event.seq} after {self._seq - 1}")
 
     def _journaled(self, program: str) -> int:
+        """Last line that a start would find: in the database, or in the log of lines only."""
+        taken = self._ask("SELECT taken FROM line_log")
+        kept = read_line_log(line_log_path(self._journal)).records
+        logged = [lines.last for number, lines in kept if number > taken and lines.program == program]
+        return max([self._in_database(program), *logged])
+
+    def _in_database(self, program: str) -> int:
         return self._ask("SELECT coalesce(max(last), 0) FROM chunks WHERE program=?", program)
 
     def _done(self, program: str) -> int:
         return self._ask("SELECT coalesce(max(done), 0) FROM programs WHERE program=?", program)
 
-    def _ask(self, sql: str, program: str) -> int:
+    def _ask(self, sql: str, *parameters: str) -> int:
         if self._reader is None:
             self._reader = sqlite3.connect(self._journal, isolation_level=None)
-        return int(self._reader.execute(sql, (program,)).fetchall()[0][0])
+        return int(self._reader.execute(sql, parameters).fetchall()[0][0])
 
     def _forget_reader(self) -> None:
         if self._reader is not None:

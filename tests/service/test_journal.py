@@ -18,6 +18,7 @@ from mcserver.errors import ServiceError
 from mcserver.service.journal import Journal
 from mcserver.service.journal_file import JournalBounds, open_journal, prune, transaction
 from mcserver.service.journal_reader import read_lines_before, read_programs, read_reports
+from mcserver.service.line_log import line_log_path, read_line_log
 from mcserver.service.reports import Fault, LineReport
 
 LIMIT_S = 5.0
@@ -124,12 +125,25 @@ def test_lines_behind_a_rejected_one_do_not_count(make: Callable[[], Kept]) -> N
     assert program.accepted == 3
 
 
-def test_urgent_lines_are_there_when_the_call_returns(make: Callable[[], Kept]) -> None:
+def test_urgent_lines_are_kept_when_the_call_returns(make: Callable[[], Kept]) -> None:
     kept = make()
     kept.open("p")
     kept.settle()
     kept.journal.lines("p", 1, ["one"], kept.named("one"), urgent=True)
     assert kept.committed == ["one"]
+    ((_, logged),) = read_line_log(line_log_path(kept.path)).records
+    assert (logged.program, logged.first, logged.last) == ("p", 1, 1)
+    kept.settle()
+    assert read_lines_before(kept.path, "p", 2) == ["one"]
+
+
+def test_urgent_lines_come_into_the_database_by_themselves(make: Callable[[], Kept]) -> None:
+    kept = make()
+    kept.open("p")
+    kept.settle()
+    kept.journal.lines("p", 1, ["one"], urgent=True)
+    # no other entry wakes the thread
+    kept.turn()
     assert read_lines_before(kept.path, "p", 2) == ["one"]
 
 
@@ -255,6 +269,9 @@ def test_a_killed_process_loses_nothing_that_was_committed(tmp_path: Path) -> No
         process.send_signal(signal.SIGKILL)
         for text in process.stdout:
             seen = max(seen, int(text.strip().removeprefix("line")))
+    again = Kept(path)
+    again.settle()
+    again.journal.close()
     (program,) = read_programs(path, limit=5)
     assert program.state == "interrupted"
     assert program.accepted >= seen
