@@ -102,6 +102,7 @@ class Program:
         self.last_reported_credit = queue.limit
         self.last_reported_started = 0
         self.last_reported_done = start_line - 1
+        self._ended_status: ProgramStatus | None = None
         self._waiting: deque[tuple[int, Deferred[Verdict]]] = deque()
         self._waiting_for_journal: deque[tuple[int, Deferred[Verdict]]] = deque()
 
@@ -143,6 +144,16 @@ class Program:
         return self.queue.credit + self.queue.accepted - self.journaled
 
     def status(self) -> ProgramStatus:
+        shown = self._ended_status
+        if shown is not None and shown.accepted == self.journaled:
+            return shown
+        shown = self._status()
+        if self.ended:
+            # nothing else of it changes any more
+            self._ended_status = shown
+        return shown
+
+    def _status(self) -> ProgramStatus:
         return ProgramStatus(
             program=self.program,
             state=self.state,
