@@ -21,8 +21,8 @@ from mcserver.planning.planner_messages import (
     Validated,
 )
 
-# how long at most [s]: as often as the planner looks at the executor; a tenth of the tick of progress reports
-GATHER_S = 0.002
+# how long at most [s]: a quarter of the tick of progress reports, and short beside what is planned ahead
+GATHER_S = 0.005
 
 _PROGRESS = frozenset({EventKind.LINE_START, EventKind.LINE_END, EventKind.AXIS_DONE, EventKind.SETTLED})
 
