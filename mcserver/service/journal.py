@@ -315,7 +315,8 @@ class Journal:
         closing = False
         try:
             while not closing:
-                batch, closing = self._gather(SYNC_PERIOD_S)
+                waited = time.monotonic() - last_sync if self._unsynced else 0.0
+                batch, closing = self._gather(max(0.0, SYNC_PERIOD_S - waited))
                 if batch:
                     if not self._write(batch):
                         break
