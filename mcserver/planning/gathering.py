@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from mcserver.executor.entries import EventKind
 from mcserver.planning.planner_messages import (
     Consumed,
+    Dropped,
     ExecutorEvents,
     Lines,
     Planned,
@@ -81,7 +82,7 @@ class Gathering:
 
     def _can_wait(self, event: PlannerEvent) -> bool:
         match event:
-            case Consumed() | Planned():
+            case Consumed() | Planned() | Dropped():
                 return True
             case Validated():
                 awaited = self._awaited.get(event.program)

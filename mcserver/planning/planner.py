@@ -25,6 +25,7 @@ from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
     Consumed,
+    Dropped,
     DropProgram,
     ExecutorEvents,
     FrameChanged,
@@ -151,6 +152,7 @@ class Planner:
                 self._begin(command)
             case DropProgram():
                 self._plans.pop(command.program, None)
+                self._events.append(Dropped(command.program))
             case Lines():
                 plan = self._plan(command.program)
                 if command.epoch == plan.epoch and plan.phase is not PlanPhase.HALTED:

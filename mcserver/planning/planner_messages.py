@@ -101,7 +101,7 @@ class HaltProgram(msgspec.Struct, frozen=True, tag=True):
 
 
 class DropProgram(msgspec.Struct, frozen=True, tag=True):
-    """Forget the program: it has ended."""
+    """Forget the program: it has ended. `Dropped` answers it."""
 
     program: str
 
@@ -226,6 +226,12 @@ class PlannerFailed(msgspec.Struct, frozen=True, tag=True):
     message: str
 
 
+class Dropped(msgspec.Struct, frozen=True, tag=True):
+    """The program is forgotten: nothing is put into its slot any more."""
+
+    program: str
+
+
 PlannerEvent = (
     Consumed
     | LineRejected
@@ -235,6 +241,7 @@ PlannerEvent = (
     | Validated
     | ExecutorEvents
     | PlannerFailed
+    | Dropped
 )
 
 OnPlannerEvents = Callable[[Sequence[PlannerEvent]], None]

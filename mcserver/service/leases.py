@@ -1,9 +1,11 @@
 """Leases: which program may move which axes.
 
 A program gets all its axes and one executor slot at once, in the order of asking, and gives them back at its
-end. Since nothing is ever held while waiting for more, programs cannot deadlock. A program that waits
-keeps its
-place: one behind it passes only if it needs none of its axes.
+end. Since nothing is ever held while waiting for more, programs cannot deadlock. A program that waits keeps
+its place: one behind it passes only if it needs none of its axes.
+
+A planner that is behind may still put rows for a program that has ended into the slot that was its own. So
+nobody gets that slot before the planner has forgotten the program: the rows would be played for another one.
 """
 
 from __future__ import annotations
@@ -32,6 +34,8 @@ class LeaseTable:
 
     def __init__(self, slots: int = EXECUTOR_SLOTS) -> None:
         self._free_slots = list(range(slots))
+        # slots of programs that have ended and that the planner knows still
+        self._left: dict[str, int] = {}
         self._held: dict[str, Grant] = {}
         self._waiting: dict[str, frozenset[int]] = {}
 
@@ -49,13 +53,29 @@ class LeaseTable:
         self._waiting[program] = wanted
         return self._grant()
 
-    def release(self, program: str) -> list[Grant]:
-        """Gives back what ``program`` holds or waits for; returns what can start now, in order."""
+    def release(self, program: str, *, planned: bool) -> list[Grant]:
+        """Gives back what ``program`` holds or waits for; returns what can start now, in order.
+
+        Args:
+            planned: the planner may know it; then its slot is free only once it is `forgotten`.
+        """
         self._waiting.pop(program, None)
         grant = self._held.pop(program, None)
         if grant is not None:
-            self._free_slots.append(grant.slot)
-            self._free_slots.sort()
+            self._left[program] = grant.slot
+            if not planned:
+                return self.forgotten(program)
+        return self._grant()
+
+    def forgotten(self, program: str | None) -> list[Grant]:
+        """The planner puts nothing any more for a program that has ended; None: for any of them. Returns what
+        can start now, in order.
+        """
+        for each in list(self._left) if program is None else [program]:
+            slot = self._left.pop(each, None)
+            if slot is not None:
+                self._free_slots.append(slot)
+        self._free_slots.sort()
         return self._grant()
 
     def holder(self, axis: int) -> str | None:

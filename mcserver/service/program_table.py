@@ -18,6 +18,7 @@ from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
     Consumed,
+    Dropped,
     DropProgram,
     ExecutorEvents,
     FrameChanged,
@@ -239,7 +240,8 @@ class ProgramTable:
         )
         self.publish("program.ended", program, line=program.done, fault=program.fault, reason=program.reason)
         self.acks.acknowledge(program)
-        self._start(self.leases.release(program.program))
+        # all of a program without a planner is in its slot already
+        self._start(self.leases.release(program.program, planned=not program.controls))
 
     def _forget_ended(self) -> None:
         ended = [key for key, program in self.programs.items() if program.ended]
@@ -300,6 +302,9 @@ class ProgramTable:
             if isinstance(event, PlannerFailed):
                 self._planner_failed(event)
                 continue
+            if isinstance(event, Dropped):
+                self._start(self.leases.forgotten(event.program))
+                continue
             program = self.programs.get(event.program)
             if program is None or program.ended:
                 continue
@@ -334,6 +339,8 @@ class ProgramTable:
             )
             self.stop(program, "faulted", fault.message, fault)
         if not event.program:
+            # it puts nothing any more, and the next one knows none of them
+            self._start(self.leases.forgotten(None))
             self._end_at_rest()
 
     def _end_at_rest(self) -> None:

@@ -17,6 +17,7 @@ from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
     Consumed,
+    Dropped,
     DropProgram,
     ExecutorEvents,
     HaltProgram,
@@ -69,6 +70,7 @@ def test_events_arrive_as_they_were_sent_and_in_order() -> None:
             ]
         ),
         PlannerFailed("", "its process was ended by signal 9"),
+        Dropped("a-1"),
     ]
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(sent), type=list[PlannerEvent]) == sent
 

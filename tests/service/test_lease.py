@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcserver.service.leases import LeaseTable
+from mcserver.service.leases import Grant, LeaseTable
 
 
 def test_a_lease_is_taken_whole_or_not_at_all() -> None:
@@ -22,8 +22,8 @@ def test_a_later_program_passes_only_if_it_needs_none_of_the_axes_waited_for() -
     table.request("b", [0, 1])
     assert table.request("c", [1]) == []
     assert [grant.program for grant in table.request("d", [2])] == ["d"]
-    assert [grant.program for grant in table.release("a")] == ["b"]
-    assert [grant.program for grant in table.release("b")] == ["c"]
+    assert [grant.program for grant in table.release("a", planned=False)] == ["b"]
+    assert [grant.program for grant in table.release("b", planned=False)] == ["c"]
 
 
 def test_who_gives_up_waiting_lets_those_behind_pass() -> None:
@@ -31,7 +31,7 @@ def test_who_gives_up_waiting_lets_those_behind_pass() -> None:
     table.request("a", [0])
     table.request("b", [0, 1])
     table.request("c", [1])
-    assert [grant.program for grant in table.release("b")] == ["c"]
+    assert [grant.program for grant in table.release("b", planned=False)] == ["c"]
 
 
 def test_programs_beyond_the_slots_wait() -> None:
@@ -39,7 +39,7 @@ def test_programs_beyond_the_slots_wait() -> None:
     table.request("a", [0])
     table.request("b", [1])
     assert table.request("c", [2]) == []
-    (grant,) = table.release("a")
+    (grant,) = table.release("a", planned=False)
     assert (grant.program, grant.slot) == ("c", 0)
 
 
@@ -61,33 +61,73 @@ def test_asking_twice_or_for_nothing_is_a_mistake(axes: list[int]) -> None:
         table.request("a", axes)
 
 
+def test_a_slot_is_nobodys_until_the_planner_has_forgotten_who_had_it() -> None:
+    table = LeaseTable(slots=2)
+    table.request("a", [0])
+    assert table.release("a", planned=True) == []
+    # its axes are free
+    (grant,) = table.request("b", [0])
+    assert (grant.program, grant.slot) == ("b", 1)
+    assert table.request("c", [1]) == []
+    (grant,) = table.forgotten("a")
+    assert (grant.program, grant.slot) == ("c", 0)
+    # heard of twice, and of one that never had a slot
+    assert table.forgotten("a") == table.forgotten("d") == []
+
+
+def test_a_planner_that_has_died_has_forgotten_all() -> None:
+    table = LeaseTable(slots=2)
+    for name, axis in (("a", 0), ("b", 1)):
+        table.request(name, [axis])
+        table.release(name, planned=True)
+    assert table.request("c", [0]) == []
+    assert table.request("d", [1]) == []
+    assert [(grant.program, grant.slot) for grant in table.forgotten(None)] == [("c", 0), ("d", 1)]
+
+
 @settings(max_examples=60, deadline=None)
-@given(st.lists(st.tuples(st.booleans(), st.frozensets(st.integers(0, 5), min_size=1)), max_size=40))
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["request", "release", "forgotten"]), st.frozensets(st.integers(0, 5), min_size=1)
+        ),
+        max_size=40,
+    )
+)
 def test_leases_never_overlap_and_everyone_is_served_at_last(
-    steps: list[tuple[bool, frozenset[int]]],
+    steps: list[tuple[str, frozenset[int]]],
 ) -> None:
     table = LeaseTable(slots=3)
-    holding: dict[str, frozenset[int]] = {}
+    holding: dict[str, Grant] = {}
+    left: dict[str, int] = {}
     asked: list[str] = []
     served: list[str] = []
-    for number, (release, axes) in enumerate(steps):
-        if release and holding:
-            name = next(iter(holding))
-            del holding[name]
-            grants = table.release(name)
+
+    def release() -> list[Grant]:
+        name = next(iter(holding))
+        left[name] = holding.pop(name).slot
+        return table.release(name, planned=True)
+
+    def forget() -> list[Grant]:
+        name = next(iter(left))
+        del left[name]
+        return table.forgotten(name)
+
+    def take(grants: list[Grant]) -> None:
+        for grant in grants:
+            assert not any(grant.axes & other.axes for other in holding.values())
+            assert grant.slot not in [*left.values(), *(other.slot for other in holding.values())]
+            holding[grant.program] = grant
+            served.append(grant.program)
+
+    for number, (step, axes) in enumerate(steps):
+        if step == "release" and holding:
+            take(release())
+        elif step == "forgotten" and left:
+            take(forget())
         else:
             asked.append(f"p{number}")
-            grants = table.request(f"p{number}", axes)
-        for grant in grants:
-            assert not any(grant.axes & other for other in holding.values())
-            holding[grant.program] = grant.axes
-            served.append(grant.program)
-        slots = [grant.slot for grant in map(table.grant_of, holding) if grant is not None]
-        assert len(set(slots)) == len(holding)
-    while holding:
-        name = next(iter(holding))
-        del holding[name]
-        for grant in table.release(name):
-            holding[grant.program] = grant.axes
-            served.append(grant.program)
+            take(table.request(f"p{number}", axes))
+    while holding or left:
+        take(release() if holding else forget())
     assert sorted(served) == sorted(asked)

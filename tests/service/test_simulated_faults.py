@@ -13,6 +13,8 @@ from tests.service.simulated_laws import Violation
 # thousands more: make schedules
 SEEDS = 100
 FAULTS = 6
+# A planner that is behind begins a program after its end, when its slot is another one's.
+BROKEN_ONCE = (210064,)
 
 
 class NoHeartbeat:
@@ -53,6 +55,12 @@ def test_every_line_runs_once_and_in_order_whatever_fails(
             simulate(seed, tmp_path / f"{seed}.db")
         except Violation as violation:
             pytest.fail(f"seed {seed}: {violation}")
+
+
+@pytest.mark.parametrize("seed", BROKEN_ONCE)
+def test_what_was_broken_once_holds(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(program_table, "Heartbeat", NoHeartbeat)
+    simulate(seed, tmp_path / "journal.db")
 
 
 def test_a_server_that_takes_lines_of_before_a_rejection_is_found(
