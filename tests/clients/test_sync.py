@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 
@@ -52,6 +54,29 @@ def test_a_source_that_waits_for_the_end_of_its_lines_does_not_stand_still(serve
     with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
         program.send_lines(lines())
     assert len(server.executed) == 2
+
+
+FORGETFUL = """
+import atexit, sys
+import mcclient.transport
+from mcclient.sync import Machine
+
+links = []
+opened = mcclient.transport.Link.__init__
+mcclient.transport.Link.__init__ = lambda self, *given: (opened(self, *given), links.append(self))[0]
+# what is registered first comes last
+atexit.register(lambda: print([link._session.is_closed() for link in links]))
+machine = Machine.connect(connect=sys.argv[1])
+samples = machine.samples()
+raise SystemExit(3)
+"""
+
+
+def test_a_program_that_closes_nothing_ends_as_it_wants_to(server: FakeServer) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", FORGETFUL, server.endpoint], capture_output=True, text=True, timeout=60
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (3, "[True]\n", "")
 
 
 def test_telemetry_and_events_are_plain_iterators(server: FakeServer) -> None:

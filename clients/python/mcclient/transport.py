@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
+import contextlib
 import json
 import logging
 import os
@@ -138,6 +140,7 @@ class Link:
         self._trust = _Trusted()
         self._states = ThreadStates()
         self.closed = False
+        atexit.register(self._close_at_exit)
 
     @classmethod
     async def open(
@@ -331,10 +334,7 @@ class Link:
         ended = asyncio.Event()
 
         def end() -> None:
-            try:
-                self._session.close()  # type: ignore[no-untyped-call]
-            except zenoh.ZError as error:
-                log.debug("closing: %s", error)
+            self._close_session()
             try:
                 self._loop.call_soon_threadsafe(ended.set)
             except RuntimeError:
@@ -347,6 +347,22 @@ class Link:
                 await ended.wait()
         except TimeoutError:
             log.warning("Zenoh did not close within %s s", CLOSE_LIMIT_S)
+        atexit.unregister(self._close_at_exit)
+
+    def _close_session(self) -> None:
+        try:
+            self._session.close()  # type: ignore[no-untyped-call]
+        except zenoh.ZError as error:
+            log.debug("closing: %s", error)
+
+    def _close_at_exit(self) -> None:
+        """Close what nobody has closed: a thread of Zenoh that calls back while Python ends aborts it."""
+        self.closed = True
+        closing = threading.Thread(target=self._close_session, name="mcclient-close", daemon=True)
+        # without a thread it might never return; some versions of Python start none so late
+        with contextlib.suppress(RuntimeError):
+            closing.start()
+            closing.join(CLOSE_LIMIT_S)
 
 
 def user_of(config_file: Path | None) -> str:
