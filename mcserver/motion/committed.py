@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcserver.motion.geometry.segment import Segment
-from mcserver.motion.lookahead.commit_moments import commit_moment, turn_moment
+from mcserver.motion.lookahead.commit_moments import LEAST_PHASE_S, commit_moment, turn_moment
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.segment_table import FirstSegments, SegmentTable
 from mcserver.motion.run_output import edges_before
@@ -56,13 +56,15 @@ class Cut:
 
     Attributes:
         kept: the stretches before that of the cut. stretch: that one. moment: in its plan [s].
-        behind: the stretches that follow it.
+        behind: the stretches that follow it. instead: only if one inside of a line with a time of its own
+            does not do.
     """
 
     kept: tuple[Stretch, ...]
     stretch: Stretch
     moment: float
     behind: tuple[Stretch, ...]
+    instead: bool = False
 
     @property
     def u(self) -> float:
@@ -80,7 +82,7 @@ class Cut:
         for stretch in reversed((self.stretch, *self.behind)):
             if not table or not _is_part(table.segments[0], stretch.cut):
                 return None
-            table = table.behind(stretch.dropped, stretch.cut.begin, opens=stretch.cut.opens)
+            table = table.behind(stretch.dropped, stretch.cut, stretch.plan.spent(stretch.until))
         # the one under way may be planned for another feed scale by now
         table.set_feed_scale(self.stretch.cut.feed_scale)
         return table
@@ -141,7 +143,8 @@ class Committed:
     def cuts_at(self, u: float, *, at_turns: bool) -> list[Cut]:
         """Return the first moments at or behind u from which the motion can be planned anew.
 
-        That is where it may be committed up to. None where that is the end of what is committed.
+        That is where it may be committed up to, or inside of a line with a time of its own, and instead at
+        its end. None where that is the end of what is committed.
 
         Args:
             at_turns: also a moment before that, inside of a stretch that is solved as a whole, where speed
@@ -152,22 +155,31 @@ class Committed:
         for index, stretch in enumerate(stretches):
             if stretch.end <= u:
                 continue
-            moments = [0.0]
+            moments, instead = [0.0], math.inf
             if stretch.origin < u:
                 wanted = (u - stretch.origin) / stretch.rows_a_second
-                moment = stretch.plan.at_end(commit_moment(stretch.plan, wanted, at_peaks=True))
-                if not wanted <= moment < stretch.until:
-                    moment = math.inf
-                until = min(moment, stretch.until)
-                moments = [turn_moment(stretch.plan, wanted, until) if at_turns else math.inf, moment]
+                first, moment = (_moment_of(stretch, wanted, inside_timed=each) for each in (True, False))
+                # one with the moment itself but for rounding is no other
+                until = min(first, stretch.until) - LEAST_PHASE_S
+                moments = [turn_moment(stretch.plan, wanted, until) if at_turns else math.inf, first]
+                instead = moment if moment > first else math.inf
             cuts += [
-                Cut(stretches[:index], stretch, each, stretches[index + 1 :])
-                for each in moments
+                Cut(stretches[:index], stretch, each, stretches[index + 1 :], instead=each == instead)
+                for each in (*moments, instead)
                 if math.isfinite(each)
             ]
             if math.isfinite(moments[-1]):
                 break
         return cuts
+
+
+def _moment_of(stretch: Stretch, wanted: float, *, inside_timed: bool) -> float:
+    """Return the first time at or after one at which a stretch may be committed up to [s]; infinite without
+    one. See `commit_moment`.
+    """
+    found = commit_moment(stretch.plan, wanted, at_peaks=True, inside_timed=inside_timed)
+    moment = stretch.plan.at_end(found)
+    return moment if wanted <= moment < stretch.until else math.inf
 
 
 def _is_part(segment: Segment, of: Segment) -> bool:

@@ -259,8 +259,9 @@ class PlannedWindow:
             self._open = self._open.without(max(under_way, 0))
         first = rest.segments[0]
         if first.begin > table.segments[0].begin:
-            # what is left of a segment under way
-            table.replace(0, msgspec.structs.replace(table.segments[0], begin=first.begin, opens=False))
+            # what is left of a segment under way, with what is left of its T
+            now = table.segments[0].lasting_less(plan.spent(moment), first.feed_scale)
+            table.replace(0, msgspec.structs.replace(now, begin=first.begin, opens=False))
         self.lookahead.entry = max(float(rest.phases.velocity[0]), 0.0)
         self.reserve = rest
         self.plan = rest if keeps_plan else None

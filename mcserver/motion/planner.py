@@ -26,7 +26,7 @@ from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.straight_run import StraightRun
-from mcserver.motion.lookahead.commit_moments import commit_moment, last_steady
+from mcserver.motion.lookahead.commit_moments import closing_moment, commit_moment, last_steady
 from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
 from mcserver.motion.lookahead.leading_group import CommaLine, Companions, MachineAxes, comma_line
@@ -224,11 +224,15 @@ class MotionPlanner:
             # the stop in reserve was from the speed at the pace before
             window.reserve = found if self.pace.under_way else None
 
-    def commit(self, want: float = math.inf, *, closing: bool = False) -> Iterator[Piece] | None:
+    def commit(
+        self, want: float = math.inf, *, closing: bool = False, most: float = math.inf
+    ) -> Iterator[Piece] | None:
         """Commit up to ``want`` [cycles] or a little more, but not the stop at the window's end.
 
         Args:
             closing: no more lines come into the window: what is left keeps its plan.
+            most: where it would be up to more than this, it may be up to inside of a line with a time of its
+                own [cycles].
 
         Returns:
             The output, to be taken in full before the next call; None where only the stop is left.
@@ -244,7 +248,9 @@ class MotionPlanner:
         except PlanningError:
             return self._fall_back()
         wanted = (want - self.u) * self.pace.cycle
-        moment = commit_moment(plan, wanted, at_peaks=closing)
+        moment = closing_moment(plan, wanted) if closing else commit_moment(plan, wanted)
+        if moment > (most - self.u) * self.pace.cycle:
+            moment = commit_moment(plan, wanted, at_peaks=closing, inside_timed=True)
         settled = math.inf if closing else self._window.settled_until(plan)
         if moment > settled and (math.isinf(want) or wanted <= settled):
             # what a curve still changes in is handed over only if it is needed
@@ -294,7 +300,14 @@ class MotionPlanner:
         )
 
     def planned_anew(
-        self, cut: Cut, rate: float, latest: Callable[[int], Array | None], want: float, *, closing: bool
+        self,
+        cut: Cut,
+        rate: float,
+        latest: Callable[[int], Array | None],
+        want: float,
+        most: float,
+        *,
+        closing: bool,
     ) -> PlannedAnew | None:
         """Plan what is committed behind a cut anew, at the present feed scale.
 
@@ -303,7 +316,7 @@ class MotionPlanner:
         Args:
             rate: at which what is before it is played, where that leaves room.
             latest: gives the velocities of the last rows up to one, shape (n, K); None: it is not there.
-            want, closing: as of `commit`.
+            want, most, closing: as of `commit`.
 
         Returns:
             None where it cannot be planned anew, or would be played more slowly.
@@ -313,11 +326,13 @@ class MotionPlanner:
         if again is None:
             return None
         again.follow_feed_scale(rate)
-        if again._window.plan is None or again.pace.now < cut.fastest_pace:
-            # a rate that is safe on what is there must be so on what comes in its place
+        plan = again._window.plan
+        if plan is None or plan.ends_early or again.pace.now < cut.fastest_pace:
+            # a rate that is safe on what is there must be so on what comes in its place; and no line may end
+            # before its T for what was left of another one
             return None
-        begins, lasts = again.u, again._window.plan.phases.duration
-        source = again.commit(want, closing=closing)
+        begins, lasts = again.u, plan.phases.duration
+        source = again.commit(want, closing=closing, most=most)
         pieces = None if source is None else tuple(source)
         return None if pieces is None else PlannedAnew(again, begins, lasts, pieces, cut)
 

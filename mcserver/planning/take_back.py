@@ -28,8 +28,8 @@ SPARE = 1.3
 # The time until the answer after refusals, at most, as a multiple: the executor may be in a change of the
 # rate that goes further.
 LONGEST_ANSWER = 8
-# Tries for an order.
-TRIES = 8
+# Tries for an order, and refusals after which the next one follows at once.
+TRIES, AT_ONCE = 8, 2
 # Fewer rows are not worth a plan.
 LEAST = 64
 # Time that it may cost to begin sooner [s].
@@ -78,8 +78,8 @@ class TakeBack:
         if answer:
             self._go_on(asked)
         else:
-            if self._refused == 0:
-                # where it is on its way to another rate is known now
+            if self._refused < AT_ONCE:
+                # where it is on its way to another rate is known now, and how far that may go
                 self._next_u = -math.inf
             self._refused += 1
         return False
@@ -112,17 +112,22 @@ class TakeBack:
             return False
         self._next_u = u + AGAIN + 2.0 * (from_u - u)
         self._tries += 1
-        self._begun = (u, motion.pending * len(cuts))
         most = motion.pace.at(motion.feed_scale)
         room = self._sink.replacement_room(math.ceil(from_u))
         want = min(stop + ahead, (room - LEAST) / most)
         if want < stop:
             return False
-        plans = [
-            motion.planned_anew(cut, rate, self._last_rows, u + want * most, closing=self._plan.flush)
-            for cut in cuts
-        ]
-        found = self._soonest([each for each in plans if each is not None], u)
+        plans: list[PlannedAnew] = []
+        for count, cut in enumerate(cuts, start=1):
+            if cut.instead and plans:
+                continue
+            self._begun = (u, motion.pending * count)
+            plan = motion.planned_anew(
+                cut, rate, self._last_rows, u + want * most, from_u + room - 1.0, closing=self._plan.flush
+            )
+            if plan is not None:
+                plans.append(plan)
+        found = self._soonest(plans, u)
         if found is None or not self._is_asked(found, u + stop * found.planner.pace.now):
             return False
         self._asked = found
@@ -142,7 +147,10 @@ class TakeBack:
         # what is committed last may be planned for this scale already
         stretch = cuts[0].stretch
         pace = dataclasses.replace(motion.pace, now=stretch.pace, plain=stretch.plain)
-        return pace.rows_until(motion.feed_scale, latest[-1], rate)
+        if self._refused == 1:
+            return pace.rows_until(motion.feed_scale, latest[-1], rate)
+        # behind all that is decided nothing of it has to hold on the new rows
+        return pace.rows_and_back(motion.feed_scale, latest[-1], rate)
 
     def _note_time(self, u: float, rate: float) -> None:
         """Note how long the last plan took."""

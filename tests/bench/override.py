@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from mckinematics.pose import Kinematics
@@ -32,7 +32,8 @@ class Run:
 
     Attributes:
         setpoint: of every cycle, shape (n, K) [m]. moved_s: from the first cycle that moves to the last [s].
-        lines: reported as ended, in order. faults: how many there were.
+        lines: reported as ended, in order. faults: how many there were. begins, ends: cycles in which each
+            line was reported to begin and to end.
         scale: the override that the rows under way are planned for, at every cycle, shape (n,).
         begun: the first cycle that moves.
     """
@@ -43,6 +44,8 @@ class Run:
     faults: int
     scale: np.ndarray[tuple[int], np.dtype[np.float64]]
     begun: int
+    begins: dict[int, int] = field(default_factory=dict)
+    ends: dict[int, int] = field(default_factory=dict)
 
     def planned_after(self, order: Order) -> int | None:
         """Return the cycles from an order until rows that are planned for it are played; None: never."""
@@ -145,6 +148,8 @@ def play(
     sent = 0
     waiting = list(orders)
     ended: list[int] = []
+    begins: dict[int, int] = {}
+    ends: dict[int, int] = {}
     scales: list[float] = []
     faults, begun = 0, -1
     for cycle in range(LONGEST_RUN):
@@ -167,15 +172,18 @@ def play(
         for event in events:
             pipeline.on_event(event)
             faults += event.kind is EventKind.FAULT
+            if event.kind is EventKind.LINE_START:
+                begins[event.line] = cycle
             if event.kind is EventKind.LINE_END:
                 ended.append(event.line)
+                ends[event.line] = cycle
         if any(event.kind in (EventKind.FINISHED, EventKind.STOPPED) for event in events):
             break
     executor.step(3)
     points = np.array(rows)
     (moving,) = np.nonzero((np.diff(points, axis=0) != 0.0).any(axis=1))
     span = 0.0 if not len(moving) else float(moving[-1] - moving[0] + 1) * machine.cycle_s
-    return Run(points, span, ended, faults, np.array(scales), max(begun, 0))
+    return Run(points, span, ended, faults, np.array(scales), max(begun, 0), begins, ends)
 
 
 def worst_ratios(machine: Machine, run: Run) -> tuple[float, float, float]:

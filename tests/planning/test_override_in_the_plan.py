@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
 from mcserver.executor.shm.mailbox import OVERRIDE_MAX
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
-from mcserver.motion.lookahead.commit_moments import commit_moment
+from mcserver.motion.lookahead.commit_moments import LATE_CLOSING_S, closing_moment, commit_moment
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.pace import Pace
 from tests.bench.machines import ideal
 from tests.bench.override import Program, Run, play, worst_ratios
 from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
-from tests.motion.support import alike, at_speed, line_curve
+from tests.motion.support import alike, at_speed, in_time, line_curve
 
 
 def machine() -> Machine:
@@ -111,13 +112,14 @@ def test_orders_every_few_cycles_keep_all_limits_and_report_each_line_once() -> 
     assert_laws(run)
 
 
-def window_of(*speeds: float) -> Lookahead:
-    """Lines of 20 mm on end, each with its F."""
+def window_of(*speeds: float, timed: bool = False) -> Lookahead:
+    """Lines of 20 mm on end, each with its F, or with a time of its own."""
     machine = alike(1, velocity=500.0, acceleration=1000.0, jerk=20_000.0)
     window, position = Lookahead(AxisLimits.of(machine)), np.zeros(1)
     for index, speed in enumerate(speeds):
         curve = line_curve(machine, (0,), [0.02 * index], [0.02 * (index + 1)])
-        segment = segment_of(at_speed(speed, curve), index + 1, {0: 0}, np.ones(1, np.bool_))
+        group = in_time(0.02 / speed, curve) if timed else at_speed(speed, curve)
+        segment = segment_of(group, index + 1, {0: 0}, np.ones(1, np.bool_))
         anchor(segment, position)
         window.append(segment)
     return window
@@ -153,6 +155,62 @@ def test_a_window_of_one_scale_is_not_planned_again() -> None:
 def test_a_motion_that_has_peaks_of_speed_only_is_handed_over_up_to_one() -> None:
     plan = window_of(0.4, 0.4).plan()
     assert commit_moment(plan, 0.0, at_peaks=True) > 0.0
+
+
+def test_what_has_to_end_is_handed_over_up_to_a_turn_of_speed_that_is_not_its_end() -> None:
+    plan = window_of(0.4, 0.4, 0.05, 0.4).plan()
+    ends = plan.phases.duration
+    for want in np.linspace(0.0, ends + 0.5, 60).tolist():
+        moment = closing_moment(plan, want)
+        assert moment <= ends - LATE_CLOSING_S
+        assert abs(plan.phases.state(moment)[1]) > 0.0
+        assert moment == 0.0 or plan.phases.state(moment)[2] == pytest.approx(0.0, abs=1e-6)
+        # nearer to what is wanted than where speed is steady
+        steady = commit_moment(plan, want, at_peaks=True)
+        assert moment <= max(steady, want + LATE_CLOSING_S) or moment < want
+        assert moment >= min(steady, want)
+
+
+def test_a_line_with_a_time_of_its_own_is_cut_inside_only_where_that_is_asked_for() -> None:
+    plan = window_of(0.05, 0.05, timed=True).plan()
+    assert commit_moment(plan, 0.2, at_peaks=True) == plan.times[1]
+    moment = commit_moment(plan, 0.2, at_peaks=True, inside_timed=True)
+    assert 0.2 <= moment < plan.times[1]
+    first, second = plan.after(moment).segments[:2]
+    assert first.duration == pytest.approx(0.4 - moment, abs=1e-9)
+    assert second.duration == pytest.approx(0.4)
+    assert not first.opens
+    # so little is left that its T would be one of rounding
+    assert commit_moment(plan, 0.399, at_peaks=True, inside_timed=True) == plan.times[1]
+    # one that does not keep its T is not cut: what of it is left is not known
+    late = window_of(0.45, 0.45, timed=True).plan()
+    assert late.times[1] > 0.02 / 0.45 + 0.01
+    for want in np.linspace(0.0, 0.99 * late.times[1], 30).tolist():
+        assert commit_moment(late, want, at_peaks=True, inside_timed=True) in (0.0, late.times[1])
+
+
+def test_what_is_left_of_a_line_keeps_its_scale_where_it_would_end_before_its_time_otherwise() -> None:
+    window = window_of(0.0397, 0.0933, 0.0862, timed=True)
+    faster = plan_at_feed_scale(window, 2.0, one_row_a_cycle())
+    assert faster is not None
+    rest = faster.after(commit_moment(faster, 0.169, at_peaks=True, inside_timed=True))
+    left = rest.segments[0]
+    assert left.duration is not None
+    now = msgspec.structs.replace(
+        window.table.segments[0], begin=left.begin, duration=left.duration, opens=False
+    )
+    window.table.replace(0, now)
+    window.entry = float(rest.phases.velocity[0])
+    # twice the rest of its T leaves no profile as slow as that
+    before = window.table.save(0)
+    window.table.set_feed_scale(1.0)
+    assert window.plan().ends_early
+    window.table.put_back(before)
+    slower = plan_at_feed_scale(window, 1.0, one_row_a_cycle())
+    assert slower is None or not slower.ends_early
+    scales = window.table.feed_scales.tolist()
+    assert scales[0] == 2.0
+    assert scales == sorted(scales, reverse=True)
 
 
 def test_a_motion_is_not_cut_where_two_corners_in_a_time_of_their_own_meet() -> None:

@@ -22,7 +22,9 @@ from tests.bench.override import (
     exact_stops,
     long_lines,
     play,
+    quick_chords,
     quick_zigzag,
+    timed,
     worst_ratios,
 )
 from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
@@ -83,7 +85,7 @@ def test_where_limits_bind_a_new_plan_is_played_soon_after_its_order(
     assert any(taken)
 
 
-@pytest.mark.parametrize("program", [long_lines, arcs, chords])
+@pytest.mark.parametrize("program", [long_lines, arcs, chords, timed])
 def test_rows_that_are_played_faster_meanwhile_are_planned_anew_within_100_ms(
     program: Program, taken: list[bool]
 ) -> None:
@@ -94,6 +96,64 @@ def test_rows_that_are_played_faster_meanwhile_are_planned_anew_within_100_ms(
     after = run.planned_after(order)
     assert after is not None
     assert after <= 100
+    assert run.lines == whole.lines
+    assert_laws(run)
+    assert any(taken)
+
+
+def programmed_times(run: Run, orders: list[Order]) -> list[float]:
+    """Time that each line takes, each cycle counted as often as the override in force says [s]."""
+    override = np.ones(len(run.setpoint))
+    for cycle, order in orders:
+        override[run.begun + cycle :] = order
+    passed = np.concatenate(([0.0], np.cumsum(override))) * machine().cycle_s
+    return [float(passed[run.ends[line]] - passed[run.begins[line]]) for line in run.lines]
+
+
+@pytest.mark.parametrize(
+    ("t", "orders"),
+    [
+        (1.0, [(2300, 2.0)]),
+        (1.0, [(2100, 1.5), (2400, 2.0)]),
+        # back to before where the first order cut it
+        (1.0, [(2100, 1.5), (2120, 2.0)]),
+        (1.0, [(2100, 1.5), (2113, 1.6), (2125, 1.7), (2140, 2.0)]),
+        (1.0, [(2100, 2.0), (2300, 0.5), (2800, 2.0)]),
+        (1.0, [(2100, 2.0), (2350, 1.2), (2500, 2.0)]),
+        # more rows than there is room for are left of it
+        (5.0, [(7300, 2.0)]),
+        (5.0, [(7100, 1.5), (7400, 1.0), (7700, 2.0)]),
+    ],
+)
+def test_a_line_with_a_time_of_its_own_is_cut_inside_and_its_rest_takes_the_rest_of_that_time(
+    t: float, orders: list[Order], taken: list[bool]
+) -> None:
+    lines = ["G93", *(f"G01 X{30 * index} F{60 / t:g}" for index in range(1, 7))]
+    run = play(machine(), lines, orders)
+    after = run.planned_after(orders[0] if len(orders) == 1 else orders[-1])
+    assert after is not None
+    assert after <= 100
+    assert run.lines == list(range(3, 9))
+    found = programmed_times(run, orders)
+    # each change of the rate takes a little, and nothing ends before its time
+    assert found == pytest.approx([t] * len(found), abs=0.015 * len(orders) + 0.01)
+    assert min(found) >= t - 2.5 * machine().cycle_s
+    later = [run.ends[line] - run.begins[line] for line in run.lines[3:]]
+    assert later == pytest.approx([1e3 * t / orders[-1][1]] * 3, abs=1)
+    assert_laws(run)
+    assert any(taken)
+
+
+def test_the_last_stretch_of_a_program_is_taken_back_too(taken: list[bool]) -> None:
+    lines = quick_chords(1.0)
+    whole = play(machine(), lines, [])
+    order: Order = (int(0.71 * whole.moved_s / machine().cycle_s), 2.0)
+    run = play(machine(), lines, [order])
+    after = run.planned_after(order)
+    assert after is not None
+    assert after <= SOON
+    assert run.moved_s < whole.moved_s
+    assert run.setpoint[-1] == pytest.approx(whole.setpoint[-1], abs=1e-12)
     assert run.lines == whole.lines
     assert_laws(run)
     assert any(taken)

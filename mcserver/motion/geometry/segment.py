@@ -197,6 +197,16 @@ class Segment(msgspec.Struct, eq=False, gc=False):
             corner=corner,
         )
 
+    def lasting_less(self, spent: float, feed_scale: float) -> Segment:
+        """Return the segment with less T, if it has one.
+
+        Args:
+            spent: of T as it is at a feed scale [s]; negative: it gets as much more.
+        """
+        if self.duration is None or spent == 0.0:
+            return self
+        return msgspec.structs.replace(self, duration=self.duration - spent * feed_scale / self.feed_scale)
+
     def sample(self, s: Array) -> tuple[Array, Array]:
         """Return the position and dp/ds in all columns, shape (len(s), K); other columns rest at ``base``."""
         if self.straight:

@@ -12,21 +12,55 @@ from mcserver.motion.profile.velocity_profile import Phases
 # Where speed is never steady until so much later than wanted, a moment at which it has a peak will do: a feed
 # override finds less that is planned already [s].
 LATE_S = 1.0
+# So much later than wanted, and so long before its end, what has to end is handed over up to a turn of its
+# speed [s].
+LATE_CLOSING_S = 0.1
+# Where less is left of a line with a time of its own it is not cut: its T is known to some microseconds [s].
+LEAST_REST_S = 0.004
+# Share of the greatest speed that rounding may leave where the motion rests.
+TRACE_OF_SPEED = 1e-6
 # Shorter phases are left by rounding [s].
 LEAST_PHASE_S = 1e-6
 
 
-def commit_moment(plan: PlannedRun, want: float, *, at_peaks: bool = False) -> float:
+def commit_moment(
+    plan: PlannedRun, want: float, *, at_peaks: bool = False, inside_timed: bool = False
+) -> float:
     """Return a time with zero acceleration at or after ``want`` [s], before the stop begins; 0
     without one.
 
     Args:
         at_peaks: a moment at which speed has a peak will do, however near a steady one is. What is left of
             its segment has less room for a corner in a time of its own, should it be planned again.
+        inside_timed: a moment inside of a line with a time of its own will do: what is left of it gets the
+            rest of its T.
     """
-    moment = _moment(plan, want, at_peaks=at_peaks)
+    moment = _moment(plan, want, at_peaks=at_peaks, inside_timed=inside_timed)
     if moment > want + LATE_S and not at_peaks:
-        moment = _moment(plan, want, at_peaks=True)
+        moment = _moment(plan, want, at_peaks=True, inside_timed=inside_timed)
+    return moment
+
+
+def closing_moment(plan: PlannedRun, want: float) -> float:
+    """Return up to when a plan that is kept is handed over [s].
+
+    That is a time as of `commit_moment` with peaks. Where it is much later than ``want`` [s], or before that,
+    it is a turn of speed: the first one behind ``want``, or else the last one before it.
+
+    What is left of a stretch that is solved as a whole keeps its plan, and an override that comes later finds
+    less that is handed over.
+    """
+    moment = commit_moment(plan, want, at_peaks=True)
+    if want <= moment <= want + LATE_CLOSING_S:
+        return moment
+    if moment > want:
+        return min(turn_moment(plan, want, moment), moment)
+    until = plan.phases.duration - LATE_CLOSING_S
+    turn = turn_moment(plan, want, until)
+    if math.isfinite(turn):
+        return turn
+    while math.isfinite(turn := turn_moment(plan, moment + LATE_CLOSING_S, until)):
+        moment = turn
     return moment
 
 
@@ -38,20 +72,21 @@ def turn_moment(plan: PlannedRun, want: float, until: float) -> float:
     """
     phases = plan.phases
     first, last = phases.span(want, until)
+    least = TRACE_OF_SPEED * float(phases.velocity.max())
     for index in range(first, last):
         a, jerk = float(phases.acceleration[index]), float(phases.jerk[index])
         start, end = float(phases.start[index]), phases.end_of(index)
         if plan.timed[index] or jerk == 0.0 or a * (a + jerk * (end - start)) >= 0.0:
             continue
         moment = start - a / jerk
-        if want <= moment < until and phases.state(moment)[1] > 0.0:
+        if want <= moment < until and phases.state(moment)[1] > least:
             segment = plan.segments[plan.segment_at(moment)]
             if segment.duration is None:
                 return moment
     return math.inf
 
 
-def _moment(plan: PlannedRun, want: float, *, at_peaks: bool) -> float:
+def _moment(plan: PlannedRun, want: float, *, at_peaks: bool, inside_timed: bool) -> float:
     safe = _stop_begins(plan)
     if want >= safe:
         return safe
@@ -75,10 +110,13 @@ def _moment(plan: PlannedRun, want: float, *, at_peaks: bool) -> float:
         if index < len(phases.start):
             moment = float(phases.start[index])
     moment = min(moment, safe)
-    # a line with a time of its own is not cut inside
     segment = plan.segment_at(moment)
-    if plan.segments[segment].duration is not None:
-        moment = min(float(plan.times[segment + 1]), safe)
+    ends = float(plan.times[segment + 1])
+    if plan.segments[segment].duration is not None and not (
+        inside_timed and ends - moment >= LEAST_REST_S and plan.keeps_time(segment)
+    ):
+        # a line with a time of its own is cut inside only where the rest of its T is what is left of it
+        moment = min(ends, safe)
     return moment
 
 

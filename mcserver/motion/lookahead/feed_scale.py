@@ -7,6 +7,7 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.pace import Pace
 from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.lookahead.segment_table import SegmentTable
 
 # What rounding may add to a speed.
 SPEED_ROUNDING = 1e-9
@@ -51,9 +52,12 @@ def plan_at_feed_scale(
         table.set_feed_scale(scale, kept)
         if kept or _may_enter(window):
             try:
-                return window.plan()
+                found = window.plan()
             except PlanningError:
                 pass
+            else:
+                if not (found.ends_early and _is_under_way(table)):
+                    return found
         table.put_back(saved)
         kept = max(1, 2 * kept)
     return None
@@ -82,6 +86,14 @@ def _plan_at_pace(window: Lookahead, pace: Pace, wanted: float) -> PlannedRun | 
             return found
     window.entry = entry
     return None
+
+
+def _is_under_way(table: SegmentTable) -> bool:
+    """Return whether the first segment is what is left of a line with a time of its own: at the speed that
+    is there it may have no slower profile than for the T that it has.
+    """
+    first = table.segments[0]
+    return first.duration is not None and not first.opens
 
 
 def _may_enter(window: Lookahead) -> bool:

@@ -13,6 +13,8 @@ import numpy as np
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits
+from mcserver.motion.kernels.rate_search import CRUISE
+from mcserver.motion.kernels.rate_trial import SETTLING
 
 # A motion that begins at an override above 100 % has so many rows a cycle: it meets whole rows then, and has
 # no fewer than one a cycle when it goes on at 100 %.
@@ -96,12 +98,29 @@ class Pace:
         goal = self.at(scale)
         return self._rows_to(goal, max(self.now, min(rate, goal)), velocity) + DIFFERENCES
 
+    def rows_and_back(self, scale: float, velocity: Array, rate: float) -> int:
+        """Return the rows behind which playback can have come to the pace at a feed scale, kept it until it
+        looks anew, and come back to the present one: each rise is decided with that.
+
+        Args:
+            velocity, rate: as of `rows_until`.
+        """
+        goal = self.at(scale)
+        now = max(self.now, min(rate, goal))
+        rises = 0.5 * (goal + now) * self._cycles_to(goal, now, velocity)
+        falls = 0.5 * (goal + self.now) * self._cycles_to(goal, self.now, velocity)
+        return math.ceil(rises + falls + goal * (CRUISE + 1)) + SETTLING + DIFFERENCES
+
     def _rows_to(self, goal: float, now: float, velocity: Array) -> int:
         """Return the rows that a change of the rate passes at most, from now to a goal [1]."""
+        return math.ceil(goal * self._cycles_to(goal, now, velocity)) + 1
+
+    def _cycles_to(self, goal: float, now: float, velocity: Array) -> float:
+        """Return the time of a change of the rate from now to a goal [cycles]."""
         limits, change = self.limits, (goal - now) * np.abs(velocity)
         ramp = np.where(
             change * limits.jerk > limits.acceleration**2,
             change / limits.acceleration + limits.acceleration / limits.jerk,
             2.0 * np.sqrt(change / limits.jerk),
         )
-        return math.ceil(goal * float(ramp.max()) / limits.cycle) + 1
+        return float(ramp.max()) / limits.cycle

@@ -16,6 +16,8 @@ from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
 # What rounding makes of a moment at most: it is one with the end of a segment that is so near [s].
 NO_TIME = 1e-12
+# How well a segment keeps its T, as a share of it, where the profile is found by halving.
+KEPT_TIME = 2e-6
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,22 @@ class PlannedRun:
         """Return the segment of the window under way at a time [s], as `segment_at` does."""
         return int(self.window_index[self.segment_at(moment)])
 
+    def keeps_time(self, index: int) -> bool:
+        """Return whether a segment with a T of its own takes that time."""
+        duration = self.segments[index].duration
+        if duration is None:
+            return False
+        took = float(self.times[index + 1] - self.times[index])
+        return abs(took - duration) <= KEPT_TIME * max(1.0, duration)
+
+    def spent(self, moment: float) -> float:
+        """Return what is over at a time [s] of the T of the segment under way [s]; 0 where it has none."""
+        index = self.segment_at(moment)
+        if self.segments[index].duration is None:
+            return 0.0
+        spent = moment - float(self.times[index])
+        return spent if spent > NO_TIME else 0.0
+
     def after(self, moment: float) -> PlannedRun:
         """Return the part after a time [s] that is not inside a time-domain blend, counted from there."""
         index = self.segment_at(moment)
@@ -74,7 +92,8 @@ class PlannedRun:
             # what is left of a segment under way
             first = segments[0]
             begin = first.begin + (sigma - float(self.bounds[index])) / first.scale
-            segments[0] = msgspec.structs.replace(first, begin=begin, opens=False)
+            rest = None if first.duration is None else first.duration - self.spent(moment)
+            segments[0] = msgspec.structs.replace(first, begin=begin, duration=rest, opens=False)
         phases = self.phases.after(moment)
         return PlannedRun(
             segments=segments,

@@ -300,11 +300,12 @@ class SegmentTable:
         samples = self.samples[: self._first_sample(count)].copy()
         return FirstSegments(self.segments[:count], columns, samples, self._dropped, self._passed)
 
-    def behind(self, first: FirstSegments, begin: float, *, opens: bool) -> SegmentTable:
+    def behind(self, first: FirstSegments, cut: Segment, spent: float) -> SegmentTable:
         """Return a table in which segments that were dropped stand before these again.
 
         Args:
-            begin, opens: of the first segment that was not dropped, as they were then.
+            cut: the first segment that was not dropped, as it was then. spent: how much of its T was taken
+                from it since [s].
         """
         table = SegmentTable((self.samples.shape[1] - 2) // 5)
         table._dropped = first.samples_before
@@ -317,8 +318,10 @@ class SegmentTable:
         table.segments.extend(self.segments)
         count = len(first.segments)
         whole = table.segments[count]
-        if whole.begin != begin or whole.opens != opens:
-            table.replace(count, msgspec.structs.replace(whole, begin=begin, opens=opens))
+        if whole.begin != cut.begin or whole.opens != cut.opens:
+            # a corner at its end may have taken of its T since, beside what was played
+            whole = whole.lasting_less(-spent, cut.feed_scale)
+            table.replace(count, msgspec.structs.replace(whole, begin=cut.begin, opens=cut.opens))
         table._passed = first.passed
         return table
 
