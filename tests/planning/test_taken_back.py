@@ -27,6 +27,7 @@ from tests.bench.override import (
     timed,
     worst_ratios,
 )
+from tests.bench.text_laws import broken_laws_of_text
 from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
 
 # What a change of the rate that is under way may keep a new plan from, beside the 100 ms.
@@ -157,6 +158,11 @@ def test_the_last_stretch_of_a_program_is_taken_back_too(taken: list[bool]) -> N
     assert run.lines == whole.lines
     assert_laws(run)
     assert any(taken)
+
+
+def test_a_program_that_has_been_handed_over_up_to_its_end_reports_its_last_line_once() -> None:
+    # speed turns just before its end but for rounding
+    assert broken_laws_of_text(110211, orders=True)[0] == []
 
 
 def test_orders_that_rise_every_few_cycles_keep_all_limits_and_report_each_line_once(
