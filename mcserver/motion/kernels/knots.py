@@ -26,6 +26,11 @@ from mcserver.motion.kernels.ramp_kernels import (
 )
 from mcserver.motion.kernels.sample_limits import SLACK, Run, make_limit_table, min_limits
 
+# Share by which the speed at the beginning may pass what can be brought down: profiles of a given duration
+# arrive within 1e-8 of their distance, and begin faster than their knot by as much once they are stretched to
+# all of it. It is no more of a step of velocity than stands at such a knot anyway.
+ENTRY_ROUNDING = 2e-8
+
 # How a search ends.
 SOLVED, ENTRY_TOO_FAST, NOT_JOINED, TOO_MANY_ROUNDS = range(4)
 
@@ -283,7 +288,7 @@ def find_knots(
     status, blamed = TOO_MANY_ROUNDS, 0
     for _ in range(4 * n + 8):
         _speeds_at_knots(run, knots, edges, junction_vmax, tables, reached, speeds)
-        if speeds[0] < entry * (1.0 - 1e-9):
+        if speeds[0] < entry * (1.0 - ENTRY_ROUNDING):
             # what the slowest group leaves of the acceleration is assumed of all of its stretch: shorter ones
             # may bring down the speed that is already there
             if not _split_slow_stretches(knots, speeds, junction_vmax, segment_vmax, is_knot):
