@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.kernels.node_phases import exceed_limits
 from mcserver.motion.kernels.path_speed import quicker_phases
 from mcserver.motion.kernels.sample_limits import run_of
 from mcserver.motion.profile.faster_stretches import Stretches
@@ -199,3 +200,20 @@ def test_what_has_no_better_profile_is_left_as_it_was(spoilt: str) -> None:
     phases, looked = quicker_phases(run, edges, single, feed, 0, count, nodes, speeds, (0.0, 0.0))
     assert len(phases) == 0
     assert not looked
+
+
+@pytest.mark.parametrize("turn", [0.1, 0.25, 0.4, 0.5, 0.75, 0.9])
+@pytest.mark.parametrize("by_feed", [False, True])
+def test_a_phase_is_looked_at_where_its_speed_turns(turn: float, by_feed: bool) -> None:
+    # 8 ms, with a peak at this share of it: 1.2 times the limit where the ends and the middle keep it
+    duration, limit, peak = 8e-3, 1.0, 1.2
+    jerk = -2.0 * (peak - 0.9) / (max(turn, 1.0 - turn) * duration) ** 2
+    acceleration = -jerk * turn * duration
+    start = peak + 0.5 * jerk * (turn * duration) ** 2
+    phases = np.array([[duration, 0.0, start, acceleration, jerk]])
+    demand = np.zeros((2, 4, 1))
+    demand[:, 0] = 1e-6 if by_feed else 1.0
+    fed = np.full(2, limit if by_feed else np.inf)
+    limits, over = np.array([[limit], [1e9], [1e9]]), np.empty((1, 3))
+    assert exceed_limits(phases, demand, np.full(2, np.inf), fed, limits, 0.0, over)
+    assert over[0, 0] == pytest.approx(peak / 1.0009)

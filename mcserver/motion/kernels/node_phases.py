@@ -74,7 +74,7 @@ def to_phases(nodes: Array, b: Array, accelerations: tuple[float, float], phases
 def exceed_limits(
     phases: Array, demand: Array, cap: Array, fed: Array, limits: Array, step_jerk: float, over: Array
 ) -> bool:
-    """Return whether phases exceed a limit, at either end or in the middle of one.
+    """Return whether phases exceed a limit: at either end, in the middle, or where speed turns inside.
 
     Args:
         over: written, the greatest share that each phase takes of what it may of speed, acceleration and
@@ -85,8 +85,9 @@ def exceed_limits(
         duration, jerk = phases[i, 0], abs(phases[i, 4])
         # both nodes know all between them, and more
         top = min(PHASE_SPEED * math.sqrt(max(cap[i], cap[i + 1])), PHASE_LIMITS[0] * max(fed[i], fed[i + 1]))
-        for place in (0.0, 0.5, 1.0):
-            x = place * duration
+        # where acceleration passes zero speed is greater, or less, than at both ends and in the middle
+        turn = phases[i, 3] / -phases[i, 4] if jerk > TINY else 0.0
+        for x in (0.0, 0.5 * duration, duration, min(max(turn, 0.0), duration)):
             v = phases[i, 2] + x * (phases[i, 3] + 0.5 * x * phases[i, 4])
             a = abs(phases[i, 3] + x * phases[i, 4])
             if not v > 0.0:
