@@ -5,9 +5,10 @@ planner has to hand over. Judged from outside, on the rows (`tests.motion.measur
 and jerk of every axis at every cycle, F, the tolerance in both directions, every line reported once and in
 order, and the end; a T is not ended sooner than it says, and later only with a limit to name. With
 ``--orders`` each program is played too, under random holds and overrides of 0 to 200 %. ``--wide`` draws
-from `tests.bench.wide_programs`, ``--text`` programs as text from `tests.bench.text_programs`, ``--tools``
-those of an arm's tool from `tests.bench.tool_programs`; these two are simulated, or with ``--orders`` played
-beside the planner. Seeds that break a law are printed; each replays alone.
+from `tests.bench.wide_programs`, ``--timed`` chains of timed lines from `tests.bench.timed_programs`,
+``--text`` programs as text from `tests.bench.text_programs`, ``--tools`` those of an arm's tool from
+`tests.bench.tool_programs`; these two are simulated, or with ``--orders`` played beside the planner. Seeds
+that break a law are printed; each replays alone.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Array
 from tests.bench.text_laws import broken_laws_of_text
+from tests.bench.timed_programs import many_commits, timed_moves
 from tests.bench.tool_programs import broken_laws_of_tools
 from tests.bench.wide_programs import wide_program_of
 from tests.executor.test_overrides_of_programs import rig_of
@@ -174,6 +176,14 @@ def program_of(seed: int) -> tuple[Machine, list[Move], list[Commit]]:
     return machine, moves, [Commit(number, float(rng.choice(ahead)), rng.random() < 0.1) for number in after]
 
 
+def timed_program_of(seed: int) -> tuple[Machine, list[Move], list[Commit]]:
+    """The machine, the moves and the commits of a seed, nearly all of them timed lines."""
+    rng = np.random.default_rng((seed, 93))
+    machine = machine_from(rng)
+    moves = timed_moves(rng, machine, float(rng.choice(TOLERANCES)))
+    return machine, moves, many_commits(rng, len(moves))
+
+
 def broken_laws(motion: Motion) -> list[str]:
     """Name the laws that a motion breaks, each with its figure."""
     machine, lines = motion.machine, list(range(1, len(motion.moves) + 1))
@@ -303,6 +313,7 @@ def main() -> int:
     options.add_argument("--count", type=int, default=10_000)
     options.add_argument("--orders", action="store_true")
     options.add_argument("--wide", action="store_true")
+    options.add_argument("--timed", action="store_true")
     options.add_argument("--text", action="store_true")
     options.add_argument("--tools", action="store_true")
     chosen = options.parse_args()
@@ -311,7 +322,7 @@ def main() -> int:
     elif chosen.text:
         judged = functools.partial(broken_laws_of_text, orders=chosen.orders)
     else:
-        draw = wide_program_of if chosen.wide else program_of
+        draw = wide_program_of if chosen.wide else timed_program_of if chosen.timed else program_of
         judged = functools.partial(judge, draw=draw, orders=chosen.orders)
     return min(run(chosen.first, chosen.count, judged), 1)
 

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from mcserver.motion.geometry.segment import AxisLimits
 from mcserver.motion.kernels.ramp_kernels import ramp_distance, ramp_time, reachable_speed
-from mcserver.motion.lookahead.path_limits import AccelerationLimit
+from mcserver.motion.lookahead.path_limits import AccelerationLimit, RunLimits, sample_rows
 from mcserver.motion.profile.speed_ramps import min_time_profiles, profiles_in_time, ramp
 from mcserver.motion.profile.velocity_profile import (
     Phases,
@@ -20,6 +21,7 @@ from mcserver.motion.profile.velocity_profile import (
     join,
 )
 from tests.motion.measure import rest_to_rest
+from tests.motion.support import alike
 from tests.motion.test_laws import law
 
 DISTANCES = st.floats(-9.0, 1.0).map(lambda power: 10.0**power)
@@ -224,6 +226,17 @@ def test_a_limit_table_is_followed_within_its_rows(
         assert part.peak_acceleration <= row.acceleration * (1.0 + 1e-9)
     for before, after in itertools.pairwise(made):
         assert after.velocities[0] == pytest.approx(before.velocities[-1], rel=1e-9)
+
+
+@pytest.mark.parametrize("beside", [0.11, 0.137, 0.19, 3.0])
+def test_a_limit_table_is_the_same_whatever_is_beside_its_group(beside: float) -> None:
+    limits = AxisLimits.of(alike(1, velocity=5000.0, acceleration=5000.0, jerk=100_000.0))
+    bend, line = sample_rows(np.ones((1, 1)), np.full((1, 1), 60.0), np.zeros((1, 1))), np.zeros((1, 7))
+    line[0, 0], line[0, -2:] = 1.0, math.inf
+    alone = RunLimits(bend, np.array([0, 1]), np.array([0.1]), limits)
+    other = RunLimits(np.concatenate((line, bend)), np.array([0, 1, 2]), np.array([beside, 0.1]), limits)
+    assert len(alone.limit_table(0, 1)) > 3
+    assert other.limit_table(1, 2) == alone.limit_table(0, 1)
 
 
 @given(LIMIT_TABLES, DISTANCES, st.sampled_from([1.0, 1.001, 1.2, 3.0, 50.0]))

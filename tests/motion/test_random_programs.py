@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from tests.bench.motion_laws import MOST_ROWS, broken_laws, broken_under_orders, program_of
+from tests.bench.motion_laws import (
+    MOST_ROWS,
+    broken_laws,
+    broken_under_orders,
+    program_of,
+    timed_program_of,
+)
 from tests.bench.text_laws import broken_laws_of_text
 from tests.bench.tool_programs import broken_laws_of_tools
 from tests.bench.wide_programs import wide_program_of
@@ -34,6 +40,14 @@ def test_no_plan_is_cut_where_a_corner_in_a_time_of_its_own_begins_or_ends(seed:
 @pytest.mark.parametrize("seed", [48265, 100790])
 def test_a_line_that_would_end_before_its_t_stops_where_no_slower_speed_can_be_reached(seed: int) -> None:
     machine, moves, commits = program_of(seed)
+    assert broken_laws(plan(machine, moves, commits=commits)) == []
+
+
+# Entered for a stop, or for a T, by other rows of their limits than they were planned with again: these stood
+# at speeds that hung on the fastest line of all.
+@pytest.mark.parametrize("seed", [93, 391, 588])
+def test_a_line_keeps_the_t_that_it_was_entered_for_whatever_comes_behind_it(seed: int) -> None:
+    machine, moves, commits = timed_program_of(seed)
     assert broken_laws(plan(machine, moves, commits=commits)) == []
 
 

@@ -26,7 +26,7 @@ TABLE_SPEEDS = (0.45, 0.65, 0.8, 0.9, 0.96, 1.0)
 VERTEX_ROWS, VERTEX_STEP = 4, 4
 # Ends of a stretch at this share of that speed need none of them.
 VERTEX_SPEED = 0.9
-# Rows stand on a grid of speeds from the highest one down, each this share of the one above; below the last
+# Rows stand on a grid of speeds, the whole powers of this, from the highest one of a run down; below the last
 # of them a limit table has no rows.
 GRID = 0.95
 GRID_SIZE = 128
@@ -59,9 +59,9 @@ class Run(NamedTuple):
         min_vmax: the least of them on each group, shape (n,). curved: whether bends count on it, shape (n,).
         speed_terms, sample_free_at_rest: what of a sample depends on speed, and what it leaves free at rest,
         (m,) and (m, 2).
-        columns: those that any sample asks something of. grid: falling speeds, each `GRID` times the one
-            before, shape (g,). free_at_grid: what is free of a group at each of them, shape (g, n, 2), and
-            asked: where that is known, shape (g, n).
+        columns: those that any sample asks something of. grid: falling speeds, powers of `GRID` from the
+            lowest one that is not below any top on, shape (g,). free_at_grid: what is free of a group at each
+            of them, shape (g, n, 2), and asked: where that is known, shape (g, n).
     """
 
     rows: Array
@@ -195,6 +195,22 @@ def _free_of_group(run: Run, group: int, speed: float) -> tuple[float, float]:
 
 
 @compiled
+def _grid_down_from(top: float) -> Array:
+    """Return the speeds of the grid, from the lowest one that is not below ``top`` down.
+
+    They are the same whatever else is in a run: what is left of a motion is planned anew with the rows that
+    it was planned with, so it keeps the stop, or the T, that it was entered for.
+    """
+    if not 0.0 < top < _HUGE:
+        return np.full(GRID_SIZE, top)
+    first = math.floor(math.log(top) / math.log(GRID))
+    grid = np.empty(GRID_SIZE)
+    for place in range(GRID_SIZE):
+        grid[place] = GRID ** float(first + place)
+    return grid
+
+
+@compiled
 def run_of(rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: Array, cycle: float) -> Run:
     """Return the limits at rest and at the top speed of each group of samples.
 
@@ -216,7 +232,7 @@ def run_of(rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: A
         np.empty(m, np.int8),
         np.empty((m, 2)),
         _columns_asked(rows, limits.shape[1]),
-        segment_vmax.max() * GRID ** np.arange(GRID_SIZE),
+        _grid_down_from(segment_vmax.max()),
         np.empty((GRID_SIZE, n, 2)),
         np.zeros((GRID_SIZE, n), np.bool_),
     )
