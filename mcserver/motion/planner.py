@@ -325,8 +325,11 @@ class MotionPlanner:
         again = None if self._companions.present else self._again(cut, latest)
         if again is None:
             return None
+        window = again._window
+        # the executor drives on meanwhile: what of it is handed over later is planned with them
+        window.lookahead.tries_stops = False
         again.follow_feed_scale(rate)
-        plan = again._window.plan
+        plan = window.plan
         if plan is None or plan.ends_early or again.pace.now < cut.fastest_pace:
             # a rate that is safe on what is there must be so on what comes in its place; and no line may end
             # before its T for what was left of another one
@@ -334,6 +337,9 @@ class MotionPlanner:
         begins, lasts = again.u, plan.phases.duration
         source = again.commit(want, closing=closing, most=most)
         pieces = None if source is None else tuple(source)
+        window.lookahead.tries_stops = True
+        if window.lookahead.table.timed.any():
+            window.plan = None
         return None if pieces is None else PlannedAnew(again, begins, lasts, pieces, cut)
 
     def _again(self, cut: Cut, latest: Callable[[int], Array | None]) -> MotionPlanner | None:

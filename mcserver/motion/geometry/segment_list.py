@@ -119,10 +119,17 @@ class SegmentList(Sequence[Segment]):
 
     def __setitem__(self, index: int, segment: Segment) -> None:
         place = self._checked(index)
-        before, behind = self._between(0, place), self._between(place + 1, len(self))
-        self._blocks, self._starts = [], [0]
-        for block in (*before, _Block(_Objects([segment]), 0, 1), *behind):
-            self._put(block)
+        at = bisect_right(self._starts, place) - 1
+        source, first, behind = self._blocks[at]
+        start, end = self._starts[at : at + 2]
+        middle = first + place - start
+        parts = (
+            _Block(source, first, middle),
+            _Block(_Objects([segment]), 0, 1),
+            _Block(source, middle + 1, behind),
+        )
+        self._blocks[at : at + 1] = [part for part in parts if part.behind > part.first]
+        self._starts[at + 1 : at + 1] = [each for each in (place, place + 1) if start < each < end]
 
     def __iter__(self) -> Iterator[Segment]:
         for source, first, behind in self._blocks:
