@@ -301,7 +301,9 @@ class TimeDomainBlends:
         slower = math.sqrt(float((speeds * speeds).sum(axis=1).max()))
         lines = ((before, before.last), (after, after.first))
         caps = [(min(line.feed * length_of(tangent), slower), line.feed_speed) for line, tangent in lines]
-        feed_columns = [np.isin(columns, line.feed_columns) for line, _ in lines]
+        # of a handful of columns NumPy's own search would take longer than all the rest
+        counted = [line.feed_columns.tolist() for line, _ in lines]
+        feed_columns = [[float(axis in each) for axis in curve.axes] for each in counted]
         found: tuple[float, float] = path_deviation_of(
             curve.phases,
             curve.duration,
@@ -310,7 +312,7 @@ class TimeDomainBlends:
             self._limits.weights[columns],
             np.abs(speeds[:, columns]).max(axis=0),
             np.array(caps),
-            np.array(feed_columns, dtype=float),
+            np.array(feed_columns),
             self._limits.cycle,
         )
         return found
