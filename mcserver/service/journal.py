@@ -60,12 +60,14 @@ class Entry(NamedTuple):
 
     Attributes:
         statement: to be executed. on_committed: called once it is committed.
-        record: its number in the log of lines, which keeps it already; 0: it is not in there.
+        record, lines: what the log of lines keeps already, and its number there; 0: it is not in there.
+            Without a statement the lines are to be inserted.
     """
 
     statement: Statement | None
     on_committed: OnCommitted | None
     record: int = 0
+    lines: LoggedLines | None = None
 
 
 class Journal:
@@ -169,13 +171,13 @@ class Journal:
         """
         last = first + len(lines) - 1
         text = msgspec.msgpack.encode(lines)
-        record = self._log(LoggedLines(program, first, last, text)) if urgent else 0
-        row = program, first, last, text, row_checksum(program, first, text)
+        logged = LoggedLines(program, first, last, text)
+        record = self._log(logged) if urgent else 0
         if not record:
-            self._put(INSERT_LINES, row, on_committed)
+            self._put(INSERT_LINES, _row_of(logged), on_committed)
             return
         with self._giving:
-            self._later.append(Entry((INSERT_LINES, row), None, record))
+            self._later.append(Entry(None, None, record, logged))
         if on_committed is not None:
             on_committed()
 
@@ -299,9 +301,8 @@ class Journal:
         kept = read_line_log(path)
         left = [(number, lines) for number, lines in kept.records if number > self._taken]
         for number, lines in left:
-            checksum = row_checksum(lines.program, lines.first, lines.text)
-            row = (lines.program, lines.first, lines.last, lines.text, checksum)
-            self._inbox.put(Entry((INSERT_LEFT_LINES, (*row, lines.program, lines.first)), None, number))
+            inserted = INSERT_LEFT_LINES, (*_row_of(lines), lines.program, lines.first)
+            self._inbox.put(Entry(inserted, None, number))
         last = max([self._taken, *(number for number, _ in kept.records)])
         try:
             return LineLog(path, last, kept.end if left else 0, size=size)
@@ -381,6 +382,8 @@ class Journal:
                 for entry in batch:
                     if entry.statement is not None:
                         self._connection.execute(*entry.statement)
+                    elif entry.lines is not None:
+                        self._connection.execute(INSERT_LINES, _row_of(entry.lines))
                 records = [entry.record for entry in batch if entry.record]
                 if records:
                     self._connection.execute("UPDATE line_log SET taken=?", (records[-1],))
@@ -400,3 +403,9 @@ class Journal:
         for entry in batch:
             if entry.on_committed is not None:
                 entry.on_committed()
+
+
+def _row_of(lines: LoggedLines) -> tuple[str, int, int, bytes, int]:
+    """Return the row of ``chunks`` that has these lines."""
+    checksum = row_checksum(lines.program, lines.first, lines.text)
+    return lines.program, lines.first, lines.last, lines.text, checksum
