@@ -340,7 +340,10 @@ class ProgramSlot:
             self._queue.pop()
             if self._state is SlotState.STOPPING and control.kind not in (*_ALWAYS, ControlKind.LINE_START):
                 continue
-            self._pass(control, left)
+            # axes that begin by themselves right behind a motion above 100 % begin with the next cycle: its
+            # last differences take all of the jerk
+            aside = control.kind is ControlKind.RAPID and fastest > 1.0
+            self._pass(control, 0.0 if aside else left)
             # a motion that begins or ends in this cycle changes how far u may go
             if control.kind in (ControlKind.BEGIN, ControlKind.END):
                 rate = self._rate_at_rest(rate, left, fastest)

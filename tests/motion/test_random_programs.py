@@ -92,9 +92,10 @@ def test_a_program_of_what_machines_seldom_do_keeps_every_law(seed: int) -> None
 
 
 # 30054: an override of 0 came in a long ramp that takes all of an acceleration; no change was gentle enough.
-# 1309: a stop above 100 % was followed by a rapid. 92003: and by a line that begins in the same cycle.
+# 1309, 130091: a rapid followed a stop above 100 %. 92003: a line that begins in the same cycle did.
 @pytest.mark.parametrize(
-    ("seed", "orders"), [(1, False), (4, False), (5, True), (30054, True), (1309, True), (92003, True)]
+    ("seed", "orders"),
+    [(1, False), (4, False), (5, True), (30054, True), (1309, True), (92003, True), (130091, True)],
 )
 def test_a_random_program_as_text_keeps_every_law_also_beside_a_planner(seed: int, orders: bool) -> None:
     broken, lines, _ = broken_laws_of_text(seed, orders=orders)
