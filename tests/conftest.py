@@ -34,6 +34,8 @@ GROUPS = {
         "executor/test_process.py",
         "fire",
         "gateway",
+        "language/test_agents.py",
+        "language/test_agents_http.py",
         "net",
         "packaging",
         "planning/test_planner_process.py",
