@@ -2,9 +2,10 @@
 
 One thread commits what has gathered in a transaction; callbacks that came with it then run in the loop, in
 order. Lines are acknowledged, and sent to the planner, only from there. Lines that someone waits for are kept
-in a log (`mcserver.service.line_log`) at once while the thread has nothing to do, and come into the database
-with its next transaction: the detour through the thread takes a hundred times as long. A killed process loses
-nothing of what was committed or kept; a power cut may lose the last `SYNC_PERIOD_S`.
+in a log (`mcserver.service.line_log`) at once where the thread has nothing of their program, and come into
+the database with its next transaction: the detour through the thread takes a hundred times as long, and
+seconds while it waits for a slow disk. A killed process loses nothing of what was committed or kept; a power
+cut may lose the last `SYNC_PERIOD_S`.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import queue
 import sqlite3
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -62,12 +64,14 @@ class Entry(NamedTuple):
         statement: to be executed. on_committed: called once it is committed.
         record, lines: what the log of lines keeps already, and its number there; 0: it is not in there.
             Without a statement the lines are to be inserted.
+        program: whose lines come behind this; empty: of none.
     """
 
     statement: Statement | None
     on_committed: OnCommitted | None
     record: int = 0
     lines: LoggedLines | None = None
+    program: str = ""
 
 
 class Journal:
@@ -102,10 +106,9 @@ class Journal:
         # wakes by itself
         self._later: list[Entry] = []
         self._giving = threading.Lock()
-        # entries given to the thread, and those whose callbacks have run; both belong to the owner, as does
-        # the number of the last record that the database has
-        self._given = 0
-        self._settled = 0
+        # how many entries that lines of a program come behind are not settled; it belongs to the owner, as
+        # does the number of the last record that the database has
+        self._ahead: Counter[str] = Counter()
         self._taken = 0
         self._unsynced = False
         self._stopping = threading.Event()
@@ -152,6 +155,7 @@ class Journal:
             "INSERT INTO programs(program, instance, client, name, axes, start_line, on_disconnect,"
             " resume_of, opened_at, accepted, started, done, crc) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)",
             (*lasting, start_line - 1, 0, start_line - 1, row_checksum(*lasting)),
+            program=program,
         )
 
     def lines(
@@ -174,7 +178,7 @@ class Journal:
         logged = LoggedLines(program, first, last, text)
         record = self._log(logged) if urgent else 0
         if not record:
-            self._put(INSERT_LINES, _row_of(logged), on_committed)
+            self._put(INSERT_LINES, _row_of(logged), on_committed, program=program)
             return
         with self._giving:
             self._later.append(Entry(None, None, record, logged))
@@ -183,15 +187,16 @@ class Journal:
 
     def _log(self, record: LoggedLines) -> int:
         """Return the record's number in the log of lines; 0: it has to go through the thread."""
-        # what was given before has to be through with its callbacks too
-        if self._lines_log is None or self._given != self._settled or self._stopping.is_set():
+        # what was given of the program before has to be through with its callbacks too
+        if self._lines_log is None or self._ahead[record.program] or self._stopping.is_set():
             return 0
         return self._lines_log.append(record)
 
     def rejected(self, program: str, line: int) -> None:
         """Lines from ``line`` on do not count."""
-        self._put("DELETE FROM chunks WHERE program=? AND first>=?", (program, line))
-        self._put("UPDATE chunks SET last=? WHERE program=? AND last>=?", (line - 1, program, line))
+        self._put("DELETE FROM chunks WHERE program=? AND first>=?", (program, line), program=program)
+        shorten = "UPDATE chunks SET last=? WHERE program=? AND last>=?"
+        self._put(shorten, (line - 1, program, line), program=program)
 
     def progress(
         self,
@@ -277,11 +282,19 @@ class Journal:
             self._on_failure("")
             self._settle(batch)
 
-    def _put(self, sql: str, parameters: tuple[object, ...], on_committed: OnCommitted | None = None) -> None:
-        self._give(Entry((sql, parameters), on_committed))
+    def _put(
+        self,
+        sql: str,
+        parameters: tuple[object, ...],
+        on_committed: OnCommitted | None = None,
+        *,
+        program: str = "",
+    ) -> None:
+        self._give(Entry((sql, parameters), on_committed, program=program))
 
     def _give(self, entry: Entry) -> None:
-        self._given += 1
+        if entry.program:
+            self._ahead[entry.program] += 1
         with self._giving:
             for each in self._later:
                 self._inbox.put(each)
@@ -289,7 +302,7 @@ class Journal:
             self._inbox.put(entry)
 
     def _take_later(self) -> list[Entry]:
-        # nothing in the inbox is newer: lines are kept in the log only while it is empty
+        # what is in the inbox, and newer, is none of these programs' that lines come behind
         with self._giving:
             taken, self._later = self._later, []
         return taken
@@ -396,8 +409,10 @@ class Journal:
         for entry in batch:
             if entry.record:
                 self._taken = entry.record
-            else:
-                self._settled += 1
+            if entry.program:
+                self._ahead[entry.program] -= 1
+                if not self._ahead[entry.program]:
+                    del self._ahead[entry.program]
         if self._lines_log is not None and self._taken == self._lines_log.number:
             self._lines_log.clear()
         for entry in batch:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -272,13 +271,37 @@ def test_the_start_on_a_damaged_log_keeps_it_aside_and_says_so(path: Path) -> No
     assert repair_journal(path) is None
 
 
-def test_lines_wait_for_callbacks_of_before(path: Path) -> None:
-    calls: list[Callable[[], None]] = []
-    journal = Journal(path, call_soon=calls.append, on_failure=print, threaded=False)
+def test_lines_wait_for_what_their_program_has_before_them_and_for_nothing_else(path: Path) -> None:
+    journal = Journal(path, call_soon=lambda call: call(), on_failure=print, threaded=False)
     order: list[str] = []
-    journal.after(lambda: order.append("before"))
-    journal.lines("p", 1, ["one"], lambda: order.append("line"), urgent=True)
-    assert order == []
+
+    def line(program: str, number: int, name: str, *, urgent: bool = True) -> None:
+        journal.lines(program, number, [name], lambda: order.append(name), urgent=urgent)
+
+    line("p", 1, "by the thread", urgent=False)
+    line("p", 2, "behind it")
+    journal.progress("q", 1, 1)
+    journal.after(lambda: order.append("after all"))
+    line("q", 1, "at once")
+    assert order == ["at once"]
     journal.write_pending()
-    assert order == ["before", "line"]
+    assert order == ["at once", "by the thread", "behind it", "after all"]
+    line("p", 3, "at once again")
+    assert order[-1] == "at once again"
     journal.close()
+
+
+def test_lines_are_acknowledged_while_the_disk_keeps_the_thread(path: Path) -> None:
+    kept = Kept(path)
+    kept.open()
+    # nothing of it is written for as long as the disk takes
+    kept.journal.progress("p", 0, 0)
+    assert all(kept.line(number) for number in range(1, 6))
+    kept.journal.progress("p", 3, 2)
+    kept.journal.rejected("q", 1)
+    assert kept.line(6)
+    kept.killed()
+    again = Kept(path)
+    again.journal.write_pending()
+    assert again.lines == [f"line {number}" for number in range(1, 7)]
+    again.killed()
