@@ -305,3 +305,18 @@ def test_lines_are_acknowledged_while_the_disk_keeps_the_thread(path: Path) -> N
     again.journal.write_pending()
     assert again.lines == [f"line {number}" for number in range(1, 7)]
     again.killed()
+
+
+def test_records_come_into_the_database_in_their_order(path: Path) -> None:
+    kept = Kept(path)
+    kept.open()
+    assert kept.line(1)
+    # takes line 1 with it
+    kept.journal.progress("p", 0, 0)
+    assert kept.line(2)
+    # a thread that has just found nothing to do comes too late for line 1, and so for line 2
+    assert kept.journal._take_later() == []
+    kept.journal.write_pending()
+    assert kept.lines == ["line 1", "line 2"]
+    assert taken_records(path) == 2
+    kept.killed()
