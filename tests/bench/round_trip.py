@@ -19,8 +19,7 @@ from typing import NamedTuple
 import msgspec
 import zenoh
 
-from mcserver.service.journal import INSERT_LINES
-from mcserver.service.journal_file import open_journal
+from mcserver.service.line_log import LineLog, LoggedLines
 from tests.bench.figures import Figure, NotAvailable, percentile
 from tests.bench.sdk_calls import WARMING, SdkCalls, sdk_calls
 from tests.bench.server import Server, client_config, free_port, server
@@ -33,7 +32,7 @@ PAUSED_CALLS = 80
 RAW_KEY = "bench/raw"
 # for a program that was aborted to end
 SETTLING_S = 10.0
-COMMITS = 1000
+LOGGED = 1000
 
 
 class Taken(NamedTuple):
@@ -62,10 +61,10 @@ def measure() -> list[Figure]:
     with raw_process() as (raw, answering), server() as reached, sdk_calls(reached) as sdk:
         back_to_back = _figures(raw, answering, reached, sdk, CALLS, 0.0, "")
         paused = _figures(raw, answering, reached, sdk, PAUSED_CALLS, PAUSE_S, ", 5 ms between calls")
-    commit = Figure(
-        "of it a line into the journal, alone", commit_us(), "µs", None, "one statement of SQLite in WAL mode"
+    logged = Figure(
+        "of it a line into the journal, alone", logged_us(), "µs", None, "one write to its log of lines"
     )
-    return [*back_to_back, commit, *paused]
+    return [*back_to_back, logged, *paused]
 
 
 def _figures(
@@ -164,14 +163,14 @@ def processor_us(pid: int) -> float:
     return sum(int(numbers[0]) for numbers in threads) / 1000.0
 
 
-def commit_us() -> float:
-    """Time of writing one line to a journal, in the median [µs]."""
+def logged_us() -> float:
+    """Time of keeping one line in a journal's log of lines, in the median [µs]."""
     taken = []
-    with TemporaryDirectory() as folder, closing(open_journal(Path(folder, "journal.db"))) as journal:
+    with TemporaryDirectory() as folder, closing(LineLog(Path(folder, "lines"), 0)) as log:
         text = msgspec.msgpack.encode(["G04 P0"])
-        for number in range(1, COMMITS + 1):
+        for number in range(1, LOGGED + 1):
             start = time.perf_counter()
-            journal.execute(INSERT_LINES, ("bench-1", number, number, text, 0))
+            log.append(LoggedLines("bench-1", number, number, text))
             taken.append(1e6 * (time.perf_counter() - start))
     return percentile(taken, 0.5)
 

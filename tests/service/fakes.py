@@ -27,6 +27,7 @@ from mcserver.planning.planner_messages import (
     Report,
     ReportKind,
 )
+from mcserver.service.journal import Journal
 from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
 
@@ -324,3 +325,27 @@ def executed_lines(pipelines: FakePipelines, program: str) -> list[int]:
 
 
 JournalPath = Callable[[], Path]
+
+
+def open_program(
+    journal: Journal,
+    program: str,
+    *,
+    instance: str = "now",
+    axes: Sequence[int] = (0,),
+    start_line: int = 1,
+    before: Sequence[str] = (),
+) -> None:
+    """Record a program of nobody in particular."""
+    journal.program_opened(
+        program,
+        instance=instance,
+        client="hmi",
+        name="demo",
+        axes=axes,
+        start_line=start_line,
+        on_disconnect="stop",
+        resume_of=None,
+        at=1.0,
+        before=before,
+    )

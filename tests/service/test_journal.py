@@ -20,6 +20,7 @@ from mcserver.service.journal_file import JournalBounds, open_journal, prune, tr
 from mcserver.service.journal_reader import read_lines_before, read_programs, read_reports
 from mcserver.service.line_log import line_log_path, read_line_log
 from mcserver.service.reports import Fault, LineReport
+from tests.service.fakes import open_program
 
 LIMIT_S = 5.0
 
@@ -75,18 +76,7 @@ class Kept:
             self.turn()
 
     def open(self, program: str, *, start_line: int = 1, before: list[str] | None = None) -> None:
-        self.journal.program_opened(
-            program,
-            instance="now",
-            client="hmi",
-            name="demo",
-            axes=[0, 2],
-            start_line=start_line,
-            on_disconnect="stop",
-            resume_of=None,
-            at=1.0,
-            before=before or [],
-        )
+        open_program(self.journal, program, axes=[0, 2], start_line=start_line, before=before or [])
 
 
 @pytest.fixture

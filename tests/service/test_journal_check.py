@@ -18,6 +18,7 @@ from mcserver.service.journal_check import JournalLock, database_damage, repair_
 from mcserver.service.journal_file import PAGE_BYTES, open_journal
 from mcserver.service.journal_reader import read_lines_before, read_programs
 from tests.service.conftest import Bench
+from tests.service.fakes import open_program
 
 LIMIT_S = 5.0
 FRAME = 24 + PAGE_BYTES
@@ -30,17 +31,7 @@ def crashed_journal(path: Path, programs: int = 8) -> None:
     journal = Journal(live, call_soon=calls.put, on_failure=print)
     for number in range(programs):
         name = f"p{number}"
-        journal.program_opened(
-            name,
-            instance="one",
-            client="hmi",
-            name="",
-            axes=[0],
-            start_line=1,
-            on_disconnect="stop",
-            resume_of=None,
-            at=1.0,
-        )
+        open_program(journal, name, instance="one")
         journal.lines(name, 1, ["G01 X1", "G01 X2"])
         settled: list[bool] = []
         journal.after(partial(settled.append, True))

@@ -17,6 +17,7 @@ from mcserver.service.journal_check import repair_journal
 from mcserver.service.journal_file import taken_records
 from mcserver.service.journal_reader import read_lines_before, read_programs
 from mcserver.service.line_log import LineLog, LoggedLines, line_log_path, read_line_log
+from tests.service.fakes import open_program
 
 SIZE = 4096
 
@@ -42,17 +43,7 @@ class Kept:
         )
 
     def open(self, program: str = "p") -> None:
-        self.journal.program_opened(
-            program,
-            instance="now",
-            client="hmi",
-            name="demo",
-            axes=[0],
-            start_line=1,
-            on_disconnect="stop",
-            resume_of=None,
-            at=1.0,
-        )
+        open_program(self.journal, program)
         self.journal.write_pending()
 
     def line(self, number: int) -> bool:
