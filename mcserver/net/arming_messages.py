@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.net.messages import AxisIndex, Request
-from mcserver.service.arming import LEAST_HASH, MAX_ARMED_S, MAX_TEXT, Extent, RunPath
+from mcserver.service.arming import LEAST_HASH, MAX_ARMED_S, MAX_REASON, MAX_TEXT, Extent, RunPath
 from mcserver.service.arming import ToolPath as ToolPath
 from mcserver.service.reports import WireDiagnostic
 
@@ -65,17 +65,40 @@ class ArmRequest(Request, frozen=True, kw_only=True):
     number: Annotated[int, Meta(ge=0)] | None = None
 
 
+class RejectRequest(Request, frozen=True, kw_only=True):
+    """Says no to a run; who asked for it is shown the reason.
+
+    Attributes:
+        sha256: of the text, or at least its first 8 digits. number: as of `ArmRequest`.
+    """
+
+    sha256: TextHash
+    reason: Annotated[str, Meta(max_length=MAX_REASON)] = ""
+    number: Annotated[int, Meta(ge=0)] | None = None
+
+
+class WithdrawRequest(Request, frozen=True, kw_only=True):
+    """Takes a request back; only the user who asked may.
+
+    Attributes:
+        sha256: of the text, or at least its first 8 digits.
+    """
+
+    sha256: TextHash
+
+
 class RunRequestStatus(msgspec.Struct, frozen=True):
     """A request: what would move, how far, how long; ``remaining_s`` until it or its arming is over.
 
     Attributes:
+        operator: who armed or rejected it. reason: why it was rejected.
         number: another one each time that the run is asked for, even with the same text.
     """
 
     sha256: str
     client: str
     name: str
-    state: Literal["waiting", "armed", "started"]
+    state: Literal["waiting", "armed", "started", "rejected"]
     axes: list[int]
     duration_s: float
     extents: list[Extent]
@@ -83,6 +106,7 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     override: float
     operator: str
     number: int = 0
+    reason: str = ""
 
 
 class RunRequestReply(msgspec.Struct, frozen=True):

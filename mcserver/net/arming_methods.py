@@ -1,8 +1,9 @@
-"""The remote methods ``request_run``, ``run_requests``, ``run_preview``, ``arm`` and ``run_armed``."""
+"""The remote methods ``request_run``, ``withdraw``, ``run_preview``, ``arm``, ``reject``, ``run_armed``."""
 
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from typing import Any
 
 import msgspec
@@ -12,7 +13,7 @@ from mcserver.gcode.axes_used import axes_used
 from mcserver.gcode.text.source import split_lines
 from mcserver.machine.machine_file import Machine
 from mcserver.net import arming_messages as wire
-from mcserver.service.arming import Arming, Extent, RunPath, RunRequest, RunState, hash_of
+from mcserver.service.arming import OPEN, Arming, Extent, RunPath, RunRequest, hash_of
 from mcserver.service.reports import wire_diagnostic
 from mcserver.service.service import MachineService
 from mcserver.simulation.program_checker import ProgramChecker
@@ -30,6 +31,10 @@ class ArmingMethods:
         self._clock = asyncio.get_running_loop().time
         self._arming = Arming(self._clock)
         self._stops = service.latch.stops
+        # clients whose requests are being simulated, and those of them that went meanwhile
+        self._asking: Counter[str] = Counter()
+        self._gone: set[str] = set()
+        service.when_gone.append(self._client_gone)
 
     def _forget_armings(self) -> None:
         """Take every arming back after an emergency stop: the operator looks at the machine again."""
@@ -49,9 +54,16 @@ class ArmingMethods:
                 "MC511", f"the text needs the axes {', '.join(map(str, named))}", "ask for all of them"
             )
         positions = self._positions()
-        report, path, marks = await self._checker.preview(
-            client, request.text, positions, axes, self._service.work_systems
-        )
+        self._asking[client] += 1
+        try:
+            report, path, marks = await self._checker.preview(
+                client, request.text, positions, axes, self._service.work_systems
+            )
+            if client in self._gone:
+                raise Refused("MC570", f"{client} went while its run was simulated", "request the run again")
+        finally:
+            self._asking -= Counter([client])
+            self._gone.intersection_update(self._asking)
         found = [wire_diagnostic(msgspec.convert(each, Diagnostic)) for each in report["diagnostics"]]
         if not report["ok"] or marks is None:
             return wire.RunRequestReply(False, found)
@@ -93,6 +105,23 @@ class ArmingMethods:
         )
         self._publish("run.armed", client, armed)
         return self._status(armed)
+
+    def reject(self, client: str, request: wire.RejectRequest) -> wire.RunRequestStatus:
+        rejected = self._arming.reject(client, request.sha256, request.reason, number=request.number)
+        self._publish("run.rejected", client, rejected)
+        return self._status(rejected)
+
+    def withdraw(self, client: str, request: wire.WithdrawRequest) -> wire.RunRequestsReply:
+        withdrawn = self._arming.withdraw(client, request.sha256)
+        self._publish("run.withdrawn", client, withdrawn)
+        return self.requests(client, wire.RunRequestsRequest())
+
+    def _client_gone(self, client: str) -> None:
+        """End the requests of a client with its liveliness."""
+        if client in self._asking:
+            self._gone.add(client)
+        for each in self._arming.client_gone(client):
+            self._publish("run.withdrawn", client, each)
 
     async def run_armed(self, client: str, request: wire.RunArmedRequest) -> wire.RunArmedReply:
         service = self._service
@@ -136,15 +165,18 @@ class ArmingMethods:
             axes=list(run.axes),
             duration_s=run.duration_s,
             extents=list(run.extents),
-            remaining_s=0.0 if run.state is RunState.STARTED else max(0.0, run.until - self._clock()),
+            remaining_s=max(0.0, run.until - self._clock()) if run.state in OPEN else 0.0,
             override=100.0 * run.override,
             operator=run.operator,
             number=run.number,
+            reason=run.reason,
         )
 
     def _publish(self, kind: Any, client: str, run: RunRequest, program: str | None = None) -> None:
         axes = ", ".join(map(str, run.axes))
         message = f"{run.sha256[:12]}: axes {axes}, {run.duration_s:.3f} s"
+        if run.reason:
+            message += f"; {run.reason}"
         self._service.record_command(client, kind, program, message)
 
 

@@ -94,6 +94,8 @@ class Methods:
             "request_run": (arming_wire.RunRequestRequest, self._arming.request_run),
             "run_armed": (arming_wire.RunArmedRequest, self._arming.run_armed),
             "arm": (arming_wire.ArmRequest, self._arming.arm),
+            "reject": (arming_wire.RejectRequest, self._arming.reject),
+            "withdraw": (arming_wire.WithdrawRequest, self._arming.withdraw),
             "record_start": (recording_wire.RecordStartRequest, self._recordings.start),
             "record_stop": (recording_wire.RecordStopRequest, self._recordings.stop),
             "record_save": (recording_wire.RecordSaveRequest, self._recordings.save),

@@ -19,8 +19,8 @@ LOOKING = ("info", "status", "programs", "events", "recordings", "recording_read
 CHECKING = ("check", "simulate", "put_text", "drives", "sdo_read")
 STOPPING = ("estop",)
 # an agent asks for runs that an operator arms, and may stop along the path
-ASKING = ("request_run", "run_armed", "run_requests", "hold", "abort")
-ARMING = ("arm", "run_requests", "run_preview")
+ASKING = ("request_run", "withdraw", "run_armed", "run_requests", "hold", "abort")
+ARMING = ("arm", "reject", "run_requests", "run_preview")
 OPERATING = (
     *("open", "submit", "close", "hold", "resume", "step", "abort", "override"),
     *("jog", "home", "reference", "reset"),

@@ -22,7 +22,9 @@ CLIENT_REQUESTS = 4
 MAX_TEXT = 256 * 1024  # characters
 WAIT_S = 3600.0  # a request that nobody arms is forgotten after this time
 MAX_ARMED_S = 3600.0
+SHOWN_REJECTED_S = 600.0  # a rejection is kept so long for who asked
 LEAST_HASH = 8  # hexadecimal digits that name a text
+MAX_REASON = 500  # characters of a rejection
 
 
 class RunState(enum.Enum):
@@ -31,6 +33,11 @@ class RunState(enum.Enum):
     WAITING = "waiting"
     ARMED = "armed"
     STARTED = "started"
+    REJECTED = "rejected"
+
+
+# of these a run may still come
+OPEN = frozenset({RunState.WAITING, RunState.ARMED})
 
 
 class Extent(msgspec.Struct, frozen=True):
@@ -76,7 +83,7 @@ class RunRequest(msgspec.Struct, frozen=True):
         start: positions of those axes that the simulation began from [m or rad].
         until: end of the wait, or of the arming [s of the clock].
         override: the greatest feed override that the operator allows, 1 as programmed.
-        operator: who armed it.
+        operator: who armed it, or rejected it. reason: why it was rejected.
     """
 
     client: str
@@ -93,6 +100,7 @@ class RunRequest(msgspec.Struct, frozen=True):
     operator: str = ""
     number: int = 0
     path: RunPath = NO_PATH
+    reason: str = ""
 
 
 def hash_of(text: str) -> str:
@@ -154,6 +162,7 @@ class Arming:
             state=RunState.WAITING,
             override=1.0,
             operator="",
+            reason="",
             number=next(self._numbers),
         )
         self._requests[wanted.sha256] = kept
@@ -187,12 +196,7 @@ class Arming:
         """
         self._forget()
         request = _only([each for each in self._matching(sha256) if each.state is RunState.WAITING], sha256)
-        if number is not None and number != request.number:
-            raise Refused(
-                "MC570",
-                "the run was asked for anew, perhaps from elsewhere",
-                "look at it again before arming",
-            )
+        _refuse_other(request, number)
         if user_of(request.client) == user_of(operator):
             raise Refused("MC575", "who asks for a run may not arm it", "another person has to look at it")
         armed = msgspec.structs.replace(
@@ -204,6 +208,42 @@ class Arming:
         )
         self._requests[request.sha256] = armed
         return armed
+
+    def reject(self, operator: str, sha256: str, reason: str, *, number: int | None = None) -> RunRequest:
+        """Say no to a request that has not been started; who asked finds the reason in it for a while.
+
+        Raises:
+            ServiceError: MC570 nothing waits with this hash, or it was asked for anew.
+        """
+        request = self._undecided(sha256, number)
+        rejected = msgspec.structs.replace(
+            request,
+            state=RunState.REJECTED,
+            operator=operator,
+            reason=reason,
+            until=self._clock() + SHOWN_REJECTED_S,
+        )
+        self._requests[request.sha256] = rejected
+        return rejected
+
+    def withdraw(self, client: str, sha256: str) -> RunRequest:
+        """Forget a request that has not been started, for its own user.
+
+        Raises:
+            ServiceError: MC570 nothing waits with this hash; MC573 another user's.
+        """
+        request = self._undecided(sha256, None)
+        if user_of(request.client) != user_of(client):
+            raise Refused("MC573", "another client asked for this run", "an operator rejects it")
+        del self._requests[request.sha256]
+        return request
+
+    def client_gone(self, client: str) -> list[RunRequest]:
+        """Forget the requests of a client that is no longer alive; return those that could have started."""
+        gone = [each for each in self._requests.values() if each.client == client]
+        for each in gone:
+            del self._requests[each.sha256]
+        return [each for each in gone if each.state in OPEN]
 
     def disarm(self) -> None:
         """Take every arming back, as after an emergency stop."""
@@ -227,7 +267,8 @@ class Arming:
             busy: axes that another program moves.
 
         Raises:
-            ServiceError: MC571 not armed, or no longer; MC572 the axes have moved; MC573 another client's.
+            ServiceError: MC571 not armed, or no longer; MC572 the axes have moved; MC573 another client's;
+            MC576 rejected.
         """
         self._forget()
         request = self._requests.get(hash_of(text))
@@ -237,6 +278,12 @@ class Arming:
             )
         if request.client != client:
             raise Refused("MC573", "another client asked for this run", "only who asked may start it")
+        if request.state is RunState.REJECTED:
+            raise Refused(
+                "MC576",
+                f"{request.operator} has rejected this run: {request.reason or 'no reason was given'}",
+                "change the program, and request that run",
+            )
         if request.state is not RunState.ARMED:
             what = "was started already" if request.state is RunState.STARTED else "waits for an operator"
             raise Refused("MC571", f"the program {what}", "an operator arms it, once: mcctl arm")
@@ -261,6 +308,11 @@ class Arming:
         self._requests[request.sha256] = started
         return started
 
+    def _undecided(self, sha256: str, number: int | None) -> RunRequest:
+        request = _only([each for each in self._matching(sha256) if each.state in OPEN], sha256)
+        _refuse_other(request, number)
+        return request
+
     def _matching(self, sha256: str) -> list[RunRequest]:
         self._forget()
         return [
@@ -274,6 +326,12 @@ class Arming:
         now = self._clock()
         for sha in [sha for sha, request in self._requests.items() if now >= request.until]:
             del self._requests[sha]
+
+
+def _refuse_other(request: RunRequest, number: int | None) -> None:
+    """Refuse what was asked for anew since somebody has looked at it."""
+    if number is not None and number != request.number:
+        raise Refused("MC570", "the run was asked for anew, perhaps from elsewhere", "look at it again first")
 
 
 def _only(matching: list[RunRequest], sha256: str) -> RunRequest:

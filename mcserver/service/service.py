@@ -64,6 +64,7 @@ class MachineService:
         override: feed override of programs to come, 1 as programmed.
         lines: takes the lines of its programs. texts: those that clients handed over as a whole.
         latch: its emergency stop and its faults.
+        when_gone: called with a client whose liveliness token went.
     """
 
     def __init__(
@@ -98,6 +99,7 @@ class MachineService:
         self._table.on_machine_stop = self.latch.stopped_by_machine
         self.forecasts = Forecasts(port, machine.cycle_s)
         self.texts = KeptTexts(options.journal.with_suffix(".texts"))
+        self.when_gone: list[Callable[[str], None]] = []
         self._counter = 0
         self._stopping = False
 
@@ -342,6 +344,8 @@ class MachineService:
                 self._table.close(program)
             else:
                 self._table.stop(program, "aborted", f"client {client} is gone")
+        for tell in self.when_gone:
+            tell(client)
 
     def program(self, program_id: str) -> Program:
         """Return a program of this start.

@@ -119,6 +119,45 @@ async def test_an_emergency_stop_takes_the_arming_back(
     assert rig.service.current() == []
 
 
+async def test_a_request_ends_with_its_clients_liveliness(rig: Rig, operator: WireClient) -> None:
+    events = operator.subscribe("event")
+    bot = WireClient(rig.endpoint, "bench", "bot.agent-1")
+    token = bot.session.liveliness().declare_token(f"{bot.root}/client/bot.agent-1")
+    assert (await bot.call("request_run", text=TEXT))["ok"]
+    await bot.close()
+    withdrawn = await events.first(lambda event: event.get("reason") == "run.withdrawn")
+    assert withdrawn["client"] == "bot.agent-1"
+    del token
+    assert (await operator.call("run_requests"))["requests"] == []
+
+
+async def test_a_run_is_rejected_with_a_reason_or_withdrawn(client: WireClient, operator: WireClient) -> None:
+    run = (await client.call("request_run", text=TEXT))["run"]
+    rejected = await operator.call("reject", sha256=run["sha256"], reason="too fast", number=run["number"])
+    assert (rejected["state"], rejected["operator"]) == ("rejected", "anna.mcctl-1")
+    (seen,) = (await client.call("run_requests"))["requests"]
+    assert (seen["state"], seen["reason"]) == ("rejected", "too fast")
+    with pytest.raises(ErrorAnswer) as refused:
+        await client.call("run_armed", text=TEXT)
+    assert (refused.value.body["code"], "too fast" in refused.value.body["message"]) == ("MC576", True)
+    await client.call("request_run", text=TEXT)
+    with pytest.raises(ErrorAnswer) as foreign:
+        await operator.call("withdraw", sha256=run["sha256"])
+    assert foreign.value.body["code"] == "MC573"
+    assert (await client.call("withdraw", sha256=run["sha256"]))["requests"] == []
+
+
+async def test_mcctl_rejects_with_a_reason(
+    rig: Rig, client: WireClient, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = (await client.call("request_run", text=TEXT))["run"]
+    options = ["--connect", rig.endpoint, "--machine", "bench", "--pictures", str(tmp_path), "--json"]
+    words = ["arm", run["sha256"][:8], "--reject", "the vice is open", *options]
+    assert await asyncio.to_thread(run_command_line, words) == 0
+    (shown,) = json.loads(capsys.readouterr().out)["requests"]
+    assert (shown["state"], shown["reason"]) == ("rejected", "the vice is open")
+
+
 async def test_a_faulty_text_waits_for_nobody(client: WireClient) -> None:
     reply = await client.call("request_run", text="G01 X99999 F5")
     assert (reply["ok"], reply["run"]) == (False, None)

@@ -170,6 +170,46 @@ def test_an_emergency_stop_takes_every_arming_back(bench: Bench) -> None:
     bench.start()
 
 
+def test_requests_end_with_the_client_that_made_them(bench: Bench) -> None:
+    bench.ask()
+    bench.ask(text="G01 X1")
+    bench.ask("other.b-1", "G01 X2")
+    assert [each.text for each in bench.arming.client_gone("bot.a-1")] == [TEXT, "G01 X1"]
+    assert [each.client for each in bench.arming.requests()] == ["other.b-1"]
+    # the successor of an agent that has crashed asks for the same text
+    bench.ask("bot.a-2")
+
+
+def test_only_its_own_user_withdraws_a_request(bench: Bench) -> None:
+    bench.ask()
+    with pytest.raises(ServiceError) as foreign:
+        bench.arming.withdraw("anna.mcctl-1", hash_of(TEXT))
+    assert code_of(foreign) == "MC573"
+    bench.arming.withdraw("bot.a-2", hash_of(TEXT)[:8])
+    assert bench.arming.requests() == []
+    with pytest.raises(ServiceError) as over:
+        bench.arming.withdraw("bot.a-1", hash_of(TEXT))
+    assert code_of(over) == "MC570"
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_a_rejected_run_does_not_start_and_says_why(bench: Bench, armed: bool) -> None:
+    number = bench.ask().number
+    if armed:
+        bench.arm()
+    with pytest.raises(ServiceError) as other:
+        bench.arming.reject("anna.mcctl-1", hash_of(TEXT), "too fast", number=number + 1)
+    assert code_of(other) == "MC570"
+    bench.arming.reject("anna.mcctl-1", hash_of(TEXT), "too fast", number=number)
+    with pytest.raises(ServiceError, match="too fast") as refused:
+        bench.start()
+    assert code_of(refused) == "MC576"
+    with pytest.raises(ServiceError):
+        bench.arm()
+    # asked for anew it waits anew
+    assert bench.ask().reason == ""
+
+
 def test_requests_are_bounded_and_forgotten(bench: Bench) -> None:
     with pytest.raises(ServiceError) as long:
         bench.ask(text="x" * (MAX_TEXT + 1))

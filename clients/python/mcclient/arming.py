@@ -1,4 +1,4 @@
-"""Runs that an operator has to arm: ask for one, look at what waits, arm it, start what is armed."""
+"""Runs that an operator has to arm: ask for one, look at what waits, decide, start what is armed."""
 
 from __future__ import annotations
 
@@ -50,11 +50,29 @@ class ArmingCalls:
         fields = {"sha256": sha256, "seconds": seconds, "override": override, "number": number}
         return await self._ask("arm", fields)
 
+    async def reject(self, sha256: str, reason: str = "", *, number: int | None = None) -> dict[str, Any]:
+        """Say no to a run that somebody asked for; he is shown the reason. The others as in `arm`.
+
+        Raises:
+            RequestRefused: MC570 nothing waits with this hash, or it was asked for anew.
+        """
+        return await self._ask("reject", {"sha256": sha256, "reason": reason, "number": number})
+
+    async def withdraw(self, sha256: str) -> list[dict[str, Any]]:
+        """Take a request of your own back; return what waits now.
+
+        Raises:
+            RequestRefused: MC570 nothing waits with this hash; MC573 another user asked for it.
+        """
+        found: list[dict[str, Any]] = (await self._ask("withdraw", {"sha256": sha256}))["requests"]
+        return found
+
     async def run_armed(self, text: str) -> dict[str, Any]:
         """Start an armed program.
 
         Raises:
-            RequestRefused: MC571 not armed, or no longer; MC572 the axes have moved or are in use; MC573.
+            RequestRefused: MC571 not armed, or no longer; MC572 what it depends on has changed, or axes are
+            in use; MC573; MC576 rejected, with the reason.
         """
         return await self._ask("run_armed", {"text": text}, 15.0)
 

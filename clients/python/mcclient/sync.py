@@ -291,6 +291,8 @@ class Machine(_Blocking[asynchronous.Machine]):
     run_requests = _waited(asynchronous.Machine.run_requests)
     run_preview = _waited(asynchronous.Machine.run_preview)
     arm = _waited(asynchronous.Machine.arm)
+    reject = _waited(asynchronous.Machine.reject)
+    withdraw = _waited(asynchronous.Machine.withdraw)
     run_armed = _waited(asynchronous.Machine.run_armed)
 
     set_output = _waited(asynchronous.Machine.set_output)

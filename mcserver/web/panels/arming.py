@@ -1,4 +1,4 @@
-"""Runs that somebody asked for, such as an agent: what would happen, and the button that allows it once."""
+"""Runs that somebody asked for, such as an agent: what would happen, and the buttons to arm or reject it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ArmingPanel:
         self._actions = actions
         self._known: tuple[tuple[str, int], ...] = ()
         self._states: dict[tuple[str, int], ui.label] = {}
-        self._buttons: dict[tuple[str, int], ui.button] = {}
+        self._buttons: dict[tuple[str, int], tuple[ui.button, ui.button]] = {}
         self._card = ui.card().classes("mc-card")
         with self._card:
             ui.html("<h2>Runs to arm</h2>", sanitize=False)
@@ -40,7 +40,9 @@ class ArmingPanel:
             self._build(shown)
         for each in shown:
             self._states[each.key].set_text(_state_text(each))
-            self._buttons[each.key].set_enabled(each.run["state"] == "waiting")
+            arm, reject = self._buttons[each.key]
+            arm.set_enabled(each.run["state"] == "waiting")
+            reject.set_enabled(each.run["state"] in ("waiting", "armed"))
 
     def _build(self, shown: tuple[RunToArm, ...]) -> None:
         self._card.set_visibility(bool(shown))
@@ -62,10 +64,23 @@ class ArmingPanel:
             with ui.row().classes("w-full items-center gap-2"):
                 seconds = ui.select(SECONDS, value=60, label="Within").classes("min-w-24")
                 override = ui.select(OVERRIDES, value=100, label="Override up to").classes("min-w-28")
-                self._buttons[each.key] = ui.button(
-                    "Arm once", on_click=partial(self._arm, each, seconds, override)
-                ).props("color=warning")
+                arm = ui.button("Arm once", on_click=partial(self._arm, each, seconds, override)).props(
+                    "color=warning"
+                )
+                reason = ui.input(
+                    "Reason", validation={"at most 500 characters": lambda said: len(said) <= 500}
+                )
+                reject = ui.button("Reject", on_click=partial(self._reject, each, reason)).props("outline")
+                self._buttons[each.key] = arm, reject
             self._states[each.key] = ui.label("").props("aria-live=polite")
+
+    async def _reject(self, each: RunToArm, reason: ui.input) -> None:
+        run, said = each.run, str(reason.value or "")[:500]
+        await self._actions.do(
+            Role.OPERATOR,
+            f"reject {run['sha256'][:12]}",
+            lambda machine: machine.reject(run["sha256"], said, number=run["number"]),
+        )
 
     async def _arm(self, each: RunToArm, seconds: ui.select, override: ui.select) -> None:
         run = each.run
@@ -119,4 +134,6 @@ def _state_text(each: RunToArm) -> str:
         return f"waits for an operator, for another {left}"
     if run["state"] == "armed":
         return f"armed by {run['operator']} up to {run['override']:g} %: may be started once within {left}"
+    if run["state"] == "rejected":
+        return f"rejected by {run['operator']}" + (f": {run['reason']}" if run["reason"] else "")
     return "started"

@@ -19,7 +19,7 @@ from mcclient.machine import Machine
 from mcclient.run_picture import axis_label, run_picture
 
 SHOWN_HASH = 12
-WAITS = "waiting"
+WAITS, ARMED = "waiting", "armed"
 
 
 def arm(
@@ -35,6 +35,10 @@ def arm(
         float, typer.Option("--override", min=1.0, max=200.0, help="The greatest feed override, in percent.")
     ] = 100.0,
     show: Annotated[bool, typer.Option("--show", help="Print its text and extents; arm nothing.")] = False,
+    reject: Annotated[
+        str | None, typer.Option("--reject", metavar="REASON", help="Say no, and why; who asked reads it.")
+    ] = None,
+    withdraw: Annotated[bool, typer.Option("--withdraw", help="Take back what you asked for.")] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask at a terminal.")] = False,
     pictures: Annotated[
         Path | None,
@@ -59,9 +63,24 @@ def arm(
 
     async def order(number: int | None) -> dict[str, Any]:
         async with target.open() as one:
+            if reject is not None:
+                return await one.reject(sha256 or "", reject, number=number)
             return await one.arm(sha256 or "", seconds=seconds, override=override, number=number)
 
+    async def take_back() -> list[dict[str, Any]]:
+        async with target.open() as one:
+            return await one.withdraw(sha256 or "")
+
+    if (withdraw or reject is not None) and (sha256 is None or (withdraw and reject is not None)):
+        raise typer.BadParameter("name one request by its hash, and either --reject or --withdraw")
     name, found = carry_out(look, json)
+    if withdraw:
+        left = carry_out(take_back, json)
+        if json:
+            write_json({"ok": True, "machine": name, "requests": left})
+        else:
+            say(f"{name}: {sha256} is withdrawn")
+        return
     if sha256 is None or show:
         if json:
             write_json({"ok": True, "machine": name, "requests": found})
@@ -73,8 +92,10 @@ def arm(
         else:
             results().print(requests_table(found))
         return
-    seen = [each for each in found if each["state"] == WAITS]
-    if len(seen) == 1 and not json and not yes and sys.stdin.isatty():
+    seen = [
+        each for each in found if each["state"] == WAITS or (reject is not None and each["state"] == ARMED)
+    ]
+    if len(seen) == 1 and reject is None and not json and not yes and sys.stdin.isatty():
         print_run(seen[0])
         if not typer.confirm(f"Arm it once, for {seconds:g} s, with at most {override:g} %?", err=True):
             say("nothing is armed")
