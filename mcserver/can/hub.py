@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 
 from mcserver.can.address import NAME, family_of, split_host_port
 from mcserver.can.socketcand_text import ECHO, HI, MAX_MESSAGE, OK, frame_text, split_messages
+from mcserver.terminal import log_to_stderr
 
 LOG = logging.getLogger(__name__)
 MAX_CLIENTS = 256
@@ -302,7 +303,7 @@ def main(arguments: list[str] | None = None) -> int:
         host, port = split_host_port(given.address)
     except ValueError as error:
         parser.error(f"{given.address!r} is no address: {error}")
-    logging.basicConfig(level=logging.INFO, format="hub: %(message)s")
+    log_to_stderr(logging.INFO, "hub: %(message)s")
     try:
         hub = Hub(host, port, given.channels)
     except OSError as error:

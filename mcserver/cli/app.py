@@ -7,6 +7,7 @@ input never gives a traceback: each fault has a code and a remedy.
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import sys
 import traceback
@@ -19,10 +20,11 @@ from typing import Annotated, Any
 import typer
 from mckinematics.errors import KinematicsError
 
-from mcserver.cli.console import show_error
+from mcserver.cli.console import narration, show_error
 from mcserver.cli.exit_codes import ExitCode, OutputFault, exit_code_of
 from mcserver.errors import McError
 from mcserver.machine.machine_kinematics import as_configuration_error
+from mcserver.terminal import LogFormatter
 
 
 def _show_version(wanted: bool) -> None:
@@ -137,6 +139,9 @@ def run_command_line(arguments: list[str] | None = None) -> int:
 
 
 def _run(arguments: list[str] | None) -> int:
+    if logging.lastResort is not None:
+        # of commands that set up no log of their own
+        logging.lastResort.setFormatter(LogFormatter())
     code: object = 0
     words = sys.argv[1:] if arguments is None else arguments
     called = words[0] if words and (words[0] in COMMANDS or words[0] in GROUPS) else None
@@ -177,7 +182,8 @@ def _from_os_error(error: OSError) -> McError:
 
 def _internal(error: Exception) -> McError:
     if os.environ.get("MCSERVER_TRACEBACK"):
-        traceback.print_exc()
+        for line in traceback.format_exc().splitlines():
+            narration().print(line)
     frames = traceback.extract_tb(error.__traceback__)
     place = f" at {os.path.basename(frames[-1].filename)}:{frames[-1].lineno}" if frames else ""
     return McError(

@@ -73,7 +73,7 @@ def benchmark(
             answerer = _answerer(answers, command, baseline, timeout, seed)
             verdicts, durations = _judge_all(chosen, answerer, save)
     if prompts is not None:
-        narration().print(f"{len(chosen)} prompts: {prompts}", markup=False)
+        narration().print(f"{len(chosen)} prompts: {prompts}")
         if json:
             write_json({"ok": True, "prompts": len(chosen), "folder": str(prompts)})
     elif json:

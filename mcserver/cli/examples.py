@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import sys
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Annotated, BinaryIO
 
 import typer
 
-from mcserver.cli.console import json_answer_on_error, narration, write_json
+from mcserver.cli.console import json_answer_on_error, narration, results, write_json, write_text
 from mcserver.cli.options import JsonOption
 from mcserver.cli.output_file import write_atomically
 from mcserver.errors import UsageFault
@@ -59,13 +58,13 @@ def examples(
         write_json({"ok": True, "examples": shown})
     elif output is not None:
         for file in written.values():
-            narration().print(file, markup=False, highlight=False)
+            narration().print(file)
     elif name is not None:
-        sys.stdout.write(next(iter(texts.values())).decode("utf-8"))
+        write_text(next(iter(texts.values())).decode("utf-8"))
     else:
         width = max(map(len, texts))
         for each, text in texts.items():
-            sys.stdout.write(f"{each:{width}}  {title(text)}\n")
+            results().print(f"{each:{width}}  {title(text)}")
 
 
 def write_all(folder: Path, texts: dict[str, bytes]) -> dict[str, str]:

@@ -8,7 +8,13 @@ from typing import Annotated, BinaryIO
 
 import typer
 
-from mcserver.cli.console import json_answer_on_error, narration, show_diagnostics, write_json
+from mcserver.cli.console import (
+    json_answer_on_error,
+    narration,
+    show_diagnostics,
+    write_json,
+    write_text,
+)
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument
 from mcserver.cli.output_file import write_atomically
@@ -91,8 +97,7 @@ def _write(file: str, raw: bytes, before: str, after: str) -> None:
 
 def _show(file: str, difference: str, *, dry_run: bool) -> None:
     """Show the difference: as the result, or beside the program that standard output holds."""
-    to = sys.stderr if file == STDIN and not dry_run else sys.stdout
-    to.write(difference)
+    write_text(difference, sys.stderr if file == STDIN and not dry_run else sys.stdout)
     if not difference:
         narration().print(f"{shown_name(file)}: nothing to fix with certainty")
 

@@ -70,5 +70,5 @@ def fleet_sim(
         options,
         processes,
         stopping,
-        lambda: narration().print(f"{machines} light machines {names} at {where}", markup=False),
+        lambda: narration().print(f"{machines} light machines {names} at {where}"),
     )

@@ -73,8 +73,8 @@ def _add_token(path: Path | None, name: str, role: str, json: bool) -> None:
         raise ConfigurationError("MC070", "the token file is not named", "give it with --tokens PATH")
     chosen = role_of(role, "MC070")
     token = add_token(path, name, chosen)
-    narration().print(f"{path}: {name} is {chosen.name.lower()}; the token is shown this once", markup=False)
+    narration().print(f"{path}: {name} is {chosen.name.lower()}; the token is shown this once")
     if json:
         write_json({"ok": True, "name": name, "token": token})
     else:
-        results().print(token, markup=False)
+        results().print(token)

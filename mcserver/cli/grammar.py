@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Annotated
 
 import typer
 
+from mcserver.cli.console import write_text
 from mcserver.cli.options import MachineOption
 from mcserver.language.grammar.dialect import build_grammar
 from mcserver.language.grammar.notations import Notation, write_grammar
@@ -21,4 +21,4 @@ def grammar(
 ) -> None:
     """Print the grammar of programs, for any machine or for the axes and tools of one."""
     described = load_machine(machine) if machine else None
-    sys.stdout.write(write_grammar(build_grammar(described), notation))
+    write_text(write_grammar(build_grammar(described), notation))

@@ -38,7 +38,7 @@ def history(
     from mcserver.web.history import HistoryFolder
 
     kept = HistoryFolder(folder, time.time, period)
-    narration().print(f"history: {folder} (Ctrl-C ends)", markup=False)
+    narration().print(f"history: {folder} (Ctrl-C ends)")
     try:
         asyncio.run(_run(kept, tuple(connect or ()), zenoh, states))
     except (KeyboardInterrupt, asyncio.CancelledError):
@@ -56,13 +56,13 @@ async def _run(kept: HistoryFolder, connect: tuple[str, ...], zenoh: Path | None
         try:
             link = await FleetLink.open(connect or None, config_file=zenoh)
         except MotionError as error:
-            narration().print(f"{error.message}; trying again", markup=False)
+            narration().print(f"{error.message}; trying again")
             await asyncio.sleep(RETRY_S)
             continue
         try:
             await _collect(kept, link, states_hz)
         except MotionError as error:
-            narration().print(f"{error.message}; connecting again", markup=False)
+            narration().print(f"{error.message}; connecting again")
         finally:
             await link.close()
         await asyncio.sleep(RETRY_S)

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
-import sys
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from mcserver.canopen.settings import find_drive_faults
-from mcserver.cli.console import json_answer_on_error, narration, results, show_diagnostics, write_json
+from mcserver.cli.console import (
+    json_answer_on_error,
+    narration,
+    results,
+    show_diagnostics,
+    write_json,
+    write_text,
+)
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption
 from mcserver.machine.bus_load import bus_loads
@@ -63,7 +69,7 @@ def show_machine(
     name: Annotated[str, typer.Argument(metavar="NAME", help=f"One of {', '.join(BUILT_IN)}.")],
 ) -> None:
     """Print a built-in machine file to start from: mcserver machine show cartesian > mine.toml"""
-    sys.stdout.write(builtin_text(name))
+    write_text(builtin_text(name))
 
 
 def _describe(machine: Machine) -> None:

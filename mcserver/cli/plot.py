@@ -102,7 +102,7 @@ def _draw(scene: Scene, output: str, suffix: str, limits: bool | None) -> None:
         from mcserver.plot.html import page_of
 
         write_atomically(output, lambda stream: _write_text(stream, page_of(scene)))
-    narration().print(f"drawn: {output}", markup=False)
+    narration().print(f"drawn: {output}")
 
 
 def _write_text(stream: BinaryIO, text: str) -> None:

@@ -48,7 +48,5 @@ def open_recording(file: str, machine: str) -> OpenedRecording:
         return OpenedRecording(run, run.machine, build_kinematics(run.machine))
     except McError as error:
         # its URDF is on another computer
-        narration().print(
-            f"without tools: {error.message}; --machine names a machine file here", markup=False
-        )
+        narration().print(f"without tools: {error.message}; --machine names a machine file here")
         return OpenedRecording(run, run.machine, None)

@@ -56,13 +56,11 @@ def show(file: FileArgument, json: JsonOption = False) -> None:
     began = (
         datetime.fromtimestamp(run.start_unix, UTC).isoformat(" ", "milliseconds") if run.start_unix else ""
     )
-    out.print(f"{file}: {found['machine'] or 'a machine'}, {duration_s:.3f} s {began}".rstrip(), markup=False)
-    out.print(
-        f"{len(cycles.axes)} axes, {len(cycles.time_s)} cycles, {len(run.lines)} lines ended", markup=False
-    )
+    out.print(f"{file}: {found['machine'] or 'a machine'}, {duration_s:.3f} s {began}".rstrip())
+    out.print(f"{len(cycles.axes)} axes, {len(cycles.time_s)} cycles, {len(run.lines)} lines ended")
     for event in faults:
         said = event.kind if event.fault is None else f"{event.fault.code} {event.fault.message}"
-        out.print(f"at {event.t:.3f} s of the server: {said}", markup=False)
+        out.print(f"at {event.t:.3f} s of the server: {said}")
 
 
 def repair(
@@ -91,4 +89,4 @@ def repair(
         return
     seconds = (found.end_ns - found.start_ns) * 1e-9
     state = "it was whole" if found.whole else "its end was missing"
-    narration().print(f"{target}: {found.messages} messages, {seconds:.3f} s; {state}", markup=False)
+    narration().print(f"{target}: {found.messages} messages, {seconds:.3f} s; {state}")

@@ -9,9 +9,8 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.logging import RichHandler
 
-from mcserver.cli.console import narration
+from mcserver.cli.console import NarrationHandler, narration
 from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine, load_machine
@@ -85,7 +84,7 @@ def run(
         journal=journal,
         take_over=take_over,
         on_ready=lambda endpoints: announce(described, endpoints),
-        on_progress=lambda sentence: narration().print(f"{described.name}: {sentence}", markup=False),
+        on_progress=lambda sentence: narration().print(f"{described.name}: {sentence}"),
     )
     with asyncio.Runner(loop_factory=SharedLoop) as runner:
         runner.run(serve(described, options))
@@ -124,9 +123,8 @@ def announce(machine: Machine, endpoints: list[str]) -> None:
 
 def narrate_logs(verbose: bool) -> None:
     """Logs of the server go to standard error, as all narration does."""
-    handler = RichHandler(console=narration(), show_path=False, rich_tracebacks=False)
-    handler.setFormatter(logging.Formatter("%(message)s", datefmt="[%X]"))
-    logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[handler], force=True)
+    level = logging.INFO if verbose else logging.WARNING
+    logging.basicConfig(level=level, handlers=[NarrationHandler()], force=True)
     if not verbose:
         # what it calls errors are single attempts, reported by us where the last one fails
         logging.getLogger("canopen").setLevel(logging.CRITICAL)

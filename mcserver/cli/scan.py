@@ -10,7 +10,7 @@ import msgspec
 import typer
 from rich.table import Table
 
-from mcserver.cli.console import narration, results
+from mcserver.cli.console import narration, results, write_json, write_text
 from mcserver.cli.options import JsonOption
 
 
@@ -46,13 +46,13 @@ def scan(
     if eds is not None:
         nodes = with_eds(nodes, [eds])
     if json:
-        typer.echo(msgspec.json.encode({"bus": address, "nodes": nodes}).decode())
+        write_json({"bus": address, "nodes": nodes})
     elif machine_file:
-        typer.echo(file_of("machine", address, nodes), nl=False)
+        write_text(file_of("machine", address, nodes))
     elif nodes:
         results().print(table_of(nodes))
     else:
-        narration().print(f"{address}: no node answers: check power, bit rate and terminators", markup=False)
+        narration().print(f"{address}: no node answers: check power, bit rate and terminators")
 
 
 # Drives that send by themselves are no reason to ask nothing: only a master at work is.

@@ -88,16 +88,14 @@ def init(
         write_json({"ok": True, "files": [str(path) for path in written]})
         return
     for path in written:
-        results().print(str(path), markup=False, highlight=False, soft_wrap=True)
-    narration().print(
-        f"router: zenohd --config {folder}/router.json5, or mcserver security router {folder}\n"
-        f"machine: mcserver run --zenoh-config machine.NAME.json5\n"
-        f"user: mcctl status --zenoh-config NAME.json5\n"
-        f"keep authority.key away from every other computer: who has it makes new users",
-        markup=False,
-        highlight=False,
-        soft_wrap=True,
-    )
+        results().print(str(path))
+    for sentence in (
+        f"router: zenohd --config {folder}/router.json5, or mcserver security router {folder}",
+        "machine: mcserver run --zenoh-config machine.NAME.json5",
+        "user: mcctl status --zenoh-config NAME.json5",
+        "keep authority.key away from every other computer: who has it makes new users",
+    ):
+        narration().print(sentence)
 
 
 def check(
@@ -128,7 +126,7 @@ def check(
         results().print(summary(findings))
         for each in wrong:
             found = "passed" if each.passed else "was stopped"
-            narration().print(f"WRONG: {each.who}: {each.what} {found}", style="bold red", markup=False)
+            narration().print(f"WRONG: {each.who}: {each.what} {found}", style="bold red")
         narration().print(f"{len(findings)} attempts, {len(wrong)} not as the rules say")
     if wrong:
         raise typer.Exit(int(ExitCode.FAILED))
@@ -177,7 +175,7 @@ def router(
             "MC522", "the router cannot listen", "is its port taken? see --listen"
         ) from error
     where = listen or f"tls/0.0.0.0:{site.port}"
-    narration().print(f"router: {len(site.identities())} identities, listening on {where}", markup=False)
+    narration().print(f"router: {len(site.identities())} identities, listening on {where}")
     stopped = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopped.set())

@@ -49,7 +49,7 @@ def announcing(served: str, *, json: bool) -> Callable[[str], None]:
     """Return what says where an application is served, once it is ready."""
 
     def ready(url: str) -> None:
-        narration().print(f"{served}: {url} (Ctrl-C ends)", markup=False)
+        narration().print(f"{served}: {url} (Ctrl-C ends)")
         if json:
             write_json({"ok": True, "url": url})
 

@@ -11,7 +11,7 @@ import msgspec
 from rich.table import Table
 from rich.text import Text
 
-from mcserver.cli.console import results
+from mcserver.cli.console import json_bytes, results
 from mcserver.cli.exit_codes import OutputFault
 from mcserver.errors import Diagnostic
 from mcserver.simulation.line_times import LineTimes
@@ -44,7 +44,7 @@ def write_report(report: Mapping[str, Any], times: LineTimes) -> None:
     """
     if sys.stdout is None:
         raise OutputFault("MC015", "standard output is closed", "give it a file or a pipe")
-    encode = msgspec.json.encode
+    encode = json_bytes
     write = sys.stdout.buffer.write
     before = b"{"
     for key, value in report.items():

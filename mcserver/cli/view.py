@@ -106,7 +106,7 @@ class _Address:
         self.host, self.port, self.up, self.json = host, port, up, json
 
     def tell(self, url: str, name: str) -> None:
-        narration().print(f"{name}: {url} (Ctrl-C ends)", markup=False)
+        narration().print(f"{name}: {url} (Ctrl-C ends)")
         if self.json:
             write_json({"ok": True, "url": url})
 
@@ -199,7 +199,6 @@ def _window(
         if missing:
             narration().print(
                 f"{len(missing)} meshes were not found, such as {missing[0]}: their links are drawn as bones",
-                markup=False,
             )
         yield window
 

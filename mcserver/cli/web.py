@@ -87,7 +87,7 @@ def _add_user(path: Path | None, name: str, role: str) -> None:
     else:
         password = sys.stdin.readline().rstrip("\n")
     write(path, name, chosen, password)
-    narration().print(f"{path}: {name} is {chosen.name.lower()}", markup=False)
+    narration().print(f"{path}: {name} is {chosen.name.lower()}")
 
 
 def _state_folder() -> Path:

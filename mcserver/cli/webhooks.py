@@ -33,7 +33,7 @@ def webhooks(
     hooks = read_hooks(config)
     # it would log addresses, which may hold secrets
     logging.getLogger("httpx").setLevel(logging.WARNING)
-    narration().print(f"webhooks: {', '.join(hook.name for hook in hooks)} (Ctrl-C ends)", markup=False)
+    narration().print(f"webhooks: {', '.join(hook.name for hook in hooks)} (Ctrl-C ends)")
     try:
         asyncio.run(_run(hooks, tuple(connect or ()), zenoh))
     except KeyboardInterrupt:
@@ -56,7 +56,7 @@ async def _run(hooks: list[Hook], connect: tuple[str, ...], zenoh: Path | None) 
             try:
                 link = await FleetLink.open(connect or None, config_file=zenoh)
             except MotionError as error:
-                narration().print(f"{error.message}; trying again", markup=False)
+                narration().print(f"{error.message}; trying again")
                 await asyncio.sleep(RETRY_S)
                 continue
             events = FleetEvents(link, history=False)
@@ -67,7 +67,7 @@ async def _run(hooks: list[Hook], connect: tuple[str, ...], zenoh: Path | None) 
                             receiver.take(machine, event)
                     await asyncio.sleep(PERIOD_S)
             except MotionError as error:
-                narration().print(f"{error.message}; connecting again", markup=False)
+                narration().print(f"{error.message}; connecting again")
             finally:
                 await link.close()
             await asyncio.sleep(RETRY_S)

@@ -25,6 +25,7 @@ from mcserver.executor.realtime import MonotonicClock, lock_memory, take_realtim
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
 from mcserver.motion.kernels.rate_search import warm_up_playback
+from mcserver.terminal import visible
 
 # Without a beat of the server for this time motion is stopped [s]. A server that has died is noticed sooner,
 # as the parent process that is gone; this is about one that hangs. A loaded computer of two cores was seen to
@@ -144,7 +145,7 @@ def main() -> int:
             references=start.references,
         )
     except McError as error:
-        print(error, file=sys.stderr, flush=True)  # noqa: T201
+        print(visible(str(error)), file=sys.stderr, flush=True)  # noqa: T201
         mailbox.set_executor_state(ProcessState.ENDED)
         return int(ExitCode.DRIVES)
     code = ExitCode.BROKEN

@@ -13,8 +13,8 @@ WINDOW = 100  # columns of a line that are shown; longer lines are cut around th
 ELLIPSIS = "…"
 
 
-def render(diagnostic: Diagnostic, source_lines: Sequence[str], path: str) -> str:
-    """Render a diagnostic over several lines, without colour and without a final line end.
+def render(diagnostic: Diagnostic, source_lines: Sequence[str], path: str) -> list[str]:
+    """Render a diagnostic as lines, without colour.
 
     Args:
         source_lines: lines of the program; a diagnostic without a line of them is shown without excerpt.
@@ -44,7 +44,7 @@ def render(diagnostic: Diagnostic, source_lines: Sequence[str], path: str) -> st
         lines.append(f"{' ' * width} = {label}")
     if diagnostic.hint:
         lines.append(f"{' ' * width} = help: {diagnostic.hint}")
-    return "\n".join(lines)
+    return lines
 
 
 def excerpt(line: str, column: int, end_column: int) -> tuple[str, int, int]:

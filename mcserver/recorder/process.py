@@ -30,6 +30,7 @@ from mcserver.recorder.recorder import Recorder
 from mcserver.recorder.repair import repair_unfinished
 from mcserver.recorder.sink import FileWriter
 from mcserver.simulation.tool_poses import ToolPoses
+from mcserver.terminal import log_to_stderr
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +51,7 @@ LOST_LIMIT_S = 20.0
 def main() -> int:
     """Run until the server ends; returns the exit code."""
     start = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=RecorderStart)
-    logging.basicConfig(level=logging.WARNING, format="%(message)s")
+    log_to_stderr(logging.WARNING)
     # a keyboard's interrupt goes to the server too, which ends this process in order
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     terminated: list[int] = []

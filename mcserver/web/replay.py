@@ -13,6 +13,7 @@ from mcserver.errors import McError
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.recorder.reading import RecordedRun, read_recording
 from mcserver.simulation.tool_poses import ToolPoses
+from mcserver.terminal import visible
 
 MOST_ROWS = 4000
 
@@ -62,7 +63,7 @@ def main(output: str, file: str) -> int:
     try:
         made = replay_of(read_recording(Path(file)))
     except McError as error:
-        sys.stderr.write(f"{error}\n")
+        sys.stderr.write(f"{visible(str(error))}\n")
         return 1
     part = Path(f"{output}.part")
     part.write_bytes(msgspec.json.encode(made))

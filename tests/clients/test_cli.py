@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_methods import FakeProgram
 from fake_server import FakeServer
 from mcclient import texts
 from mcclient.cli import ahead
@@ -344,3 +345,18 @@ def test_the_sdk_alone_needs_neither_typer_nor_rich_nor_the_server() -> None:
         check=True,
     )
     assert done.stdout == "[]\n"
+
+
+def test_names_of_programs_and_clients_are_never_obeyed_by_the_terminal(
+    mcctl: Run, server: FakeServer
+) -> None:
+    attack = "x\x1b[2J\x1b]0;owned\x07\u202egnp\nprogram finished"
+    server.programs["p1"] = FakeProgram("p1", attack, attack, [0], 1, "stop", False, state="held")
+    for command in (["status"], ["programs"], ["watch", "--once"], ["fleet", "--once"]):
+        code, out, err = mcctl(*command)
+        assert code == 0
+        assert not {"\x1b", "\u202e", "\x07"} & set(out + err), command
+        assert "x\\x1b[2J" in out
+        code, out, _ = mcctl(*command, "--json")
+        assert attack in json.dumps(json.loads(out), ensure_ascii=False) or json.dumps(attack) in out
+        assert not {"\x1b", "\u202e"} & set(out)

@@ -14,7 +14,8 @@ from tests.gcode.support import CARTESIAN
 
 def rendered(text: str) -> str:
     lines = text.split("\n")
-    return "\n".join(render(fault, lines, "pick.gcode") for fault in check_program(text, CARTESIAN))
+    faults = check_program(text, CARTESIAN)
+    return "\n".join(line for fault in faults for line in render(fault, lines, "pick.gcode"))
 
 
 def test_the_chord_fault_reads_as_in_the_style_guide() -> None:
@@ -63,9 +64,11 @@ def test_long_lines_are_cut_around_the_place() -> None:
 
 def test_a_diagnostic_without_a_line_has_no_excerpt() -> None:
     fault = Diagnostic(code="MC302", message="the point is out of reach", hint="come nearer")
-    assert render(fault, [], "a.gcode") == "\n".join(
-        ["error[MC302]: the point is out of reach", " --> a.gcode", "  = help: come nearer"]
-    )
+    assert render(fault, [], "a.gcode") == [
+        "error[MC302]: the point is out of reach",
+        " --> a.gcode",
+        "  = help: come nearer",
+    ]
 
 
 @given(st.text(max_size=300), st.integers(0, 310), st.integers(0, 310))

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 # The layers of the server, from the bottom up: a package may use what stands before it, nothing behind it or
 # beside it on the same line. This is the one place where they are written down.
 LAYERS: tuple[tuple[str, ...], ...] = (
-    ("errors", "units", "mckinematics"),
+    ("errors", "units", "terminal", "mckinematics"),
     ("can",),
     ("machine",),
     ("motion",),

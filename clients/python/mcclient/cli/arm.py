@@ -154,8 +154,8 @@ def requests_table(requests: list[dict[str, Any]]) -> Table:
         cells = (
             each["sha256"][:SHOWN_HASH],
             each["state"],
-            _plain(each["client"]),
-            _plain(each["name"]),
+            each["client"],
+            each["name"],
             "; ".join(_extents(each)),
             f"{each['duration_s']:.3f} s",
             f"{math.ceil(each['remaining_s'])} s",
@@ -169,11 +169,11 @@ def requests_table(requests: list[dict[str, Any]]) -> Table:
 def print_run(run: dict[str, Any]) -> None:
     """Print all that an operator has to see of one run: who asks, the text, how far and how long."""
     console = narration()
-    name = f" {_plain(run['name'])!r}" if run["name"] else ""
+    name = f" {run['name']!r}" if run["name"] else ""
     which = f"{run['sha256'][:SHOWN_HASH]}, {run['state']}"
-    console.print(Text(f"{_plain(run['client'])} asks for{name} ({which})"))
+    console.print(Text(f"{run['client']} asks for{name} ({which})"))
     for number, line in enumerate(run["text"].splitlines(), 1):
-        console.print(Text(f"{number:6} | {_plain(line)}"))
+        console.print(Text(f"{number:6} | {line}"))
     for extent in _extents(run):
         console.print(Text(f"  {extent}"))
     console.print(Text(f"  lasts {run['duration_s']:.3f} s"))
@@ -186,9 +186,3 @@ def _extents(run: dict[str, Any]) -> list[str]:
         f"axis {axis_label(part['axis'])}: {part['low']:.3f} … {part['high']:.3f} {part['unit']}"
         for part in run["extents"]
     ]
-
-
-def _plain(text: str) -> str:
-    return "".join(
-        character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in text
-    )

@@ -15,7 +15,6 @@ from prompt_toolkit.completion import CompleteEvent, Completer, Completion
 from prompt_toolkit.document import Document
 from prompt_toolkit.history import FileHistory, History, InMemoryHistory
 from prompt_toolkit.patch_stdout import patch_stdout
-from rich.console import Console
 
 from mcclient.cli.codes import CODES, COMMANDS
 from mcclient.cli.options import (
@@ -24,8 +23,9 @@ from mcclient.cli.options import (
     Target,
     parse_axes,
 )
-from mcclient.cli.output import errors_shown, exit_code_of, results, say, write_json
+from mcclient.cli.output import errors_shown, exit_code_of, narration, results, say, write_json
 from mcclient.cli.talk import Talk
+from mcclient.cli.terminal import TerminalConsole
 from mcclient.errors import MotionError
 from mcclient.lines import from_thread
 
@@ -58,7 +58,7 @@ def console(target: Target, axes: AxesOption = None, json: JsonOption = False) -
                 talk = Talk(one, _console_above_prompt, axes=chosen)
                 await _at_terminal(talk, one.name)
             else:
-                talk = Talk(one, results if not json else _narration_plain, axes=chosen)
+                talk = Talk(one, results if not json else narration, axes=chosen)
                 await _from_pipe(talk)
             return talk.failure
 
@@ -70,13 +70,9 @@ def console(target: Target, axes: AxesOption = None, json: JsonOption = False) -
     raise typer.Exit(code)
 
 
-def _console_above_prompt() -> Console:
+def _console_above_prompt() -> TerminalConsole:
     # made anew each time: while the prompt is shown, standard output is replaced by one that writes above it
-    return Console(file=sys.stdout, force_terminal=True, highlight=False, soft_wrap=True)
-
-
-def _narration_plain() -> Console:
-    return Console(stderr=True, highlight=False, soft_wrap=True)
+    return TerminalConsole(file=sys.stdout, force_terminal=True, soft_wrap=True)
 
 
 async def _from_pipe(talk: Talk) -> None:

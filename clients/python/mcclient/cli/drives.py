@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mcclient.cli.options import JsonOption, Target, with_target
-from mcclient.cli.output import carry_out, errors_shown, results, say, write_json
+from mcclient.cli.output import carry_out, errors_shown, results, say, write_json, write_text
 from mcclient.cli.step import step
 from mcclient.errors import RequestRefused
 from mcclient.types import BusScan, DriveInfo, SdoObject
@@ -99,7 +99,7 @@ def scan(
         return
     for each in found:
         if machine_file:
-            typer.echo(each.machine_file, nl=False)
+            write_text(each.machine_file)
             continue
         say(f"{each.bus} ({each.address})")
         results().print(scan_table(each))
@@ -285,4 +285,4 @@ def _tell(found: SdoObject, as_json: bool) -> None:
     else:
         shown_value = str(value)
     who = f"axis {found.axis} (node {found.node} on {found.bus})"
-    results().print(f"{who}  {place}  {found.type}  {shown_value}", markup=False)
+    results().print(f"{who}  {place}  {found.type}  {shown_value}")

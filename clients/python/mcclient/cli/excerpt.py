@@ -16,8 +16,8 @@ WINDOW = 100
 TextOf = Callable[[int], str | None]
 
 
-def render(diagnostic: Diagnostic, text: str | None, path: str) -> str:
-    """The diagnostic over several lines, without colour.
+def render(diagnostic: Diagnostic, text: str | None, path: str) -> list[str]:
+    """The diagnostic's lines, without colour.
 
     Args:
         text: the line's text; None: not known, no excerpt.
@@ -35,7 +35,7 @@ def render(diagnostic: Diagnostic, text: str | None, path: str) -> str:
             lines.append(f"{' ' * len(margin)} | {' ' * before}{'^' * marked}")
     if diagnostic.hint:
         lines.append(f"{' ' * max(1, len(margin))} = help: {diagnostic.hint}")
-    return "\n".join(lines)
+    return lines
 
 
 def show_diagnostics(diagnostics: Sequence[Diagnostic], text_of: TextOf, path: str) -> None:
@@ -43,9 +43,10 @@ def show_diagnostics(diagnostics: Sequence[Diagnostic], text_of: TextOf, path: s
     console = narration()
     causes = by_cause(diagnostics)
     for diagnostic, lines in causes[:MAX_SHOWN]:
-        head, _, rest = render(diagnostic, text_of(diagnostic.line), path).partition("\n")
+        head, *rest = render(diagnostic, text_of(diagnostic.line), path)
         console.print(Text(head, style="bold red" if diagnostic.severity == "error" else "bold yellow"))
-        console.print(Text(rest))
+        for line in rest:
+            console.print(Text(line))
         if lines:
             console.print(Text(f"  = {further_lines(lines)}"))
     if len(causes) > MAX_SHOWN:

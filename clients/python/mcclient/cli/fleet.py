@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -18,6 +17,7 @@ from rich.text import Text
 from mcclient.cli.options import LOOK_S, ConfigOption, ConnectOption, JsonOption
 from mcclient.cli.output import as_plain, carry_out, error_as_json, errors_shown, results, say, write_json
 from mcclient.cli.tables import state_text
+from mcclient.cli.terminal import TerminalConsole
 from mcclient.errors import MotionError, NobodyAnswers, RequestRefused
 from mcclient.estop import emergency_stop
 from mcclient.fleet import FleetLink
@@ -64,7 +64,7 @@ def show(
             if once or not (json or results().is_terminal):
                 _show(await fleet.look(), json)
                 return
-            console = Console(highlight=False)
+            console = TerminalConsole()
             live = None if json else Live(console=console, screen=True, auto_refresh=False)
             with live or contextlib.nullcontext():
                 while True:
@@ -197,7 +197,7 @@ def _order_command(method: str) -> Callable[..., None]:
         else:
             for name, error in outcome.items():
                 said = f"{method}" if error is None else f"error[{error.code}]: {error.message}"
-                results().print(f"{name}: {said}", markup=False)
+                results().print(f"{name}: {said}")
         if any(outcome.values()) or not outcome:
             raise typer.Exit(FAILED)
 

@@ -76,8 +76,7 @@ def history(
 
 
 def _plain(value: object) -> str:
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in text)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def sql_of(question: str) -> str:

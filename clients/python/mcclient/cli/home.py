@@ -135,4 +135,4 @@ def _tell(name: str, outcome: dict[str, Any], as_json: bool) -> None:
     shown = ", ".join(
         f"{axis_name(each['axis'])} at {each['position']:.3f} {each['unit']}" for each in outcome["axes"]
     )
-    results().print(f"{name}: homed {shown}", markup=False)
+    results().print(f"{name}: homed {shown}")

@@ -7,13 +7,14 @@ import contextlib
 from typing import Annotated
 
 import typer
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from mcclient.cli.options import JsonOption, Target, with_target
 from mcclient.cli.output import carry_out, results, write_json
+from mcclient.cli.terminal import TerminalConsole
 from mcclient.machine import Machine
 from mcclient.types import Info, InputInfo, MachineStatus, OutputInfo
 
@@ -168,7 +169,7 @@ def _as_json(status: MachineStatus) -> dict[str, object]:
 
 
 async def _live(machine: Machine, status: MachineStatus) -> None:
-    console = Console(highlight=False)
+    console = TerminalConsole()
     with Live(channels_view(machine.info, status), console=console, auto_refresh=False) as live:
         loop = asyncio.get_running_loop()
         due = loop.time()

@@ -40,7 +40,7 @@ def _order(
     if as_json:
         write_json({"ok": True, "machine": name, **outcome})
     else:
-        results().print(sentence(name, outcome), markup=False)
+        results().print(sentence(name, outcome))
 
 
 def _order_programs(
@@ -199,4 +199,4 @@ def estop(
     if json:
         write_json({"ok": True, "machine": name, "state": "estop"})
     else:
-        results().print(f"{name}: emergency stop, latched; mcctl reset clears it", markup=False)
+        results().print(f"{name}: emergency stop, latched; mcctl reset clears it")

@@ -14,9 +14,9 @@ from contextlib import contextmanager
 from typing import Any, NoReturn, TypeVar
 
 import typer
-from rich.console import Console
 from rich.text import Text
 
+from mcclient.cli.terminal import TerminalConsole, visible, visible_json
 from mcclient.errors import MotionError, ProgramError, RequestRefused
 
 T = TypeVar("T")
@@ -25,14 +25,14 @@ USAGE = 2
 PIPE_COLUMNS = 160
 
 
-def narration() -> Console:
+def narration() -> TerminalConsole:
     """The console for people: standard error."""
-    return Console(stderr=True, highlight=False, soft_wrap=True)
+    return TerminalConsole(stderr=True, soft_wrap=True)
 
 
-def results() -> Console:
+def results() -> TerminalConsole:
     """The console for results: standard output."""
-    console = Console(highlight=False, soft_wrap=True)
+    console = TerminalConsole(soft_wrap=True)
     if not console.is_terminal:
         # nobody's window cuts what goes to a file or another program
         console.width = max(console.width, PIPE_COLUMNS)
@@ -42,6 +42,14 @@ def results() -> Console:
 def say(text: str, style: str = "") -> None:
     """A sentence of narration."""
     narration().print(Text(text, style=style))
+
+
+def write_text(text: str) -> None:
+    """A text as it is on standard output; at a terminal nothing in it is obeyed."""
+    if sys.stdout.isatty():
+        text = "\n".join(map(visible, text.split("\n")))
+    sys.stdout.write(text)
+    sys.stdout.flush()
 
 
 def as_plain(value: Any) -> Any:
@@ -55,7 +63,7 @@ def as_plain(value: Any) -> Any:
 
 def write_json(value: Any) -> None:
     """One JSON value and a line end on standard output."""
-    sys.stdout.write(json.dumps(as_plain(value), ensure_ascii=False) + "\n")
+    sys.stdout.write(visible_json(json.dumps(as_plain(value), ensure_ascii=False)) + "\n")
     sys.stdout.flush()
 
 

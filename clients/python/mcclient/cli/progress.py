@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -15,6 +15,7 @@ from rich.text import Text
 
 from mcclient.cli.output import say
 from mcclient.cli.tables import STATE_STYLES
+from mcclient.cli.terminal import TerminalConsole
 from mcclient.types import ENDED
 
 PLAIN_EVERY_S = 5.0
@@ -123,7 +124,7 @@ def count_of(snapshot: Snapshot) -> str:
 class LiveDisplay:
     """A bar with the line under way below it."""
 
-    def __init__(self, console: Console, name: str) -> None:
+    def __init__(self, console: TerminalConsole, name: str) -> None:
         self._console = console
         self._name = name
         self._live: Live | None = None

@@ -57,6 +57,4 @@ def send(
     if json:
         write_json({"ok": True, **outcome})
     else:
-        results().print(
-            f"{outcome['program']}: {outcome['state']}, {outcome['done']} lines done", markup=False
-        )
+        results().print(f"{outcome['program']}: {outcome['state']}, {outcome['done']} lines done")

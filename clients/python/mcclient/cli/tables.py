@@ -49,7 +49,8 @@ def machine_view(
     shown = living or list(status.programs)[:3]
     parts.append(programs_table(shown) if shown else Text("no programs", style="dim"))
     # a latched emergency stop comes before what it made of others
-    parts += [fault_text(fault) for fault in sorted(status.faults, key=lambda fault: fault.code != "MC400")]
+    for fault in sorted(status.faults, key=lambda fault: fault.code != "MC400"):
+        parts += fault_texts(fault)
     return Group(*parts)
 
 
@@ -171,8 +172,6 @@ def axes_text(axes: Sequence[int]) -> str:
     return ",".join(str(first) if first == last else f"{first}-{last}" for first, last in runs)
 
 
-def fault_text(fault: Fault) -> Text:
-    text = Text.assemble((f"fault[{fault.code}]", "bold red"), f": {fault.message}")
-    if fault.hint:
-        text.append(f"\n  = help: {fault.hint}")
-    return text
+def fault_texts(fault: Fault) -> list[Text]:
+    head = Text.assemble((f"fault[{fault.code}]", "bold red"), f": {fault.message}")
+    return [head, Text(f"  = help: {fault.hint}")] if fault.hint else [head]

@@ -7,12 +7,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from rich.console import Console
 from rich.text import Text
 
 from mcclient.cli.codes import COMMANDS
 from mcclient.cli.excerpt import render
 from mcclient.cli.tables import machine_view
+from mcclient.cli.terminal import TerminalConsole
 from mcclient.errors import MotionError, ProgramClosed, ProgramError, ProgramRejected, RequestRefused
 from mcclient.feed import Feed
 from mcclient.machine import Machine
@@ -32,7 +32,9 @@ class Talk:
         failure: the last error; what a script's exit code comes from.
     """
 
-    def __init__(self, machine: Machine, out: Callable[[], Console], *, axes: list[int] | None) -> None:
+    def __init__(
+        self, machine: Machine, out: Callable[[], TerminalConsole], *, axes: list[int] | None
+    ) -> None:
         self.failure: MotionError | None = None
         self._machine = machine
         self._out = out
@@ -113,7 +115,8 @@ class Talk:
             self.failure = error
             for diagnostic in error.diagnostics:
                 shown = text if diagnostic.line in (number, 0) else None
-                self._say(render(diagnostic, shown, "console"), "red")
+                for row in render(diagnostic, shown, "console"):
+                    self._say(row, "red")
         except MotionError as error:
             self._tell(error)
 

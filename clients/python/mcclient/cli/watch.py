@@ -7,12 +7,13 @@ import contextlib
 from typing import Annotated
 
 import typer
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.live import Live
 
 from mcclient.cli.options import JsonOption, Target
 from mcclient.cli.output import carry_out, results, write_json
 from mcclient.cli.tables import machine_view
+from mcclient.cli.terminal import TerminalConsole
 from mcclient.machine import Machine
 from mcclient.types import MachineStatus
 
@@ -53,7 +54,7 @@ def _show_once(machine: Machine, status: MachineStatus, as_json: bool) -> None:
 
 
 async def _live(machine: Machine) -> None:
-    console = Console(highlight=False)
+    console = TerminalConsole()
     status = await machine.status()
 
     def view() -> RenderableType:
@@ -90,4 +91,4 @@ async def _plain(machine: Machine) -> None:
         )
         programs = " ".join(f"{each.program}:{each.state}:{each.line}" for each in status.programs)
         said = (f"{status.t:.1f}", status.state, positions, tools, programs)
-        results().print(" ".join(word for word in said if word), markup=False)
+        results().print(" ".join(word for word in said if word))
