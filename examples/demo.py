@@ -127,7 +127,7 @@ def scene_of(program: Path, machine: str, samples: list[Samples], lines: list[Li
     title = f"{program}: as the encoders saw it"
     if missed > 0:
         # motion waits on its path meanwhile, which shows as a dip of the speed
-        title += f", {missed} cycle{'s' * (missed != 1)} late"
+        title += f", {missed} cycle{'s' * (missed != 1)} late: the dips of speed are theirs"
     source = program.read_text("utf-8").splitlines()
     scene = build_scene(title, described, recorded, report, source, build_kinematics(described))
     steps = [np.diff(path.setpoint, axis=0) for path in scene.paths]

@@ -211,6 +211,14 @@ class ForeseeingBus(Protocol):
         """Let these exchanges have happened, all of them."""
 
 
+@runtime_checkable
+class UnclockedBus(Protocol):
+    """A bus of simulated drives, whose time passes by exchanges alone."""
+
+    def stall(self, cycles: int) -> None:
+        """Let cycles pass in which drives hear nothing: they hold, and at their time-outs switch off."""
+
+
 class BusEventKind(enum.IntEnum):
     """What a `BusEvent` is about."""
 

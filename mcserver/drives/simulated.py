@@ -33,6 +33,9 @@ MAX_DELAY = 1000
 HOMING_CYCLES = 20
 # A drive in velocity mode forgets what it could not reach beyond this time at the axis's speed limit [s].
 VELOCITY_WINDUP_S = 0.05
+# Exchanges that are computed of a stall beyond the longest time-out: drives stand or coast by then, and a
+# stall is not to be made longer by its model.
+STALL_CYCLES = 100
 
 
 class SimulatedBus:
@@ -110,6 +113,12 @@ class SimulatedBus:
             self._marks.pass_to(self._position, self._feedback)
         self._report()
         return self._feedback
+
+    def stall(self, cycles: int) -> None:
+        silence = Setpoints.of(len(self.columns))
+        silence.mode[:] = DriveMode.SILENT
+        for _ in range(min(cycles, int(self._timeout.max()) + STALL_CYCLES)):
+            self.exchange(silence)
 
     def events(self) -> list[BusEvent]:
         return []

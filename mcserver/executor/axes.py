@@ -21,6 +21,7 @@ from mcserver.drives.bus import (
     ForeseeingBus,
     Foreseen,
     Setpoints,
+    UnclockedBus,
 )
 from mcserver.executor.headroom import Array
 from mcserver.executor.shm.feedback import AxisCondition, FeedbackRow
@@ -209,6 +210,12 @@ class AxisBank:
         return [port.bus for port in self._ports]
 
     # ------------------------------------------------------------------ the cycle
+
+    def stall(self, cycles: int) -> None:
+        """Let simulated drives know that so many cycles have passed without an exchange."""
+        for port in self._ports:
+            if isinstance(port.bus, UnclockedBus):
+                port.bus.stall(cycles)
 
     def exchange(self) -> None:
         """One exchange with every bus; afterwards `failed`, `dropped` and the masks say what has changed."""

@@ -101,6 +101,7 @@ class Executor:
         self._reset_estop = self._estop_seen
         self._hold = False
         self._override = 1.0
+        self._longest_cycle = machine.stall_limit_s + 1.5 * machine.cycle_s
         self.late_cycles = 0
 
     @property
@@ -144,7 +145,9 @@ class Executor:
     def cycle(self, time: float) -> None:
         """Exactly one cycle; ``time``: executor time [s]."""
         cycle, row = self._cycle, self._row
-        cycle.time = time
+        elapsed, cycle.time = time - cycle.time, time
+        if elapsed > self._longest_cycle:
+            self._stall(elapsed)
         self._read_mailbox()
         self._advance()
         self._supervision.before_exchange()
@@ -233,6 +236,7 @@ class Executor:
             cycle.history[(cycle.number + number) % len(cycle.history)] = actual[number]
         self._feedback.skip(count)
         cycle.number += count
+        cycle.time = time + (count - 1) * cycle.cycle_s
         return Stretch(lines, setpoint, actual, events)
 
     def stop_all(self, code: FaultCode | None = None) -> None:
@@ -278,6 +282,22 @@ class Executor:
                     slot.interlock()
         if io.stopping and not cycle.estop:
             self._latch_estop(FaultCode.INTERLOCK_STOP, (float(io.stopping[0]), io.value(io.stopping[0])))
+
+    def _stall(self, seconds: float) -> None:
+        """End all motion where it is: the drives got no setpoint for longer than they bridge.
+
+        In real time the command has stood still, whatever its speed was, and the drives hold or have failed.
+        Going on would be a step of velocity; going on from rest would be a mark in the work of which nobody
+        was asked, after a time in which neither holds nor inputs were read. So it is a fault.
+        """
+        cycle, limit = self._cycle, self.machine.stall_limit_s
+        self.bank.stall(round(seconds / cycle.cycle_s) - 1)
+        cycle.fault(FaultCode.CYCLE_STALLED, -1, 0, values=(seconds, limit))
+        for slot in self._slots:
+            slot.stall(seconds, limit)
+        unowned = self.bank.all & ~self._owned()
+        self.motions.rest(unowned)
+        stop_independent(cycle, unowned, -1)
 
     def _stop_for(self, code: FaultCode, column: float) -> None:
         """Stop all motion within its limits: an input or output is lost."""

@@ -67,6 +67,7 @@ class FaultCode(enum.IntEnum):
     NO_CONTACT = 456
     PROBE_CLOSED = 457
     REFERENCE_MOVING = 458
+    CYCLE_STALLED = 459
 
 
 # Codes that are reported and stop no program.
@@ -130,7 +131,8 @@ def remedy_of(
         column = int(values[0])
         kind = "input" if column < len(inputs) else "output"
         name = f'the {kind} "{[*inputs, *outputs][column]}"'
-    text = message.format(axis=axis, detail=_detail_text(code, detail), input=name)
+    seconds = values[0] if values else 0.0
+    text = message.format(axis=axis, detail=_detail_text(code, detail), input=name, seconds=seconds)
     return text, hint.format(axis=axis, input=name)
 
 
@@ -361,6 +363,11 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.REFERENCE_MOVING: (
         "axis {axis} moves while its position was to be given",
         "let it come to rest, then give the reference again",
+    ),
+    FaultCode.CYCLE_STALLED: (
+        "the cycle stalled: drives got no setpoint for {seconds:.3f} s, and motion was ended where it was",
+        "see where the axes stand before going on; find what held the computer up (mcserver doctor); "
+        "setpoint_timeout_s in the machine file is what the drives bridge",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

@@ -129,6 +129,17 @@ class IndependentMotions:
         self.pending |= self._profiled & 1 << column
         self._pass(self._motions[column], left)
 
+    def rest(self, mask: int) -> None:
+        """End position motions and halts where their setpoints are: the drives stand there already.
+
+        Speeds, and axes whose drives make the profiles themselves, are not touched: those went on.
+        """
+        mask &= self.mask & ~self.speeding & ~self._profiled
+        for column, bit in enumerate(1 << column for column in range(len(self._axes))):
+            if mask & bit:
+                self._row.velocity[column] = 0.0
+        self.drop(mask)
+
     def drop(self, mask: int) -> None:
         """Forgets motions; the setpoints stay where they are. Columns of a line that are left go on."""
         for column in [column for column in self.goals if mask >> column & 1]:

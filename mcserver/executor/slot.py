@@ -186,6 +186,22 @@ class ProgramSlot:
         self.cycle.fault(code, self.index, line, column, values)
         self.stop(SlotState.FAULTED)
 
+    def stall(self, seconds: float, limit: float) -> None:
+        """End the program where it is: the drives got no setpoint for a time, and stand.
+
+        One that is held or paused, with nothing that moves, goes on when it is resumed.
+        """
+        motions = self.cycle.motions
+        stands = self._state is SlotState.HELD or (
+            self._state is SlotState.PAUSED and not motions.owned_by(self.index)
+        )
+        if not self.running or not self._started or stands:
+            return
+        motions.rest(motions.owned_by(self.index))
+        # from rest in real time: the next setpoint is the last one
+        self.ramp.jump(0.0)
+        self.fault(FaultCode.CYCLE_STALLED, self.line, -1, (seconds, limit))
+
     def lose(self, column: int) -> None:
         """An axis of this program has faulted; it takes no part any more."""
         self.playback.leave(1 << column)

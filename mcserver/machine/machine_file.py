@@ -46,6 +46,9 @@ from mcserver.units import DEGREE, MM, TURN, AxisType
 
 BUILT_IN = ("cartesian", "robot-dog", "arm6")
 
+# A cycle that is late by fewer cycles than this has not stalled, however slow the cycle is.
+LEAST_STALL_CYCLES = 5
+
 
 class Axis(msgspec.Struct, frozen=True):
     """One axis in SI: m or rad, and seconds. Infinite where not limited.
@@ -95,6 +98,7 @@ class Machine(msgspec.Struct, frozen=True):
         probe: what trips G38.2 … G38.5; None: it cannot probe.
         recorder: how its cycles are recorded.
         gravity: in the URDF's base frame [m/s²].
+        setpoint_timeout: longest time that drives bridge without a setpoint [s]; see `stall_limit_s`.
     """
 
     name: str
@@ -116,10 +120,16 @@ class Machine(msgspec.Struct, frozen=True):
     gravity: tuple[float, float, float] = EARTH
     joint_tolerance: float = 0.0
     joint_tolerance_angle: float = 0.0
+    setpoint_timeout: float = 0.05
 
     @property
     def cycle_s(self) -> float:
         return 1.0 / self.cycle_hz
+
+    @property
+    def stall_limit_s(self) -> float:
+        """Time between two setpoints from which on the cycle has stalled: motion does not go on then [s]."""
+        return max(self.setpoint_timeout, LEAST_STALL_CYCLES * self.cycle_s)
 
     def axis(self, index: int) -> Axis | None:
         """The axis of that number, or None."""
@@ -294,6 +304,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         probe=probe,
         recorder=file.get("recorder") or RecorderSection(),
         gravity=EARTH if kinematics is None else kinematics.gravity,
+        setpoint_timeout=section.setpoint_timeout_s,
     )
 
 

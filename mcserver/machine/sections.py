@@ -192,6 +192,9 @@ class MachineSection(msgspec.Struct, frozen=True):
         ),
     ]
     cycle_hz: Annotated[float, Meta(ge=10.0, le=10000.0, description="1000 is usual")] = 1000.0
+    setpoint_timeout_s: Annotated[
+        float, Meta(gt=0.0, le=10.0, description="what the drives bridge without a setpoint: 0.05 is usual")
+    ] = 0.05
 
 
 class MotionSection(msgspec.Struct, frozen=True):

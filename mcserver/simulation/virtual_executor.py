@@ -132,6 +132,11 @@ class VirtualExecutor:
             if recorder is not None:
                 recorder(executor.time, executor.line(), executor.row.setpoint, executor.row.actual)
 
+    def miss(self, cycles: int) -> None:
+        """Let cycles be missed, as where the computer is held up: time passes, and nothing is exchanged."""
+        self._cycles += cycles
+        self.executor.late_cycles += cycles
+
     def events(self) -> list[ExecutorEvent]:
         """Reports since the last call, in order."""
         return [event for report in self.reports() for event in _one_by_one(report)]

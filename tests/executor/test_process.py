@@ -123,6 +123,33 @@ def test_a_stopped_executor_is_seen_by_its_missing_beat(process: ExecutorProcess
     assert process.exit_code is None
 
 
+def test_an_executor_that_was_stopped_at_speed_stays_where_it_was(process: ExecutorProcess) -> None:
+    beating = Beating(process)
+    program = Program(process.open_slot(0), 2)
+    program.capture()
+    program.start_line(1)
+    program.move({0: 0.9}, 3000)
+    program.end_line()
+    program.finish()
+    eventually(lambda: process.feedback.velocity[0] > 0.3)
+    assert process.pid is not None
+    os.kill(process.pid, signal.SIGSTOP)
+    threading.Event().wait(1.0)
+    before = process.feedback.setpoint[0]
+    os.kill(process.pid, signal.SIGCONT)
+    events: list[ExecutorEvent] = []
+
+    def stopped() -> bool:
+        events.extend(process.events())
+        return any(event.kind is EventKind.STOPPED for event in events)
+
+    eventually(stopped)
+    beating.stop()
+    assert [event.code for event in events if event.kind is EventKind.FAULT] == [459, 459]
+    assert process.feedback.setpoint[0] == before
+    assert process.feedback.velocity[0] == 0.0
+
+
 class ScriptedClock:
     """A clock whose sleeps overrun as scripted [ns]."""
 
