@@ -221,6 +221,8 @@ class JogRequest(Request, frozen=True, kw_only=True):
         hold_s: dead man's time: the axis stops unless the same jog is asked for again within it; None: no
             such watch. A jog without distance always has one (default 0.5 s).
         program: id of the jog under way that this request keeps alive.
+        by: the person, where a client serves several: steps of one person follow each other, those of another
+            one are refused (MC512) while the axis moves.
     """
 
     axis: AxisIndex
@@ -228,6 +230,7 @@ class JogRequest(Request, frozen=True, kw_only=True):
     velocity: float | None = None
     hold_s: Annotated[float, Meta(gt=0.0, le=10.0)] | None = None
     program: ProgramId | None = None
+    by: Annotated[str, Meta(max_length=100)] = ""
 
 
 class HomeRequest(Request, frozen=True, kw_only=True):

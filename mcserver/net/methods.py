@@ -189,6 +189,7 @@ class Methods:
         program = await self._jogging.jog(
             client,
             request.axis,
+            by=request.by,
             distance=request.distance,
             velocity=request.velocity,
             hold_s=request.hold_s,

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import enum
 import time
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 
 from mckinematics.pose import Kinematics
 
@@ -49,6 +50,8 @@ CLOSING_AHEAD, CLOSING = 400, 100
 BITE = 64
 # Lines that are read in columns at once: a piece of work of some milliseconds.
 RUN = 512
+# Number of the lines that bring the axes to where the first line starts.
+APPROACH_LINE = 0
 # Lines in the window that a program at rest waits for before its first motion, while more are queued.
 FIRST_WINDOW = 64
 
@@ -81,6 +84,8 @@ class Pipeline:
         on_fault: effect of a faulty line.
         clock: for the time of inverse kinematics [s].
         kept: runs of lines of this very program, from a check of it.
+        machine_coordinates: lines are in positions of the axes, as the reference has them.
+        approach: lines in machine coordinates that run ahead of the first one, as line 0.
     """
 
     def __init__(
@@ -98,6 +103,8 @@ class Pipeline:
         on_fault: FaultRule = FaultRule.END,
         clock: Callable[[], float] = time.perf_counter,
         kept: KeptRuns | None = None,
+        machine_coordinates: bool = False,
+        approach: Sequence[str] = (),
     ) -> None:
         self.lines = LineBuffer() if lines is None else lines
         dynamics = None if kinematics is None else kinematics.dynamics
@@ -114,7 +121,10 @@ class Pipeline:
             modal=modal,
             frame=frame,
             kept=kept,
+            machine_coordinates=machine_coordinates or bool(approach),
         )
+        self._approach = deque(approach)
+        self._machine_coordinates = machine_coordinates
         self._printer = machine.dialect.profile == "printer"
         self._frame = self._interpreter.frame
         # the executor begins to stop when fewer rows are left than a stop takes
@@ -254,6 +264,8 @@ class Pipeline:
             self._reject(rejected)
             return True
         except PlanningError as error:
+            if error.line == APPROACH_LINE:
+                raise
             self._reject(
                 ProgramRejected(
                     [
@@ -322,6 +334,9 @@ class Pipeline:
         and nothing after it."""
         plan = self._plan
         line = rejected.diagnostics[0].line
+        if line == APPROACH_LINE:
+            # nobody can correct it, and the program must not begin from anywhere else
+            raise rejected
         plan.reports.append(Report(ReportKind.REJECTED, line, diagnostics=rejected.diagnostics))
         self._end_of_text()
         self._broken = True
@@ -381,10 +396,10 @@ class Pipeline:
         try:
             return self._interpret_next()
         except ProgramRejected as rejected:
-            if self.lines.closed or self._on_fault is FaultRule.END:
+            faulty = rejected.diagnostics[0].line
+            if self.lines.closed or self._on_fault is FaultRule.END or faulty == APPROACH_LINE:
                 raise
             # neither modal state nor motion has changed: the program goes on with the same number
-            faulty = rejected.diagnostics[0].line
             self._plan.reports.append(Report(ReportKind.REJECTED, faulty, diagnostics=rejected.diagnostics))
             self.lines.clear()
             self._held = None
@@ -393,6 +408,10 @@ class Pipeline:
 
     def _interpret_next(self) -> bool:
         plan = self._plan
+        if self._held is None and self._approach:
+            self._held = self._interpreter.parse(self._approach.popleft(), APPROACH_LINE)
+        if self._held is None and not self._machine_coordinates:
+            self._interpreter.begin_program()
         if self._held is None and self._take_run():
             return True
         if self._held is None:

@@ -42,6 +42,8 @@ class PipelineRequest(msgspec.Struct, frozen=True):
         axes: that the program may name. modal: state to start with; None: a program's own beginning.
         frame: work offsets of that beginning; None: none.
         unhomed: it may move axes that are not homed, slowly.
+        machine_coordinates: its lines are in positions of the axes, as the reference has them: a jog.
+        approach: lines in machine coordinates that bring the axes to where its first line starts.
     """
 
     program: str
@@ -49,6 +51,8 @@ class PipelineRequest(msgspec.Struct, frozen=True):
     modal: ModalState | None = None
     frame: Frame | None = None
     unhomed: bool = False
+    machine_coordinates: bool = False
+    approach: tuple[str, ...] = ()
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):

@@ -103,6 +103,8 @@ class PipelineFactory:
             modal=request.modal,
             frame=request.frame,
             on_fault=FaultRule.RETRY,
+            machine_coordinates=request.machine_coordinates,
+            approach=request.approach,
         )
 
 

@@ -118,6 +118,4 @@ class HomingService:
 
     def _check_free(self, axes: Sequence[int]) -> None:
         for axis in axes:
-            holder = self._service.holder(axis)
-            if holder is not None:
-                raise Refused("MC512", f"axis {axis} is leased to {holder}", "abort it first", program=holder)
+            self._service.refuse_leased(axis)

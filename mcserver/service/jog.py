@@ -1,5 +1,8 @@
 """Moves of one axis by hand, each a program of its own with a lease on that axis.
 
+They are in machine coordinates, whatever work offsets, tools and units programs have. Steps of one person
+that come while one is under way wait for its end; anybody else is told who moves the axis.
+
 A jog without a distance runs on while its client asks for it again; when that stops, the axis stops. So a
 button that nobody releases, because the network broke, cannot keep an axis moving.
 """
@@ -18,6 +21,8 @@ DEFAULT_HOLD_S = 0.5
 # the longest jog without an end, at its velocity, where the axis has no limit
 ENDLESS_S = 600.0
 DEFAULT_SHARE = 0.1
+# steps of an axis that wait or are under way
+STEPS = 8
 # a watch that runs out later than by this was held up with the whole server [s]
 HELD_UP_S = 0.02
 # what has arrived meanwhile has so long to be read
@@ -30,12 +35,16 @@ class Jogging:
     def __init__(self, service: MachineService) -> None:
         self._service = service
         self._watches: dict[str, asyncio.TimerHandle] = {}
+        # jogs that have not ended: the axis, and the person at the client
+        self._open: dict[str, tuple[int, str]] = {}
+        service.on_program_ended.append(self._ended)
 
     async def jog(
         self,
         client: str,
         axis_index: int,
         *,
+        by: str = "",
         distance: float | None,
         velocity: float | None,
         hold_s: float | None,
@@ -44,10 +53,12 @@ class Jogging:
         """Starts a jog, or keeps ``program_id`` alive; returns the program's id.
 
         Args:
+            by: the person at the client, where it serves several; jogs of another one are refused.
             distance: [mm, deg], signed; None: on until stopped. velocity: [mm/s, deg/s].
 
         Raises:
-            ServiceError: MC507 no such axis, MC511 a velocity of 0 or none, MC512 the axis is leased.
+            ServiceError: MC507 no such axis, MC508 too many steps wait, MC511 a velocity of 0 or none,
+                MC512 the axis is leased.
         """
         if program_id is not None:
             return self._keep(client, program_id, hold_s)
@@ -59,17 +70,18 @@ class Jogging:
                 "see `info`",
                 axis=axis_index,
             )
-        holder = self._service.holder(axis_index)
-        if holder is not None:
-            raise Refused(
-                "MC512", f"axis {axis_index} is leased to {holder}", "abort it first", program=holder
-            )
+        self._refuse_taken(client, by, axis_index, step=distance is not None)
         move = self._move(axis, distance, velocity)
         if distance is None and hold_s is None:
             hold_s = DEFAULT_HOLD_S
         program = await self._service.open(
-            client, name=f"jog axis {axis_index}", axes=[axis_index], unhomed=True
+            client,
+            name=f"jog axis {axis_index}" + (f" by {by}" if by else ""),
+            axes=[axis_index],
+            unhomed=True,
+            by_hand=True,
         )
+        self._open[program.program] = axis_index, by
         try:
             await self._service.lines.submit(client, program.program, 1, [f"G1010 P{axis_index}", move])
         except Exception:
@@ -79,6 +91,28 @@ class Jogging:
         if hold_s is not None:
             self._watch(program.program, hold_s)
         return program.program
+
+    def _refuse_taken(self, client: str, by: str, axis: int, *, step: bool) -> None:
+        """Refuse a jog of an axis that anything moves but earlier steps of the same person."""
+        holder = self._service.holder(axis)
+        if holder is None:
+            return
+        own = holder.client == client and self._open.get(holder.program) == (axis, by)
+        if not own or not (step or holder.state == "ending"):
+            self._service.refuse_leased(axis)
+        if sum(jog == (axis, by) for jog in self._open.values()) >= STEPS:
+            raise Refused("MC508", f"{STEPS} steps of axis {axis} wait", "let some of them end", limit=STEPS)
+
+    def _ended(self, program: Program) -> None:
+        """Forget a jog; the steps behind one that was broken off do not run either."""
+        ended = self._open.pop(program.program, None)
+        if ended is None or program.state == "finished":
+            return
+        behind = [each for each, jog in self._open.items() if jog == ended]
+        for other in behind:
+            del self._open[other]
+        for other in behind:
+            self._service.abort(other, "the step before it was broken off")
 
     def _keep(self, client: str, program_id: str, hold_s: float | None) -> str:
         program = self._service.program(program_id)

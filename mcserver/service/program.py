@@ -72,6 +72,8 @@ class Program:
         # all of a program that needs no planner; and whether it may move axes that are not homed
         self.controls: Sequence[Control] = ()
         self.unhomed = False
+        # moved by hand: a jog, homing; in machine coordinates, at its own speed whatever the override
+        self.by_hand = False
         # executor time of the newest cycle before it began [s]
         self.begun = 0.0
         # counts rejections: what the planner says about lines of an earlier epoch no longer matters, and what
@@ -109,6 +111,11 @@ class Program:
     @property
     def ended(self) -> bool:
         return self.state in ENDED
+
+    @property
+    def label(self) -> str:
+        """What it is and whose, for people."""
+        return f"{self.name or 'a program'} ({self.state}) of {self.client}"
 
     @property
     def done(self) -> int:

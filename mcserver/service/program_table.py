@@ -113,6 +113,8 @@ class ProgramTable:
         self.planner = planner(self._planner_events)
         # called for a stop that the executor has latched by itself
         self.on_machine_stop: Callable[[Fault], None] = self.faults.latch
+        # called once a program has ended
+        self.on_program_ended: Callable[[Program], None] = lambda _program: None
         # inputs that hold the programs now, by column
         self._holding: set[int] = set()
         self.heartbeat = Heartbeat(port.beat, lambda: self.planner.last_seen)
@@ -215,7 +217,14 @@ class ProgramTable:
             )
             if not program.controls:
                 frame = self.offsets.frame()
-                request = PipelineRequest(program.program, grant.axes, program.modal, frame, program.unhomed)
+                request = PipelineRequest(
+                    program.program,
+                    grant.axes,
+                    program.modal,
+                    frame,
+                    program.unhomed,
+                    machine_coordinates=program.by_hand,
+                )
                 self.planner.send(Begin(request, grant.slot, program.step, program.begun))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
@@ -240,6 +249,7 @@ class ProgramTable:
         )
         self.publish("program.ended", program, line=program.done, fault=program.fault, reason=program.reason)
         self.acks.acknowledge(program)
+        self.on_program_ended(program)
         # all of a program without a planner is in its slot already
         self._start(self.leases.release(program.program, planned=not program.controls))
 

@@ -97,6 +97,9 @@ class MachineService:
         self.lines = LineIntake(self._table, self._loop)
         self.latch = StopLatch(self._table, port, self._loop, self._journal_stop)
         self._table.on_machine_stop = self.latch.stopped_by_machine
+        self._table.on_program_ended = self._program_ended
+        # called with each program that has ended, before another one gets its axes
+        self.on_program_ended: list[Callable[[Program], None]] = []
         self.forecasts = Forecasts(port, machine.cycle_s)
         self.texts = KeptTexts(options.journal.with_suffix(".texts"))
         self.when_gone: list[Callable[[str], None]] = []
@@ -186,12 +189,14 @@ class MachineService:
         unhomed: bool = False,
         controls: Sequence[Control] = (),
         sha256: str | None = None,
+        by_hand: bool = False,
     ) -> Program:
         """Opens a program and queues it for its axes.
 
         Args:
             unhomed: it may move axes that are not homed. controls: all of a program that needs no planner.
             sha256: of its whole text, so that a simulation of the text tells how long it takes.
+            by_hand: a jog or a search: in machine coordinates, and no override applies.
 
         Raises:
             ServiceError: MC503 no program ``resume_of``, MC507 no such axis, MC508 too many programs, MC509 a
@@ -243,7 +248,8 @@ class MachineService:
         program.unhomed = unhomed
         program.controls = tuple(controls)
         program.closed = bool(controls)
-        program.override = self.override
+        program.by_hand = by_hand
+        program.override = 1.0 if by_hand else self.override
         self._table.add(program, before)
         return program
 
@@ -258,7 +264,7 @@ class MachineService:
         Raises:
             ServiceError: as `open`.
         """
-        return await self.open(client, name=name, axes=axes, controls=controls)
+        return await self.open(client, name=name, axes=axes, controls=controls, by_hand=True)
 
     def step(self, client: str, program_id: str) -> Program:
         """Lets the next line of a program in single line mode start."""
@@ -319,8 +325,10 @@ class MachineService:
         return chosen
 
     def set_override(self, ratio: float, program_id: str | None) -> list[Program]:
-        """Feed override; of all programs, those to come included, without an id."""
-        chosen = open_programs(self._table.programs, program_id)
+        """Set the feed override of a program; without an id that of all, those included that come before the
+        last one ends. What is moved by hand has its own speed.
+        """
+        chosen = [each for each in open_programs(self._table.programs, program_id) if not each.by_hand]
         if program_id is None:
             self.override = ratio
         for program in chosen:
@@ -374,15 +382,34 @@ class MachineService:
         """
         self.channels.refuse_interlocked(self.channels.stopping(), "reset")
         self.latch.reset(frozenset(axes_of(self.machine, axes)))
+        self._end_override()
 
     def homed(self, axis: int) -> bool:
         """Return whether an axis knows where it is."""
         homed = self.port.snapshot().homed
         return not homed or homed[self.machine.column_of(axis)]
 
-    def holder(self, axis: int) -> str | None:
+    def holder(self, axis: int) -> Program | None:
         """The program that may move ``axis`` now."""
-        return self._table.leases.holder(axis)
+        name = self._table.leases.holder(axis)
+        return None if name is None else self._table.programs[name]
+
+    def refuse_leased(self, axis: int) -> None:
+        """Refuse what needs an axis that a program has.
+
+        Raises:
+            ServiceError: MC512.
+        """
+        holder = self.holder(axis)
+        if holder is not None:
+            raise Refused(
+                "MC512",
+                f"axis {axis} is moved by {holder.label}",
+                "wait for its end, or abort it",
+                program=holder.program,
+                client=holder.client,
+                name=holder.name,
+            )
 
     def current(self) -> list[Program]:
         """Programs that have not ended, and those that ended a moment ago."""
@@ -422,6 +449,19 @@ class MachineService:
         self.forecasts.estimate(self._table.programs.values(), self.now())
 
     # ------------------------------------------------------------ inside
+
+    def _program_ended(self, program: Program) -> None:
+        """End the override with the last of the programs that it was set for."""
+        if not program.by_hand and program.progress.started > 0:
+            self._end_override()
+        for each in self.on_program_ended:
+            each(program)
+
+    def _end_override(self) -> None:
+        others = [each for each in open_programs(self._table.programs, None) if not each.by_hand]
+        if not others and self.override != 1.0:
+            self.override = 1.0
+            self.events.publish("override", percent=100.0, message="it ends with the program")
 
     def _journal_stop(self, client: str, reason: str) -> None:
         # only the one that latches it; repetitions would fill the journal

@@ -35,6 +35,7 @@ class JogsAxes(Protocol):
         velocity: float | None = None,
         hold_s: float | None = None,
         program: str | None = None,
+        by: str = "",
     ) -> str: ...
 
     async def abort(self, program: str | None = None) -> list[str]: ...
@@ -61,15 +62,16 @@ class HeldJog:
     """The one jog that one browser may hold.
 
     Args:
-        machine: what moves.
+        machine: what moves. by: whose browser it is, for others who want the axis.
         clock: seconds, never stepping.
         on_error: takes the sentence for the operator.
     """
 
     def __init__(
-        self, machine: JogsAxes, clock: Callable[[], float], on_error: Callable[[str], None]
+        self, machine: JogsAxes, clock: Callable[[], float], on_error: Callable[[str], None], by: str = ""
     ) -> None:
         self.machine = machine
+        self._by = by
         self._clock = clock
         self._on_error = on_error
         self._gate = DelayGate()
@@ -93,7 +95,7 @@ class HeldJog:
             if self._press != press:
                 return
             try:
-                program = await self.machine.jog(axis, velocity=velocity, hold_s=HOLD_S)
+                program = await self.machine.jog(axis, velocity=velocity, hold_s=HOLD_S, by=self._by)
             except MotionError as error:
                 self._on_error(error.message)
                 return

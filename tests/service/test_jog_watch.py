@@ -20,6 +20,7 @@ class OneJog:
 
     def __init__(self, loop: VirtualLoop) -> None:
         self.let_go_at: float | None = None
+        self.on_program_ended: list[object] = []
         self._loop = loop
 
     def program(self, _program: str) -> OneJog:

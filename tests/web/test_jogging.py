@@ -26,8 +26,9 @@ class Machine:
         velocity: float | None = None,
         hold_s: float | None = None,
         program: str | None = None,
+        by: str = "",
     ) -> str:
-        assert distance is None
+        assert (distance, by) == (None, "ada" if program is None else "")
         assert hold_s == HOLD_S
         self.calls.append(("start" if program is None else "keep", (axis, velocity)))
         await self.gate.wait()
@@ -49,7 +50,7 @@ class Clock:
 
 def rig() -> tuple[Machine, Clock, HeldJog, list[str]]:
     machine, clock, said = Machine(), Clock(), list[str]()
-    return machine, clock, HeldJog(machine, clock, said.append), said
+    return machine, clock, HeldJog(machine, clock, said.append, "ada"), said
 
 
 async def test_a_press_starts_keeps_hold_and_a_release_aborts() -> None:

@@ -333,6 +333,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         velocity: float | None = None,
         hold_s: float | None = None,
         program: str | None = None,
+        by: str = "",
     ) -> str:
         """Moves one axis by hand; returns the jog's program id.
 
@@ -341,6 +342,8 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
                 the same call with ``program`` = the id returned comes again within ``hold_s``.
             velocity: [mm/s, deg/s]; None: a tenth of the axis's limit.
             hold_s: the dead man's time [s].
+            by: the person, where this client serves several: steps of one follow each other, another one is
+                refused (MC512) while the axis moves.
         """
         request = {
             "axis": axis,
@@ -348,6 +351,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
             "velocity": velocity,
             "hold_s": hold_s,
             "program": program,
+            "by": by[:100],
         }
         return str(unpack(await self._caller.call("jog", request))["program"])
 

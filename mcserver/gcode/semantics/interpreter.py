@@ -17,10 +17,11 @@ from mcserver.gcode.profiles.reader import reader_of
 from mcserver.gcode.semantics.block_interpreter import BlockInterpreter, faults_of
 from mcserver.gcode.semantics.block_state import BlockState, set_up
 from mcserver.gcode.semantics.commanded_state import CommandedState
-from mcserver.gcode.semantics.modal import ModalState, initial_modal
+from mcserver.gcode.semantics.modal import INITIAL, ModalState, initial_modal
 from mcserver.gcode.semantics.position_sync import find_axes_to_sync
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.words import Word
+from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import AxisLine, AxisOperation, Canonical, PathRun, PlainRun
 
@@ -36,6 +37,8 @@ class Interpreter:
         modal: state to start from, for a program that goes on from its middle.
         frame: work offsets to start from where ``modal`` is None (D-62).
         kept: runs of lines that the check of the same program keeps for its run.
+        machine_coordinates: read lines as the reference has them, in positions of the axes whatever the
+            machine's profile and ``frame`` say, until `begin_program`.
     """
 
     def __init__(
@@ -48,6 +51,7 @@ class Interpreter:
         modal: ModalState | None = None,
         frame: Frame | None = None,
         kept: KeptRuns | None = None,
+        machine_coordinates: bool = False,
     ) -> None:
         self._setup = set_up(machine, kinematics, lease)
         initial = {axis.index: axis.initial_position for axis in machine.axes}
@@ -57,6 +61,11 @@ class Interpreter:
         self._ended = False
         self._capture_due = machine.dialect.auto_capture
         self._parse = reader_of(machine.dialect)
+        # what the program begins with, while lines of its approach or of a jog are read
+        self._program = self._modal if machine_coordinates else None
+        if machine_coordinates:
+            self._modal = INITIAL
+            self._parse = reader_of(Dialect(channels=machine.dialect.channels))
         self._simple = SimpleBlockInterpreter(self._setup)
         self._runs = RunInterpreter(self._setup, kept)
 
@@ -69,6 +78,12 @@ class Interpreter:
     def frame(self) -> Frame | None:
         """Return the work offsets in force, behind the program's end those it left; None: never any."""
         return self._frame
+
+    def begin_program(self) -> None:
+        """Read the lines to come as the machine's programs; positions stay as they are."""
+        if self._program is not None:
+            self._modal, self._program = self._program, None
+            self._parse = reader_of(self._setup.machine.dialect)
 
     @property
     def positions(self) -> Mapping[int, float]:
@@ -115,7 +130,7 @@ class Interpreter:
 
         Only on machines with ``capture = "auto"``, and once a program.
         """
-        if not self._capture_due or self._ended or not _moves(parsed):
+        if not self._capture_due or self._ended or self._program is not None or not _moves(parsed):
             return None
         self._capture_due = False
         axes = tuple(sorted(self._setup.leased))
@@ -128,6 +143,7 @@ class Interpreter:
         Saves the caller from gathering lines in vain: after parts without runs attempts are rare.
         """
         one_by_one = self._ended or self._capture_due or self._setup.dynamics is not None
+        one_by_one = one_by_one or self._program is not None
         return 0 if one_by_one else self._runs.window(number)
 
     def interpret_run(

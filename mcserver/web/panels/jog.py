@@ -24,6 +24,8 @@ class JogPanel:
         self._actions = actions
         self._held: HeldJog | None = None
         self._axes: dict[int, AxisInfo] = {}
+        # two browsers of one person are two people to an axis
+        self._by = f"{actions.visitor.name} (browser {ui.context.client.id[:4]})"
         with ui.card().classes("mc-card"):
             ui.html("<h2>Jog</h2>", sanitize=False)
             with ui.row().classes("items-center w-full gap-4"):
@@ -82,7 +84,7 @@ class JogPanel:
         if self._actions.link.machine is None:
             return
         if self._held is None:
-            self._held = HeldJog(self._actions.link.machine, time.monotonic, show_refusal)
+            self._held = HeldJog(self._actions.link.machine, time.monotonic, show_refusal, self._by)
         self._held.machine = self._actions.link.machine
         velocity = direction * axis.max_velocity * self._speed.value / 100.0
         if kind == "keep":
@@ -92,7 +94,7 @@ class JogPanel:
             await self._actions.do(
                 Role.OPERATOR,
                 f"jog {axis_name(axis.index)} {distance:+g} {axis.unit}",
-                lambda machine: machine.jog(axis.index, distance, velocity=abs(velocity)),
+                lambda machine: machine.jog(axis.index, distance, velocity=abs(velocity), by=self._by),
             )
         elif kind == "press":
             await self._held.press(press, axis.index, velocity, sent_s)
