@@ -251,14 +251,14 @@ class MachineEndpoint:
 
     def _take_lines_now(self, service: MachineService, sample: zenoh.Sample) -> None:
         """Take lines in a borrowed turn."""
-        self._on_lines(service, sample, alone=True)
+        self._on_lines(service, sample)
         self._notice()
 
     def _notice(self) -> None:
         if isinstance(self._loop, SharedLoop):
             self._loop.notice()
 
-    def _on_lines(self, service: MachineService, sample: zenoh.Sample, *, alone: bool = False) -> None:
+    def _on_lines(self, service: MachineService, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
         stream = self.keys.stream_of(key)
         if stream is None:
@@ -274,7 +274,7 @@ class MachineEndpoint:
             if error.code != "MC503":
                 self._warn(service, error.code, f"in/{client}/{program}: {error.message}")
             return
-        service.lines.stream(program, message.first, message.lines, message.rejections, urgent=alone)
+        service.lines.stream(program, message.first, message.lines, message.rejections)
 
     def _on_stray(self, service: MachineService, sample: zenoh.Sample) -> None:
         """A put by a wildcard, such as ``mc/@v1/**``: it reaches every key, and so none is meant."""

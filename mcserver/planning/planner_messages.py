@@ -73,17 +73,12 @@ class Begin(msgspec.Struct, frozen=True, tag=True):
 
 
 class Lines(msgspec.Struct, frozen=True, tag=True):
-    """Take journaled lines ``first``, ``first + 1``, …; those of an earlier ``epoch`` do not count.
-
-    Attributes:
-        awaited: somebody waits for the verdict on them.
-    """
+    """Take journaled lines ``first``, ``first + 1``, …; those of an earlier ``epoch`` do not count."""
 
     program: str
     epoch: int
     first: int
     lines: Sequence[str]
-    awaited: bool = True
 
 
 class CloseProgram(msgspec.Struct, frozen=True, tag=True):

@@ -24,7 +24,6 @@ from mcserver.executor.view import ExecutorView, SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.warm_up import warm_up
-from mcserver.planning.gathering import Gathering
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.message_pipe import MessagePipe
 from mcserver.planning.pipeline import FaultRule, Pipeline
@@ -114,29 +113,18 @@ def run(pipe: MessagePipe, planner: Planner) -> None:
     encode = msgspec.msgpack.Encoder().encode
     poller = select.poll()
     poller.register(pipe, select.POLLIN)
-    gathering = Gathering()
-    now = pulse = time.monotonic()
+    pulse = time.monotonic()
     try:
         while True:
-            rest = 0.0 if pipe.blocked else gathering.until_look(now)
-            if rest and planner.pause_s:
-                time.sleep(rest)
-                now, rest = now + rest, 0.0
-            if not rest:
-                messages = _exchange(pipe, poller, min(planner.pause_s, gathering.until_due(now)))
-                commands = [decode(message) for message in messages if message]
-                gathering.came(commands, time.monotonic())
-                for command in commands:
-                    planner.handle(command)
-                if len(commands) < len(messages):
-                    pipe.send(encode(gathering.take()))
+            for message in _exchange(pipe, poller, planner.pause_s):
+                if not message:
                     return
+                planner.handle(decode(message))
             events = planner.turn()
             now = time.monotonic()
-            gathering.happened(events, now)
-            if gathering.due(now) or now - pulse >= PULSE_S:
+            if events or now - pulse >= PULSE_S:
                 pulse = now
-                pipe.send(encode(gathering.take()))
+                pipe.send(encode(events))
     except (EOFError, OSError):
         # the server is gone; the executor stops the machine by itself
         return

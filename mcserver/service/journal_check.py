@@ -21,7 +21,6 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ServiceError
-from mcserver.service.line_log import line_log_path, read_line_log
 
 _WAL_HEADER = struct.Struct(">8I")
 _FRAME_HEADER = struct.Struct(">6I")
@@ -79,14 +78,13 @@ class JournalLock:
 def repair_journal(path: Path) -> Damage | None:
     """Check a journal that is not open; keep a damaged one aside and leave one that can be used.
 
-    With a damaged log, or log of lines, the database goes on with what came before the damage; a damaged
-    database is replaced by an empty one.
+    With a damaged log the database goes on with what came before the damage; a damaged database is replaced
+    by an empty one.
     """
     if not path.exists():
         return None
     kept = path.with_name(f"{path.name}.damaged-{time.strftime('%Y%m%d-%H%M%S', time.gmtime())}")
-    lines = "a record of its log of lines is damaged" if read_line_log(line_log_path(path)).damaged else ""
-    lost = "; ".join(filter(None, (wal_damage(path), lines)))
+    lost = wal_damage(path)
     if lost:
         # before anything opens the database, which would take the log's sound part and delete the rest
         for source, target in _files(path, kept):
@@ -104,7 +102,6 @@ def repair_journal(path: Path) -> Damage | None:
 
 def _files(path: Path, kept: Path) -> list[tuple[Path, Path]]:
     pairs = [(Path(f"{path}{suffix}"), Path(f"{kept}{suffix}")) for suffix in ("", "-wal", "-shm")]
-    pairs.append((line_log_path(path), line_log_path(kept)))
     return [(source, target) for source, target in pairs if source.exists()]
 
 

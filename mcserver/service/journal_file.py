@@ -38,9 +38,6 @@ CREATE: tuple[str, ...] = (
     "CREATE TABLE IF NOT EXISTS commands("
     " id INTEGER PRIMARY KEY, at REAL NOT NULL, client TEXT NOT NULL, method TEXT NOT NULL, program TEXT,"
     " detail TEXT NOT NULL, crc INTEGER)",
-    # the last record of the log of lines that is in ``chunks``
-    "CREATE TABLE IF NOT EXISTS line_log(id INTEGER PRIMARY KEY CHECK(id = 1), taken INTEGER NOT NULL)",
-    "INSERT OR IGNORE INTO line_log(id, taken) VALUES (1, 0)",
 )
 
 Statement = tuple[str, tuple[object, ...]]
@@ -92,8 +89,8 @@ def open_journal(path: Path) -> sqlite3.Connection:
         # of a new file: a commit writes whole pages, and most commits are a single short row
         connection.execute(f"PRAGMA page_size={PAGE_BYTES}")
         connection.execute("PRAGMA journal_mode=WAL")
-        connection.execute("PRAGMA synchronous=NORMAL")
-        # a checkpoint syncs, which no commit shall wait for; the thread makes them
+        # no commit shall wait for the disk: another connection syncs, and makes the checkpoints (DiskSync)
+        connection.execute("PRAGMA synchronous=OFF")
         connection.execute("PRAGMA wal_autocheckpoint=0")
         version = connection.execute("PRAGMA user_version").fetchone()[0]
         if version == 1:
@@ -119,13 +116,6 @@ def open_journal(path: Path) -> sqlite3.Connection:
             "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
         ) from error
     return connection
-
-
-def taken_records(path: Path) -> int:
-    """Return the number of the last record of its log of lines that an open journal's database has."""
-    with contextlib.closing(sqlite3.connect(path)) as connection:
-        (taken,) = connection.execute("SELECT taken FROM line_log").fetchone()
-    return int(taken)
 
 
 def prune(bounds: JournalBounds) -> list[Statement]:

@@ -43,7 +43,7 @@ class LineIntake:
                 cannot be journaled now).
         """
         program = owned_program(self._table.programs, client, program_id)
-        self._take(program, first, lines, rejections, urgent=True, awaited=judge)
+        self._take(program, first, lines, rejections)
         last = first + len(lines) - 1
         through = min(last, program.queue.accepted)
         self._check_journal(program, through)
@@ -77,20 +77,17 @@ class LineIntake:
         first: int,
         lines: Sequence[str],
         rejections: int | None = None,
-        *,
-        urgent: bool = False,
     ) -> None:
         """Take lines that were put without asking; whatever happens is said by an acknowledgement.
 
         Args:
             rejections: as of `submit`.
-            urgent: no other message waits to be journaled with them.
         """
         program = self._table.programs.get(program_id)
         if program is None:
             return
         try:
-            self._take(program, first, lines, rejections, urgent=urgent, awaited=False)
+            self._take(program, first, lines, rejections)
         except ServiceError as error:
             gap = error.code == "MC505" and _of_now(program, rejections)
             self._table.acks.acknowledge(program, program.queue.expected if gap else 0)
@@ -138,9 +135,6 @@ class LineIntake:
         first: int,
         lines: Sequence[str],
         rejections: int | None,
-        *,
-        urgent: bool,
-        awaited: bool,
     ) -> None:
         last = first + len(lines) - 1
         of_now = _of_now(program, rejections)
@@ -177,7 +171,7 @@ class LineIntake:
         if not taken.lines:
             self._table.acks.acknowledge(program)
             return
-        self._table.lines(program, taken.first, taken.lines, urgent=urgent, awaited=awaited)
+        self._table.lines(program, taken.first, taken.lines)
 
     def _check_journal(self, program: Program, through: int | None = None) -> None:
         """Refuse what the journal cannot take now; with ``through`` only if these lines are not in it."""

@@ -102,7 +102,6 @@ class ProgramTable:
                 on_failure=self._journal_state,
                 connect=options.connect,
                 threaded=options.journal_thread,
-                log_bytes=options.line_log_bytes,
             )
         except BaseException:
             self._lock.release()
@@ -149,21 +148,14 @@ class ProgramTable:
         self.publish("program.opened", program)
         self._start(self.leases.request(program.program, program.axes))
 
-    def lines(
-        self, program: Program, first: int, lines: Sequence[str], *, urgent: bool, awaited: bool
-    ) -> None:
-        """Give lines that the program's queue has taken to the journal, and from there to the planner.
-
-        Args:
-            urgent: someone waits for them, and nothing else would share their transaction.
-            awaited: someone waits for the planner's verdict on them too.
-        """
+    def lines(self, program: Program, first: int, lines: Sequence[str]) -> None:
+        """Give lines that the program's queue has taken to the journal, and from there to the planner."""
         if program.rejected:
             program.rejected = 0
             program.diagnostics = []
-        command = Lines(program.program, program.epoch, first, lines, awaited)
+        command = Lines(program.program, program.epoch, first, lines)
         committed = partial(self._lines_committed, program, command)
-        self.journal.lines(program.program, first, lines, committed, urgent=urgent)
+        self.journal.lines(program.program, first, lines, committed)
 
     def close(self, program: Program) -> None:
         """No more lines; what is there runs to its end."""

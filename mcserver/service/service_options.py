@@ -9,7 +9,6 @@ from pathlib import Path
 import msgspec
 
 from mcserver.service.journal_file import JournalConnection, open_journal
-from mcserver.service.line_log import LOG_BYTES
 
 
 class ServiceOptions(msgspec.Struct, frozen=True):
@@ -19,8 +18,7 @@ class ServiceOptions(msgspec.Struct, frozen=True):
         journal: the journal's file.
         instance: id of this start.
         clock: Unix time [s].
-        connect: opens the journal's file. journal_thread: the journal writes in a thread of its own.
-        line_log_bytes: size of the journal's log of lines.
+        connect: opens the journal's file. journal_thread: the journal has threads of its own.
     """
 
     journal: Path
@@ -28,4 +26,3 @@ class ServiceOptions(msgspec.Struct, frozen=True):
     clock: Callable[[], float] = time.time
     connect: Callable[[Path], JournalConnection] = open_journal
     journal_thread: bool = True
-    line_log_bytes: int = LOG_BYTES

@@ -32,7 +32,6 @@ from mcserver.planning.planner_messages import (
     ReportKind,
 )
 from mcserver.service.journal_file import open_journal
-from mcserver.service.line_log import line_log_path, read_line_log
 from mcserver.service.motion_port import Snapshot
 from mcserver.service.reports import Ack, Event
 from mcserver.service.service import MachineService
@@ -42,8 +41,6 @@ from tests.service.simulated_client import SimulatedClient
 from tests.service.simulated_laws import Violation, require
 
 LIMIT_S = 60.0
-# a handful of messages: it is full again and again
-LINE_LOG_BYTES = 1024
 
 
 class _NothingToRead(selectors.SelectSelector):
@@ -352,7 +349,7 @@ class Cell:
             require(self.loop.time() < until, f"programs do not end: {self._states()}")
             await asyncio.sleep(0.1)
         for program, kept in self._kept.items():
-            found = self._in_database(program)
+            found = self._journaled(program)
             require(found == kept, f"{program} was killed with {kept} lines journaled, {found} came back")
 
     def planner_killed(self) -> None:
@@ -395,7 +392,6 @@ class Cell:
                 clock=self.loop.time,
                 connect=self._connect,
                 journal_thread=False,
-                line_log_bytes=LINE_LOG_BYTES,
             ),
             on_ack=lambda ack: self._on_ack(start, ack),
             on_event=lambda event: self._on_event(start, event),
@@ -440,13 +436,6 @@ class Cell:
             require(event.seq == self._seq, f"event {event.seq} after {self._seq - 1}")
 
     def _journaled(self, program: str) -> int:
-        """Last line that a start would find: in the database, or in the log of lines only."""
-        taken = self._ask("SELECT taken FROM line_log")
-        kept = read_line_log(line_log_path(self._journal)).records
-        logged = [lines.last for number, lines in kept if number > taken and lines.program == program]
-        return max([self._in_database(program), *logged])
-
-    def _in_database(self, program: str) -> int:
         return self._ask("SELECT coalesce(max(last), 0) FROM chunks WHERE program=?", program)
 
     def _done(self, program: str) -> int:

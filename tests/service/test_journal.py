@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -18,7 +20,6 @@ from mcserver.errors import ServiceError
 from mcserver.service.journal import Journal
 from mcserver.service.journal_file import JournalBounds, open_journal, prune, transaction
 from mcserver.service.journal_reader import read_lines_before, read_programs, read_reports
-from mcserver.service.line_log import line_log_path, read_line_log
 from mcserver.service.reports import Fault, LineReport
 from tests.service.fakes import open_program
 
@@ -39,7 +40,7 @@ line = 0
 while True:
     line += 1
     committed = partial(print, f"line{line}", flush=True)
-    journal.lines("p-1", line, [f"G01 X{line}"], committed, urgent=line % 3 == 0)
+    journal.lines("p-1", line, [f"G01 X{line}"], committed)
     if line % 7 == 0:
         journal.progress("p-1", line - 2, line - 3)
     if line % 50 == 0:
@@ -115,28 +116,6 @@ def test_lines_behind_a_rejected_one_do_not_count(make: Callable[[], Kept]) -> N
     assert program.accepted == 3
 
 
-def test_urgent_lines_are_kept_when_the_call_returns(make: Callable[[], Kept]) -> None:
-    kept = make()
-    kept.open("p")
-    kept.settle()
-    kept.journal.lines("p", 1, ["one"], kept.named("one"), urgent=True)
-    assert kept.committed == ["one"]
-    ((_, logged),) = read_line_log(line_log_path(kept.path)).records
-    assert (logged.program, logged.first, logged.last) == ("p", 1, 1)
-    kept.settle()
-    assert read_lines_before(kept.path, "p", 2) == ["one"]
-
-
-def test_urgent_lines_come_into_the_database_by_themselves(make: Callable[[], Kept]) -> None:
-    kept = make()
-    kept.open("p")
-    kept.settle()
-    kept.journal.lines("p", 1, ["one"], urgent=True)
-    # no other entry wakes the thread
-    kept.turn()
-    assert read_lines_before(kept.path, "p", 2) == ["one"]
-
-
 def test_a_transaction_that_fails_leaves_nothing_and_the_next_one_is_whole(tmp_path: Path) -> None:
     with contextlib.closing(open_journal(tmp_path / "journal.db")) as connection:
         start = "INSERT INTO starts(instance, started_at) VALUES (?, 0.0)"
@@ -156,33 +135,37 @@ def test_a_transaction_that_fails_leaves_nothing_and_the_next_one_is_whole(tmp_p
         assert connection.execute("SELECT count(*) FROM starts").fetchone() == (2,)
 
 
-def test_urgent_lines_do_not_overtake_those_that_wait_for_the_thread(make: Callable[[], Kept]) -> None:
+def test_lines_are_committed_while_the_disk_takes_its_time_to_sync(
+    make: Callable[[], Kept], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    syncing, synced = threading.Event(), threading.Event()
+
+    def slow(_descriptor: int) -> None:
+        syncing.set()
+        synced.wait(LIMIT_S)
+
+    monkeypatch.setattr(os, "fdatasync", slow)
+    kept = make()
+    kept.open("p")
+    assert syncing.wait(LIMIT_S)
+    kept.journal.lines("p", 1, ["one"], kept.named("one"))
+    kept.settle()
+    assert not synced.is_set()
+    assert kept.committed == ["one"]
+    synced.set()
+
+
+def test_what_was_committed_last_is_synced_before_the_journal_is_closed(
+    make: Callable[[], Kept], monkeypatch: pytest.MonkeyPatch
+) -> None:
     kept = make()
     kept.open("p")
     kept.settle()
-    blocker = sqlite3.connect(kept.path, isolation_level=None)
-    blocker.execute("BEGIN IMMEDIATE")
-    kept.journal.lines("p", 1, ["one"], kept.named("one"))
-    kept.journal.lines("p", 2, ["two"], kept.named("two"), urgent=True)
-    assert kept.committed == []
-    blocker.execute("ROLLBACK")
-    blocker.close()
-    kept.settle()
-    assert kept.committed == ["one", "two"]
-    assert read_lines_before(kept.path, "p", 3) == ["one", "two"]
-
-
-def test_urgent_lines_do_not_overtake_callbacks_that_have_not_run(make: Callable[[], Kept]) -> None:
-    kept = make()
-    kept.open("p")
-    kept.settle()
-    kept.journal.lines("p", 1, ["one"], kept.named("one"))
-    while not read_programs(kept.path, limit=1)[0].accepted:
-        continue
-    kept.journal.lines("p", 2, ["two"], kept.named("two"), urgent=True)
-    assert kept.committed == []
-    kept.settle()
-    assert kept.committed == ["one", "two"]
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fdatasync", synced.append)
+    kept.journal.lines("p", 1, ["one"])
+    kept.journal.close()
+    assert synced
 
 
 def test_lines_with_any_character_come_back_as_they_were(make: Callable[[], Kept]) -> None:

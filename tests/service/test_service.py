@@ -11,7 +11,6 @@ import pytest
 from mcserver.errors import RejectedLines, ServiceError
 from mcserver.executor.entries import EventKind
 from mcserver.gcode.semantics.modal import ModalState
-from mcserver.service.journal_reader import read_lines_before
 from mcserver.service.program import Program
 from mcserver.service.reports import Fault
 from mcserver.service.service import CLIENT_PROGRAMS
@@ -398,26 +397,6 @@ async def test_with_a_full_disk_submits_are_refused_and_not_left_waiting(
     assert program.journaled == 1
     assert "cannot be written" in caplog.text
     assert executed_lines(bench.pipelines, program.program) == [1]
-
-
-async def test_lines_kept_before_a_full_disk_is_noticed_are_journaled_once_there_is_room(
-    full_disk: tuple[Bench, SimulatedDisk],
-) -> None:
-    bench, disk = full_disk
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
-    await bench.until_acked(program.program, done=1)
-    disk.full = True
-    taken = await bench.service.lines.submit("hmi", program.program, 2, ["move"])
-    assert taken.journaled == 2
-    await bench.until(lambda: any(event.reason == "MC519" for event in bench.events))
-    with pytest.raises(ServiceError):
-        await bench.service.lines.submit("hmi", program.program, 3, ["move"])
-    disk.full = False
-    await bench.until(lambda: bench.events[-1].message.endswith("can be written again"))
-    await bench.service.lines.close("hmi", program.program)
-    await bench.until_acked(program.program, state="finished", done=2)
-    assert read_lines_before(bench.service.options.journal, program.program, 3) == ["move", "move"]
 
 
 async def test_what_was_refused_with_a_full_disk_runs_once_when_there_is_room(
