@@ -65,7 +65,6 @@ def run(
     if not recorder:
         described = without_recorder(described)
     from mcserver.net.configuration import NetworkOptions
-    from mcserver.net.shared_loop import SharedLoop
     from mcserver.server import ServerOptions, serve
 
     if zenoh is not None and not zenoh.is_file():
@@ -86,8 +85,7 @@ def run(
         on_ready=lambda endpoints: announce(described, endpoints),
         on_progress=lambda sentence: narration().print(f"{described.name}: {sentence}"),
     )
-    with asyncio.Runner(loop_factory=SharedLoop) as runner:
-        runner.run(serve(described, options))
+    asyncio.run(serve(described, options))
     narration().print(f"{described.name}: stopped")
 
 

@@ -21,8 +21,9 @@ from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Keys
 from mcserver.net.messages import EstopRequest, StreamLines
 from mcserver.net.qos import Qos, ack_qos, event_qos, state_qos
+from mcserver.net.replies import ReplySender
 from mcserver.net.rpc import RpcServer
-from mcserver.net.session import ZenohSession
+from mcserver.net.session import CLOSE_LIMIT_S, ZenohSession
 from mcserver.service.reports import Ack, Event
 
 log = logging.getLogger(__name__)
@@ -69,6 +70,7 @@ class LightFleet:
         self._ending = threading.Event()
         self._machines: list[LightMachine] = []
         self._states: list[Callable[[], None]] = []
+        self._replies = ReplySender()
 
     def start(self) -> None:
         """Declare every machine, its token last."""
@@ -95,6 +97,11 @@ class LightFleet:
     def stop(self) -> None:
         self._ending.set()
 
+    def close(self) -> None:
+        """End the threads that send replies, once the session is closed."""
+        self._replies.close()
+        self._replies.join(CLOSE_LIMIT_S)
+
     def _add(self, name: str) -> None:
         keys = Keys(name)
         session = self._wrapped
@@ -108,14 +115,13 @@ class LightFleet:
             on_ack=lambda ack: publish(keys.ack(ack.program), ack, ack_qos()),
             on_event=lambda event: publish(keys.event, event, event_qos()),
         )
-        rpc = RpcServer(keys, machine.methods())
+        rpc = RpcServer(keys, machine.methods(), self._replies)
         states = session.matched_publisher(keys.telemetry_state, state_qos())
         decode_lines, decode_stop = MessageDecoder(StreamLines), MessageDecoder(EstopRequest)
 
         def on_query(query: zenoh.Query) -> None:
             with self._lock:
-                send = rpc.answer_borrowed(rpc.asked(query))
-            send()
+                rpc.on_query(query)
 
         def on_lines(sample: zenoh.Sample) -> None:
             stream = keys.stream_of(str(sample.key_expr))

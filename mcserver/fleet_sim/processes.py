@@ -95,3 +95,4 @@ def _serve(written: bytes, pipe: Connection) -> None:
     threading.Thread(target=until_closed, daemon=True).start()
     fleet.run()
     session.close()  # type: ignore[no-untyped-call]
+    fleet.close()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -14,7 +13,6 @@ import zenoh
 
 from mcserver.canopen.views import DriveAccess, NoDrives
 from mcserver.errors import ServiceError
-from mcserver.net.borrowing import Borrower
 from mcserver.net.configuration import (
     NetworkOptions,
     Reach,
@@ -31,9 +29,9 @@ from mcserver.net.messages import EstopRequest, StreamLines
 from mcserver.net.methods import Methods
 from mcserver.net.publishing import PublishingThread
 from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
-from mcserver.net.rpc import Asked, RpcServer
-from mcserver.net.session import Publication, ZenohSession
-from mcserver.net.shared_loop import SharedLoop
+from mcserver.net.replies import ReplySender
+from mcserver.net.rpc import RpcServer
+from mcserver.net.session import CLOSE_LIMIT_S, Publication, ZenohSession
 from mcserver.net.stop_copies import StopCopies
 from mcserver.net.telemetry import CycleTelemetry, StateTelemetry
 from mcserver.recorder.views import RecordingAccess
@@ -92,6 +90,7 @@ class MachineEndpoint:
         self._confirmations: Publication = session.publisher(keys.event, emergency_stop_qos())
         self._acks: dict[str, Publication] = {}
         self._rpc: RpcServer | None = None
+        self._replies = ReplySender()
         self._publishing = PublishingThread("publishing")
         # apart from all else, so that the confirmation of a stop waits for nothing
         self._confirming = PublishingThread("confirming", CONFIRMATIONS)
@@ -182,25 +181,15 @@ class MachineEndpoint:
         """Declares what clients may use, the liveliness token last."""
         keys, session, loop = self.keys, self._session, self._loop
         self._rpc = RpcServer(
-            keys, Methods(service, jogging, checker, drives or NoDrives(), recorder).table()
+            keys, Methods(service, jogging, checker, drives or NoDrives(), recorder).table(), self._replies
         )
         rpc = self._rpc
-        queries: Inbox[Asked] = Inbox(loop, rpc.on_query, limit=QUERIES, refuse=rpc.refuse)
+        queries: Inbox[zenoh.Query] = Inbox(loop, rpc.on_query, limit=QUERIES, refuse=rpc.refuse)
         lines: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_lines, service), limit=STREAMED_MESSAGES)
         tokens: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_token, service), limit=TOKENS)
         stops: Inbox[Stop] = Inbox(loop, partial(self._on_stop, service), limit=64)
         servers: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_server, service), limit=TOKENS)
         strays: Inbox[zenoh.Sample] = Inbox(loop, partial(self._on_stray, service), limit=64)
-
-        ahead = (queries, lines, tokens, stops)
-        finish = service.send_waiting
-        quick: Borrower[Asked] = Borrower(loop, queries, partial(self._answer_now, rpc), ahead, finish)
-        take_lines = partial(self._take_lines_now, service)
-        single: Borrower[zenoh.Sample] = Borrower(loop, lines, take_lines, ahead, finish)
-
-        def ask(query: zenoh.Query) -> None:
-            asked = rpc.asked(query)
-            (quick if asked.target.quick else queries).push(asked)
 
         copies = StopCopies(time.monotonic)
 
@@ -219,9 +208,9 @@ class MachineEndpoint:
         if self._emergency is not None:
             self._emergency.subscribe(keys.emergency_stop, stop)
         session.watch_tokens(keys.client("*"), tokens.push)
-        session.subscribe(keys.lines_in("*", "*"), single.push)
-        session.queryable(keys.rpc("*", "*"), ask)
-        session.queryable(keys.info, ask)
+        session.subscribe(keys.lines_in("*", "*"), lines.push)
+        session.queryable(keys.rpc("*", "*"), queries.push)
+        session.queryable(keys.info, queries.push)
         self._cycles = CycleTelemetry(session, keys, service)
         self._states = asyncio.ensure_future(StateTelemetry(session, keys, service, self._publishing).run())
         session.token(keys.live(service.options.instance))
@@ -237,26 +226,11 @@ class MachineEndpoint:
                 await asyncio.to_thread(thread.close)
         if self._rpc is not None:
             await self._rpc.close()
+        self._replies.close()
         if self._emergency is not None:
             await self._emergency.close()
         await self._session.close()
-
-    def _answer_now(self, rpc: RpcServer, asked: Asked) -> Callable[[], None]:
-        """Answer a query in a borrowed turn; gives what sends the replies."""
-        send = rpc.answer_borrowed(asked)
-        if asked.target.changes:
-            # should the caller not take its reply, the loop sends what else there is
-            self._notice()
-        return send
-
-    def _take_lines_now(self, service: MachineService, sample: zenoh.Sample) -> None:
-        """Take lines in a borrowed turn."""
-        self._on_lines(service, sample)
-        self._notice()
-
-    def _notice(self) -> None:
-        if isinstance(self._loop, SharedLoop):
-            self._loop.notice()
+        await asyncio.to_thread(self._replies.join, CLOSE_LIMIT_S)
 
     def _on_lines(self, service: MachineService, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)

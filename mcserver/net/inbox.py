@@ -11,7 +11,7 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Sized
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from mcserver.net.defects import DefectLog
@@ -51,11 +51,6 @@ class Inbox(Generic[T]):
         self._refuse = refuse
         self._items: deque[T] = deque()
         self._woken = False
-
-    @property
-    def waiting(self) -> Sized:
-        """What has come and is not delivered yet; certain only for who holds the loop's turn."""
-        return self._items
 
     def push(self, item: T) -> None:
         """Appends; from any thread."""

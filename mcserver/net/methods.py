@@ -36,9 +36,6 @@ log = logging.getLogger(__name__)
 
 Handler = Callable[[str, Any], Any]
 
-# carried out at once, without awaiting anything
-QUICK = frozenset({"submit", "close", "hold", "resume", "step", "override", "status", "info"})
-
 
 class Methods:
     """Binds messages to one machine's service.
@@ -118,7 +115,7 @@ class Methods:
             "info": (wire.Request, self.info),
         }
         return {
-            name: Method(request, call, changes, name in QUICK)
+            name: Method(request, call, changes)
             for methods, changes in ((changing, True), (reading, False))
             for name, (request, call) in methods.items()
         }

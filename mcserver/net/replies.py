@@ -2,9 +2,7 @@
 
 A reply blocks while its caller's link is full, up to the time after which Zenoh closes that link; so does
 giving a query up, which tells its caller that no reply comes. So neither is done in the loop: a few threads
-send, and each caller has at most one of these at a time. A small reply that is there while its query's own
-network thread is still at it may be sent by that thread, which saves a handoff; one such thread at a time, so
-that a caller who takes nothing never stops more than the one.
+send, and each caller has at most one of these at a time.
 """
 
 from __future__ import annotations
@@ -12,6 +10,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 
@@ -22,8 +21,6 @@ log = logging.getLogger(__name__)
 # more callers than this would have to be stuck at the same moment for another one to wait
 SENDERS = 16
 CALLER_REPLIES = 256
-# what a network thread may send itself: larger replies take long enough to be worth a handoff
-INLINE_BYTES = 16 * 1024
 # of what waits behind the reply that is being sent, which may be larger: a simulation of a long program
 CALLER_BYTES = 4 * 1024 * 1024
 TOTAL_BYTES = 128 * 1024 * 1024
@@ -77,16 +74,14 @@ class ReplySender:
         self._caller_bytes = caller_bytes
         self._total_bytes = total_bytes
         self._lock = threading.Lock()
-        # held by the one network thread that sends a reply itself
-        self._inline = threading.Lock()
         self._lanes: dict[str, _Lane] = {}
         self._ready: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._threads = 0
+        self._threads: list[threading.Thread] = []
         self._idle = 0
         self._size = 0
         self._closed = False
         self._discarded: queue.SimpleQueue[Send | None] = queue.SimpleQueue()
-        self._discarding = False
+        self._discarder: threading.Thread | None = None
 
     def has_room(self, caller: str) -> bool:
         """Whether another reply to this caller would be taken: asked before any work is done for it."""
@@ -101,10 +96,8 @@ class ReplySender:
         self.dropped += 1
         self._discarded.put(drop)
         with self._lock:
-            start = not self._discarding and not self._closed
-            self._discarding = self._discarding or start
-        if start:
-            threading.Thread(target=self._discard_all, name="reply-discard", daemon=True).start()
+            if self._discarder is None and not self._closed:
+                self._discarder = self._started("reply-discard", self._discard_all)
 
     def push(self, caller: str, reply: Outgoing) -> None:
         """Queue a reply; from any thread, without blocking."""
@@ -112,19 +105,6 @@ class ReplySender:
             taken = self._take(caller, reply)
         if not taken:
             self.discard(reply.drop)
-
-    def send_inline(self, caller: str, reply: Outgoing) -> None:
-        """Send a reply in the calling thread, which may block, or queue it where that would be unfair: it is
-        large, others wait for this caller already, or another thread is at it.
-        """
-        busy = self._closed or caller in self._lanes
-        if busy or reply.size > INLINE_BYTES or not self._inline.acquire(blocking=False):
-            self.push(caller, reply)
-            return
-        try:
-            _send(caller, reply)
-        finally:
-            self._inline.release()
 
     def close(self) -> None:
         """Take no more; a thread that is blocked ends when its link does."""
@@ -134,13 +114,22 @@ class ReplySender:
             for lane in self._lanes.values():
                 while len(lane.replies) > 1:
                     lane.replies.pop()
-            for _ in range(self._threads):
+            for _ in self._threads:
                 self._ready.put(None)
         for reply in waiting:
             self._discarded.put(reply.drop)
         self._discarded.put(None)
-        if not self._discarding:
+        if self._discarder is None:
             self._discard_all()
+
+    def join(self, limit_s: float) -> None:
+        """Wait for the threads to end, after `close` and the end of the session, which frees blocked ones.
+
+        A thread that the interpreter ends inside Zenoh aborts the process.
+        """
+        until = time.monotonic() + limit_s
+        for thread in (*self._threads, *((self._discarder,) if self._discarder is not None else ())):
+            thread.join(max(0.0, until - time.monotonic()))
 
     def _take(self, caller: str, reply: Outgoing) -> bool:
         lane = self._lanes.get(caller)
@@ -155,10 +144,14 @@ class ReplySender:
         self._size += reply.size
         if len(lane.replies) == 1:
             self._ready.put(caller)
-            if self._idle < self._ready.qsize() and self._threads < self._senders:
-                self._threads += 1
-                threading.Thread(target=self._run, name=f"reply-{self._threads}", daemon=True).start()
+            if self._idle < self._ready.qsize() and len(self._threads) < self._senders:
+                self._threads.append(self._started(f"reply-{len(self._threads) + 1}", self._run))
         return True
+
+    def _started(self, name: str, run: Callable[[], None]) -> threading.Thread:
+        thread = threading.Thread(target=run, name=name, daemon=True)
+        thread.start()
+        return thread
 
     def _fits(self, lane: _Lane, size: int) -> bool:
         behind = lane.size - lane.replies[0].size

@@ -26,8 +26,6 @@ log = logging.getLogger(__name__)
 
 IN_FLIGHT = 512
 INFO_LANES = 4
-# keys of queries whose meaning is remembered, and their length; clients ask by few, which are short
-KNOWN_KEYS, KNOWN_KEY_LENGTH = 1024, 256
 _RPC_CHUNK = "/@rpc/"
 
 Settle = Callable[[object, BaseException | None], None]
@@ -41,37 +39,27 @@ class Method(msgspec.Struct, frozen=True):
         call: takes the client's id and the request; gives the reply's message, at once, as a `Deferred` or
             as an awaitable; errors as `McError`.
         changes: whether it changes anything: then it is idempotent by request number, and takes no wildcard.
-        quick: whether it is carried out at once, by whoever holds the loop's turn.
     """
 
     request: type[Request]
     call: Callable[[str, Any], Any]
     changes: bool
-    quick: bool = False
-
-
-class Target(msgspec.Struct, frozen=True):
-    """What the key of a query means.
-
-    Attributes:
-        key: as it was asked for. call: None where it names neither one client nor one method.
-        method: None for an unknown name. reply_key: of its answer.
-        quick: it may be carried out in a borrowed turn. changes: it may change something.
-    """
-
-    key: str
-    call: Call | None
-    method: Method | None
-    reply_key: str
-    quick: bool
-    changes: bool
 
 
 class Asked(NamedTuple):
-    """A query on its way to its method."""
+    """A query and what its key means.
+
+    Attributes:
+        key: as it was asked for. reply_key: of its answer. lane: its replies wait behind others of the lane.
+        call: None where the key names neither one client nor one method. method: None for an unknown name.
+    """
 
     query: zenoh.Query
-    target: Target
+    key: str
+    reply_key: str
+    lane: str
+    call: Call | None
+    method: Method | None
 
 
 def encode_error(error: BaseException) -> bytes:
@@ -103,9 +91,10 @@ class RpcServer:
     Args:
         keys: of this machine.
         methods: by name; ``info`` is asked for on its own key.
+        replies: sends them.
     """
 
-    def __init__(self, keys: Keys, methods: dict[str, Method]) -> None:
+    def __init__(self, keys: Keys, methods: dict[str, Method], replies: ReplySender) -> None:
         self._keys = keys
         self._methods = methods
         self._encode = msgspec.msgpack.Encoder().encode
@@ -113,100 +102,60 @@ class RpcServer:
         # asked for on a key of its own, which no client id is part of
         self._info = Call("", "info", exact=False)
         self._answers = AnswerMemory(time.monotonic)
-        self._replies = ReplySender()
-        # replies of a borrowed turn, which leave behind it
-        self._held_back: list[tuple[str, Outgoing]] | None = None
-        self._targets: dict[str, Target] = {}
+        self._replies = replies
         self._info_lane = 0
         self._under_way = 0
         self._defects = DefectLog(log)
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def asked(self, query: zenoh.Query) -> Asked:
-        """Read a query's key; from any thread."""
-        key = str(query.key_expr)
-        target = self._targets.get(key)
-        if target is None:
-            target = self._target(key)
-            if len(key) <= KNOWN_KEY_LENGTH:
-                if len(self._targets) >= KNOWN_KEYS:
-                    self._targets.clear()
-                self._targets[key] = target
-        return Asked(query, target)
-
-    def answer_borrowed(self, asked: Asked) -> Callable[[], None]:
-        """Carry out a quick method in a borrowed turn of the loop.
-
-        Returns:
-            What sends the replies, for once the turn is given back; it may block.
-        """
-        replies: list[tuple[str, Outgoing]] = []
-        self._held_back = replies
-        try:
-            self.on_query(asked)
-        finally:
-            self._held_back = None
-
-        def send() -> None:
-            for caller, reply in replies:
-                self._replies.send_inline(caller, reply)
-
-        return send
-
-    def on_query(self, asked: Asked) -> None:
-        """One query, in the loop's turn; it is dropped once it is answered."""
-        target = asked.target
-        if target.call is self._info:
-            # nobody knows who asks: some lanes for all, so that one that is stuck leaves the others
-            self._info_lane = (self._info_lane + 1) % INFO_LANES
-        if not self._replies.has_room(self._lane_of(target)):
+    def on_query(self, query: zenoh.Query) -> None:
+        """Carry out one query, in the loop; it is dropped once it is answered."""
+        asked = self._asked(query)
+        if not self._replies.has_room(asked.lane):
             # it takes no replies: it may ask again, and no work is done for it until then
-            self.refuse(asked)
+            self.refuse(query)
             return
         try:
-            call, method = self._callable(target)
+            call, method = self._callable(asked)
             self._carry_out(asked, call, method)
         except Exception as error:
-            self._send(asked, self._failed(target.key, error))
+            self._send(asked, self._failed(asked.key, error))
 
-    def refuse(self, asked: Asked) -> None:
+    def refuse(self, query: zenoh.Query) -> None:
         """Give a query up unanswered; from any thread."""
-        self._replies.discard(asked.query.drop)
+        self._replies.discard(query.drop)
 
     async def close(self) -> None:
         """Cancel what is still being worked on."""
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        self._replies.close()
 
-    def _target(self, key: str) -> Target:
+    def _asked(self, query: zenoh.Query) -> Asked:
+        key = str(query.key_expr)
         call = self._info if _RPC_CHUNK not in key else self._keys.call_of(key)
-        if call is None:
-            return Target(key, None, None, self._keys.info, quick=False, changes=False)
-        method = self._methods.get(call.method)
-        return Target(
-            key,
-            call,
-            method,
-            self._keys.info if call is self._info else self._keys.rpc(call.client, call.method),
-            quick=method is not None and method.quick,
-            changes=method is not None and method.changes,
-        )
+        if call is None or call is self._info:
+            # nobody knows who asks: some lanes for all, so that one that is stuck leaves the others
+            self._info_lane = (self._info_lane + 1) % INFO_LANES
+            lane, reply_key = f"info/{self._info_lane}", self._keys.info
+        else:
+            lane, reply_key = call.client, self._keys.rpc(call.client, call.method)
+        method = None if call is None else self._methods.get(call.method)
+        return Asked(query, key, reply_key, lane, call, method)
 
-    def _callable(self, target: Target) -> tuple[Call, Method]:
+    def _callable(self, asked: Asked) -> tuple[Call, Method]:
         """Return what a query may call.
 
         Raises:
             ServiceError: MC501, MC502.
         """
-        call, method = target.call, target.method
+        call, method = asked.call, asked.method
         if call is None:
             raise Refused(
                 "MC502",
-                f"{target.key!r} names neither one client nor one method",
+                f"{asked.key!r} names neither one client nor one method",
                 f"ask {self._keys.rpc('{client}', '{method}')} with both written out",
-                key=target.key,
+                key=asked.key,
             )
         if method is None:
             raise Refused(
@@ -215,9 +164,9 @@ class RpcServer:
         if method.changes and not call.exact:
             raise Refused(
                 "MC502",
-                f"{target.key!r} holds a wildcard: that is for methods that change nothing",
-                f"ask {target.reply_key} alone",
-                key=target.key,
+                f"{asked.key!r} holds a wildcard: that is for methods that change nothing",
+                f"ask {asked.reply_key} alone",
+                key=asked.key,
             )
         return call, method
 
@@ -261,8 +210,8 @@ class RpcServer:
 
     def _finish(self, asked: Asked, number: int | None, answer: Answer) -> None:
         """Answer a call, and all that wait for the same answer."""
-        call = asked.target.call
-        if asked.target.changes and call is not None and number is not None:
+        call, method = asked.call, asked.method
+        if method is not None and method.changes and call is not None and number is not None:
             self._answers.finish(call.client, number, answer)
         else:
             self._send(asked, answer)
@@ -290,14 +239,7 @@ class RpcServer:
 
     def _send(self, asked: Asked, answer: Answer) -> None:
         reply = Outgoing(len(answer.payload), partial(_reply, asked, answer), asked.query.drop)
-        if self._held_back is None:
-            self._replies.push(self._lane_of(asked.target), reply)
-        else:
-            self._held_back.append((self._lane_of(asked.target), reply))
-
-    def _lane_of(self, target: Target) -> str:
-        call = target.call
-        return f"info/{self._info_lane}" if call is None or call is self._info else call.client
+        self._replies.push(asked.lane, reply)
 
 
 def _reply(asked: Asked, answer: Answer) -> None:
@@ -305,9 +247,9 @@ def _reply(asked: Asked, answer: Answer) -> None:
     try:
         with query:
             if answer.ok:
-                query.reply(asked.target.reply_key, answer.payload, encoding=ENCODING)
+                query.reply(asked.reply_key, answer.payload, encoding=ENCODING)
             else:
                 query.reply_err(answer.payload, encoding=ENCODING)
     except zenoh.ZError as error:
         # the client went away, or asked by a key that this reply does not match
-        log.info("no answer to %s could be sent: %s", asked.target.key, error)
+        log.info("no answer to %s could be sent: %s", asked.key, error)

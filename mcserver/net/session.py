@@ -15,7 +15,6 @@ from mcserver.errors import ServiceError
 from mcserver.net.configuration import plain
 from mcserver.net.messages import ENCODING
 from mcserver.net.qos import Qos
-from mcserver.net.thread_state import ThreadStates
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +63,6 @@ class ZenohSession:
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
-        self._states = ThreadStates()
         self._advanced: list[Publication] = []
         self._declared: list[Any] = []
 
@@ -157,7 +155,7 @@ class ZenohSession:
         return await asyncio.to_thread(ask)
 
     def _callback(self, callback: Callable[[T], None]) -> zenoh.handlers.Callback[T]:
-        return zenoh.handlers.Callback(self._states.keeping(callback), indirect=False)
+        return zenoh.handlers.Callback(callback, indirect=False)
 
     async def close(self) -> None:
         """Ends all that was declared, advanced publishers first, within `CLOSE_LIMIT_S`."""

@@ -169,11 +169,6 @@ class PlannerProcess:
         elif self._phase is ConnectionPhase.REPLACING:
             self._unsent.append(command)
 
-    def flush(self) -> None:
-        """Send what waits without waiting for the loop to come round."""
-        if self._watched is not None:
-            self._watched.flush()
-
     async def stop(self) -> None:
         """End the process; it is heard until it closes its end."""
         self._stopping = True

@@ -262,9 +262,6 @@ class PlannerClient(Protocol):
     def send(self, command: PlannerCommand) -> None:
         """Send a command behind those before it, in this turn of the loop or right behind it; never waits."""
 
-    def flush(self) -> None:
-        """Send what this turn has left, at once."""
-
     async def stop(self) -> None: ...
 
 

@@ -20,23 +20,15 @@ class AckSender:
         self._send = send
         self._loop = asyncio.get_running_loop()
         self._due: dict[str, tuple[Program, int]] = {}
-        # the loop flushes when it comes round
-        self._scheduled = False
 
     def acknowledge(self, program: Program, expected: int = 0) -> None:
         """Tells how the program stands; ``expected`` answers a gap."""
-        if not self._scheduled:
-            self._scheduled = True
-            self._loop.call_soon(self._come_round)
+        if not self._due:
+            self._loop.call_soon(self._flush)
         before = self._due.get(program.program, (program, 0))[1]
         self._due[program.program] = (program, max(expected, before))
 
-    def _come_round(self) -> None:
-        self._scheduled = False
-        self.flush()
-
-    def flush(self) -> None:
-        """Send what is due."""
+    def _flush(self) -> None:
         due, self._due = self._due, {}
         for program, expected in due.values():
             self._send(program.ack(expected))

@@ -167,11 +167,6 @@ class MachineService:
         """Executor time [s]."""
         return self._table.now()
 
-    def send_waiting(self) -> None:
-        """Send the commands and acknowledgements of this turn without waiting for the loop to come round."""
-        self._table.planner.flush()
-        self._table.acks.flush()
-
     # ------------------------------------------------------------ a client and its programs
 
     async def open(

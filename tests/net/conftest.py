@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -11,16 +11,10 @@ import pytest
 from mcserver.net.configuration import NetworkOptions
 from mcserver.net.publishing import PublishingThread
 from mcserver.net.replies import ReplySender
-from mcserver.net.shared_loop import SharedLoop
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
 from tests.net.client import WireClient
 from tests.service.fakes import FakePipelines, FakePort, three_axes
-
-
-def pytest_asyncio_loop_factories() -> dict[str, Callable[[], SharedLoop]]:
-    """The loop that `mcserver run` has, so that network threads borrow its turn here too."""
-    return {"shared": SharedLoop}
 
 
 class Rig:
@@ -49,8 +43,7 @@ async def running_rig(folder: Path) -> AsyncIterator[Rig]:
     )
     async with running(machine, options, port, pipelines) as (service, face):
         made = Rig(service, port, pipelines, (await face.endpoints())[0])
-        assert face._rpc is not None
-        made.replies, made.publishing = face._rpc._replies, face._publishing
+        made.replies, made.publishing = face._replies, face._publishing
         yield made
 
 

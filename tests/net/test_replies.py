@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 
-from mcserver.net.replies import INLINE_BYTES, Outgoing, ReplySender
+from mcserver.net.replies import Outgoing, ReplySender
 
 LIMIT_S = 5.0
 
@@ -76,55 +76,6 @@ def test_a_reply_that_fails_costs_itself_alone() -> None:
     sender.push("one", reply(send=fail))
     sender.push("one", reply(send=sent.set))
     assert sent.wait(LIMIT_S)
-
-
-def test_a_small_reply_is_sent_by_the_thread_that_has_it() -> None:
-    sender = ReplySender()
-    threads: list[str] = []
-    sender.send_inline("one", reply(send=lambda: threads.append(threading.current_thread().name)))
-    assert threads == [threading.current_thread().name]
-
-
-def test_only_one_thread_at_a_time_may_be_stuck_with_a_reply_of_its_own() -> None:
-    sender = ReplySender()
-    stuck, freed, served = threading.Event(), threading.Event(), threading.Semaphore(0)
-
-    def hang() -> None:
-        stuck.set()
-        freed.wait(LIMIT_S)
-
-    greedy = threading.Thread(target=sender.send_inline, args=("greedy", reply(send=hang)))
-    greedy.start()
-    assert stuck.wait(LIMIT_S)
-    # would never come back if this thread sent it and the caller were stuck too
-    sender.send_inline("another", reply(send=hang))
-    for number in range(50):
-        sender.send_inline(f"honest-{number}", reply(send=served.release))
-    assert all(served.acquire(timeout=LIMIT_S) for _ in range(50))
-    freed.set()
-    greedy.join(LIMIT_S)
-
-
-def test_a_reply_stays_behind_those_that_wait_for_its_caller_already() -> None:
-    sender = ReplySender()
-    freed, last = threading.Event(), threading.Event()
-    order: list[str] = []
-    sender.push("one", reply(send=lambda: freed.wait(LIMIT_S)))
-    sender.push("one", reply(send=lambda: order.append("first")))
-    sender.send_inline("one", reply(send=lambda: order.append("second")))
-    sender.send_inline("one", reply(send=last.set))
-    freed.set()
-    assert last.wait(LIMIT_S)
-    assert order == ["first", "second"]
-
-
-def test_a_large_reply_is_sent_by_no_network_thread() -> None:
-    sender = ReplySender()
-    threads: queue.SimpleQueue[str] = queue.SimpleQueue()
-    sender.send_inline(
-        "one", reply(INLINE_BYTES + 1, send=lambda: threads.put(threading.current_thread().name))
-    )
-    assert threads.get(timeout=LIMIT_S) != threading.current_thread().name
 
 
 def test_what_still_waits_at_the_end_is_dropped() -> None:

@@ -279,9 +279,6 @@ class LoopPlanner:
     def send(self, command: PlannerCommand) -> None:
         self._planner.handle(command)
 
-    def flush(self) -> None:
-        """Nothing waits: each command is handled as it comes."""
-
     async def stop(self) -> None:
         if self._timer is not None:
             self._timer.cancel()

@@ -20,7 +20,6 @@ import zenoh
 from mcclient.errors import ConfigurationError, NobodyAnswers
 from mcclient.inbox import Inbox
 from mcclient.keys import is_name
-from mcclient.thread_state import ThreadStates
 from mcclient.wire import ENCODING
 
 log = logging.getLogger(__name__)
@@ -138,7 +137,6 @@ class Link:
         self._replies: Inbox[Callable[[], None]] = Inbox(loop, lambda act: act(), limit=REPLIES_LIMIT)
         self._declared: list[Any] = []
         self._trust = _Trusted()
-        self._states = ThreadStates()
         self.closed = False
         atexit.register(self._close_at_exit)
 
@@ -189,7 +187,7 @@ class Link:
         """
         gathered: list[Reply] = []
         finished: asyncio.Future[None] = self._loop.create_future()
-        trust, keep_state = self._trust, self._states.keep
+        trust = self._trust
 
         def finish() -> None:
             if not finished.done():
@@ -201,7 +199,6 @@ class Link:
                 finish()
 
         def on_reply(reply: zenoh.Reply) -> None:
-            keep_state()
             source = _replier(reply)
             if not trust.accepts(source):
                 return
@@ -215,7 +212,6 @@ class Link:
             self._replies.push(lambda: take(came))
 
         def on_end() -> None:
-            keep_state()
             # the loop need not be woken for what it knows
             if not finished.done():
                 self._replies.push(finish)
@@ -295,7 +291,7 @@ class Link:
         kept.
         """
         inbox = Inbox(self._loop, deliver, limit=limit)
-        subscriber = self._session.declare_subscriber(key, _samples(inbox, self._trust, self._states))
+        subscriber = self._session.declare_subscriber(key, _samples(inbox, self._trust))
         return Subscription(inbox, subscriber.undeclare)
 
     def subscribe_recovering(self, key: str, deliver: Deliver, *, limit: int) -> Subscription:
@@ -307,7 +303,7 @@ class Link:
             subscriber: Any = zenoh.ext.declare_advanced_subscriber(
                 self._session,
                 key,
-                _samples(inbox, self._trust, self._states),
+                _samples(inbox, self._trust),
                 recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
             )
         except (zenoh.ZError, AttributeError) as error:
@@ -408,13 +404,10 @@ def _replier(reply: zenoh.Reply) -> str | None:
     return None if reply.replier_id is None else str(reply.replier_id.zid)
 
 
-def _samples(
-    inbox: Inbox[Arrived], trust: _Trusted, states: ThreadStates
-) -> zenoh.handlers.Callback[zenoh.Sample]:
+def _samples(inbox: Inbox[Arrived], trust: _Trusted) -> zenoh.handlers.Callback[zenoh.Sample]:
     """A callback for what only the server says; it holds no session, which Zenoh would keep open for it."""
 
     def on_sample(sample: zenoh.Sample) -> None:
-        states.keep()
         if trust.accepts(_source(sample)):
             inbox.push(Arrived(str(sample.key_expr), sample.payload.to_bytes(), False))
 
