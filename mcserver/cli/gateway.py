@@ -44,7 +44,7 @@ def gateway(
         ),
     ] = None,
     role: Annotated[
-        str, typer.Option("--role", help="Of --add-token: observer, operator or engineer.")
+        str, typer.Option("--role", help="Of --add-token: observer, agent, operator or engineer.")
     ] = "operator",
     json: JsonOption = False,
 ) -> None:

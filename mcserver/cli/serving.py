@@ -11,7 +11,7 @@ from mcserver.errors import ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mcserver.web.users import Role
+    from mcserver.net.roles import Role
 
 
 def require_packages(command: str, extra: str, modules: tuple[str, ...]) -> None:
@@ -35,14 +35,12 @@ def role_of(name: str, code: str) -> Role:
     Raises:
         ConfigurationError: ``code`` there is no such role.
     """
-    from mcserver.web.users import Role
+    from mcserver.net.roles import EVERYBODY, Role, roles_named
 
     try:
-        return Role.of(name)
+        return Role(name)
     except ValueError:
-        raise ConfigurationError(
-            code, f"there is no role {name!r}", "observer, operator or engineer"
-        ) from None
+        raise ConfigurationError(code, f"there is no role {name!r}", roles_named(EVERYBODY)) from None
 
 
 def announcing(served: str, *, json: bool) -> Callable[[str], None]:

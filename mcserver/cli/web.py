@@ -49,7 +49,7 @@ def web(
         ),
     ] = None,
     role: Annotated[
-        str, typer.Option("--role", help="Of --add-user: observer, operator or engineer.")
+        str, typer.Option("--role", help="Of --add-user: observer, agent, operator or engineer.")
     ] = "operator",
     json: JsonOption = False,
 ) -> None:

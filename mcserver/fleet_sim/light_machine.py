@@ -16,6 +16,7 @@ from mcserver.net import messages as wire
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
 from mcserver.net.info_messages import AxisInfo, Info, LimitsInfo, TelemetryInfo
 from mcserver.net.messages import MAX_LINES_A_MESSAGE, PROTOCOL_VERSION
+from mcserver.net.method_table import BY_NAME
 from mcserver.net.rpc import Method
 from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS
 from mcserver.service.event_log import EventLog
@@ -143,22 +144,24 @@ class LightMachine:
 
     def methods(self) -> dict[str, Method]:
         """Its remote methods by name, for `mcserver.net.rpc.RpcServer`."""
-        table: dict[str, tuple[type[wire.Request], Callable[[str, Any], Any], bool]] = {
-            "open": (wire.OpenRequest, self._open, True),
-            "submit": (wire.SubmitRequest, self._submit, True),
-            "close": (wire.CloseRequest, self._close, True),
-            "hold": (wire.ProgramRequest, self._hold, True),
-            "resume": (wire.ProgramRequest, self._resume, True),
-            "abort": (wire.ProgramRequest, self._abort, True),
-            "override": (wire.OverrideRequest, self._set_override, True),
-            "reset": (wire.ResetRequest, self._reset, True),
-            "estop": (wire.EstopRequest, self._estop, True),
-            "status": (wire.StatusRequest, lambda _client, _request: self.status(), False),
-            "programs": (wire.ProgramsRequest, self._list, False),
-            "events": (wire.EventsRequest, self._list_events, False),
-            "info": (wire.Request, lambda _client, _request: self._info(), False),
+        calls: dict[str, Callable[[str, Any], Any]] = {
+            "open": self._open,
+            "submit": self._submit,
+            "close": self._close,
+            "hold": self._hold,
+            "resume": self._resume,
+            "abort": self._abort,
+            "override": self._set_override,
+            "reset": self._reset,
+            "estop": self._estop,
+            "status": lambda _client, _request: self.status(),
+            "programs": self._list,
+            "events": self._list_events,
+            "info": lambda _client, _request: self._info(),
         }
-        return {name: Method(request, call, changes) for name, (request, call, changes) in table.items()}
+        return {
+            name: Method(BY_NAME[name].request, call, BY_NAME[name].changes) for name, call in calls.items()
+        }
 
     # ------------------------------------------------------------ time
 

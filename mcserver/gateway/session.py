@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from mcclient.calls import Caller
+from mcclient.calls import ATTEMPT_S, Caller
 from mcclient.discovery import machines, new_client_id
 from mcclient.errors import MotionError, RequestRefused
 from mcclient.estop import send_until_confirmed
@@ -24,7 +24,9 @@ from mcclient.presence import Presence
 from mcclient.transport import Arrived, Link, Subscription, endpoints_of
 
 from mcserver.gateway import frames
-from mcserver.gateway.tokens import Principal, role_for
+from mcserver.gateway.tokens import Principal
+from mcserver.net.method_table import BY_NAME, PROMPT_S
+from mcserver.net.roles import roles_named
 
 log = logging.getLogger(__name__)
 
@@ -39,8 +41,8 @@ CALLS_AT_ONCE = 400.0
 CALLS_UNDER_WAY = 64
 SUBSCRIPTIONS = 64
 MACHINES = 16
-LONG_CALLS_S = {"check": 120.0, "simulate": 120.0}
-CALL_S = 5.0
+# what ends with the client's liveliness token
+KEPT_BY_TOKEN = frozenset({"open", "request_run"})
 # of messages that wait for a slow reader; the oldest of a topic that may be lost goes first
 WAITING_MESSAGES = 256
 WAITING_BYTES = 4 * 1024 * 1024
@@ -248,28 +250,29 @@ class GatewaySession:
         """A method's reply, as it came.
 
         Raises:
-            MotionError: MC072 the role does not allow it; what `Caller.call` raises.
+            MotionError: MC501 no such method, MC072 the role does not allow it; what `Caller.call` raises.
         """
-        needed = role_for(method)
-        if self.principal.role < needed:
+        described = BY_NAME.get(method)
+        if described is None:
+            raise RequestRefused("MC501", f"there is no method {method!r}", "see `info`")
+        if self.principal.role not in described.roles:
             raise RequestRefused(
                 "MC072",
-                f"{method} needs the role {needed.name.lower()}, {self.principal.name} has a lesser one",
+                f"{method} needs the role {roles_named(described.roles)}, {self.principal.name} is "
+                f"{self.principal.role.value}",
                 "use a token that has it",
             )
-        if not is_name(method):
-            raise RequestRefused("MC501", f"there is no method {method!r}", "see `info`")
         peer = await self.peer(machine)
-        if method == "open" and not peer.token_declared:
-            # before the first program: the server ends programs whose token has gone
+        if method in KEPT_BY_TOKEN and not peer.token_declared:
+            # before the first program or request: the server ends those whose token has gone
             self._link.declare_token(peer.keys.token)
             peer.token_declared = True
-        limit = LONG_CALLS_S.get(method, CALL_S)
+        limit = described.deadline_s
         fields = {key: value for key, value in params.items() if key not in ("client", "request")}
         if request is not None:
             fields["request"] = CLIENT_NUMBERS + request
         return await peer.caller.call(
-            method, fields, deadline_s=limit, attempt_s=min(limit, 2.0) if limit == CALL_S else limit
+            method, fields, deadline_s=limit, attempt_s=ATTEMPT_S if limit == PROMPT_S else limit
         )
 
     async def machine_names(self) -> list[str]:
@@ -283,7 +286,7 @@ class GatewaySession:
             number: that all copies of this stop have.
         """
         peer = await self.peer(machine)
-        await send_until_confirmed(self._link, peer.keys, reason=reason, timeout_s=CALL_S, number=number)
+        await send_until_confirmed(self._link, peer.keys, reason=reason, timeout_s=PROMPT_S, number=number)
 
     async def peer(self, name: str) -> Peer:
         """One machine, looked for on first use.

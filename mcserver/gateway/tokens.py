@@ -15,26 +15,10 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ConfigurationError
+from mcserver.net.roles import Role as Role
 from mcserver.web.credential_file import CredentialFile
-from mcserver.web.users import Role
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,30}")
-# What each method needs; a method that is not listed needs an engineer.
-_READING = frozenset({"info", "status", "programs", "events", "check", "simulate", "drives", "io", "arms"})
-_OPERATING = frozenset(
-    {
-        *("open", "submit", "close", "hold", "resume", "step", "abort", "override"),
-        *("jog", "home", "reference", "reset", "estop", "put_text"),
-    }
-    | {"set_output", "set_simulated_input"}
-)
-
-
-def role_for(method: str) -> Role:
-    """The role that a method needs."""
-    if method in _READING:
-        return Role.OBSERVER
-    return Role.OPERATOR if method in _OPERATING else Role.ENGINEER
 
 
 class Principal(msgspec.Struct, frozen=True):
@@ -76,7 +60,7 @@ def read_tokens(path: Path) -> Tokens:
             name, role, digest = fields
             if not _NAME.fullmatch(name) or len(bytes.fromhex(digest)) != 32:
                 raise ValueError(name)
-            principals[digest.lower()] = Principal(name, Role.of(role))
+            principals[digest.lower()] = Principal(name, Role(role))
         except ValueError as error:
             raise file.refusal("is not a client: it has to be name:role:sha256", number) from error
     return Tokens(principals)
@@ -93,12 +77,13 @@ def add_token(path: Path, name: str, role: Role) -> str:
             "MC070", f"{name!r} cannot be a client's name", "letters, digits, '_' and '-', at most 31"
         )
     token = secrets.token_urlsafe(32)
-    _token_file(path).replace(name, role.name.lower(), _digest(token))
+    _token_file(path).replace(name, role.value, _digest(token))
     return token
 
 
 def _token_file(path: Path) -> CredentialFile:
-    remedy = "write it with mcserver gateway --tokens PATH --add-token NAME --role observer|operator|engineer"
+    roles = "|".join(role.value for role in Role)
+    remedy = f"write it with mcserver gateway --tokens PATH --add-token NAME --role {roles}"
     return CredentialFile(path, "MC070", "token file", remedy)
 
 

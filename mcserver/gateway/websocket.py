@@ -80,7 +80,7 @@ class Sessions:
         connection = Connection(socket, session)
         session.connection = connection
         session.outbox.put(
-            frames.Hello(session.client, session.secret, principal.role.name.lower(), resumed, GRACE_S)
+            frames.Hello(session.client, session.secret, principal.role.value, resumed, GRACE_S)
         )
         await connection.exchange(self._decode)
         if session.connection is connection:

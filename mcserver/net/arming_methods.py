@@ -85,11 +85,11 @@ class ArmingMethods:
         self._publish("run.requested", client, kept)
         return wire.RunRequestReply(True, found, self._status(kept))
 
-    def requests(self, _client: str, _request: wire.RunRequestsRequest) -> wire.RunRequestsReply:
+    def run_requests(self, _client: str, _request: wire.RunRequestsRequest) -> wire.RunRequestsReply:
         self._forget_armings()
         return wire.RunRequestsReply([self._status(each) for each in self._arming.requests()])
 
-    def preview(self, _client: str, request: wire.RunPreviewRequest) -> wire.RunPreviewReply:
+    def run_preview(self, _client: str, request: wire.RunPreviewRequest) -> wire.RunPreviewReply:
         self._forget_armings()
         found = self._arming.find(request.sha256)
         return wire.RunPreviewReply(self._status(found), found.text, found.path)
@@ -114,7 +114,7 @@ class ArmingMethods:
     def withdraw(self, client: str, request: wire.WithdrawRequest) -> wire.RunRequestsReply:
         withdrawn = self._arming.withdraw(client, request.sha256)
         self._publish("run.withdrawn", client, withdrawn)
-        return self.requests(client, wire.RunRequestsRequest())
+        return self.run_requests(client, wire.RunRequestsRequest())
 
     def _client_gone(self, client: str) -> None:
         """End the requests of a client with its liveliness."""

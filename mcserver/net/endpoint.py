@@ -26,7 +26,7 @@ from mcserver.net.defects import DefectLog
 from mcserver.net.inbox import Inbox
 from mcserver.net.keys import Keys
 from mcserver.net.messages import EstopRequest, StreamLines
-from mcserver.net.methods import Methods
+from mcserver.net.methods import machine_methods
 from mcserver.net.publishing import PublishingThread
 from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
 from mcserver.net.replies import ReplySender
@@ -181,7 +181,9 @@ class MachineEndpoint:
         """Declares what clients may use, the liveliness token last."""
         keys, session, loop = self.keys, self._session, self._loop
         self._rpc = RpcServer(
-            keys, Methods(service, jogging, checker, drives or NoDrives(), recorder).table(), self._replies
+            keys,
+            machine_methods(service, jogging, checker, drives or NoDrives(), recorder),
+            self._replies,
         )
         rpc = self._rpc
         queries: Inbox[zenoh.Query] = Inbox(loop, rpc.on_query, limit=QUERIES, refuse=rpc.refuse)

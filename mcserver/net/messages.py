@@ -307,6 +307,10 @@ class SimulateRequest(Request, frozen=True, kw_only=True):
     lines: bool = True
 
 
+class InfoRequest(Request, frozen=True, kw_only=True):
+    """What the machine and its service are: an `Info`."""
+
+
 class StatusRequest(Request, frozen=True, kw_only=True):
     """The whole machine's state now: a `MachineStatus`."""
 

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
-from typing import Any
 
 import msgspec
 
 from mcserver.canopen.views import DriveAccess, SdoTarget, SdoValue
 from mcserver.errors import ServiceError
-from mcserver.net import arming_messages as arming_wire
 from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
-from mcserver.net import model_messages as model_wire
-from mcserver.net import recording_messages as recording_wire
-from mcserver.net import text_messages as text_wire
 from mcserver.net.arming_methods import ArmingMethods
 from mcserver.net.info_messages import Info
+from mcserver.net.method_binding import bound_methods
+from mcserver.net.method_table import METHODS
 from mcserver.net.model_methods import ModelMethods
 from mcserver.net.recording_methods import RecordingMethods
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
+from mcserver.net.text_forecast import TextForecast
 from mcserver.net.text_methods import TextMethods
 from mcserver.recorder.views import NoRecorder, RecordingAccess
 from mcserver.service.axes_of_requests import positions_in_si
@@ -34,91 +31,52 @@ from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)
 
-Handler = Callable[[str, Any], Any]
 
-
-class Methods:
-    """Binds messages to one machine's service.
+def machine_methods(
+    service: MachineService,
+    jogging: Jogging,
+    checker: ProgramChecker,
+    drives: DriveAccess,
+    recorder: RecordingAccess | None = None,
+) -> dict[str, Method]:
+    """Bind every method to one machine's service.
 
     Args:
         service: the programs.
         jogging: moves by hand.
         checker: checks and simulations.
         drives: those on CAN buses. recorder: its recordings.
+
+    Returns:
+        The methods by name.
     """
+    forecast = TextForecast(service, checker)
+    return bound_methods(
+        (
+            ProgramMethods(service, jogging, drives, forecast),
+            TextMethods(service, checker, forecast),
+            ArmingMethods(service, checker),
+            RecordingMethods(
+                recorder or NoRecorder(),
+                lambda client, method, detail: _record(service, client, method, None, detail),
+            ),
+            ModelMethods(service.machine),
+        )
+    )
+
+
+class ProgramMethods:
+    """Binds messages about programs, axes, channels and drives to one machine's service."""
 
     def __init__(
-        self,
-        service: MachineService,
-        jogging: Jogging,
-        checker: ProgramChecker,
-        drives: DriveAccess,
-        recorder: RecordingAccess | None = None,
+        self, service: MachineService, jogging: Jogging, drives: DriveAccess, forecast: TextForecast
     ) -> None:
         self._service = service
         self._jogging = jogging
         self._drives = drives
+        self._forecast = forecast
         self._units = EdgeUnits(service.machine)
         self._homing = HomingService(service)
-        self._arming = ArmingMethods(service, checker)
-        self._model = ModelMethods(service.machine)
-        self._texts = TextMethods(service, checker)
-        self._recordings = RecordingMethods(
-            recorder or NoRecorder(),
-            lambda client, method, detail: self._record(client, method, None, detail),
-        )
-
-    def table(self) -> dict[str, Method]:
-        """All methods by name."""
-        changing: dict[str, tuple[type[wire.Request], Handler]] = {
-            "open": (wire.OpenRequest, self.open),
-            "submit": (wire.SubmitRequest, self.submit),
-            "close": (wire.CloseRequest, self.close),
-            "hold": (wire.ProgramRequest, self.hold),
-            "resume": (wire.ProgramRequest, self.resume),
-            "abort": (wire.ProgramRequest, self.abort),
-            "step": (wire.StepRequest, self.step),
-            "override": (wire.OverrideRequest, self.override),
-            "jog": (wire.JogRequest, self.jog),
-            "home": (wire.HomeRequest, self.home),
-            "reference": (wire.ReferenceRequest, self.reference),
-            "reset": (wire.ResetRequest, self.reset),
-            "set_output": (wire.SetOutputRequest, self.set_output),
-            "set_simulated_input": (wire.SetInputRequest, self.set_simulated_input),
-            "estop": (wire.EstopRequest, self.estop),
-            "sdo_write": (drive_wire.SdoWriteRequest, self.sdo_write),
-            "put_text": (text_wire.PutTextRequest, self._texts.put_text),
-            "request_run": (arming_wire.RunRequestRequest, self._arming.request_run),
-            "run_armed": (arming_wire.RunArmedRequest, self._arming.run_armed),
-            "arm": (arming_wire.ArmRequest, self._arming.arm),
-            "reject": (arming_wire.RejectRequest, self._arming.reject),
-            "withdraw": (arming_wire.WithdrawRequest, self._arming.withdraw),
-            "record_start": (recording_wire.RecordStartRequest, self._recordings.start),
-            "record_stop": (recording_wire.RecordStopRequest, self._recordings.stop),
-            "record_save": (recording_wire.RecordSaveRequest, self._recordings.save),
-        }
-        reading: dict[str, tuple[type[wire.Request], Handler]] = {
-            "status": (wire.StatusRequest, self.status),
-            "programs": (wire.ProgramsRequest, self.programs),
-            "events": (wire.EventsRequest, self.events),
-            "check": (wire.CheckRequest, self._texts.check),
-            "simulate": (wire.SimulateRequest, self._texts.simulate),
-            "drives": (drive_wire.DrivesRequest, self.drives),
-            "drives_scan": (drive_wire.DrivesScanRequest, self.drives_scan),
-            "run_preview": (arming_wire.RunPreviewRequest, self._arming.preview),
-            "run_requests": (arming_wire.RunRequestsRequest, self._arming.requests),
-            "sdo_read": (drive_wire.SdoReadRequest, self.sdo_read),
-            "recordings": (recording_wire.RecordingsRequest, self._recordings.list),
-            "recording_read": (recording_wire.RecordingReadRequest, self._recordings.read),
-            "model": (model_wire.ModelRequest, self._model.model),
-            "model_mesh": (model_wire.ModelMeshRequest, self._model.mesh),
-            "info": (wire.Request, self.info),
-        }
-        return {
-            name: Method(request, call, changes)
-            for methods, changes in ((changing, True), (reading, False))
-            for name, (request, call) in methods.items()
-        }
 
     async def open(self, client: str, request: wire.OpenRequest) -> wire.OpenReply:
         program = await self._service.open(
@@ -133,7 +91,7 @@ class Methods:
             hold=request.hold,
             sha256=request.sha256,
         )
-        self._texts.foresee(request.sha256)
+        self._forecast.begin(request.sha256)
         return wire.OpenReply(
             program=program.program,
             state=program.state,
@@ -261,13 +219,17 @@ class Methods:
         self._record(client, "sdo_write", None, f"{where} {request.index:04X}h.{request.subindex}")
         return reply
 
-    def info(self, _client: str, _request: wire.Request) -> Info:
-        return machine_info(self._service, list(self.table()))
+    def info(self, _client: str, _request: wire.InfoRequest) -> Info:
+        return machine_info(self._service, [method.name for method in METHODS])
 
     def _record(self, client: str, method: str, program: str | None = None, detail: str = "") -> None:
-        """Say who did what: in the journal, in the log, and as an event."""
-        log.info("%s: %s %s %s", client, method, program or "the machine", detail)
-        self._service.record_command(client, method, program, detail)
+        _record(self._service, client, method, program, detail)
+
+
+def _record(service: MachineService, client: str, method: str, program: str | None, detail: str) -> None:
+    """Say who did what: in the journal, in the log, and as an event."""
+    log.info("%s: %s %s %s", client, method, program or "the machine", detail)
+    service.record_command(client, method, program, detail)
 
 
 def _target(request: drive_wire.SdoReadRequest) -> SdoTarget:

@@ -34,7 +34,7 @@ class ModelMethods:
     async def model(self, _client: str, _request: wire.ModelRequest) -> wire.ModelReply:
         return (await self._look())[0]
 
-    async def mesh(self, _client: str, request: wire.ModelMeshRequest) -> wire.ModelPart:
+    async def model_mesh(self, _client: str, request: wire.ModelMeshRequest) -> wire.ModelPart:
         _, paths = await self._look()
         path = paths[request.mesh] if request.mesh < len(paths) else None
         if path is None:

@@ -20,28 +20,28 @@ class RecordingMethods:
         self._recorder = recorder
         self._note = note
 
-    async def start(self, client: str, request: wire.RecordStartRequest) -> wire.RecordReply:
+    async def record_start(self, client: str, request: wire.RecordStartRequest) -> wire.RecordReply:
         name = await self._recorder.record(request.name, request.max_s)
         self._note(client, "record_start", name)
         return wire.RecordReply(name)
 
-    async def stop(self, client: str, request: wire.RecordStopRequest) -> wire.RecordReply:
+    async def record_stop(self, client: str, request: wire.RecordStopRequest) -> wire.RecordReply:
         name = await self._recorder.stop_recording(request.name)
         self._note(client, "record_stop", name)
         return wire.RecordReply(name)
 
-    async def save(self, client: str, request: wire.RecordSaveRequest) -> wire.RecordReply:
+    async def record_save(self, client: str, request: wire.RecordSaveRequest) -> wire.RecordReply:
         name = await self._recorder.save(request.reason or "asked")
         self._note(client, "record_save", name)
         return wire.RecordReply(name)
 
-    async def list(self, _client: str, _request: wire.RecordingsRequest) -> wire.RecordingsReply:
+    async def recordings(self, _client: str, _request: wire.RecordingsRequest) -> wire.RecordingsReply:
         status = await self._recorder.status()
         writing = frozenset(() if status is None else status.writing)
         # a folder on a disk that hangs must not hold up the loop
         found = await asyncio.to_thread(self._recorder.folder.entries, writing)
         return wire.RecordingsReply(found, status, str(self._recorder.folder.path))
 
-    async def read(self, _client: str, request: wire.RecordingReadRequest) -> wire.RecordingPart:
+    async def recording_read(self, _client: str, request: wire.RecordingReadRequest) -> wire.RecordingPart:
         folder = self._recorder.folder
         return await asyncio.to_thread(folder.read, request.name, request.offset, request.size)

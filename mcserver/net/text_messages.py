@@ -1,4 +1,4 @@
-"""Messages by which a client hands over a long text by parts."""
+"""Messages about whole texts: handed over by parts, and as they were simulated."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from mcserver.net.messages import Request, Sha256
+from mcserver.net.messages import LineReport, Request, Sha256, WireDiagnostic, WorkOffset
 
 MAX_PART_BYTES = 1 << 20
 
@@ -36,3 +36,51 @@ class PutTextReply(msgspec.Struct, frozen=True):
     received: int
     lines: int
     complete: bool
+
+
+class AxisTravel(msgspec.Struct, frozen=True):
+    """Where an axis ends, and its least and greatest setpoint [mm or deg]."""
+
+    position: float
+    min: float
+    max: float
+    unit: str
+
+
+class TipPath(msgspec.Struct, frozen=True):
+    """Where a tool goes [mm]; ``tool`` None: the axes 0, 1 and 2 themselves."""
+
+    tool: int | None
+    points: list[list[float]]
+
+
+class SimulatedPath(msgspec.Struct, frozen=True):
+    """Points at even distances along the axes' travel.
+
+    Attributes:
+        lines: the program's line at each point. tips: the points of each tool.
+    """
+
+    lines: list[int]
+    tips: list[TipPath]
+
+
+class SimulateReply(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What ``mcserver simulate --json`` prints.
+
+    Attributes:
+        lines: those that took time, by start. axes: by number as text.
+        inputs, outputs: their values at the end, by name. work_offsets: of the systems used or set.
+        path: where it was asked for.
+    """
+
+    ok: bool
+    duration_s: float
+    feed_length_mm: float
+    lines: list[LineReport]
+    axes: dict[str, AxisTravel]
+    diagnostics: list[WireDiagnostic]
+    work_offsets: list[WorkOffset] = []
+    inputs: dict[str, float] = {}
+    outputs: dict[str, float] = {}
+    path: SimulatedPath | None = None

@@ -10,21 +10,21 @@ from typing import Any
 from mcserver.errors import Refused
 from mcserver.net import messages as wire
 from mcserver.net import text_messages as text_wire
+from mcserver.net.text_forecast import TextForecast
 from mcserver.service.arming import hash_of
 from mcserver.service.axes_of_requests import positions_in_si
-from mcserver.service.program import Program
 from mcserver.service.reports import wire_diagnostic
 from mcserver.service.service import MachineService
-from mcserver.simulation.foresight import Foreseen
 from mcserver.simulation.program_checker import ProgramChecker
 
 
 class TextMethods:
     """Binds the messages to one machine's service and its checker."""
 
-    def __init__(self, service: MachineService, checker: ProgramChecker) -> None:
+    def __init__(self, service: MachineService, checker: ProgramChecker, forecast: TextForecast) -> None:
         self._service = service
         self._checker = checker
+        self._forecast = forecast
         # parts are written one at a time
         self._writing = asyncio.Lock()
 
@@ -35,7 +35,7 @@ class TextMethods:
                 self._service.texts.take, request.sha256, request.size, request.offset, request.part
             )
         if text.complete:
-            self.foresee(request.sha256)
+            self._forecast.begin(request.sha256)
         return text_wire.PutTextReply(text.received, text.lines, text.complete)
 
     async def check(self, client: str, request: wire.CheckRequest) -> wire.CheckReply:
@@ -59,34 +59,6 @@ class TextMethods:
         if marks is not None:
             self._service.foresee(hash_of(request.text), marks)
         return report
-
-    def foresee(self, sha256: str | None) -> None:
-        """Simulate a text that is kept while programs run it, unless its times are known."""
-        service = self._service
-        if sha256 is None or not service.texts.has(sha256) or service.forecasts.knows(sha256):
-            return
-        if not self._running(sha256):
-            return
-        text = service.texts.find(sha256)
-        position = service.port.snapshot().position
-        positions = {axis.index: position[at] for at, axis in enumerate(service.machine.axes)}
-
-        def listen(found: Foreseen) -> bool:
-            programs = self._running(sha256)
-            if found.marks is not None:
-                service.foresee(sha256, found.marks, text.lines)
-            if found.fault is not None:
-                for program in programs:
-                    program.notice = f"line {found.fault.line} will be refused: {found.fault.message}"
-            return bool(programs)
-
-        self._checker.foresee(
-            sha256, text.path, listen, positions, service.work_systems, checked=text.checked
-        )
-
-    def _running(self, sha256: str) -> list[Program]:
-        """Return the programs of a text that have not ended."""
-        return [each for each in self._service.current() if each.sha256 == sha256 and not each.ended]
 
     def _text(self, request: wire.CheckRequest) -> str | Path:
         if (request.text is None) == (request.sha256 is None):

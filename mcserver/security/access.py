@@ -13,29 +13,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from mcserver.net.method_table import method_names
+from mcserver.net.roles import ASKERS, MOVERS
 from mcserver.security.site import EVERY_MACHINE, Role, Site, User, machine_identity
-
-LOOKING = ("info", "status", "programs", "events", "recordings", "recording_read", "model", "model_mesh")
-CHECKING = ("check", "simulate", "put_text", "drives", "sdo_read")
-STOPPING = ("estop",)
-# an agent asks for runs that an operator arms, and may stop along the path
-ASKING = ("request_run", "withdraw", "run_armed", "run_requests", "hold", "abort")
-ARMING = ("arm", "reject", "run_requests", "run_preview")
-OPERATING = (
-    *("open", "submit", "close", "hold", "resume", "step", "abort", "override"),
-    *("jog", "home", "reference", "reset"),
-)
-SWITCHING = ("set_output", "set_simulated_input")
-RECORDING = ("record_start", "record_stop", "record_save")
-ENGINEERING = ("sdo_write", "drives_scan")
-
-METHODS: dict[Role, tuple[str, ...]] = {
-    Role.OBSERVER: LOOKING + STOPPING,
-    Role.AGENT: LOOKING + CHECKING + STOPPING + ASKING,
-    Role.OPERATOR: LOOKING + CHECKING + STOPPING + OPERATING + SWITCHING + ARMING + RECORDING,
-    Role.ENGINEER: LOOKING + CHECKING + STOPPING + OPERATING + SWITCHING + ARMING + RECORDING + ENGINEERING,
-}
-MOVERS = frozenset({Role.OPERATOR, Role.ENGINEER})
 
 # what a machine publishes, below its name; @adv: the cache that late readers of events ask
 PUBLISHED = ("tele/**", "ack/*", "event", "event/@adv/**")
@@ -79,7 +59,7 @@ def user_rules(user: User) -> list[Rule]:
     roots = [f"mc/@v1/{machine}" for machine in user.machines]
     mine = f"{user.name}.$*"
     published = [f"{root}/{key}" for root in roots for key in PUBLISHED]
-    calls = [f"{root}/@rpc/{mine}/{method}" for root in roots for method in METHODS[user.role]]
+    calls = [f"{root}/@rpc/{mine}/{method}" for root in roots for method in method_names(user.role)]
     asked = [*calls, *[f"{root}/info" for root in roots], *[f"{root}/event/@adv/**" for root in roots]]
     # which machines there are is no secret, and a client looks for its machine by a wildcard
     live = [f"mc/@v1/{EVERY_MACHINE}/live/*"]
@@ -108,17 +88,13 @@ def user_rules(user: User) -> list[Rule]:
         # who declares what is of use to Zenoh alone: whether anybody listens or answers
         _rule(user.name, "known", "egress", ["declare_queryable", "declare_subscriber"], _everything(roots)),
     ]
+    if user.role in ASKERS:
+        # programs and requests end with their client
+        tokens = [f"{root}/client/{mine}" for root in roots]
+        rules.append(_rule(user.name, "alive", "ingress", ["liveliness_token"], tokens))
     if user.role in MOVERS:
-        rules += [
-            _rule(user.name, "stream", "ingress", ["put"], [f"{root}/in/{mine}/*" for root in roots]),
-            _rule(
-                user.name,
-                "alive",
-                "ingress",
-                ["liveliness_token"],
-                [f"{root}/client/{mine}" for root in roots],
-            ),
-        ]
+        lines = [f"{root}/in/{mine}/*" for root in roots]
+        rules.append(_rule(user.name, "stream", "ingress", ["put"], lines))
     if user.role is Role.ENGINEER:
         rules += [
             _rule(user.name, "admin", "ingress", ["query"], [ADMIN_SPACE]),

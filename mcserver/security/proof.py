@@ -17,7 +17,8 @@ import msgspec
 import zenoh
 
 from mcserver.errors import ServiceError
-from mcserver.security.access import METHODS
+from mcserver.net.method_table import METHODS
+from mcserver.net.roles import MOVERS
 from mcserver.security.site import EVERY_MACHINE, Role, Site, User, machine_identity
 from mcserver.security.site_files import configuration_path
 
@@ -107,16 +108,15 @@ def _prove_user(
     root = f"mc/@v1/{machine}"
     here = _is_here(user, machine)
     mine = f"{user.name}.{NOBODY}"
-    methods = {each for methods in METHODS.values() for each in methods}
     # status first, which everybody has who may anything: it waits for the declarations to be there
-    for method in sorted(methods - {"info"}, key=lambda method: (method != "status", method)):
-        allowed = here and method in METHODS[user.role]
-        passed = _answered(own, f"{root}/@rpc/{mine}/{method}", allowed=allowed)
-        yield Finding(user.name, f"{machine}: {method}", allowed, passed)
+    for method in sorted(METHODS, key=lambda method: method.name != "status"):
+        allowed = here and user.role in method.roles
+        passed = _answered(own, f"{root}/@rpc/{mine}/{method.name}", allowed=allowed)
+        yield Finding(user.name, f"{machine}: {method.name}", allowed, passed)
     key = f"{root}/@rpc/{STRANGER}.{NOBODY}/status"
     yield Finding(user.name, f"{machine}: call as another user", False, _answered(own, key))
     lines = f"{root}/in/{mine}/{NOBODY}"
-    moves = here and user.role in (Role.OPERATOR, Role.ENGINEER)
+    moves = here and user.role in MOVERS
     yield Finding(user.name, f"{machine}: send lines", moves, _reaches(own, lines, served, allowed=moves))
     lines = f"{root}/in/{STRANGER}.{NOBODY}/{NOBODY}"
     yield Finding(user.name, f"{machine}: send lines as another user", False, _reaches(own, lines, served))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import enum
 import re
 
 import msgspec
 
 from mcserver.errors import ConfigurationError
 from mcserver.net.keys import is_name
+from mcserver.net.roles import Role as Role
 
 # the certificate of a machine is "machine.NAME": no user has a dot, so that none can be a machine
 MACHINE_PREFIX = "machine."
@@ -18,15 +18,6 @@ EVERY_MACHINE = "*"
 _USER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 # of a certificate's common name: 64, less the prefix
 _LONGEST_MACHINE = 56
-
-
-class Role(enum.Enum):
-    """What a person or program is there for."""
-
-    OBSERVER = "observer"  # sees everything, may stop
-    OPERATOR = "operator"  # runs programs, jogs, resets
-    ENGINEER = "engineer"  # writes drives' objects, reads the router's admin space
-    AGENT = "agent"  # checks and simulates programs, never moves
 
 
 class User(msgspec.Struct, frozen=True):

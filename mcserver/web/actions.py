@@ -10,9 +10,10 @@ from mcclient import Machine, MotionError
 from nicegui import ui
 
 from mcserver.errors import McError
+from mcserver.net.method_table import BY_NAME
+from mcserver.net.roles import roles_named
 from mcserver.web.link import MachineLink
 from mcserver.web.sessions import Visitor
-from mcserver.web.users import Role
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +31,11 @@ def show_refusal(message: str, hint: str = "") -> None:
     )
 
 
+def show_role_refusal(method: str) -> None:
+    """Say which roles may call a method."""
+    show_refusal(f"This needs the role {roles_named(BY_NAME[method].roles)}", "log in as somebody who has it")
+
+
 class Actions:
     """Bound to one visitor and one machine.
 
@@ -41,16 +47,16 @@ class Actions:
         self.visitor = visitor
         self.link = link
 
-    def allowed(self, role: Role) -> bool:
-        """Whether the visitor may; says so where not."""
-        if self.visitor.may(role):
+    def allowed(self, method: str) -> bool:
+        """Whether the visitor may call a method; says so where not."""
+        if self.visitor.may(method):
             return True
-        show_refusal(f"This needs the role {role.name.lower()}", "log in as somebody who has it")
+        show_role_refusal(method)
         return False
 
-    async def do(self, role: Role, name: str, action: Action) -> bool:
-        """Carries an action out; whether it was."""
-        return self.allowed(role) and await self._carry_out(name, action)
+    async def do(self, method: str, name: str, action: Action) -> bool:
+        """Carry an action out, where the visitor may call its method; whether it was."""
+        return self.allowed(method) and await self._carry_out(name, action)
 
     async def _carry_out(self, name: str, action: Action) -> bool:
         log.info("%s: %s by %s", self.link.name, name, self.visitor.name)

@@ -6,13 +6,12 @@ from typing import Any
 
 from nicegui import ui
 
-from mcserver.web.actions import show_refusal
+from mcserver.web.actions import show_refusal, show_role_refusal
 from mcserver.web.dialogs import ask
 from mcserver.web.fleet import Fleet, Seen
 from mcserver.web.formatting import banner, current_program, is_live, remaining_text
 from mcserver.web.menu import add_menu
 from mcserver.web.sessions import Visitor
-from mcserver.web.users import Role
 
 REFRESH_S = 1.0
 # a link for the keyboard and the finger; text alone, whatever a machine is called
@@ -127,8 +126,8 @@ class FleetPage:
             ui.navigate.to(f"/machine/{self._open.value}")
 
     async def _ask(self, order: str) -> None:
-        if not self._visitor.may(Role.OPERATOR):
-            show_refusal("This needs the role operator", "log in as somebody who has it")
+        if not self._visitor.may(order):
+            show_role_refusal(order)
             return
         rows = await self._grid.get_selected_rows()
         names = [row["machine"] for row in rows]

@@ -28,7 +28,6 @@ from mcserver.web.panels.positions import PositionsPanel
 from mcserver.web.panels.program import ProgramPanel
 from mcserver.web.panels.recordings import RecordingsPanel
 from mcserver.web.sessions import Visitor
-from mcserver.web.users import Role
 
 REFRESH_S = 0.1
 # charts, pictures and lists, in refreshes: drawing them is what costs a phone its battery
@@ -133,14 +132,14 @@ class MachinePage:
         do = self._actions.do
         with ui.card().classes("mc-card"):
             with ui.element("div").classes("mc-buttons"):
+                ui.button("Hold", on_click=lambda: do("hold", "hold", lambda machine: machine.hold())).props(
+                    "color=warning"
+                )
                 ui.button(
-                    "Hold", on_click=lambda: do(Role.OPERATOR, "hold", lambda machine: machine.hold())
-                ).props("color=warning")
-                ui.button(
-                    "Resume", on_click=lambda: do(Role.OPERATOR, "resume", lambda machine: machine.resume())
+                    "Resume", on_click=lambda: do("resume", "resume", lambda machine: machine.resume())
                 ).props("color=positive")
                 ui.button(
-                    "Abort", on_click=lambda: do(Role.OPERATOR, "abort", lambda machine: machine.abort())
+                    "Abort", on_click=lambda: do("abort", "abort", lambda machine: machine.abort())
                 ).props("color=negative outline")
                 ui.button("Energize", on_click=self._energize).props("outline")
             self._override_label = ui.label("Override 100 %").classes("font-bold mt-2")
@@ -154,7 +153,7 @@ class MachinePage:
 
     async def _override(self, percent: float) -> None:
         await self._actions.do(
-            Role.OPERATOR, f"override {percent:g} %", lambda machine: machine.override(percent)
+            "override", f"override {percent:g} %", lambda machine: machine.override(percent)
         )
 
     async def _override_by(self, step: float) -> None:
@@ -170,13 +169,13 @@ class MachinePage:
             async with machine.program("energize") as program:
                 await program.send("G1010")
 
-        await self._actions.do(Role.OPERATOR, "energize", capture)
+        await self._actions.do("open", "energize", capture)
 
     async def _on_key(self, event: events.GenericEventArguments) -> None:
         if event.args.get("key") == "estop":
             await self._actions.emergency_stop()
         else:
-            await self._actions.do(Role.OPERATOR, "hold", lambda machine: machine.hold())
+            await self._actions.do("hold", "hold", lambda machine: machine.hold())
 
     def update(self) -> None:
         """Shows the newest state."""

@@ -6,7 +6,9 @@ import secrets
 from collections import OrderedDict
 from collections.abc import Callable
 
-from mcserver.web.users import Role, User, Users
+from mcserver.net.method_table import BY_NAME
+from mcserver.net.roles import Role
+from mcserver.web.users import User, Users
 
 COOKIE = "mc_session"
 IDLE_S = 12 * 3600.0
@@ -29,10 +31,9 @@ class Visitor:
         """Whether the login still counts; asking keeps it in use, as an open page does."""
         return self._role_now() is not None
 
-    def may(self, role: Role) -> bool:
-        """Whether the visitor still has this role: a logout or a removed user ends it at once."""
-        now = self._role_now()
-        return now is not None and now >= role
+    def may(self, method: str) -> bool:
+        """Whether the visitor may call a method now: a logout or a removed user ends it at once."""
+        return self._role_now() in BY_NAME[method].roles
 
 
 class Sessions:

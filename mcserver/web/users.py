@@ -5,7 +5,6 @@ The password file has one user a line, ``name:role:salt$hash`` with scrypt's has
 
 from __future__ import annotations
 
-import enum
 import hashlib
 import hmac
 import logging
@@ -18,6 +17,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ConfigurationError
+from mcserver.net.roles import Role as Role
 from mcserver.web.credential_file import CredentialFile
 
 log = logging.getLogger(__name__)
@@ -31,22 +31,6 @@ LOCKOUT_S = 30.0
 REMEMBERED_TRIES = 1024
 # how often the file is looked at for changes [s]
 LOOK_S = 1.0
-
-
-class Role(enum.IntEnum):
-    """What a user may do; each may do all that those before it may."""
-
-    OBSERVER = 1
-    OPERATOR = 2
-    ENGINEER = 3
-
-    @classmethod
-    def of(cls, name: str) -> Role:
-        """Raises ValueError where there is no such role."""
-        try:
-            return cls[name.upper()]
-        except KeyError:
-            raise ValueError(name) from None
 
 
 class User(msgspec.Struct, frozen=True):
@@ -132,7 +116,7 @@ def _users_of(file: CredentialFile, *, may_be_empty: bool = False) -> dict[str, 
     for number, fields in file.entries(may_be_empty=may_be_empty):
         try:
             name, role, secret = fields
-            users[name] = User(name, Role.of(role), secret)
+            users[name] = User(name, Role(role), secret)
             salt, digest = secret.split("$")
             bytes.fromhex(salt + digest)
         except ValueError as error:
@@ -152,11 +136,12 @@ def add_user(path: Path, name: str, role: Role, password: str) -> None:
         )
     if len(password) < 8:
         raise ConfigurationError("MC060", "the password is shorter than 8 characters", "take a longer one")
-    _password_file(path).replace(name, role.name.lower(), _secret(password))
+    _password_file(path).replace(name, role.value, _secret(password))
 
 
 def _password_file(path: Path) -> CredentialFile:
-    remedy = "write it with mcserver web --users PATH --add-user NAME --role observer|operator|engineer"
+    roles = "|".join(role.value for role in Role)
+    remedy = f"write it with mcserver web --users PATH --add-user NAME --role {roles}"
     return CredentialFile(path, "MC060", "password file", remedy)
 
 

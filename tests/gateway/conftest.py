@@ -50,7 +50,7 @@ def tokens(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, st
     from mcserver.web.users import Role
 
     file = tmp_path_factory.mktemp("tokens") / "tokens"
-    return file, {role.name.lower(): add_token(file, role.name.lower(), role) for role in Role}
+    return file, {role.value: add_token(file, role.value, role) for role in Role}
 
 
 @pytest.fixture(scope="package")

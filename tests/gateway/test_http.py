@@ -52,7 +52,7 @@ def test_a_program_is_opened_filled_closed_and_finished(gateway: GatewayProcess,
 
 def test_a_text_is_checked_with_the_place_of_its_faults(gateway: GatewayProcess, tokens: Tokens) -> None:
     status, answer = ask(
-        gateway, "/v1/machines/cell/check", tokens[1]["observer"], {"text": "G01 X1 F60\nG02 X9 R1"}
+        gateway, "/v1/machines/cell/check", tokens[1]["operator"], {"text": "G01 X1 F60\nG02 X9 R1"}
     )
     assert (status, answer["ok"]) == (200, False)
     assert answer["diagnostics"][0]["line"] == 2

@@ -52,7 +52,7 @@ def test_a_robot_sends_its_urdf_its_joints_and_its_meshes_piece_by_piece(tmp_pat
     assert "<robot" in found.urdf
     assert found.joints == {"0": "turn"}
     assert found.meshes == [wire.MeshInfo("base.stl", 2560)]
-    part = asyncio.run(methods.mesh("ada", wire.ModelMeshRequest(mesh=0, offset=2500, size=1000)))
+    part = asyncio.run(methods.model_mesh("ada", wire.ModelMeshRequest(mesh=0, offset=2500, size=1000)))
     assert (part.size, part.data) == (2560, (bytes(range(256)) * 10)[2500:])
 
 
@@ -61,7 +61,7 @@ def test_no_other_file_leaves_by_the_name_of_a_mesh(tmp_path: Path, mesh: str) -
     methods = ModelMethods(machine_with(tmp_path, mesh))
     assert asyncio.run(methods.model("ada", wire.ModelRequest())).meshes == [wire.MeshInfo(mesh, 0)]
     with pytest.raises(Refused, match="no mesh 0"):
-        asyncio.run(methods.mesh("ada", wire.ModelMeshRequest(mesh=0)))
+        asyncio.run(methods.model_mesh("ada", wire.ModelMeshRequest(mesh=0)))
 
 
 def test_a_portal_has_no_model(tmp_path: Path) -> None:

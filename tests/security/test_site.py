@@ -6,15 +6,13 @@ import datetime
 import json
 import stat
 from pathlib import Path
-from unittest.mock import Mock
 
 import msgspec
 import pytest
 
 from mcserver.cli.app import run_command_line
 from mcserver.errors import ConfigurationError
-from mcserver.net.methods import Methods
-from mcserver.security.access import METHODS, access_control
+from mcserver.security.access import access_control
 from mcserver.security.site import Role, Site, User, checked, parsed_user
 from mcserver.security.site_files import configuration_path, read_site
 from mcserver.security.site_folder import write_site
@@ -58,10 +56,6 @@ def test_rules_let_nobody_through_by_default_and_name_every_identity() -> None:
     inwards = [rule for rule in rules["rules"] if rule["flows"] == ["ingress"] and "put" in rule["messages"]]
     keys = {key for rule in inwards if rule["id"].startswith("alice/") for key in rule["key_exprs"]}
     assert keys == {"mc/@v1/cell-1/estop", "mc/@v1/cell-1/in/alice.$*/*"}
-
-
-def test_every_method_of_the_server_has_its_roles() -> None:
-    assert set(Methods.table(Mock())) == {method for methods in METHODS.values() for method in methods}
 
 
 def test_with_passwords_certificate_and_user_have_to_be_the_same_identity(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from nicegui import ui
 
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import channel_text
-from mcserver.web.users import Role
 
 
 class ChannelsPanel:
@@ -66,10 +65,10 @@ class ChannelsPanel:
         value = not self._levels.get(name, 0.0)
         word = f"{name} {'on' if value else 'off'}"
         if is_output:
-            await self._actions.do(Role.OPERATOR, word, lambda machine: machine.set_output(name, value))
+            await self._actions.do("set_output", word, lambda machine: machine.set_output(name, value))
         else:
             await self._actions.do(
-                Role.OPERATOR, word, lambda machine: machine.set_simulated_input(name, value)
+                "set_simulated_input", word, lambda machine: machine.set_simulated_input(name, value)
             )
 
 

@@ -16,7 +16,6 @@ from mcserver.web.formatting import axis_name, clock_text, program_excerpt
 from mcserver.web.jobs import PATH_POINTS, path_from_line
 from mcserver.web.panels.picture import tips_of
 from mcserver.web.space import Space
-from mcserver.web.users import Role
 
 # Lines that are listed as slower than they were asked to be, and from which factor on.
 SLOW_LINES = 8
@@ -27,7 +26,7 @@ async def show_dry_run(
     actions: Actions, name: str, from_line: int, run: Callable[[dict[str, Any]], None]
 ) -> None:
     """Simulate a stored program from where the axes are, and show it with a button that runs it."""
-    if not actions.allowed(Role.OBSERVER):
+    if not actions.allowed("simulate"):
         return
     waiting = ui.notification(f"{name} is being simulated", spinner=True, timeout=None, position="top")
     try:

@@ -11,7 +11,6 @@ from mcserver.web.actions import Actions
 from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name
 from mcserver.web.link import MachineLink
-from mcserver.web.users import Role
 
 # Methods that find nothing by themselves: somebody says where the axis is.
 BY_HAND = frozenset({"absolute", "manual"})
@@ -65,11 +64,11 @@ class HomingPanel:
     async def _home(self, axis: int | None) -> None:
         what = "home all axes" if axis is None else f"home axis {axis_name(axis)}"
         axes = None if axis is None else [axis]
-        await self._actions.do(Role.OPERATOR, what, lambda machine: machine.home(axes))
+        await self._actions.do("home", what, lambda machine: machine.home(axes))
 
     async def _reference(self, axis: AxisInfo) -> None:
         """Ask where the axis is: a wrong number makes its limits wrong, so it is written, not clicked."""
-        if not self._actions.allowed(Role.OPERATOR):
+        if not self._actions.allowed("reference"):
             return
         name = axis_name(axis.index)
         with named_dialog(f"Reference of axis {name}") as dialog, ui.card():
@@ -84,7 +83,7 @@ class HomingPanel:
         dialog.delete()
         if position is not None:
             await self._actions.do(
-                Role.OPERATOR,
+                "reference",
                 f"reference axis {name} at {position:g} {axis.unit}",
                 lambda machine: machine.reference({axis.index: float(position)}),
             )

@@ -11,7 +11,6 @@ from nicegui import events, ui
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.formatting import axis_name, limits_text
 from mcserver.web.jogging import HeldJog
-from mcserver.web.users import Role
 
 STEPS = (0.0, 0.01, 0.1, 1.0, 10.0, 100.0)
 SPEEDS = (1, 5, 10, 25, 50, 100)
@@ -77,9 +76,9 @@ class JogPanel:
             direction = 1.0 if int(message["direction"]) > 0 else -1.0
         except (KeyError, TypeError, ValueError):
             return
-        if not self._actions.visitor.may(Role.OPERATOR):
+        if not self._actions.visitor.may("jog"):
             if kind == "press":
-                self._actions.allowed(Role.OPERATOR)
+                self._actions.allowed("jog")
             return
         if self._actions.link.machine is None:
             return
@@ -92,7 +91,7 @@ class JogPanel:
         elif kind == "press" and self._step.value:
             distance = direction * self._step.value
             await self._actions.do(
-                Role.OPERATOR,
+                "jog",
                 f"jog {axis_name(axis.index)} {distance:+g} {axis.unit}",
                 lambda machine: machine.jog(axis.index, distance, velocity=abs(velocity), by=self._by),
             )

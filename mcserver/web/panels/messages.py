@@ -12,7 +12,6 @@ from nicegui import ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name
 from mcserver.web.link import MachineLink
-from mcserver.web.users import Role
 
 SHOWN = 60
 
@@ -27,7 +26,7 @@ class FaultPanel:
         with self._card:
             self._list = ui.html("", sanitize=False).classes("w-full").props("role=alert")
             ui.button(
-                "Reset", on_click=lambda: actions.do(Role.OPERATOR, "reset", lambda machine: machine.reset())
+                "Reset", on_click=lambda: actions.do("reset", "reset", lambda machine: machine.reset())
             ).props("color=warning")
 
     def update(self, status: MachineStatus) -> None:

@@ -17,7 +17,6 @@ from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import ask_run_from
 from mcserver.web.store import MAX_PROGRAM_BYTES
-from mcserver.web.users import Role
 
 
 class ProgramPanel:
@@ -121,7 +120,7 @@ class ProgramPanel:
         return next((job for job in candidates if job.program == program), None)
 
     async def _on_upload(self, event: events.UploadEventArguments) -> None:
-        if not self._actions.allowed(Role.OPERATOR):
+        if not self._actions.allowed("open"):
             return
         try:
             content = await event.file.read()
@@ -158,7 +157,7 @@ class ProgramPanel:
         )
 
     def _queue(self, report: dict[str, Any] | None = None) -> None:
-        if not self._actions.allowed(Role.OPERATOR):
+        if not self._actions.allowed("open"):
             return
         if not self._choice.value:
             show_refusal("No program is chosen", "choose one, or upload it")
@@ -177,7 +176,7 @@ class ProgramPanel:
         name, line = self._choice.value, int(self._from_line.value or 1)
         # what begins in the middle begins somewhere else than where the axes are
         if name and line > 1:
-            if not self._actions.allowed(Role.OPERATOR) or not await ask_run_from(self._actions, name, line):
+            if not self._actions.allowed("open") or not await ask_run_from(self._actions, name, line):
                 return
             # what was asked for, whatever the fields say by now
             self._choice.set_value(name)
@@ -188,7 +187,7 @@ class ProgramPanel:
         name = self._choice.value
         if (
             name
-            and self._actions.allowed(Role.OPERATOR)
+            and self._actions.allowed("open")
             and await ask(f"Delete {name}?", "Delete", colour="negative")
         ):
             self._actions.link.store.delete(name)

@@ -9,7 +9,6 @@ from nicegui import ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import clock_text, current_program, is_live
 from mcserver.web.jobs import Job
-from mcserver.web.users import Role
 
 ENDED_SHOWN = 5
 
@@ -65,11 +64,11 @@ class QueuePanel:
         return f"{len(jobs.waiting)} waiting: {clock_text(waiting)}; all done in {clock_text(everything)}"
 
     def _remove(self, number: int) -> None:
-        if self._actions.allowed(Role.OPERATOR):
+        if self._actions.allowed("open"):
             self._actions.link.jobs.remove(number)
 
     def _start_again(self) -> None:
-        if self._actions.allowed(Role.OPERATOR):
+        if self._actions.allowed("open"):
             self._actions.link.jobs.start_again()
 
 

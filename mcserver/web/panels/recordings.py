@@ -12,7 +12,6 @@ from nicegui import ui
 from mcserver.web.actions import Action, Actions
 from mcserver.web.formatting import clock_text, size_text
 from mcserver.web.panels.replay import show_replay
-from mcserver.web.users import Role
 
 # Rows that are shown, and how often the list is asked for [s].
 SHOWN = 8
@@ -95,17 +94,17 @@ class RecordingsPanel:
 
     async def _start(self) -> None:
         name = (self._name.value or "").strip()
-        if await self._do("record", lambda machine: machine.start_recording(name)):
+        if await self._do("record_start", "record", lambda machine: machine.start_recording(name)):
             self._name.set_value("")
 
     async def _stop(self, name: str) -> None:
-        await self._do("stop recording", lambda machine: machine.stop_recording(name))
+        await self._do("record_stop", "stop recording", lambda machine: machine.stop_recording(name))
 
     async def _save(self) -> None:
-        if await self._do("save the black box", lambda machine: machine.save_black_box()):
+        if await self._do("record_save", "save the black box", lambda machine: machine.save_black_box()):
             ui.notify("the black box is saved", position="top")
 
-    async def _do(self, name: str, action: Action) -> bool:
-        done = await self._actions.do(Role.OPERATOR, name, action)
+    async def _do(self, method: str, name: str, action: Action) -> bool:
+        done = await self._actions.do(method, name, action)
         self._actions.link.answers.forget("recordings")
         return done

@@ -1,0 +1,44 @@
+"""Simulates texts that are kept on the server while programs run them, for their times."""
+
+from __future__ import annotations
+
+from mcserver.service.program import Program
+from mcserver.service.service import MachineService
+from mcserver.simulation.foresight import Foreseen
+from mcserver.simulation.program_checker import ProgramChecker
+
+
+class TextForecast:
+    """Starts the simulations of one machine's texts."""
+
+    def __init__(self, service: MachineService, checker: ProgramChecker) -> None:
+        self._service = service
+        self._checker = checker
+
+    def begin(self, sha256: str | None) -> None:
+        """Simulate a text that is kept while programs run it, unless its times are known."""
+        service = self._service
+        if sha256 is None or not service.texts.has(sha256) or service.forecasts.knows(sha256):
+            return
+        if not self._running(sha256):
+            return
+        text = service.texts.find(sha256)
+        position = service.port.snapshot().position
+        positions = {axis.index: position[at] for at, axis in enumerate(service.machine.axes)}
+
+        def listen(found: Foreseen) -> bool:
+            programs = self._running(sha256)
+            if found.marks is not None:
+                service.foresee(sha256, found.marks, text.lines)
+            if found.fault is not None:
+                for program in programs:
+                    program.notice = f"line {found.fault.line} will be refused: {found.fault.message}"
+            return bool(programs)
+
+        self._checker.foresee(
+            sha256, text.path, listen, positions, service.work_systems, checked=text.checked
+        )
+
+    def _running(self, sha256: str) -> list[Program]:
+        """Return the programs of a text that have not ended."""
+        return [each for each in self._service.current() if each.sha256 == sha256 and not each.ended]
