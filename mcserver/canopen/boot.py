@@ -14,23 +14,25 @@ from mcserver.canopen.configuration import mode_refusal
 from mcserver.canopen.lss import LssOutcome, assign_node_number, identity_text
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node import Identity, Node
+from mcserver.canopen.profiles import CIA_401, CIA_402, device_text
 from mcserver.canopen.sdo import NodeSdo
 from mcserver.canopen.sdo_write import SdoWrite
 from mcserver.canopen.settings import DriveSettings
+from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS, Controlword, PowerState
 
-CIA_401, CIA_402 = 401, 402
 # A reset is repeated after this time, then after twice as long, and so on: a slow drive must not be reset
 # again while it boots [s].
 FIRST_PATIENCE_S = 0.5
 START_LIMIT_S = 2.0
+CONTROLWORD, STATUSWORD = 0x6040, 0x6041
 _UNHEARD = "check that it has power, its node number and the bit rate, and the bus's two terminators"
 
 
 @dataclass(frozen=True)
 class BootTimes:
-    """How long a node may take [s]: to appear, and to become operational."""
+    """How long a node may take [s]: to appear (None: as its bus says), and to become operational."""
 
-    appear_s: float = 10.0
+    appear_s: float | None = None
     start_s: float = START_LIMIT_S
 
 
@@ -52,7 +54,7 @@ class NodeBoot:
         Raises:
             DriveError: MC550 it does not appear in time. Stopped.
         """
-        deadline = time.monotonic() + self._times.appear_s
+        deadline = time.monotonic() + self._appear_s(node)
         patience = FIRST_PATIENCE_S
         if node.settings.lss is not None:
             self._give_number(node)
@@ -155,6 +157,7 @@ class NodeBoot:
             self._command(node, NmtCommand.START)
             return
         deadline = time.monotonic() + max(self._times.start_s, 2.0 * limit)
+        remarks: list[str] = []
         while time.monotonic() < deadline:
             self._check_stopping()
             node.nmt = None
@@ -162,20 +165,58 @@ class NodeBoot:
             node.wait(lambda: self._is_operational(node), min(limit, deadline - time.monotonic()))
             self._check_stopping()
             if node.nmt is NmtState.OPERATIONAL:
+                node.remarks += tuple(dict.fromkeys(remarks))
                 return
+            if node.nmt is NmtState.PRE_OPERATIONAL:
+                # a device may stay there while its error register is set (1029h): no PDO can reset it
+                remarks += self._reset_faults(node)
         state = "silent" if node.nmt is None else node.nmt.name.lower().replace("_", "-")
+        state += "".join(f"; {remark}" for remark in dict.fromkeys(remarks))
         emergency = node.emergency
         reason = f"; it sent the emergency {emergency.text}" if emergency and not emergency.cleared else ""
         raise DriveError(
             "MC555",
             f"{node.settings.name}: does not become operational: it is {state}{reason}",
-            "look the emergency's code up in the drive's manual"
+            "take the cause of its fault away (the emergency's code is in the drive's manual): it is tried "
+            "again, and G1000 resets the axis then"
             if reason
             else "its heartbeat (1017h) and its own fault memory may say why; try switching it off and on",
             axis=node.settings.axis,
         )
 
     # ------------------------------------------------------------ inside
+
+    def _reset_faults(self, node: Node) -> list[str]:
+        """Reset the faults of a node's drives by SDO, without energy; return what was found, in words.
+
+        The axis itself stays faulted until it is reset (G1000).
+        """
+        found = []
+        for axis in node.axes:
+            if axis.settings.kind != "cia402":
+                continue
+            offset = axis.settings.offset
+            try:
+                word = int.from_bytes(node.sdo.upload(STATUSWORD + offset, 0)[:2], "little")
+                if STATE_OF_BITS[word & STATE_BITS] is not PowerState.FAULT:
+                    continue
+                # a rising edge of bit 7, which falls again for the next one
+                for controlword in (
+                    Controlword.DISABLE_VOLTAGE,
+                    Controlword.FAULT_RESET,
+                    Controlword.DISABLE_VOLTAGE,
+                ):
+                    node.sdo.download(CONTROLWORD + offset, 0, int(controlword).to_bytes(2, "little"))
+                word = int.from_bytes(node.sdo.upload(STATUSWORD + offset, 0)[:2], "little")
+            except DriveError as error:
+                found.append(f"its fault cannot be reset by SDO: {error.message}")
+                continue
+            after = STATE_OF_BITS[word & STATE_BITS]
+            shown = (
+                "its fault was reset" if after is not PowerState.FAULT else "its fault stays after a reset"
+            )
+            found.append(f"{shown} by SDO (6040h)")
+        return found
 
     def _write(self, node: Node, sdo: NodeSdo, write: SdoWrite) -> None:
         if write.unless is None and not write.verify:
@@ -246,6 +287,9 @@ class NodeBoot:
             axis=node.settings.axis,
         )
 
+    def _appear_s(self, node: Node) -> float:
+        return node.settings.appear_s if self._times.appear_s is None else self._times.appear_s
+
     def _is_operational(self, node: Node) -> bool:
         return node.nmt is NmtState.OPERATIONAL or self._stopping.is_set()
 
@@ -277,7 +321,8 @@ class NodeBoot:
         if device_type & 0xFFFF != profile:
             raise DriveError(
                 "MC551",
-                f"{settings.name}: 1000h says device profile {device_type & 0xFFFF}, {what} has {profile}",
+                f"{settings.name}: it is {device_text(device_type)}, not {what} (CiA {profile}); "
+                f"1000h = 0x{device_type:08X}",
                 "check the node number, or the drive's configured profile",
                 axis=settings.axis,
             )
@@ -321,7 +366,7 @@ class NodeBoot:
         )
         return DriveError(
             "MC550",
-            f"{node.settings.name}: {what} within {self._times.appear_s:g} s",
+            f"{node.settings.name}: {what} within {self._appear_s(node):g} s",
             _UNHEARD,
             axis=node.settings.axis,
         )

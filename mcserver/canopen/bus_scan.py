@@ -11,7 +11,8 @@ from mcserver.can.open import open_port
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.eds_text import device_of
 from mcserver.canopen.node import Node
-from mcserver.canopen.scan import machine_file, modes_of, scan, what_of
+from mcserver.canopen.profiles import profile_text
+from mcserver.canopen.scan import DRIVE_OBJECTS, machine_file, modes_of, object_key, scan
 from mcserver.canopen.service_bus import CanopenBus
 from mcserver.canopen.settings import NO_AXIS
 from mcserver.canopen.views import BusScan, ScannedNode
@@ -75,19 +76,30 @@ def _own(node: Node) -> ScannedNode:
     settings, identity = node.settings, node.identity
     profile = (identity.device_type or 0) & 0xFFFF
     supported = 0
+    objects: dict[str, int] = {}
     if settings.kind == "cia402":
-        try:
-            supported = int.from_bytes(node.sdo.upload(0x6502 + settings.offset, 0, attempts=1)[:4], "little")
-        except DriveError:
-            # it is lost, or has no such object
-            supported = 0
+        supported = _read(node, 0x6502, 0) or 0
+        for place in DRIVE_OBJECTS:
+            value = _read(node, *place)
+            if value is not None:
+                objects[object_key(*place)] = value
     return ScannedNode(
         settings.node,
         profile,
-        what_of(profile) if identity.device_type is not None else settings.kind,
+        profile_text(profile) if identity.device_type is not None else settings.kind,
         identity.vendor_id,
         identity.product_code,
         modes=modes_of(supported),
         axis=None if settings.axis == NO_AXIS else settings.axis,
         eds=settings.eds,
+        objects=objects,
     )
+
+
+def _read(node: Node, index: int, subindex: int) -> int | None:
+    """An object of a node's first axis; None where it is lost, or has no such object."""
+    try:
+        payload = node.sdo.upload(index + node.settings.offset, subindex, attempts=1)
+    except DriveError:
+        return None
+    return int.from_bytes(payload[:4], "little")

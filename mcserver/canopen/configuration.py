@@ -6,11 +6,12 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
-from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError, ODVariable
+from canopen.objectdictionary import ObjectDictionaryError, ODVariable
 
 from mcserver.can.cob import SYNC, Function
 from mcserver.can.pdo_layout import Mode
 from mcserver.canopen.canopen_errors import object_text
+from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.process_data import INVALID, PlannedProcessData, plan_process_data
 from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite, unsigned32
 from mcserver.canopen.settings import AXIS_OFFSET, DriveSettings
@@ -77,14 +78,14 @@ USABLE_MODES = ("csp", "csv", "ip", "cst", "pp")
 
 
 def configuration_writes(
-    drive: DriveSettings, cycle_s: float, dictionary: ObjectDictionary, master: int
+    drive: DriveSettings, cycle_s: float, dictionary: DeviceDictionary, master: int
 ) -> list[SdoWrite]:
     """As `configure`, the writes alone."""
     return configure(drive, cycle_s, dictionary, master)[0]
 
 
 def configure(
-    drive: DriveSettings, cycle_s: float, dictionary: ObjectDictionary, master: int
+    drive: DriveSettings, cycle_s: float, dictionary: DeviceDictionary, master: int
 ) -> tuple[list[SdoWrite], PlannedProcessData]:
     """List everything to write into one CiA 402 drive between pre-operational and operational, in order.
 
@@ -191,15 +192,19 @@ class _Writer:
             yield SdoWrite(index, 0, wanted, what, optional=True, unless=wanted)
 
     def heartbeats(self, master: int) -> Iterator[SdoWrite]:
-        if self._drive.heartbeat_ms or self._dictionary.writable(0x1017):
-            if not self._dictionary.has(0x1017):
-                raise self._dictionary.no_place(
-                    0x1017,
-                    0,
-                    "the EDS has no heartbeat",
-                    "set heartbeat_ms = 0: the drive is watched by its process data then, or check `eds`",
-                )
-            yield self._dictionary.number(0x1017, 0, self._drive.heartbeat_ms, "heartbeat time [ms]")
+        what = "heartbeat time [ms]"
+        if not self._drive.heartbeat_ms:
+            # a device without one is as silent as it shall be
+            yield from self._dictionary.if_there(0x1017, 0, 0, what)
+        elif not self._dictionary.has(0x1017):
+            raise self._dictionary.no_place(
+                0x1017,
+                0,
+                "the EDS has no heartbeat",
+                "set heartbeat_ms = 0: the drive is watched by its process data then, or check `eds`",
+            )
+        else:
+            yield self._dictionary.number(0x1017, 0, self._drive.heartbeat_ms, what)
         watched = master << 16 | MASTER_HEARTBEAT_TIMEOUT_MS
         yield from self._dictionary.if_there(0x1016, 1, watched, "heartbeat of the master to watch")
 

@@ -1,4 +1,4 @@
-"""The dictionary of a CiA 402 drive that comes without an EDS: what this server reads and writes.
+"""The objects of a device, and those of a CiA 402 drive that comes without an EDS.
 
 Types and places by CiA 301 (1000h … 1A03h) and CiA 402 (6000h ff.).
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
 
 from mcserver.can.cob import Function
+from mcserver.errors import ConfigurationError
 
 _U8, _U16, _U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
 _I8, _I16, _I32 = datatypes.INTEGER8, datatypes.INTEGER16, datatypes.INTEGER32
@@ -84,9 +85,24 @@ _RECORDS = (
 )
 
 
-def generic_dictionary(node: int) -> ObjectDictionary:
+class DeviceDictionary(ObjectDictionary):
+    """The objects that a device has.
+
+    Attributes:
+        unreadable: MC008 by (index, subindex) of objects whose entries in the EDS cannot be read. A file of
+            thousands of objects is not refused for one of them: whoever uses the object refuses it.
+        generic: these are the standard's objects; the device's own are not known.
+    """
+
+    def __init__(self, *, generic: bool = False) -> None:
+        super().__init__()  # type: ignore[no-untyped-call]
+        self.unreadable: dict[tuple[int, int], ConfigurationError] = {}
+        self.generic = generic
+
+
+def generic_dictionary(node: int) -> DeviceDictionary:
     """A dictionary of the standard's objects, with four RPDOs and four TPDOs."""
-    dictionary = ObjectDictionary()
+    dictionary = DeviceDictionary(generic=True)
     dictionary.node_id = node
     for index, name, kind, access in _VARIABLES:
         dictionary.add_object(_variable(name, index, 0, kind, access))

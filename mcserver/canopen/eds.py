@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable, datatypes
+from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
+from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.eds_text import MAX_BYTES, Section, decode, fault, number_of, sections_of
 from mcserver.errors import ConfigurationError
 
@@ -27,10 +31,12 @@ class Description:
     Attributes:
         dictionary: with `ODVariable.value` set where a DCF gives a ``ParameterValue``.
         commissioned_node: the node that a DCF was made for; None where it does not say.
+        ignored: entries that make no sense, and change nothing that is used.
     """
 
-    dictionary: ObjectDictionary
+    dictionary: DeviceDictionary
     commissioned_node: int | None = None
+    ignored: tuple[str, ...] = ()
 
 
 def load_description(path: str | Path, node: int) -> Description:
@@ -40,7 +46,7 @@ def load_description(path: str | Path, node: int) -> Description:
         node: what ``$NODEID`` stands for.
 
     Raises:
-        ConfigurationError: MC008, naming file, section and key.
+        ConfigurationError: MC008 it cannot be read, or is no EDS file.
     """
     source = str(path)
     try:
@@ -67,32 +73,53 @@ def parse_description(text: str, node: int, source: str = "EDS") -> Description:
         ConfigurationError: MC008.
     """
     sections = sections_of(text, source)
-    reader = _Reader(sections, node, source)
-    dictionary = ObjectDictionary()
+    dictionary = DeviceDictionary()
     dictionary.node_id = node
+    reader = _Reader(sections, node, source, dictionary)
     for name, section in sections.items():
         if _OBJECT.fullmatch(name):
-            reader.add_object(dictionary, int(name, 16), section)
+            with reader.keeping(int(name, 16), 0, section):
+                reader.add_object(int(name, 16), section)
     for name, section in sections.items():
         member = _MEMBER.fullmatch(name)
         if member is not None:
-            reader.add_member(dictionary, int(member[1], 16), int(member[2], 16), section)
-    if len(dictionary) == 0:
+            place = int(member[1], 16), int(member[2], 16)
+            with reader.keeping(*place, section):
+                reader.add_member(*place, section)
+    if len(dictionary) == 0 and not dictionary.unreadable:
         raise fault(
             source, "", "", "holds no object: there is no section such as [1000]", "is it an EDS file?"
         )
     commissioning = sections.get("devicecomissioning", sections.get("devicecommissioning"))
     made_for = reader.number(commissioning, "NodeID") if commissioning is not None else None
-    return Description(dictionary, made_for)
+    return Description(dictionary, made_for, tuple(reader.ignored))
 
 
 class _Reader:
-    def __init__(self, sections: dict[str, Section], node: int, source: str) -> None:
+    def __init__(
+        self, sections: dict[str, Section], node: int, source: str, dictionary: DeviceDictionary
+    ) -> None:
         self._sections = sections
         self._node = node
         self._source = source
+        self._dictionary = dictionary
+        self.ignored: list[str] = []
 
-    def add_object(self, dictionary: ObjectDictionary, index: int, section: Section) -> None:
+    @contextmanager
+    def keeping(self, index: int, subindex: int, section: Section) -> Iterator[None]:
+        """Keep what is wrong with one object, so that the others are read.
+
+        Raises:
+            ConfigurationError: MC008 the object has a value of a DCF, which would be written.
+        """
+        try:
+            yield
+        except ConfigurationError as error:
+            if section.text("ParameterValue"):
+                raise
+            self._dictionary.unreadable.setdefault((index, subindex), error)
+
+    def add_object(self, index: int, section: Section) -> None:
         code = self.number(section, "ObjectType")
         if code is None:
             # CiA 306, 4.6.3.2: without the keyword it is a variable
@@ -102,28 +129,24 @@ class _Reader:
         if code in (_DEFTYPE, _DEFSTRUCT):
             return
         if code not in (_ARRAY, _RECORD):
-            dictionary.add_object(self._variable(section, index, 0, domain=code == _DOMAIN))
+            self._dictionary.add_object(self._variable(section, index, 0, domain=code == _DOMAIN))
             return
         entry: ODArray | ODRecord = (ODArray if code == _ARRAY else ODRecord)(name, index)
-        dictionary.add_object(entry)
+        self._dictionary.add_object(entry)
         if compact:
             self._add_compact(entry, section, min(compact, _MAX_MEMBERS))
 
-    def add_member(self, dictionary: ObjectDictionary, index: int, subindex: int, section: Section) -> None:
-        entry = dictionary.indices.get(index)
+    def add_member(self, index: int, subindex: int, section: Section) -> None:
+        entry = self._dictionary.indices.get(index)
         if entry is None:
             if f"{index:04x}" in self._sections:
-                # members of a type's definition
+                # members of a type's definition, or of an object that cannot be read
                 return
             entry = ODRecord(f"{index:04X}", index)
-            dictionary.add_object(entry)
+            self._dictionary.add_object(entry)
         if isinstance(entry, ODVariable):
-            raise self._fault(
-                section,
-                "",
-                f"is a member of {index:04X}h, which the file calls a variable",
-                f"set ObjectType=0x9 in [{index:04X}], or take the section out",
-            )
+            self.ignored.append(f"[{section.name}] is a member of a variable")
+            return
         entry.add_member(self._variable(section, index, subindex, domain=False))
 
     def _add_compact(self, entry: ODArray | ODRecord, section: Section, count: int) -> None:
@@ -182,7 +205,12 @@ class _Reader:
     def _limit(self, variable: ODVariable, section: Section, key: str) -> int | None:
         if variable.data_type not in datatypes.INTEGER_TYPES:
             return None
-        value: int | None = self._value(variable, section, key)
+        try:
+            value: int | None = self._value(variable, section, key)
+        except ConfigurationError:
+            # the device keeps its own limits
+            self.ignored.append(f"[{section.name}] {key} is no value of its type")
+            return None
         return value
 
     def _value(self, variable: ODVariable, section: Section, key: str) -> Any:
@@ -195,7 +223,7 @@ class _Reader:
             if kind in (datatypes.VISIBLE_STRING, datatypes.UNICODE_STRING):
                 return text.strip('"')
             if kind in datatypes.FLOAT_TYPES:
-                return float(text.replace(",", "."))
+                return _real(text, 4 if kind == datatypes.REAL32 else 8)
             if kind in datatypes.INTEGER_TYPES:
                 return self._integer(variable, number_of(text, self._node))
             if kind == datatypes.BOOLEAN:
@@ -235,3 +263,18 @@ class _Reader:
     def _fault(self, section: Section, key: str, what: str, remedy: str) -> ConfigurationError:
         shown = section.entries[key.lower()][0] if key.lower() in section.entries else key
         return fault(self._source, section.name, shown, f"{what} (section at line {section.line})", remedy)
+
+
+def _real(text: str, length: int) -> float:
+    """Read a floating-point number, also written as the hexadecimal of its IEEE 754 bits.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    if re.fullmatch(r"0[xX][0-9a-fA-F]+", text):
+        bits = int(text, 16)
+        if bits >> 8 * length:
+            raise ValueError(f"{text} does not fit into {length} bytes")
+        (value,) = struct.unpack("<f" if length == 4 else "<d", bits.to_bytes(length, "little"))
+        return float(value)
+    return float(text.replace(",", "."))

@@ -4,6 +4,7 @@ configuration, watching.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from canopen.objectdictionary import ODVariable
@@ -14,6 +15,7 @@ from mcserver.canopen.configuration import configuration_writes
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.eds import Description, load_description
 from mcserver.canopen.listening import MASTER
+from mcserver.canopen.profiles import CIA_402, device_text
 from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite
 from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.errors import ConfigurationError, Diagnostic
@@ -21,6 +23,8 @@ from mcserver.machine.machine_file import Machine
 
 # What a torque loop that is closed over a bus is as stiff as at 100 Hz [1/s²].
 LEAST_STIFFNESS = 20.0
+# Load by which softness is judged, such as friction [mm/s² or deg/s²].
+LOAD = 100.0
 
 
 def check_drives(machine: Machine) -> list[Diagnostic]:
@@ -40,13 +44,36 @@ def check_drives(machine: Machine) -> list[Diagnostic]:
             found.append(Diagnostic(code=error.code, message=error.message, hint=error.hint, axis=drive.axis))
             continue
         found += _doubts(drive, described)
-        found += _soft_loop(drive, machine)
+        found += _soft_loops(drive, machine)
         found += _doubtful_values(drive, described, writes)
     return found
 
 
+def _evidence(drive: DriveSettings, described: Description) -> list[Diagnostic]:
+    """Say what the EDS leaves open, or says against the device being such a drive."""
+    found = []
+    known = DriveDictionary(drive, described.dictionary)
+    device_type = known.default(0x1000)
+    if device_type is None:
+        what = "the EDS does not say what the device is (1000h has no value)"
+        found.append(_warning(drive, what, "is it the file of this drive? At boot-up the drive is asked"))
+    elif device_type & 0xFFFF != CIA_402:
+        what = f"the EDS is of {device_text(device_type)}, not of a drive (1000h = 0x{device_type:08X})"
+        found.append(_warning(drive, what, "check `eds` and the node number: at boot-up it is refused"))
+    if known.default(0x6502 + drive.offset) is None:
+        what = f"the EDS does not say which modes the drive has ({object_text(0x6502 + drive.offset, 0)})"
+        remedy = "`mcserver scan` asks the drive; at boot-up a mode that it does not have is refused (MC551)"
+        found.append(_warning(drive, what, remedy))
+    unread = [error.message for error in described.dictionary.unreadable.values()] + list(described.ignored)
+    if unread:
+        more = f", and {len(unread) - 1} more" if len(unread) > 1 else ""
+        what = f"{drive.eds} has entries that cannot be read and are not used: {unread[0]}{more}"
+        found.append(_warning(drive, what, "correct them, or ask the maker for a file that is sound"))
+    return found
+
+
 def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
-    doubts = []
+    doubts = [] if described.dictionary.generic else _evidence(drive, described)
     if described.commissioned_node not in (None, drive.node) and _has_values(described):
         doubts.append(
             _warning(
@@ -76,28 +103,35 @@ def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
     return doubts
 
 
-def _soft_loop(drive: DriveSettings, machine: Machine) -> list[Diagnostic]:
+def _soft_loops(drive: DriveSettings, machine: Machine) -> list[Diagnostic]:
     """Say where a torque loop over the bus is too soft to hold a position.
 
     It is as stiff as its cycle is short: a load that takes the acceleration a holds the axis off by
-    a / (velocity_gain / inertia · position_gain) until the integral has it.
+    a / (velocity_gain / inertia · position_gain), which the integral takes away with its time constant.
     """
     axis = machine.axis(drive.axis)
     if drive.mode != Mode.CYCLIC_TORQUE or axis is None:
         return []
     gains = axis.drive
     stiffness = (gains.velocity_gain or 0.0) / gains.inertia * (gains.position_gain or 0.0)
+    error = LOAD / stiffness
+    tolerance = axis.in_position / axis.type.si_per_unit
     # half a per cent: gains are written with few digits
-    if stiffness >= 0.995 * LEAST_STIFFNESS:
-        return []
-    return [
-        _warning(
-            drive,
-            f"its torque loop is soft at {machine.cycle_hz:g} Hz: a load that takes 100 {axis.type.unit}/s² "
-            f"holds the axis {100.0 / stiffness:.3g} {axis.type.unit} off until the integral has it",
-            "a greater cycle_hz, 500 or more, or a mode whose loop is the drive's own",
-        )
-    ]
+    soft = stiffness < 0.995 * LEAST_STIFFNESS
+    patience = machine.exact_stop_timeout
+    integral = gains.integral_time_s or 0.0
+    settling = integral * math.log(error / tolerance) if error > tolerance else 0.0
+    never = error > tolerance and integral == 0.0
+    what = (
+        f"its torque loop is soft at {machine.cycle_hz:g} Hz: a load that takes {LOAD:g} {axis.type.unit}/s² "
+        f"holds the axis {error:.3g} {axis.type.unit} off until the integral has it"
+    )
+    remedy = "a greater cycle_hz, 500 or more, or a mode whose loop is the drive's own"
+    if error > tolerance and (soft or never or settling > patience):
+        how_long = "for ever" if never else f"for {settling:.3g} s"
+        what += f": out of its in_position of {tolerance:g} {axis.type.unit} {how_long}"
+        return [Diagnostic(code="MC552", message=f"{drive.name}: {what}", hint=remedy, axis=drive.axis)]
+    return [_warning(drive, what, remedy)] if soft else []
 
 
 def _doubtful_values(

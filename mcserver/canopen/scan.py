@@ -12,14 +12,21 @@ from collections.abc import Callable, Collection
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE, Function
 from mcserver.can.port import CanPort
 from mcserver.canopen.configuration import MODE_BITS, USABLE_MODES
+from mcserver.canopen.profiles import CIA_402, profile_text
 from mcserver.canopen.views import ScannedNode
 
 ROUND_S = 0.005
 ANSWER_S = 0.3
 TRIES = 2
-CIA_402 = 402
 _UPLOAD = 0x40
-_PROFILES = {401: "inputs and outputs", 402: "drive", 404: "measuring device", 406: "encoder"}
+# values that stand for no limit
+UNLIMITED, UNLIMITED_RPM = (1 << 31) - 1, 200_000
+# what a drive says of its mechanics and limits
+DRIVE_OBJECTS = (
+    *((index, subindex) for index in (0x608F, 0x6091, 0x6092, 0x607D) for subindex in (1, 2)),
+    (0x6076, 0),
+    (0x6080, 0),
+)
 
 Wait = Callable[[float], None]
 
@@ -34,7 +41,8 @@ def scan(port: CanPort, wait: Wait = time.sleep, without: Collection[int] = ()) 
     types = _ask(port, [(node, 0x1000, 0) for node in every], wait)
     there = sorted(node for node, _, _ in types)
     wanted = [(node, 0x1018, subindex) for node in there for subindex in (1, 2, 3, 4)]
-    wanted += [(node, 0x6502, 0) for node in there if (types[node, 0x1000, 0] or 0) & 0xFFFF == CIA_402]
+    drives = [node for node in there if (types[node, 0x1000, 0] or 0) & 0xFFFF == CIA_402]
+    wanted += [(node, *place) for node in drives for place in ((0x6502, 0), *DRIVE_OBJECTS)]
     answers = _ask(port, wanted, wait)
     found = []
     for node in there:
@@ -44,13 +52,22 @@ def scan(port: CanPort, wait: Wait = time.sleep, without: Collection[int] = ()) 
             answers.get((node, 0x1018, subindex)) for subindex in (1, 2, 3, 4)
         )
         identity = (vendor, product, revision, serial)
-        found.append(ScannedNode(node, profile, what_of(profile), *identity, modes=modes_of(supported)))
+        said = {
+            object_key(*place): value
+            for place in DRIVE_OBJECTS
+            if (value := answers.get((node, *place))) is not None
+        }
+        found.append(
+            ScannedNode(
+                node, profile, profile_text(profile), *identity, modes=modes_of(supported), objects=said
+            )
+        )
     return found
 
 
-def what_of(profile: int) -> str:
-    """Return what a device profile (1000h) is, in words."""
-    return _PROFILES.get(profile, f"profile {profile}")
+def object_key(index: int, subindex: int) -> str:
+    """Name an object in `ScannedNode.objects`."""
+    return f"{index:04X}:{subindex}"
 
 
 def modes_of(supported: int) -> list[str]:
@@ -79,7 +96,7 @@ def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
             "[[axis]]",
             f"index = {axis}",
             'type = "rotary"                # "linear" needs units_per_motor_rev',
-            "max_velocity = 10.0            # deg/s: fill in",
+            *_axis_limits(node),
             "max_acceleration = 10.0        # deg/s²: fill in",
             "[axis.drive]",
             'kind = "cia402"',
@@ -87,7 +104,7 @@ def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
             f"node = {node.node}",
             f'mode = "{mode}"'
             + (f"                   # 6502h: {', '.join(node.modes)}" if node.modes else ""),
-            "counts_per_motor_rev = 65536   # of the encoder: fill in",
+            *_mechanics(node),
         ]
         if node.vendor_id is not None:
             lines.append(f"vendor_id = 0x{node.vendor_id:08X}")
@@ -99,6 +116,49 @@ def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
             else '# eds = "drive.eds"            # whose VendorNumber and ProductNumber are these'
         )
     return "\n".join(lines) + "\n"
+
+
+def _axis_limits(node: ScannedNode) -> list[str]:
+    """Velocity and travel at the shaft, as far as the drive says them; else to be filled in."""
+    motor_rpm = node.objects.get("6080:0", 0)
+    motor, shaft = _ratio(node, 0x6091) or (1, 1)
+    lines = ["max_velocity = 10.0            # deg/s: fill in"]
+    if 0 < motor_rpm < UNLIMITED_RPM:
+        degrees = motor_rpm * 6.0 * shaft / motor
+        lines = [f"max_velocity = {degrees:.6g}  # deg/s at the shaft: the motor's {motor_rpm} /min (6080h)"]
+    feed = _ratio(node, 0x6092)
+    low, high = (_signed(node.objects.get(object_key(0x607D, subindex), 0)) for subindex in (1, 2))
+    if feed is not None and low < high and low > -UNLIMITED and high < UNLIMITED:
+        for key, value in (("min_position", low), ("max_position", high)):
+            lines.append(f"{key} = {value * 360.0 * feed[1] / feed[0]:.6g}  # deg: 607Dh")
+    return lines
+
+
+def _mechanics(node: ScannedNode) -> list[str]:
+    """Encoder, gear and rated torque as the drive says them; the encoder else to be filled in."""
+    encoder, gear = _ratio(node, 0x608F), _ratio(node, 0x6091)
+    if encoder is None:
+        lines = ["counts_per_motor_rev = 65536   # of the encoder: fill in"]
+    elif encoder[1] == 1:
+        lines = [f"counts_per_motor_rev = {encoder[0]}   # 608Fh"]
+    else:
+        lines = [f"encoder = [{encoder[0]}, {encoder[1]}]   # increments, motor revolutions: 608Fh"]
+    if gear is not None and gear != (1, 1):
+        lines.append(f"gear = [{gear[0]}, {gear[1]}]   # motor, shaft revolutions: 6091h")
+    torque = node.objects.get("6076:0", 0)
+    if torque:
+        lines.append(f"rated_torque = {torque / 1000.0:g}   # N·m: 6076h")
+    return lines
+
+
+def _ratio(node: ScannedNode, index: int) -> tuple[int, int] | None:
+    """Return the two numbers of an object; None where the drive does not say them."""
+    first, second = (node.objects.get(object_key(index, subindex), 0) for subindex in (1, 2))
+    return (first, second) if 0 < first < UNLIMITED and 0 < second < UNLIMITED else None
+
+
+def _signed(number: int) -> int:
+    return number - (1 << 32) if number >= 1 << 31 else number
 
 
 def _ask(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-from canopen.objectdictionary import ObjectDictionary, ODVariable, datatypes
+from canopen.objectdictionary import ODVariable, datatypes
 
 from mcserver.canopen.canopen_errors import object_text
+from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.settings import DriveSettings
 from mcserver.canopen.values import pack_number
 from mcserver.errors import ConfigurationError
@@ -49,12 +50,19 @@ def unsigned32(value: int) -> bytes:
 class DriveDictionary:
     """A drive's dictionary with messages that name the drive."""
 
-    def __init__(self, drive: DriveSettings, dictionary: ObjectDictionary) -> None:
+    def __init__(self, drive: DriveSettings, dictionary: DeviceDictionary) -> None:
         self.drive = drive
         self.objects = dictionary
 
     def variable(self, index: int, subindex: int = 0) -> ODVariable | None:
-        """Return an object, or None; an array's members are there where its first one is."""
+        """Return an object, or None; an array's members are there where its first one is.
+
+        Raises:
+            ConfigurationError: MC008 the EDS has it in a form that cannot be read.
+        """
+        for place in ((index, subindex), (index, 0)):
+            if place in self.objects.unreadable:
+                raise self.objects.unreadable[place]
         entry = self.objects.indices.get(index)
         if entry is None:
             return None

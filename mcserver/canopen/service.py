@@ -9,13 +9,12 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 
 import msgspec
-from canopen.objectdictionary import ObjectDictionary
 
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.configuration import configure
-from mcserver.canopen.dictionary import generic_dictionary
+from mcserver.canopen.dictionary import DeviceDictionary, generic_dictionary
 from mcserver.canopen.eds import load_description
 from mcserver.canopen.io_nodes import configure_io
 from mcserver.canopen.listening import MASTER, Listening, refuse_other_masters
@@ -33,7 +32,7 @@ BOOT_ROUND_S = 0.1
 PROGRESS_S = 2.0
 
 
-def dictionary_of(drive: DriveSettings) -> ObjectDictionary:
+def dictionary_of(drive: DriveSettings) -> DeviceDictionary:
     """The drive's EDS, or the standard's objects.
 
     Raises:
@@ -45,7 +44,7 @@ def dictionary_of(drive: DriveSettings) -> ObjectDictionary:
 class CanopenService:
     """All CAN buses of one machine; made by `start`."""
 
-    def __init__(self, dictionaries: dict[int, ObjectDictionary]) -> None:
+    def __init__(self, dictionaries: dict[int, DeviceDictionary]) -> None:
         self.buses: list[CanopenBus] = []
         self._dictionaries = dictionaries
         self._stopping = threading.Event()
@@ -135,7 +134,7 @@ class CanopenService:
         ]
         return msgspec.structs.replace(machine, axes=tuple(axes))
 
-    def dictionary(self, axis: int) -> ObjectDictionary | None:
+    def dictionary(self, axis: int) -> DeviceDictionary | None:
         """Of an axis's drive; None where it has none."""
         return self._dictionaries.get(axis)
 
@@ -177,7 +176,7 @@ class CanopenService:
                     bus.ensure_running()
 
 
-def _plan(drive: DriveSettings, cycle_s: float, dictionary: ObjectDictionary | None) -> NodeAxis:
+def _plan(drive: DriveSettings, cycle_s: float, dictionary: DeviceDictionary | None) -> NodeAxis:
     if dictionary is None:
         return NodeAxis(drive)
     writes, planned = configure(drive, cycle_s, dictionary, MASTER)

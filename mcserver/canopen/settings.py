@@ -57,7 +57,8 @@ class DriveSettings:
         fixed_pdos: the drive's mapping is taken as it is. torque: whether torques are used,
             torque_offset: as feed-forward too (60B2h).
         monitor: (index, subindex, name) of what telemetry shows. sdo: its times.
-        listen_s: for another master on its bus. lss: identity of a node that gets its number from here.
+        listen_s: for another master on its bus. appear_s: how long its node may take to appear.
+        lss: identity of a node that gets its number from here.
         homing, profile: (index, subindex, value) for the drive's own homing, and its own profiles; with mode
             "cst" its greatest torque.
         inputs: 60FDh is read in the cycle. outputs: bits of 60FEh that are written.
@@ -84,6 +85,7 @@ class DriveSettings:
     monitor: tuple[tuple[int, int, str], ...] = ()
     sdo: SdoTimes = SdoTimes()
     listen_s: float = 0.25
+    appear_s: float = 10.0
     foreign_sync: bool = False
     lss: tuple[int, int, int, int] | None = None
     homing: tuple[tuple[int, int, int], ...] = ()
@@ -130,6 +132,7 @@ def _of_io(bus: CanBusConfig, node: int) -> DriveSettings:
         node=node,
         heartbeat_ms=HEARTBEAT_MS,
         listen_s=bus.listen_ms / 1e3,
+        appear_s=bus.appear_timeout_s,
         foreign_sync=bus.sync == "foreign",
     )
 
@@ -164,6 +167,7 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
             store_s=drive.sdo_store_timeout_s,
         ),
         listen_s=bus.listen_ms / 1e3,
+        appear_s=bus.appear_timeout_s,
         foreign_sync=bus.sync == "foreign",
         lss=drive.lss,
         homing=homing_objects(axis),

@@ -63,6 +63,9 @@ class ScannedNode(msgspec.Struct, frozen=True, omit_defaults=True):
         profile: of 1000h; what: the same in words. modes: of 6502h.
         vendor_id … serial: 1018h; None: it does not say.
         axis: of the running machine, whose drive it is. eds: a file that is its by vendor and product.
+        objects: what else it says of itself, by object, such as ``"6091:1"``: encoder (608Fh), gear (6091h),
+            feed (6092h), rated torque (6076h [mN·m]), greatest speed of the motor (6080h [1/min]), travel
+            (607Dh).
     """
 
     node: int
@@ -75,6 +78,7 @@ class ScannedNode(msgspec.Struct, frozen=True, omit_defaults=True):
     modes: list[str] = []
     axis: int | None = None
     eds: str = ""
+    objects: dict[str, int] = {}
 
 
 class BusScan(msgspec.Struct, frozen=True):

@@ -149,7 +149,7 @@ class CanBusConfig(msgspec.Struct, frozen=True):
         name: as drives name it. address: see `mcserver.can.address`. bitrate: [bit/s].
         silence_cycles: so many cycles without an answer are a fault of the drive.
         sync: who sends SYNC; "foreign": another one on the bus. listen_ms: for another master, before
-            anything is sent [ms].
+            anything is sent [ms]. appear_timeout_s: of a node, from its first reset on.
     """
 
     name: str
@@ -158,6 +158,7 @@ class CanBusConfig(msgspec.Struct, frozen=True):
     silence_cycles: int = 3
     sync: Literal["own", "foreign"] = "own"
     listen_ms: int = 250
+    appear_timeout_s: float = 10.0
 
 
 def read_buses(
@@ -197,6 +198,7 @@ def read_buses(
             section.silence_cycles,
             section.sync,
             section.listen_ms,
+            section.appear_timeout_s,
         )
         add(bus, ("bus", position, "address"), "")
     owners: dict[tuple[str, int, int], int] = {}

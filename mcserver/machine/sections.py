@@ -261,6 +261,7 @@ class BusSection(msgspec.Struct, frozen=True):
     silence_cycles: Annotated[int, Meta(ge=1, le=1000, description="3 is usual")] = 3
     sync: Literal["own", "foreign"] = "own"
     listen_ms: Annotated[int, Meta(ge=0, le=10_000, description="250 is usual")] = 250
+    appear_timeout_s: Annotated[float, Meta(gt=0.0, le=600.0, description="10 is usual")] = 10.0
 
 
 class DialectSection(msgspec.Struct, frozen=True):

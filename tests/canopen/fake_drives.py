@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 from canopen.objectdictionary import ODVariable
 
@@ -48,6 +49,8 @@ class FakeDrive:
         muted: says nothing, and does nothing. boots: answers a reset with a boot-up message.
         starts: obeys NMT start. emergency: what it sends as an emergency at each NMT start.
         beats: sends heartbeats. written: in order.
+        fault: while it has one it stays pre-operational; one that "clears" goes at a rising edge of bit 7 of
+            6040h.
     """
 
     node: int
@@ -62,6 +65,7 @@ class FakeDrive:
     starts: bool = True
     emergency: bytes = b""
     beats: bool = True
+    fault: Literal["none", "clears", "stays"] = "none"
     state: NmtState = NmtState.PRE_OPERATIONAL
     written: list[tuple[int, int, bytes]] = field(default_factory=list)
     resets: int = 0
@@ -149,7 +153,7 @@ class FakeDrives:
         elif command == NmtCommand.START:
             if drive.emergency:
                 self.send(Function.EMCY + drive.node, drive.emergency)
-            if drive.starts:
+            if drive.starts and drive.fault == "none":
                 drive.state = NmtState.OPERATIONAL
         elif command == NmtCommand.ENTER_PRE_OPERATIONAL:
             drive.state = NmtState.PRE_OPERATIONAL
@@ -174,6 +178,8 @@ class FakeDrives:
         head = struct.pack("<HB", index, subindex)
         if specifier == 0x40:
             value = drive.objects[place]
+            if place == (0x6041, 0):
+                value = struct.pack("<H", 0x0040 if drive.fault == "none" else 0x0008)
             if 0 < len(value) <= 4:
                 self._answer(drive, bytes((0x43 | (4 - len(value)) << 2,)) + head + value.ljust(4, b"\0"))
             else:
@@ -200,6 +206,9 @@ class FakeDrives:
             self._answer(drive, bytes((0x20 | command & 0x10,)) + bytes(7))
 
     def _write(self, drive: FakeDrive, place: tuple[int, int], value: bytes) -> None:
+        rises = place == (0x6040, 0) and value[0] & 0x80 and not drive.value(0x6040) & 0x80
+        if rises and drive.fault == "clears":
+            drive.fault = "none"
         drive.objects[place] = value
         drive.written.append((*place, value))
 

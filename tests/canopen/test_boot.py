@@ -9,8 +9,10 @@ import pytest
 from msgspec.structs import replace
 
 from mcserver.can.cob import Function, NmtState
+from mcserver.canopen.boot import BootTimes
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.node import Phase
+from mcserver.canopen.service_bus import ServiceTimes
 from mcserver.errors import RuntimeFault
 from mcserver.machine.machine_file import Machine
 from tests.canopen.fake_drives import PRODUCT, VENDOR, FakeDrives
@@ -112,6 +114,62 @@ def test_objects_that_a_drive_may_lack_are_remarked_only(
     assert "6007h:00 is not there" in watched.sentences[-1]
 
 
+def test_a_drive_that_stays_pre_operational_with_a_fault_is_reset_by_sdo(
+    hub: RunningHub, make_drives: Make, watched: Watched
+) -> None:
+    drives = make_drives(1)
+    drives[1].fault = "clears"
+    service = watched.start(machine_on(hub.address(), [1]))
+    assert drives[1].state is NmtState.OPERATIONAL
+    assert service.nodes[0].remarks == ("its fault was reset by SDO (6040h)",)
+    assert [write for write in drives[1].written if write[0] == 0x6040][-1][2] == b"\x00\x00"
+
+
+def test_a_drive_that_falls_back_with_a_fault_while_it_runs_is_brought_back(
+    hub: RunningHub, make_drives: Make, watched: Watched
+) -> None:
+    drives = make_drives(1)
+    watched.start(machine_on(hub.address(), [1]))
+    drives[1].fault = "clears"
+    drives[1].state = NmtState.PRE_OPERATIONAL
+    watched.expect("drive.started")
+    assert drives[1].state is NmtState.OPERATIONAL
+
+
+def test_a_fault_that_stays_is_named_with_what_to_do(
+    hub: RunningHub, make_drives: Make, watched: Watched
+) -> None:
+    drives = make_drives(1)
+    drives[1].fault = "stays"
+    drives[1].emergency = bytes((0x10, 0x23, 2, 0, 0, 0, 0, 0))
+    with pytest.raises(
+        DriveError, match=r"MC555.*pre-operational; its fault stays after a reset by SDO"
+    ) as found:
+        watched.start(machine_on(hub.address(), [1]))
+    assert "2310h" in found.value.message
+    assert "G1000" in found.value.hint
+
+
+def test_a_device_without_heartbeat_and_without_eds_needs_none(
+    hub: RunningHub, make_drives: Make, watched: Watched
+) -> None:
+    drives = make_drives(1)
+    drives[1].aborts[0x1017, 0] = 0x0602_0000
+    watched.start(machine_on(hub.address(), [1], "heartbeat_ms = 0"))
+    wait_until(lambda: drives[1].state is NmtState.OPERATIONAL, "the drive operational")
+
+
+def test_how_long_a_node_may_take_to_appear_is_a_key_of_its_bus(
+    hub: RunningHub, make_drives: Make, watched: Watched
+) -> None:
+    make_drives(1)
+    machine = machine_on(hub.address(), [9])
+    bus = replace(machine.buses[0], appear_timeout_s=0.2)
+    times = ServiceTimes(TIMES.sdo, BootTimes(start_s=2.0), TIMES.listen_s)
+    with pytest.raises(DriveError, match=r"MC550.*within 0\.2 s"):
+        watched.start(replace(machine, buses=(bus,)), times)
+
+
 def test_a_lost_answer_is_asked_for_again(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
     drives = make_drives(1)
     drives[1].unanswered[0x1600, 1] = 1
@@ -172,7 +230,7 @@ def test_a_device_that_is_no_drive_is_refused(hub: RunningHub, make_drives: Make
     drives = make_drives(1)
     drives[1].lose_configuration = lambda: None  # type: ignore[method-assign]
     drives[1].objects[0x1000, 0] = b"\x91\x01\x00\x00"
-    with pytest.raises(DriveError, match=r"MC551.*profile 401, a drive has 402"):
+    with pytest.raises(DriveError, match=r"MC551.*a CiA 401 module .inputs and outputs., not a drive"):
         watched.start(machine_on(hub.address(), [1]))
 
 

@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.canopen.eds import load_description, parse_description
+from mcserver.canopen.sdo_write import DriveDictionary
+from mcserver.canopen.settings import DriveSettings
 from mcserver.errors import ConfigurationError
 
 NODE = 5
@@ -175,14 +177,10 @@ def test_a_byte_order_mark_inside_prose_and_stray_words_there_do_no_harm() -> No
 @pytest.mark.parametrize(
     ("text", "place"),
     [
-        (PLAIN.replace("DataType=0x0004", "DataType=four"), "[6064], DataType"),
-        (PLAIN.replace("DataType=0x0004\n", ""), "[6064], DataType"),
-        (PLAIN.replace("0x00020192", "0x1FFFFFFFF"), "[1000], DefaultValue"),
-        (PLAIN.replace("AccessType=ro\nPDO", "AccessType=maybe\nPDO"), "[6064], AccessType"),
         (PLAIN.replace("[6064]", "[6064"), "line 11"),
         (PLAIN + "stray words\n", "[6064]: line 16"),
         ("x=1\n" + PLAIN, "line 1"),
-        (PLAIN + "[1000sub1]\nDataType=5\n", "[1000sub1]"),
+        (PLAIN + "ParameterValue=much\n", "[6064], ParameterValue"),
         ("[DeviceInfo]\n", "holds no object"),
         ("", "holds no object"),
     ],
@@ -191,6 +189,47 @@ def test_what_cannot_be_meant_is_refused_with_its_place(text: str, place: str) -
     error = refusal(text)
     assert "drive.eds" in error.message
     assert place in error.message
+
+
+@pytest.mark.parametrize(
+    ("text", "index", "place"),
+    [
+        (PLAIN.replace("DataType=0x0004", "DataType=four"), 0x6064, "[6064], DataType"),
+        (PLAIN.replace("DataType=0x0004\n", ""), 0x6064, "[6064], DataType"),
+        (PLAIN.replace("0x00020192", "0x1FFFFFFFF"), 0x1000, "[1000], DefaultValue"),
+        (PLAIN.replace("AccessType=ro\nPDO", "AccessType=maybe\nPDO"), 0x6064, "[6064], AccessType"),
+    ],
+)
+def test_an_object_that_cannot_be_read_is_refused_by_whoever_uses_it(
+    text: str, index: int, place: str
+) -> None:
+    found = parse_description(text, NODE, "drive.eds").dictionary
+    known = DriveDictionary(DriveSettings(0, "cia402", "left", "can0", NODE), found)
+    with pytest.raises(ConfigurationError, match=r"drive[.]eds") as error:
+        known.variable(index)
+    assert error.value.code == "MC008"
+    assert place in error.value.message
+    assert known.variable(0x6064 if index == 0x1000 else 0x1000) is not None
+
+
+def test_limits_and_stray_members_that_make_no_sense_are_named_and_not_used() -> None:
+    text = PLAIN + "LowLimit=0\nHighLimit=0x100000000\n[1000sub0]\nDataType=5\n"
+    described = parse_description(text, NODE)
+    found = described.dictionary.get_variable(0x6064)
+    assert found is not None
+    assert (found.min, found.max) == (0, None)
+    assert described.ignored == (
+        "[6064] HighLimit is no value of its type",
+        "[1000sub0] is a member of a variable",
+    )
+
+
+@pytest.mark.parametrize(
+    ("written", "value"), [("0x00000000", 0.0), ("0x3FC00000", 1.5), ("1,5", 1.5), ("2", 2.0)]
+)
+def test_real_numbers_are_read_from_their_bits_too(written: str, value: float) -> None:
+    text = PLAIN + f"[2000]\nParameterName=Gain\nDataType=8\nAccessType=rw\nDefaultValue={written}\n"
+    assert variable(text, 0x2000).default == value
 
 
 ODD = ("-", "0x", "$NODEID", "--1", "1e9", "9" * 30, "-0x80000000")
@@ -208,7 +247,8 @@ def test_whatever_a_file_holds_it_is_read_or_refused_with_mc008(data: st.DataObj
         lines[at] = head + data.draw(st.text(max_size=12) | st.sampled_from(ODD))
     codes = []
     try:
-        codes += ["read"] * (len(parse_description("\n".join(lines), NODE).dictionary) > 0)
+        found = parse_description("\n".join(lines), NODE).dictionary
+        codes += ["read"] * (len(found) + len(found.unreadable) > 0)
     except ConfigurationError as error:
         codes.append(error.code)
     assert codes in (["read"], ["MC008"])

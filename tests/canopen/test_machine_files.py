@@ -38,10 +38,11 @@ def test_a_machine_without_can_has_nothing_to_check() -> None:
 
 def test_a_faulty_eds_is_an_error_with_its_place(tmp_path: Path) -> None:
     file = tmp_path / "bad.eds"
-    file.write_text("[1000]\nDataType=four\n")
+    text = (ROOT / "mcserver" / "drive_sim" / "cia402.eds").read_text()
+    file.write_text(text.replace("DataType=0x0006", "DataType=four"))
     (found,) = find_drive_faults(machine_on(NOWHERE, [1], f'eds = "{file}"'))
     assert (found.code, found.severity, found.axis) == ("MC008", "error", 0)
-    assert "bad.eds, section [1000], DataType" in found.message
+    assert "bad.eds, section [6040], DataType: 'four' is no number" in found.message
 
 
 def test_an_eds_that_is_not_there_is_an_error() -> None:
@@ -63,14 +64,53 @@ def test_a_drive_that_watches_nobody_earns_a_warning() -> None:
     assert codes(machine_on(NOWHERE, [1], "heartbeat_ms = 0")) == [("MC022", "warning")]
 
 
-@pytest.mark.parametrize(("cycle_hz", "warned"), [(50.0, True), (100.0, False), (1000.0, False)])
-def test_a_torque_loop_over_a_slow_bus_earns_a_warning(cycle_hz: float, warned: bool) -> None:
+@pytest.mark.parametrize(
+    ("cycle_hz", "in_position", "severity"),
+    [
+        (50.0, 0.01, "error"),
+        (50.0, 25.0, "warning"),
+        (100.0, 0.01, "error"),
+        (1000.0, 0.01, None),
+    ],
+)
+def test_a_torque_loop_that_the_bus_makes_too_soft_for_its_own_tolerance_is_refused(
+    cycle_hz: float, in_position: float, severity: str | None
+) -> None:
     keys = 'mode = "cst"\nrated_torque = 1.0\ninertia = 1e-3'
-    machine = machine_on(NOWHERE, [1], keys, axis_keys="max_following_error = 5.0", cycle_hz=cycle_hz)
-    found = [each.message for each in find_drive_faults(machine) if "soft" in each.message]
-    assert bool(found) is warned
+    axis_keys = f"max_following_error = 50.0\nin_position = {in_position}"
+    machine = machine_on(NOWHERE, [1], keys, axis_keys=axis_keys, cycle_hz=cycle_hz)
+    found = [each for each in find_drive_faults(machine) if "soft" in each.message]
+    assert [each.severity for each in found] == ([] if severity is None else [severity])
     # 0.1 / T · 0.2 · 0.1 / T = 5 /s² at 50 Hz
-    assert not warned or "100 mm/s² holds the axis 20 mm off" in found[0]
+    assert cycle_hz > 50.0 or "100 mm/s² holds the axis 20 mm off" in found[0].message
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "shown"),
+    [
+        ("DefaultValue=0x00020192", "DefaultValue=0x00000191", "a CiA 401 module (inputs and outputs)"),
+        ("DefaultValue=0x00020192", "", "does not say what the device is"),
+        ("[6065]\n", "[6065]\nHighLimit=0x1FFFFFFFF\n", "has entries that cannot be read"),
+        ("[6502]", "[6503]", "which modes the drive has (6502h:00)"),
+    ],
+)
+def test_what_an_eds_leaves_open_or_says_of_another_device_is_a_warning(
+    tmp_path: Path, before: str, after: str, shown: str
+) -> None:
+    text = (ROOT / "mcserver" / "drive_sim" / "cia402.eds").read_text()
+    assert before in text
+    eds = tmp_path / "drive.eds"
+    eds.write_text(text.replace(before, after, 1))
+    (found,) = find_drive_faults(machine_on(NOWHERE, [1], f'eds = "{eds}"'))
+    assert (found.code, found.severity) == ("MC022", "warning")
+    assert shown in found.message
+
+
+def test_an_object_that_cannot_be_read_and_is_not_used_refuses_no_eds(tmp_path: Path) -> None:
+    text = (ROOT / "mcserver" / "drive_sim" / "cia402.eds").read_text()
+    eds = tmp_path / "drive.eds"
+    eds.write_text(text + "\n[5FFF]\nParameterName=Odd\nDataType=0x0006\nDefaultValue=65536\n")
+    assert codes(machine_on(NOWHERE, [1], f'eds = "{eds}"')) == [("MC022", "warning")]
 
 
 def test_the_simulated_drive_s_eds_is_beyond_doubt_and_a_dcf_of_another_node_is_not(tmp_path: Path) -> None:

@@ -54,6 +54,34 @@ def test_the_machine_file_to_start_from_can_be_read(hub: RunningHub, make_drives
     assert described.axes[0].drive.vendor_id == VENDOR
 
 
+def test_the_machine_file_has_what_the_drive_says_of_its_mechanics_and_limits(
+    hub: RunningHub, make_drives: Make
+) -> None:
+    drives = make_drives(3)
+    for place, value in {
+        (0x608F, 1): 4096,
+        (0x608F, 2): 1,
+        (0x6091, 1): 50,
+        (0x6091, 2): 1,
+        (0x6092, 1): 36000,
+        (0x6092, 2): 1,
+        (0x607D, 1): (-9000) & 0xFFFFFFFF,
+        (0x607D, 2): 18000,
+        (0x6076, 0): 640,
+        (0x6080, 0): 3000,
+    }.items():
+        drives[3].objects[place] = value.to_bytes(4, "little")
+    port = open_port(hub.address())
+    nodes = scan(port)
+    port.close()
+    (axis,) = parse_machine(machine_file("cell", hub.address(), nodes)).axes
+    degree = axis.type.si_per_unit
+    assert (axis.drive.encoder, axis.drive.gear, axis.drive.rated_torque) == ((4096, 1), (50, 1), 0.64)
+    assert axis.max_velocity == pytest.approx(3000 * 6 / 50 * degree)
+    assert axis.min_position == pytest.approx(-90 * degree)
+    assert axis.max_position == pytest.approx(180 * degree)
+
+
 def test_the_command_prints_json_and_refuses_beside_another_master(
     hub: RunningHub, make_drives: Make, watched: Watched, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -231,7 +231,7 @@ def test_a_bus_that_goes_and_comes_is_used_again(
     assert watched.expect("drive.back").axis == 0
     sdo = service.nodes[0].sdo
     assert sdo is not None
-    assert sdo.upload(0x6041, 0) == b"\x00\x00"
+    assert sdo.upload(0x6041, 0) == b"\x40\x00"
     assert drives[1].state is NmtState.OPERATIONAL
 
 
