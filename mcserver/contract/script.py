@@ -277,7 +277,7 @@ class Script:
 
     def _run(self, through: int) -> None:
         self.program.queue.consume(through)
-        self.program.progress.planned_through(through)
+        self.program.progress.passed(through)
         self.program.recorded = through
 
     def _numbers(self) -> dict[str, object]:

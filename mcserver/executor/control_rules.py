@@ -389,6 +389,11 @@ def _payload(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -
     return None
 
 
+def _passed(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
+    slot.cycle.emit(EventKind.PASSED, slot.index, control.line, left)
+    return None
+
+
 _Rule = Callable[["ProgramSlot", Control, float, bool], Barrier | None]
 _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
     {
@@ -412,5 +417,6 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.REFERENCE: _reference,
         ControlKind.PROBE: _probe,
         ControlKind.PAYLOAD: _payload,
+        ControlKind.PASSED: _passed,
     }
 )

@@ -43,6 +43,7 @@ class ControlKind(enum.IntEnum):
     HOME = 20  # ``axes`` find their references together; u stands until they are homed
     REFERENCE = 21  # ``axes`` are at ``values`` from here on; nothing moves
     PROBE = 22  # ``axes`` go straight to ``values`` until the probe changes
+    PASSED = 24  # every line through ``line`` has ended: reported, so that it counts as done
     PAYLOAD = 23  # tools of ``operation`` are the chosen ones from u on: their payloads count in torques
     SETTLE = 14  # u stops here until the planner has read the positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
@@ -166,6 +167,7 @@ class EventKind(enum.IntEnum):
     PROBED = 23  # a probing move has ended: ``token`` is 1 if it tripped, ``values`` the positions (K,)
     STOPPED = 9  # the program was aborted or stopped by a fault and its axes are at rest
     INPUT = 10  # M66 has read an input
+    PASSED = 24  # every line through ``line`` has ended
 
 
 class ExecutorEvent(msgspec.Struct, frozen=True, gc=False):

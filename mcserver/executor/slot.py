@@ -36,7 +36,7 @@ START_ROWS = 16.0
 # A rate below this is standstill [1].
 STANDSTILL = 1e-6
 
-_ALWAYS = (ControlKind.LINE_END, ControlKind.END)
+_ALWAYS = (ControlKind.LINE_END, ControlKind.END, ControlKind.PASSED)
 
 
 class ProgramSlot:

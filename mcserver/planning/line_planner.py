@@ -111,6 +111,7 @@ class LinePlanner:
         self.reports: deque[Report | PlannedLines] = deque()
         self.flush = False
         self.last_line = 0
+        self._passed = 0
         self.pause_u: float | None = None
         # outputs by column that wait for the next motion, and those of lines whose motion is in the window
         self._due: dict[int, float] = {}
@@ -124,6 +125,7 @@ class LinePlanner:
 
     def abort(self) -> None:
         """Drop all that has not been handed over: the program was stopped."""
+        self.last_line = self.planned_line
         self.canonical.clear()
         self.output.drop()
         self.source = None
@@ -142,6 +144,21 @@ class LinePlanner:
         self._set_outputs(self._due, self.motion.u, self.last_line)
         self._due = {}
         self.control(ControlKind.FINISH, self.last_line, operation=int(broken))
+
+    def pass_lines(self, through: int) -> bool:
+        """Put a mark where the plan ends, behind which every line through this one has ended.
+
+        It is put wherever the motion rests and the program goes on, or has nothing more for now: so each
+        line, those that take no time too, counts as done when the executor has passed all of it.
+
+        Returns:
+            False where there is such a mark.
+        """
+        if through <= self._passed:
+            return False
+        self._passed = through
+        self.control(ControlKind.PASSED, through)
+        return True
 
     def settled(self, setpoints: Sequence[float]) -> dict[int, float]:
         """Take the positions that were asked for [m or rad].
@@ -215,6 +232,8 @@ class LinePlanner:
     def step(self) -> bool:
         """Plan the next canonical line; False where the window has to be closed first."""
         line = self.canonical[0]
+        if not self.motion.pending:
+            self.pass_lines(line.line - 1)
         if isinstance(line, OutputLine) and line.with_motion:
             self.canonical.popleft()
             self._due.update((each.column, each.value) for each in line.settings)

@@ -341,6 +341,7 @@ class Pipeline:
         self._end_of_text()
         self._broken = True
         plan.canonical.clear()
+        plan.last_line = line - 1
         plan.drop_outputs()
         self._held = None
         plan.flush = plan.motion.pending > 0
@@ -372,6 +373,10 @@ class Pipeline:
             self._phase = Phase.FINISHED
             plan.output.flush()
             plan.reports.append(Report(ReportKind.FINISHED, plan.last_line))
+            return True
+        idle = not (plan.canonical or self._held or plan.motion.pending or self.lines.ready)
+        if idle and plan.pass_lines(plan.last_line):
+            plan.output.flush()
             return True
         return worked
 
@@ -431,6 +436,7 @@ class Pipeline:
             if plan.motion.pending:
                 plan.flush = True
                 return False
+            plan.pass_lines(parsed.number - 1)
             plan.settle(unknown)
             return False
         self._held = None

@@ -367,9 +367,7 @@ class ProgramTable:
     def _validated(self, program: Program, event: Validated) -> None:
         program.validated = max(program.validated, event.through)
         program.planned_end_u = event.end_u
-        program.progress.planned_through(event.through)
         program.settle()
-        self._progress.moved(program)
 
     def _line_rejected(self, program: Program, event: LineRejected) -> None:
         if event.epoch != program.epoch:
@@ -402,8 +400,8 @@ class ProgramTable:
         elif event.kind is EventKind.LINE_END:
             program.progress.line_ended(event.line, event.time)
             self._progress.moved(program)
-        elif event.kind is EventKind.AXIS_DONE:
-            program.progress.ended(event.line)
+        elif event.kind is EventKind.PASSED:
+            program.progress.passed(event.line)
             self._progress.moved(program)
         elif event.kind is EventKind.INPUT:
             name = self._inputs[event.token] if event.token < len(self._inputs) else ""
@@ -415,8 +413,8 @@ class ProgramTable:
             self.enter(program, "paused")
             self.publish("program.paused", program, line=event.line, message=program.notice)
         elif event.kind is EventKind.FINISHED:
-            self._say(program, program.validated)
-            program.progress.finished(program.validated)
+            self._say(program, event.line)
+            program.progress.passed(event.line)
             self._end(program, program.ended_as)
         elif event.kind is EventKind.STOPPED:
             self._end(program, "aborted" if program.ended_as == "finished" else program.ended_as)
@@ -441,6 +439,8 @@ class ProgramTable:
             "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
         )
         hit = [] if program is None else [program]
+        if program is not None:
+            program.progress.faulted(event.line, lost=event.axis >= 0)
         if program is None and fault.axis is None:
             # a fault of the whole machine ends every program, one of an idle axis none
             hit = [each for each in self.programs.values() if not each.ended]

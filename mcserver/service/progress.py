@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-from collections import deque
 from collections.abc import Iterable
 from typing import Protocol
 
@@ -24,11 +23,14 @@ class PlannedTime(Protocol):
 
 
 class LineProgress:
-    """Of one program.
+    """Follow one program by what the executor has passed; nothing that was only planned counts.
+
+    The executor passes the lines of a program in order. So all before a line have ended when it begins, and
+    it has when the next one begins, at a mark behind it (`ControlKind.PASSED`), or at the program's end.
 
     Attributes:
         started: the last line that has begun, 0 before.
-        done: every line through this one has ended or needed no time.
+        done: this line and every one before it have ended.
         ended_at: when a line last ended, executor time [s]; None: none has.
 
     Args:
@@ -39,20 +41,16 @@ class LineProgress:
         self.started = 0
         self.done = start_line - 1
         self.ended_at: float | None = None
-        self._planned_through = start_line - 1
+        # an axis has failed: what the others still pass is no whole line any more
+        self._broken = False
         self._requested: dict[int, float] = {}
         self._bound_by: dict[int, str] = {}
         self._running: dict[int, float] = {}
-        # lines that will report their end, in order, and how many reports each still owes
-        self._open: deque[int] = deque()
-        self._owed: dict[int, int] = {}
         self._ended: list[LineReport] = []
 
     def planned(self, reports: Iterable[PlannedTime]) -> None:
-        """Takes what planning found; each report ``planned`` will be followed by an end of its line."""
+        """Take what planning found."""
         for report in reports:
-            if report.kind.value == "planned":
-                self._expect(report.line)
             if report.requested_s is not None:
                 self._requested[report.line] = report.requested_s
             if report.bound_by is not None:
@@ -61,17 +59,14 @@ class LineProgress:
                 # planned anew, and no limit stretches it now
                 self._bound_by.pop(report.line, None)
 
-    def planned_through(self, line: int) -> None:
-        """All lines through ``line`` are planned: those not named in `planned` need no time."""
-        self._planned_through = max(self._planned_through, line)
-        self._advance()
-
     def line_started(self, line: int, time_s: float) -> None:
+        """Note that a line begins: those before it have ended."""
         self.started = max(self.started, line)
         self._running[line] = time_s
+        self.passed(line - 1)
 
     def line_ended(self, line: int, time_s: float) -> None:
-        """The line's report is in the next `take_ended`."""
+        """Note the end of a line's motion; its report is in the next `take_ended`."""
         start = self._running.pop(line, time_s)
         requested = self._requested.pop(line, None)
         actual = time_s - start
@@ -86,34 +81,23 @@ class LineProgress:
             )
         )
         self.ended_at = time_s
-        self.ended(line)
 
-    def ended(self, line: int) -> None:
-        """One of the things that the line does has ended."""
-        if line in self._owed:
-            self._owed[line] -= 1
-        self._advance()
+    def passed(self, through: int) -> None:
+        """Note that this line and every one before it have ended."""
+        if not self._broken:
+            self.done = max(self.done, through)
 
-    def finished(self, through: int) -> None:
-        """The program has ended by itself: whatever it took is done."""
-        self._open.clear()
-        self._owed.clear()
-        self.done = max(self.done, through)
+    def faulted(self, line: int, *, lost: bool) -> None:
+        """Note a fault at a line, which is not done; 0: between lines.
+
+        Args:
+            lost: an axis of the program takes no part any more.
+        """
+        if line > 0:
+            self.done = min(self.done, line - 1)
+        self._broken |= lost
 
     def take_ended(self) -> list[LineReport]:
         """Reports of the lines that ended since the last call, in order."""
         ended, self._ended = self._ended, []
         return ended
-
-    def _expect(self, line: int) -> None:
-        if line in self._owed:
-            self._owed[line] += 1
-        elif line > self.done:
-            self._open.append(line)
-            self._owed[line] = 1
-
-    def _advance(self) -> None:
-        while self._open and self._owed[self._open[0]] <= 0:
-            del self._owed[self._open.popleft()]
-        through = self._open[0] - 1 if self._open else self._planned_through
-        self.done = max(self.done, min(through, self._planned_through))

@@ -89,7 +89,7 @@ class Ack(msgspec.Struct, frozen=True, omit_defaults=True):
 
     Attributes:
         accepted: lines through this number are taken and journaled.
-        done: lines through this number have ended.
+        done: this line and every one before it have ended.
         credit: how many lines after ``accepted`` fit now.
         state: the program's.
         rejected: number of the line that was found faulty; it is the next one expected. 0: none.

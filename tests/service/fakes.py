@@ -244,7 +244,9 @@ class FakePipeline:
             self.planned_line = number
         if self.lines.closed and not self.lines:
             self._ended = True
-            self._port.happen(EventKind.FINISHED, self._slot)
+            self._port.happen(EventKind.FINISHED, self._slot, self.planned_line)
+        elif worked and self._held is None:
+            self._port.happen(EventKind.PASSED, self._slot, self.planned_line)
         return worked
 
     def _reject(self, fault: Diagnostic) -> None:

@@ -167,7 +167,7 @@ class SimulatedPipeline:
         if self._lines.closed and not self._lines:
             self._ended = True
             if self._port.runs(self._slot):
-                self._port.happen(EventKind.FINISHED, self._slot)
+                self._port.happen(EventKind.FINISHED, self._slot, self.planned_line)
         return True
 
     def on_event(self, event: ExecutorEvent) -> None:

@@ -1,4 +1,4 @@
-"""Which lines are done, when some run and some need no time."""
+"""Which lines are done: those that the executor has passed, and no other."""
 
 from __future__ import annotations
 
@@ -10,30 +10,64 @@ def planned(*lines: int) -> list[Report]:
     return [Report(ReportKind.PLANNED, line, requested_s=1.0) for line in lines]
 
 
-def test_lines_without_time_are_done_once_read() -> None:
+def test_a_line_is_done_when_the_next_one_begins() -> None:
     progress = LineProgress(1)
-    progress.planned_through(3)
-    assert progress.done == 3
-
-
-def test_lines_behind_one_that_runs_are_not_done() -> None:
-    progress = LineProgress(1)
-    progress.planned(planned(2))
-    progress.planned_through(4)
-    assert progress.done == 1
     progress.line_started(2, 0.0)
+    assert progress.done == 1
     progress.line_ended(2, 1.5)
+    assert progress.done == 1
+    progress.line_started(5, 1.5)
     assert progress.done == 4
 
 
-def test_a_line_that_ends_before_an_earlier_one_does_not_count_yet() -> None:
+def test_what_is_planned_is_not_done() -> None:
+    progress = LineProgress(231)
+    progress.planned(planned(231, 232))
+    assert progress.done == 230
+
+
+def test_a_line_that_begins_again_has_not_ended_before() -> None:
     progress = LineProgress(1)
-    progress.planned(planned(1, 2))
-    progress.planned_through(2)
-    progress.line_ended(2, 1.0)
-    assert progress.done == 0
-    progress.line_ended(1, 1.0)
-    assert progress.done == 2
+    for part in range(3):
+        progress.line_started(4, float(part))
+        progress.line_ended(4, part + 1.0)
+        assert progress.done == 3
+    progress.passed(4)
+    assert progress.done == 4
+
+
+def test_a_mark_says_that_all_before_it_has_ended() -> None:
+    progress = LineProgress(1)
+    progress.passed(3)
+    assert progress.done == 3
+    progress.passed(2)
+    assert progress.done == 3
+
+
+def test_a_line_that_has_faulted_is_not_done() -> None:
+    progress = LineProgress(1)
+    progress.line_started(4, 0.0)
+    progress.line_ended(4, 1.0)
+    # the row of this cycle was of the line before
+    progress.line_started(5, 1.0)
+    progress.faulted(4, lost=True)
+    assert progress.done == 3
+
+
+def test_lines_that_the_other_axes_pass_on_their_way_to_a_stop_are_not_done() -> None:
+    progress = LineProgress(1)
+    progress.line_started(4, 0.0)
+    progress.faulted(4, lost=True)
+    progress.line_started(6, 1.0)
+    assert progress.done == 3
+
+
+def test_lines_on_the_way_to_an_emergency_stop_have_ended() -> None:
+    progress = LineProgress(1)
+    progress.line_started(4, 0.0)
+    progress.faulted(4, lost=False)
+    progress.line_started(6, 1.0)
+    assert progress.done == 5
 
 
 def test_a_report_holds_times_and_the_limit_that_stretched_the_line() -> None:
@@ -48,16 +82,6 @@ def test_a_report_holds_times_and_the_limit_that_stretched_the_line() -> None:
     assert progress.take_ended() == []
 
 
-def test_a_line_of_two_commands_is_done_with_the_second() -> None:
-    progress = LineProgress(1)
-    progress.planned(planned(1, 1))
-    progress.planned_through(1)
-    progress.ended(1)
-    assert progress.done == 0
-    progress.ended(1)
-    assert progress.done == 1
-
-
 def test_a_line_without_a_requested_time_has_no_stretch() -> None:
     progress = LineProgress(1)
     progress.line_started(1, 0.0)
@@ -70,9 +94,8 @@ def test_hours_of_lines_keep_memory_flat() -> None:
     progress = LineProgress(1)
     for line in range(1, 20_001):
         progress.planned(planned(line))
-        progress.planned_through(line)
         progress.line_started(line, float(line))
         progress.line_ended(line, line + 0.5)
         progress.take_ended()
-    assert progress.done == 20_000
+    assert progress.done == 19_999
     assert sum(len(kept) for kept in vars(progress).values() if hasattr(kept, "__len__")) == 0

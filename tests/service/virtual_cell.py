@@ -13,6 +13,7 @@ from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.view import ExecutorView, SlotView
 from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.semantics.interpreter import modal_before
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner import Planner
@@ -77,14 +78,16 @@ class _Planning:
 
     def __init__(self, machine: Machine, executor: VirtualExecutor) -> None:
         self._executor = executor
+        self._machine = machine
         self.view = ExecutorView(machine, lambda: executor.feedback)
         self._pipelines = PipelineFactory(machine, self.view)
 
     def planner(self, on_events: OnPlannerEvents) -> LoopPlanner:
         return LoopPlanner(Planner(self, self._pipelines, time.monotonic), on_events)
 
-    def modal_before(self, lines: object, frame: Frame | None = None) -> ModalState:
-        raise AssertionError((lines, frame))
+    def modal_before(self, lines: Sequence[str], frame: Frame | None = None) -> ModalState:
+        positions = self.view.positions()
+        return modal_before(lines, len(lines) + 1, self._machine, positions=positions, frame=frame).modal
 
     def poll_events(self) -> list[ExecutorEvent]:
         return self._executor.events()
