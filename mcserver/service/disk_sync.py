@@ -7,6 +7,7 @@ import os
 import sqlite3
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from mcserver.errors import ServiceError
@@ -20,6 +21,7 @@ class DiskSync:
 
     Args:
         path: the database, which is open in WAL mode.
+        on_sync: called before each sync in this thread; what it returns is called after one that succeeded.
 
     Attributes:
         since: when the work under way began [s of `time.monotonic`]; None: there is none.
@@ -28,7 +30,8 @@ class DiskSync:
         ServiceError: MC520 it cannot be opened a second time.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, on_sync: Callable[[], Callable[[], None]]) -> None:
+        self._on_sync = on_sync
         self.since: float | None = None
         self._wanted = threading.Event()
         self._closing = threading.Event()
@@ -65,8 +68,10 @@ class DiskSync:
                 self._wanted.clear()
                 closing = self._closing.is_set()
                 self.since = time.monotonic()
+                synced = self._on_sync()
                 with contextlib.suppress(OSError):
                     os.fdatasync(self._log)
+                    synced()
                 if self.since - checkpoint >= CHECKPOINT_PERIOD_S:
                     checkpoint = self.since
                     with contextlib.suppress(sqlite3.Error):

@@ -20,12 +20,15 @@ from typing import NamedTuple
 
 import msgspec
 
+from mcserver.service.commit_record import open_commit_record
 from mcserver.service.disk_sync import DiskSync
-from mcserver.service.journal_check import row_checksum
 from mcserver.service.journal_file import (
+    COUNT_COMMIT,
     JournalBounds,
     JournalConnection,
     Statement,
+    count_commits,
+    insertion,
     open_journal,
     prune,
     transaction,
@@ -77,12 +80,14 @@ class Journal:
         self._inbox: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
         self._stopping = threading.Event()
         self._connection = connect(path)
+        self._commits = count_commits(self._connection)
+        self._record = open_commit_record(path, self._commits)
         # what could not be written yet, without a thread
         self._failed: list[Entry] = []
         self._thread: threading.Thread | None = None
         self._sync: DiskSync | None = None
         if threaded:
-            self._sync = DiskSync(path)
+            self._sync = DiskSync(path, self._synced)
             self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
             self._thread.start()
 
@@ -92,7 +97,7 @@ class Journal:
             "UPDATE programs SET state='interrupted', ended_at=? WHERE ended_at IS NULL AND instance<>?",
             (at, instance),
         )
-        self._put("INSERT INTO starts(instance, started_at) VALUES (?,?)", (instance, at))
+        self._append("starts", instance=instance, started_at=at)
 
     def server_stopped(self, instance: str, at: float) -> None:
         self._put("UPDATE starts SET stopped_at=? WHERE instance=?", (at, instance))
@@ -112,15 +117,24 @@ class Journal:
         before: Sequence[str] = (),
     ) -> None:
         """Records a program; ``before`` are its lines 1 … start_line - 1, for a later resumption."""
+        self._record.program_opened(program)
+        self._append(
+            "programs",
+            program=program,
+            instance=instance,
+            client=client,
+            name=name,
+            axes=",".join(map(str, axes)),
+            start_line=start_line,
+            on_disconnect=on_disconnect,
+            resume_of=resume_of,
+            accepted=start_line - 1,
+            started=0,
+            done=start_line - 1,
+            opened_at=at,
+        )
         if before:
             self.lines(program, 1, before)
-        named = ",".join(map(str, axes))
-        lasting = (program, instance, client, name, named, start_line, on_disconnect, resume_of, at)
-        self._put(
-            "INSERT INTO programs(program, instance, client, name, axes, start_line, on_disconnect,"
-            " resume_of, opened_at, accepted, started, done, crc) VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)",
-            (*lasting, start_line - 1, 0, start_line - 1, row_checksum(*lasting)),
-        )
 
     def lines(
         self,
@@ -131,17 +145,15 @@ class Journal:
     ) -> None:
         """Records lines ``first``, ``first + 1``, …"""
         text = msgspec.msgpack.encode(lines)
-        self._put(
-            "INSERT INTO chunks(program, first, last, lines, crc) VALUES (?,?,?,?,?)",
-            (program, first, first + len(lines) - 1, text, row_checksum(program, first, text)),
-            on_committed,
-        )
+        last = first + len(lines) - 1
+        self._append("chunks", on_committed, program=program, first=first, last=last, lines=text)
 
     def rejected(self, program: str, line: int) -> None:
         """Lines from ``line`` on do not count."""
         self._put("DELETE FROM chunks WHERE program=? AND first>=?", (program, line))
         shorten = "UPDATE chunks SET last=? WHERE program=? AND last>=?"
         self._put(shorten, (line - 1, program, line))
+        self._put("UPDATE programs SET accepted=min(accepted,?) WHERE program=?", (line - 1, program))
 
     def progress(
         self,
@@ -153,11 +165,9 @@ class Journal:
     ) -> None:
         """Records how far a program has come."""
         if reports:
-            row = program, reports[0].line, reports[-1].line, msgspec.msgpack.encode(reports)
-            self._put(
-                "INSERT INTO reports(program, first, last, blob, crc) VALUES (?,?,?,?,?)",
-                (*row, row_checksum(*row)),
-            )
+            first, last = reports[0].line, reports[-1].line
+            blob = msgspec.msgpack.encode(reports)
+            self._append("reports", program=program, first=first, last=last, blob=blob)
         self._put(
             "UPDATE programs SET started=max(started,?), done=max(done,?) WHERE program=?",
             (started, done, program),
@@ -165,19 +175,12 @@ class Journal:
         )
 
     def fault(self, fault: Fault, at: float) -> None:
-        row = at, fault.program, fault.line, msgspec.msgpack.encode(fault)
-        self._put(
-            "INSERT INTO faults(at, program, line, blob, crc) VALUES (?,?,?,?,?)",
-            (*row, row_checksum(*row)),
-        )
+        blob = msgspec.msgpack.encode(fault)
+        self._append("faults", at=at, program=fault.program, line=fault.line, blob=blob)
 
     def command(self, at: float, client: str, method: str, program: str | None, detail: str) -> None:
         """Record who ordered what; ``program`` is None where the whole machine was meant."""
-        row = at, client, method, program, detail
-        self._put(
-            "INSERT INTO commands(at, client, method, program, detail, crc) VALUES (?,?,?,?,?,?)",
-            (*row, row_checksum(*row)),
-        )
+        self._append("commands", at=at, client=client, method=method, program=program, detail=detail)
 
     def program_ended(
         self,
@@ -203,10 +206,11 @@ class Journal:
         self._stopping.set()
         if self._thread is None or self._sync is None:
             self._connection.close()
-            return
-        self._inbox.put(None)
-        self._thread.join(timeout_s)
-        self._sync.close(timeout_s)
+        else:
+            self._inbox.put(None)
+            self._thread.join(timeout_s)
+            self._sync.close(timeout_s)
+        self._record.close()
 
     def write_pending(self) -> None:
         """Try once to commit what has gathered, without a thread."""
@@ -222,6 +226,9 @@ class Journal:
             self._failed = []
             self._on_failure("")
             _settle(batch)
+
+    def _append(self, table: str, on_committed: OnCommitted | None = None, **values: object) -> None:
+        self._inbox.put(Entry(insertion(table, **values), on_committed))
 
     def _put(self, sql: str, parameters: tuple[object, ...], on_committed: OnCommitted | None = None) -> None:
         self._inbox.put(Entry((sql, parameters), on_committed))
@@ -278,9 +285,17 @@ class Journal:
                 for entry in batch:
                     if entry.statement is not None:
                         self._connection.execute(*entry.statement)
+                self._connection.execute(COUNT_COMMIT)
         except sqlite3.Error as error:
             return str(error)
+        self._commits += 1
+        self._record.committed(self._commits)
         return ""
+
+    def _synced(self) -> Callable[[], None]:
+        """In the thread that syncs, before it does: what it calls once that is done."""
+        number = self._commits
+        return partial(self._record.synced, number)
 
 
 def _settle(batch: list[Entry]) -> None:

@@ -1,215 +1,299 @@
-"""Damage of a journal's file, found before it is used: SQLite itself passes over much of it in silence.
+"""What of a journal's file is as it was written; SQLite itself passes over much damage in silence.
 
-SQLite ends its reading of the write-ahead log at the first frame whose checksum is wrong, as after a write
-that was cut short; whatever was committed behind a damaged frame is gone without a word. So the log's frames
-are checked here (https://www.sqlite.org/fileformat2.html#the_write_ahead_log), then the database's structure,
-then the checksums of the rows.
+Every row has a checksum over all of its columns; a program has the count and the sum of its rows in other
+tables, and the tables have them in ``sums``: a row that is lost or old is noticed as one that is wrong. Each
+transaction is counted in the database and beside it (`mcserver.service.commit_record`), so that it is noticed
+where the end of the write-ahead log, or all of it, is lost.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
-import shutil
 import sqlite3
-import struct
-import time
-import zlib
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-
-import msgspec
+from types import MappingProxyType
+from typing import NamedTuple
 
 from mcserver.errors import ServiceError
+from mcserver.service.commit_record import CommitCount
+from mcserver.service.journal_file import COMMITS, COUNTED, NAMES, SCHEMA_VERSION, row_checksum, schema
 
-_WAL_HEADER = struct.Struct(">8I")
-_FRAME_HEADER = struct.Struct(">6I")
-_LITTLE, _BIG = 0x377F0682, 0x377F0683
-_WORD = 0xFFFFFFFF
-# In the head of the wal-index (-shm), in the computer's byte order: the last committed frame, the salts.
-_INDEX_LAST_FRAME = 16
-_INDEX_SALTS = 32
+Row = Mapping[str, object]
+
+_PROGRAM_INDEXES = (
+    "SELECT program FROM programs INDEXED BY sqlite_autoindex_programs_1",
+    "SELECT DISTINCT program FROM chunks INDEXED BY chunks_by_program",
+    "SELECT DISTINCT program FROM reports INDEXED BY reports_by_program",
+)
+# Of journals of before version 3: the columns under a checksum, which are all that version 1 has none of.
+_OLD_CHECKED: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "programs": (*NAMES["programs"][:8], "opened_at"),
+        "chunks": ("program", "first", "lines"),
+        "reports": NAMES["reports"],
+        "faults": NAMES["faults"],
+        "commands": NAMES["commands"],
+    }
+)
+_OLD_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {**NAMES, "programs": NAMES["programs"][:-4], "sums": ()}
+)
 
 
-class Damage(msgspec.Struct, frozen=True):
-    """A journal that was damaged.
+class Sum(NamedTuple):
+    """How many rows, and the sum of their checksums."""
 
-    Attributes:
-        message: what is lost. kept: where the file as it was is kept.
-    """
+    rows: int = 0
+    total: int = 0
 
-    message: str
-    kept: Path
+    def with_row(self, checksum: int) -> Sum:
+        """Return the sum with one more row."""
+        return Sum(self.rows + 1, self.total + checksum)
 
 
-class JournalLock:
-    """Holds a journal for one server, until `release` or the end of the process.
+class Found(NamedTuple):
+    """A row: its id, its values, and whether it is as it was written."""
+
+    id: int
+    row: Row
+    sound: bool
+
+
+class JournalContent:
+    """A journal that nobody writes, read as far as it can be.
 
     Args:
-        path: the journal's file; the lock is a file beside it.
+        connection: to the database, read-only. version: of its schema.
+
+    Attributes:
+        broken: tables that cannot be read from end to end.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, version: int) -> None:
+        self._connection = connection
+        # what is no UTF-8 has to fail at its checksum, not here
+        connection.text_factory = lambda raw: str(raw, "utf-8", "surrogateescape")
+        self.version = version
+        self.names = NAMES if version == SCHEMA_VERSION else _OLD_NAMES
+        self.broken: set[str] = set()
+
+    def rows(self, table: str) -> Iterator[Found]:
+        """Each row that can be read; in no certain order."""
+        names = self.names[table]
+        if not names or not self._has(table):
+            return
+        checked = names if self.version == SCHEMA_VERSION else _OLD_CHECKED.get(table, ())
+        crc = "NULL" if self.version == 1 or not checked else "crc"
+        for number, written, *values in self._scan(table, f"rowid, {crc}, {', '.join(names)}"):
+            row = dict(zip(names, values, strict=True))
+            unknown = written is None and self.version != SCHEMA_VERSION
+            sound = unknown or written == _checksum(row[name] for name in checked)
+            yield Found(int(str(number)), row, sound)
+
+    def programs_of_indexes(self) -> set[str]:
+        """Ids of programs that any index has."""
+        found: set[str] = set()
+        for statement in _PROGRAM_INDEXES:
+            for order in ("", " ORDER BY program DESC"):
+                with contextlib.suppress(sqlite3.Error):
+                    for (program,) in self._connection.execute(statement + order):
+                        found.add(str(program))
+        return found
+
+    def structure_damage(self) -> str:
+        """Say what is wrong with the structure of the database; empty: nothing."""
+        try:
+            ((verdict,),) = self._connection.execute("PRAGMA integrity_check(1)").fetchall()
+        except (sqlite3.Error, ValueError) as error:
+            return str(error)
+        return "" if verdict == "ok" else str(verdict).splitlines()[-1]
+
+    def _has(self, table: str) -> bool:
+        known = self._connection.execute("SELECT 1 FROM sqlite_master WHERE name=?", (table,)).fetchone()
+        return self.version == SCHEMA_VERSION or known is not None
+
+    def _scan(self, table: str, columns: str) -> Iterator[Sequence[object]]:
+        """Rows from the first on and, where one cannot be read, from the last on backwards."""
+        last = -1
+        try:
+            for row in self._connection.execute(f"SELECT {columns} FROM {table} ORDER BY rowid"):
+                if row[0] <= last:
+                    raise sqlite3.DatabaseError("rows out of order")
+                last = row[0]
+                yield row
+            return
+        except sqlite3.Error:
+            self.broken.add(table)
+        with contextlib.suppress(sqlite3.Error):
+            before = None
+            for row in self._connection.execute(
+                f"SELECT {columns} FROM {table} WHERE rowid>? ORDER BY rowid DESC", (last,)
+            ):
+                if before is not None and row[0] >= before:
+                    return
+                before = row[0]
+                yield row
+
+
+class Findings(NamedTuple):
+    """What a check has found.
+
+    Attributes:
+        damage: what is wrong, in words; empty: nothing is.
+        kept: programs of which everything is as it was written.
+        lost: the other ones, by their ids. commits: transactions that the journal ever had.
+    """
+
+    damage: list[str]
+    kept: frozenset[str]
+    lost: list[str]
+    commits: int
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[JournalContent | None]:
+    """Open a journal for reading; nothing of it is changed. None: there is nothing in it.
 
     Raises:
-        ServiceError: MC526 another server has it; MC520 the lock's file cannot be made.
+        ServiceError: MC520 it is no journal, or its schema is not that of its version.
     """
-
-    def __init__(self, path: Path) -> None:
-        try:
-            self._file = open(f"{path}.lock", "a")  # noqa: SIM115
-        except OSError as error:
-            raise ServiceError(
-                "MC520",
-                f"the journal {path} cannot be locked: {error}",
-                "give a writable file with --journal",
-            ) from error
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            self._file.close()
-            raise ServiceError(
-                "MC526",
-                f"another server uses the journal {path}",
-                "end that server first, or give this one a journal of its own with --journal",
-            ) from error
-
-    def release(self) -> None:
-        self._file.close()
+    uri = f"{path.absolute().as_uri()}?mode=ro"
+    try:
+        with contextlib.closing(sqlite3.connect(uri, uri=True, isolation_level=None)) as connection:
+            (version,) = connection.execute("PRAGMA user_version").fetchone()
+            found = {row[0] for row in connection.execute("SELECT sql FROM sqlite_master")} - {None}
+            if not version and not found:
+                yield None
+                return
+            if version > SCHEMA_VERSION or (version == SCHEMA_VERSION and found != set(schema())):
+                raise refusal(path, f"it is of version {version}" if version > SCHEMA_VERSION else "")
+            if version < SCHEMA_VERSION and not {"programs", "chunks"} <= _tables(connection):
+                raise refusal(path, "it has none of a journal's tables")
+            yield JournalContent(connection, version)
+    except (sqlite3.Error, TypeError, ValueError) as error:
+        # a row that is not there, text that is none: what SQLite gives of a damaged first page
+        raise refusal(path, str(error)) from error
 
 
-def repair_journal(path: Path) -> Damage | None:
-    """Check a journal that is not open; keep a damaged one aside and leave one that can be used.
+def _tables(connection: sqlite3.Connection) -> set[str]:
+    return {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type='table'")}
 
-    With a damaged log the database goes on with what came before the damage; a damaged database is replaced
-    by an empty one.
+
+def refusal(path: Path, reason: str) -> ServiceError:
+    """Return what refuses a file that is no journal."""
+    said = reason or "its schema is damaged"
+    return ServiceError(
+        "MC520",
+        f"{path} is no journal that can be read: {said}",
+        "put a backup in its place, move it and the files beside it away, or give another with --journal",
+    )
+
+
+def examine(content: JournalContent, record: CommitCount | None) -> Findings:
+    """Check everything that a journal holds.
+
+    Args:
+        record: of its commits; None: there is none.
+
+    Raises:
+        ServiceError: MC520 programs are lost whose ids cannot be told.
     """
-    if not path.exists():
-        return None
-    kept = path.with_name(f"{path.name}.damaged-{time.strftime('%Y%m%d-%H%M%S', time.gmtime())}")
-    lost = wal_damage(path)
-    if lost:
-        # before anything opens the database, which would take the log's sound part and delete the rest
-        for source, target in _files(path, kept):
-            shutil.copy2(source, target)
-    broken = database_damage(path)
-    if broken:
-        for source, target in _files(path, kept):
-            if lost:
-                source.unlink()
-            else:
-                source.replace(target)
-        broken += ": its history begins anew"
-    return Damage("; ".join(filter(None, (lost, broken))), kept) if lost or broken else None
-
-
-def _files(path: Path, kept: Path) -> list[tuple[Path, Path]]:
-    pairs = [(Path(f"{path}{suffix}"), Path(f"{kept}{suffix}")) for suffix in ("", "-wal", "-shm")]
-    return [(source, target) for source, target in pairs if source.exists()]
-
-
-# ---------------------------------------------------------------- the write-ahead log
-
-
-def wal_damage(path: Path) -> str:
-    """Say what the write-ahead log has lost; empty: nothing."""
-    try:
-        wal = Path(f"{path}-wal").read_bytes()
-    except FileNotFoundError:
-        return ""
-    if len(wal) < _WAL_HEADER.size:
-        return ""
-    magic, _, page_size, _, salt_1, salt_2, *header_sum = _WAL_HEADER.unpack_from(wal)
-    order = {_LITTLE: "<", _BIG: ">"}.get(magic)
-    frames = wal[_WAL_HEADER.size :]
-    if order is None or _checksum(order, (0, 0), wal[:24]) != tuple(header_sum):
-        return "the head of its write-ahead log is damaged" if any(frames) else ""
-    count = len(frames) // (_FRAME_HEADER.size + page_size)
-    sums = tuple(header_sum)
-    valid: int | None = None
-    for number in range(count):
-        at = number * (_FRAME_HEADER.size + page_size)
-        head = frames[at : at + _FRAME_HEADER.size]
-        page = frames[at + _FRAME_HEADER.size : at + _FRAME_HEADER.size + page_size]
-        _, _, *salts, first_sum, second_sum = _FRAME_HEADER.unpack(head)
-        right = salts == [salt_1, salt_2] and _checksum(order, sums, head[:8] + page) == (
-            first_sum,
-            second_sum,
-        )
-        if not right and valid is None:
-            valid = number
-        elif right and valid is not None:
-            # a frame behind the first wrong one continues the log: no write that was cut short
-            return (
-                f"a page of its write-ahead log is damaged, and {count - valid} pages from there on are lost"
-            )
-        sums = (first_sum, second_sum)
-    valid = count if valid is None else valid
-    committed = _last_committed(path, struct.pack(">2I", salt_1, salt_2))
-    if committed > valid:
-        return f"the last {committed - valid} pages of its write-ahead log are lost"
-    return ""
-
-
-def _last_committed(path: Path, salts: bytes) -> int:
-    """Number of the last frame that the wal-index knows as committed; 0 where it is of another log."""
-    with contextlib.suppress(OSError), open(f"{path}-shm", "rb") as index:
-        head = index.read(48)
-        if len(head) == 48 and head[_INDEX_SALTS : _INDEX_SALTS + 8] == salts:
-            (last,) = struct.unpack_from("=I", head, _INDEX_LAST_FRAME)
-            return int(last)
-    return 0
-
-
-def _checksum(order: str, start: tuple[int, ...], content: bytes) -> tuple[int, int]:
-    """SQLite's checksum of a header or frame, continued from ``start``."""
-    first, second = start
-    words = iter(struct.unpack(f"{order}{len(content) // 4}I", content))
-    for word, following in zip(words, words, strict=True):
-        first = (first + word + second) & _WORD
-        second = (second + following + first) & _WORD
-    return first, second
-
-
-# ---------------------------------------------------------------- the database
-
-
-def database_damage(path: Path) -> str:
-    """Say what is wrong with the database; empty: nothing. Its log counts as far as it is sound."""
-    try:
-        with contextlib.closing(sqlite3.connect(path)) as connection:
-            (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-            if verdict != "ok":
-                return f"the database is damaged ({verdict})"
-            version = connection.execute("PRAGMA user_version").fetchone()[0]
-            wrong = next(_wrong_rows(connection), "") if version == CHECKED_VERSION else ""
-            return f"a record is damaged ({wrong})" if wrong else ""
-    except sqlite3.DatabaseError as error:
-        if error.sqlite_errorcode == sqlite3.SQLITE_NOTADB:
-            # another file, or a journal whose head is damaged: `open_journal` refuses it, people decide
-            return ""
-        return f"the database is damaged ({error})"
-
-
-# The version of the schema whose rows have checksums.
-CHECKED_VERSION = 2
-_CHECKED = {
-    "programs": "program, instance, client, name, axes, start_line, on_disconnect, resume_of, opened_at",
-    "chunks": "program, first, lines",
-    "reports": "program, first, last, blob",
-    "faults": "at, program, line, blob",
-    "commands": "at, client, method, program, detail",
-}
-
-
-def row_checksum(*values: object) -> int:
-    """Checksum of the values of a row that never change."""
-    return zlib.crc32(msgspec.msgpack.encode(values))
-
-
-def _wrong_rows(connection: sqlite3.Connection) -> Iterator[str]:
-    present = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type='table'")}
-    for table, columns in _CHECKED.items():
-        if table == "commands" and table not in present:
-            # a journal of before they were kept
+    damage = [problem for problem in [content.structure_damage()] if problem]
+    sums, sums_sound = _read_sums(content)
+    counted: dict[str, Sum] = defaultdict(Sum)
+    parts, wrong = _read_parts(content)
+    programs: dict[str, Row] = {}
+    for _, row, sound in content.rows("programs"):
+        program = str(row["program"])
+        if sound:
+            programs[program] = row
+            counted["programs"] = counted["programs"].with_row(_checksum(row.values()))
+        else:
+            wrong.add(program)
+    for table in COUNTED:
+        if table == "programs":
             continue
-        for crc, *values in connection.execute(f"SELECT crc, {columns} FROM {table}"):
-            if crc is not None and crc != row_checksum(*values):
-                yield f"in {table}"
+        for _, row, sound in content.rows(table):
+            if sound:
+                counted[table] = counted[table].with_row(_checksum(row.values()))
+            else:
+                wrong.add("")
+    named = {each for each in {*programs, *parts, *wrong, *content.programs_of_indexes()} if _is_id(each)}
+    if content.version != SCHEMA_VERSION:
+        lost = sorted(filter(_is_id, wrong))
+        if wrong or content.broken:
+            damage.append("rows of it are damaged")
+        return Findings(damage, frozenset(set(programs) - wrong), lost, 0)
+    uncounted = [table for table in COUNTED if counted[table] != sums.get(table)]
+    if wrong or content.broken or uncounted or not sums_sound:
+        damage.append("rows of it are damaged or missing")
+    commits = sums.get(COMMITS, Sum()).rows
+    missing = max(0, record.least - commits) if record is not None else 0
+    if missing:
+        damage.append(f"its last {missing} transactions are lost")
+        named |= set(record.programs) if record is not None else set()
+    unsure = bool(missing) or "programs" in content.broken or "programs" in uncounted
+    kept = {
+        program
+        for program, row in programs.items()
+        if program not in wrong
+        and _parts_of(row) == parts.get(program, (Sum(), Sum()))
+        # what has not ended may have been further than a row says that is not the last one
+        and not (unsure and row["ended_at"] is None)
+    }
+    expected = sums.get("programs", Sum()).rows if sums_sound else None
+    if damage and (expected is None or len(named) < expected) and (unsure or wrong or content.broken):
+        raise ServiceError(
+            "MC520",
+            "the journal is damaged, and which programs it has lost cannot be told",
+            "put a backup in its place, move it and the files beside it away, or give another with --journal",
+        )
+    if set(programs) - kept and not damage:
+        damage.append("rows of it are missing")
+    known = max(commits, record.committed if record is not None else 0)
+    return Findings(damage, frozenset(kept), sorted(named - kept), known)
+
+
+def _read_sums(content: JournalContent) -> tuple[dict[str, Sum], bool]:
+    found: dict[str, Sum] = {}
+    whole = True
+    for _, row, sound in content.rows("sums"):
+        whole = whole and sound
+        if sound:
+            found[str(row["of"])] = Sum(int(str(row["rows"])), int(str(row["total"])))
+    return found, whole and set(found) == {*COUNTED, COMMITS}
+
+
+def _read_parts(content: JournalContent) -> tuple[dict[str, tuple[Sum, Sum]], set[str]]:
+    """Sums of the chunks and the reports of each program, and the programs that have wrong ones."""
+    found: dict[str, tuple[Sum, Sum]] = {}
+    wrong: set[str] = set()
+    for table, place in (("chunks", 0), ("reports", 1)):
+        for _, row, sound in content.rows(table):
+            program = str(row["program"])
+            if not sound:
+                wrong.add(program)
+                continue
+            sums = list(found.get(program, (Sum(), Sum())))
+            sums[place] = sums[place].with_row(_checksum(row.values()))
+            found[program] = sums[0], sums[1]
+    return found, wrong
+
+
+def _parts_of(program: Row) -> tuple[Sum, Sum]:
+    chunks = Sum(int(str(program["chunk_rows"])), int(str(program["chunk_sum"])))
+    return chunks, Sum(int(str(program["report_rows"])), int(str(program["report_sum"])))
+
+
+def _is_id(text: str) -> bool:
+    return bool(text) and text != "None" and text.isprintable()
+
+
+def _checksum(values: object) -> int:
+    try:
+        return row_checksum(*values)  # type: ignore[misc]
+    except UnicodeEncodeError:
+        # text that is no UTF-8 was never written
+        return -1

@@ -14,7 +14,7 @@ from mcserver.service.reports import Fault, LineReport, ProgramStatus
 
 _COLUMNS = (
     "program, client, name, axes, start_line, resume_of, state, started, done, fault, opened_at, ended_at,"
-    " (SELECT max(last) FROM chunks WHERE chunks.program = programs.program)"
+    " accepted"
 )
 
 
@@ -55,7 +55,21 @@ def read_programs(path: Path, *, limit: int, program: str | None = None) -> list
             f"SELECT {_COLUMNS} FROM programs {where} ORDER BY id DESC LIMIT ?", values
         ).fetchall()
     found = []
-    for name, client, title, axes, start, resume_of, state, started, done, fault, opened, ended, last in rows:
+    for (
+        name,
+        client,
+        title,
+        axes,
+        start,
+        resume_of,
+        state,
+        started,
+        done,
+        fault,
+        opened,
+        ended,
+        accepted,
+    ) in rows:
         found.append(
             ProgramStatus(
                 program=name,
@@ -65,12 +79,12 @@ def read_programs(path: Path, *, limit: int, program: str | None = None) -> list
                 axes=[int(axis) for axis in axes.split(",") if axis],
                 start_line=start,
                 line=started,
-                accepted=max(start - 1, last or 0),
+                accepted=accepted,
                 done=done,
                 credit=0,
                 closed=True,
                 override=100.0,
-                progress=_share(done - start + 1, max(start - 1, last or 0) - start + 1),
+                progress=_share(done - start + 1, accepted - start + 1),
                 fault=None if fault is None else msgspec.msgpack.decode(fault, type=Fault),
                 resume_of=resume_of,
                 opened_at=opened,

@@ -40,7 +40,7 @@ from mcserver.service.event_log import EventLog
 from mcserver.service.fault_latch import FaultLatch, fault_of
 from mcserver.service.heartbeat import Heartbeat
 from mcserver.service.journal import Journal
-from mcserver.service.journal_check import JournalLock, repair_journal
+from mcserver.service.journal_repair import JournalLock, prepare_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
@@ -95,7 +95,7 @@ class ProgramTable:
         self._progress = ProgressReports(self._loop, self.publish, self._journal_progress)
         self._lock = JournalLock(options.journal)
         try:
-            self.journal_damage = repair_journal(options.journal)
+            self.journal_damage = prepare_journal(options.journal)
             self.journal = Journal(
                 options.journal,
                 call_soon=self._call_soon,

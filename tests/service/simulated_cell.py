@@ -12,8 +12,9 @@ import random
 import selectors
 import sqlite3
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -75,7 +76,7 @@ class SimulatedDisk:
         self.full = False
         self._connection = open_journal(path)
 
-    def execute(self, statement: str, parameters: tuple[object, ...] = ()) -> object:
+    def execute(self, statement: str, parameters: tuple[object, ...] = ()) -> Iterable[Any]:
         # what was begun can be taken back on a full disk too
         if self.full and statement != "ROLLBACK":
             raise sqlite3.OperationalError("database or disk is full")

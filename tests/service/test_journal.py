@@ -18,7 +18,7 @@ import pytest
 
 from mcserver.errors import ServiceError
 from mcserver.service.journal import Journal
-from mcserver.service.journal_file import JournalBounds, open_journal, prune, transaction
+from mcserver.service.journal_file import JournalBounds, insertion, open_journal, prune, transaction
 from mcserver.service.journal_reader import read_lines_before, read_programs, read_reports
 from mcserver.service.reports import Fault, LineReport
 from tests.service.fakes import open_program
@@ -118,19 +118,21 @@ def test_lines_behind_a_rejected_one_do_not_count(make: Callable[[], Kept]) -> N
 
 def test_a_transaction_that_fails_leaves_nothing_and_the_next_one_is_whole(tmp_path: Path) -> None:
     with contextlib.closing(open_journal(tmp_path / "journal.db")) as connection:
-        start = "INSERT INTO starts(instance, started_at) VALUES (?, 0.0)"
+
+        def start(instance: str) -> None:
+            connection.execute(*insertion("starts", instance=instance, started_at=0.0))
 
         def twice(instance: str) -> None:
             with transaction(connection):
-                connection.execute(start, (instance,))
-                connection.execute(start, (instance,))
+                start(instance)
+                start(instance)
 
         with pytest.raises(sqlite3.IntegrityError):
             twice("a")
         assert connection.execute("SELECT count(*) FROM starts").fetchone() == (0,)
         with transaction(connection):
-            connection.execute(start, ("a",))
-            connection.execute(start, ("b",))
+            start("a")
+            start("b")
         assert not connection.in_transaction
         assert connection.execute("SELECT count(*) FROM starts").fetchone() == (2,)
 

@@ -1,145 +1,240 @@
-"""A damaged journal is noticed at the start; nothing of its history goes silently."""
+"""A damaged journal is noticed at the start: nothing of it is wrong, and nothing goes without a name."""
 
 from __future__ import annotations
 
-import contextlib
-import shutil
 import sqlite3
-from collections.abc import Callable
-from functools import partial
+from contextlib import closing
 from pathlib import Path
-from queue import SimpleQueue
 
 import pytest
 
 from mcserver.errors import ServiceError
-from mcserver.service.journal import Journal
-from mcserver.service.journal_check import JournalLock, database_damage, repair_journal, wal_damage
-from mcserver.service.journal_file import PAGE_BYTES, open_journal
+from mcserver.service import commit_record
+from mcserver.service.commit_record import commit_record_path, read_commit_record
+from mcserver.service.journal_file import open_journal
 from mcserver.service.journal_reader import read_lines_before, read_programs
+from mcserver.service.journal_repair import Damage, JournalLock, prepare_journal
+from tests.bench.journal_damage import SUFFIXES, Writer, make_journals, run
 from tests.service.conftest import Bench
 from tests.service.fakes import open_program
 
-LIMIT_S = 5.0
-FRAME = 24 + PAGE_BYTES
+# One start after each damage: 20 ms.
+DAMAGES = 200
+
+OLD_SCHEMA = """
+CREATE TABLE starts(instance TEXT PRIMARY KEY, started_at REAL NOT NULL, stopped_at REAL);
+CREATE TABLE programs(id INTEGER PRIMARY KEY, program TEXT UNIQUE NOT NULL, instance TEXT NOT NULL,
+ client TEXT NOT NULL, name TEXT NOT NULL, axes TEXT NOT NULL, start_line INTEGER NOT NULL,
+ on_disconnect TEXT NOT NULL, resume_of TEXT, state TEXT, accepted INTEGER NOT NULL, started INTEGER NOT NULL,
+ done INTEGER NOT NULL, fault BLOB, opened_at REAL NOT NULL, ended_at REAL);
+CREATE TABLE chunks(id INTEGER PRIMARY KEY, program TEXT NOT NULL, first INTEGER NOT NULL,
+ last INTEGER NOT NULL, lines BLOB NOT NULL);
+CREATE TABLE reports(id INTEGER PRIMARY KEY, program TEXT NOT NULL, first INTEGER NOT NULL,
+ last INTEGER NOT NULL, blob BLOB NOT NULL);
+CREATE TABLE faults(id INTEGER PRIMARY KEY, at REAL NOT NULL, program TEXT, line INTEGER NOT NULL,
+ blob BLOB NOT NULL);
+INSERT INTO starts VALUES ('one', 1.0, NULL);
+INSERT INTO programs(program, instance, client, name, axes, start_line, on_disconnect, accepted, started,
+ done, opened_at) VALUES ('p', 'one', 'hmi', 'job', '0,1', 1, 'stop', 0, 2, 1, 5.0);
+INSERT INTO chunks(program, first, last, lines) VALUES ('p', 1, 2, x'92a6473031205831a6473031205832');
+"""
 
 
-def crashed_journal(path: Path, programs: int = 8) -> None:
-    """Files as a killed server leaves them: commits in the write-ahead log, nothing checkpointed."""
-    calls: SimpleQueue[Callable[[], None]] = SimpleQueue()
-    live = path.with_name("live.db")
-    journal = Journal(live, call_soon=calls.put, on_failure=print)
-    for number in range(programs):
-        name = f"p{number}"
-        open_program(journal, name, instance="one")
-        journal.lines(name, 1, ["G01 X1", "G01 X2"])
-        settled: list[bool] = []
-        journal.after(partial(settled.append, True))
-        while not settled:
-            calls.get(timeout=LIMIT_S)()
-    for suffix in ("", "-wal", "-shm"):
-        shutil.copy2(f"{live}{suffix}", f"{path}{suffix}")
-    journal.close()
+def ended_and_running(path: Path) -> Writer:
+    """Programs ``ended`` and ``running`` with two lines each, in a journal that is open."""
+    writer = Writer(path)
+    for name in ("ended", "running"):
+        open_program(writer.journal, name, instance="one")
+        writer.journal.lines(name, 1, ["G01 X1", "G01 X2"])
+        writer.journal.progress(name, 2, 1)
+    writer.journal.program_ended("ended", "finished", 2, None, 9.0)
+    writer.settle()
+    return writer
 
 
-def flip(path: Path, at: int) -> None:
+def stopped(path: Path) -> None:
+    ended_and_running(path).journal.close()
+
+
+def change(path: Path, statement: str) -> None:
+    """Change a row as damage does: no checksum follows."""
+    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        assert connection.execute(statement).rowcount > 0
+
+
+def prepared(path: Path) -> Damage:
+    damage = prepare_journal(path)
+    assert damage is not None
+    Writer(path).journal.close()
+    return damage
+
+
+def programs_of(path: Path) -> list[str]:
+    return [each.program for each in read_programs(path, limit=50)]
+
+
+def test_random_damage_is_repaired_set_aside_by_name_or_refused() -> None:
+    wrong: list[str] = []
+    verdicts = run(DAMAGES, 1_000_000, report=wrong.append)
+    assert wrong == []
+    assert {"harmless", "set aside", "refused"} <= set(verdicts)
+
+
+def test_journals_of_killed_and_stopped_servers_are_sound(tmp_path: Path) -> None:
+    for path in make_journals(tmp_path, 1):
+        assert prepare_journal(path) is None
+        open_journal(path).close()
+        assert len(programs_of(path)) == 20
+
+
+@pytest.mark.parametrize(
+    "column",
+    ["done=98", "accepted=1", "started=1", "state='aborted'", "ended_at=1.0", "fault=x'00'", "name='x'"],
+)
+def test_a_program_with_any_wrong_column_is_set_aside_by_name(tmp_path: Path, column: str) -> None:
+    path = tmp_path / "journal.db"
+    stopped(path)
+    change(path, f"UPDATE programs SET {column} WHERE program='ended'")
+    damage = prepared(path)
+    assert damage.lost == ("ended", "running")
+    assert "ended" in damage.message
+    assert Path(damage.kept).exists()
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE chunks SET last=1 WHERE program='running'",
+        "UPDATE chunks SET program='ended' WHERE program='running'",
+        "DELETE FROM chunks WHERE program='running'",
+    ],
+)
+def test_a_program_whose_lines_are_wrong_or_gone_is_set_aside(tmp_path: Path, statement: str) -> None:
+    path = tmp_path / "journal.db"
+    stopped(path)
+    change(path, statement)
+    assert "running" in prepared(path).lost
+    assert "running" not in programs_of(path)
+
+
+def test_a_program_that_is_gone_is_named_by_what_is_left_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    stopped(path)
+    change(path, "DELETE FROM programs WHERE program='running'")
+    assert prepared(path).lost == ("running",)
+    assert programs_of(path) == ["ended"]
+
+
+def test_where_nothing_names_the_programs_that_are_gone_the_start_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    stopped(path)
+    for table in ("programs", "chunks", "reports"):
+        with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+            connection.execute(f"DELETE FROM {table}")
+    with pytest.raises(ServiceError, match="which programs"):
+        prepare_journal(path)
+
+
+def test_a_broken_index_costs_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    stopped(path)
+    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        (page,) = connection.execute(
+            "SELECT rootpage FROM sqlite_master WHERE name='chunks_by_program'"
+        ).fetchone()
+        (size,) = connection.execute("PRAGMA page_size").fetchone()
     content = bytearray(path.read_bytes())
-    content[at] ^= 0x10
+    content[page * size - 20 : page * size] = bytes(20)
     path.write_bytes(content)
+    assert prepared(path).lost == ()
+    assert programs_of(path) == ["running", "ended"]
+    assert read_lines_before(path, "ended", 3) == ["G01 X1", "G01 X2"]
 
 
-def test_a_journal_of_a_killed_server_is_sound(tmp_path: Path) -> None:
+@pytest.mark.parametrize("gone", [("-wal",), ("-wal", "-shm"), ("",)])
+def test_a_log_that_is_gone_is_noticed_and_its_programs_are_named(
+    tmp_path: Path, gone: tuple[str, ...]
+) -> None:
+    path, live = tmp_path / "journal.db", tmp_path / "live.db"
+    writer = ended_and_running(live)
+    for suffix in set(SUFFIXES) - set(gone):
+        Path(f"{path}{suffix}").write_bytes(Path(f"{live}{suffix}").read_bytes())
+    writer.journal.close()
+    damage = prepared(path)
+    assert damage.lost == ("ended", "running")
+    assert programs_of(path) == []
+    assert prepare_journal(path) is None
+
+
+def test_after_a_power_cut_only_what_the_disk_had_is_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "journal.db"
-    crashed_journal(path)
-    assert wal_damage(path) == ""
-    assert repair_journal(path) is None
-    assert len(read_programs(path, limit=20)) == 8
+    writer = ended_and_running(path)
+    record = read_commit_record(path)
+    writer.journal.close()
+    assert record is not None
+    assert record.same_boot
+    assert record.least == record.committed > 0
+    monkeypatch.setattr(commit_record, "_boot_id", lambda: b"another boot id!")
+    later = read_commit_record(path)
+    assert later is not None
+    assert not later.same_boot
+    assert later.least == later.synced
 
 
-def test_a_flipped_byte_anywhere_in_the_log_is_noticed(tmp_path: Path) -> None:
+def test_without_the_count_beside_it_a_journal_is_used_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "journal.db"
-    crashed_journal(path)
-    wal = Path(f"{path}-wal")
-    sound, size = wal.read_bytes(), wal.stat().st_size
-    for at in [0, 5, 9, 20, *range(32, size, 997), size - 1]:
-        flip(wal, at)
-        assert wal_damage(path), f"byte {at} of {size}"
-        wal.write_bytes(sound)
-    assert wal_damage(path) == ""
+    stopped(path)
+    commit_record_path(path).unlink()
+    assert prepare_journal(path) is None
 
 
-def test_a_write_that_was_cut_short_is_no_damage(tmp_path: Path) -> None:
+def test_a_journal_of_an_older_version_is_brought_up_to_date(tmp_path: Path) -> None:
     path = tmp_path / "journal.db"
-    crashed_journal(path)
-    wal = Path(f"{path}-wal")
-    sound = wal.read_bytes()
-    wal.write_bytes(sound + sound[32 : 32 + FRAME // 2])
-    assert wal_damage(path) == ""
-    assert len(read_programs(path, limit=20)) == 8
-
-
-def test_a_log_that_lost_its_end_is_noticed(tmp_path: Path) -> None:
-    path = tmp_path / "journal.db"
-    crashed_journal(path)
-    wal = Path(f"{path}-wal")
-    wal.write_bytes(wal.read_bytes()[:-FRAME])
-    assert "last 1 pages" in wal_damage(path)
-
-
-def test_what_came_before_the_damage_of_the_log_is_kept_and_the_rest_is_put_aside(tmp_path: Path) -> None:
-    path = tmp_path / "journal.db"
-    crashed_journal(path)
-    wal = Path(f"{path}-wal")
-    flip(wal, 3 * wal.stat().st_size // 4)
-    before = wal.read_bytes()
-    damage = repair_journal(path)
-    assert damage is not None
-    assert Path(f"{damage.kept}-wal").read_bytes() == before
+    with closing(sqlite3.connect(path)) as connection:
+        connection.executescript(OLD_SCHEMA + "PRAGMA user_version=1;")
+    assert prepare_journal(path) is None
     open_journal(path).close()
-    assert 0 < len(read_programs(path, limit=20)) < 8
+    (program,) = read_programs(path, limit=5)
+    assert (program.program, program.accepted, program.done) == ("p", 2, 1)
+    assert read_lines_before(path, "p", 3) == ["G01 X1", "G01 X2"]
+    assert prepare_journal(path) is None
 
 
-def checkpointed(path: Path) -> None:
-    crashed_journal(path)
-    with contextlib.closing(sqlite3.connect(path)) as connection:
-        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-
-
-def test_a_flipped_byte_of_a_record_is_noticed_and_the_journal_begins_anew(tmp_path: Path) -> None:
+@pytest.mark.parametrize("content", [b"something else" * 100, b"SQLite format 3\0" + bytes(2000), b"x"])
+def test_a_file_that_is_no_journal_is_refused_and_left_alone(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "journal.db"
-    checkpointed(path)
-    assert database_damage(path) == ""
-    flip(path, path.read_bytes().index(b"G01 X2") + 5)
-    damage = repair_journal(path)
-    assert damage is not None
-    assert "chunks" in damage.message
-    assert not path.exists()
-    open_journal(path).close()
-    assert read_programs(path, limit=20) == []
-    assert b"G01 X" in damage.kept.read_bytes()
-
-
-def test_a_damaged_structure_is_noticed(tmp_path: Path) -> None:
-    path = tmp_path / "journal.db"
-    checkpointed(path)
-    content = bytearray(path.read_bytes())
-    content[4096 : 4096 + 64] = b"\xff" * 64
     path.write_bytes(content)
-    damage = repair_journal(path)
-    assert damage is not None
-    assert "damaged" in damage.message
+    with pytest.raises(ServiceError) as refused:
+        prepare_journal(path)
+    assert refused.value.code == "MC520"
+    assert path.read_bytes() == content
 
 
-def test_a_journal_of_the_first_version_is_read_on(tmp_path: Path) -> None:
+def test_a_database_of_others_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "journal.db"
-    checkpointed(path)
-    with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as connection:
-        for table in ("programs", "chunks", "reports", "faults"):
-            connection.execute(f"ALTER TABLE {table} DROP COLUMN crc")
-        connection.execute("PRAGMA user_version=1")
-    assert repair_journal(path) is None
-    open_journal(path).close()
-    assert read_lines_before(path, "p3", 3) == ["G01 X1", "G01 X2"]
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("CREATE TABLE letters(text)")
+    with pytest.raises(ServiceError, match="MC520"):
+        prepare_journal(path)
+
+
+@pytest.mark.parametrize("suffix", ["", "-wal", "-commits"])
+def test_a_folder_in_the_place_of_a_file_is_refused_by_mc520(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / "journal.db"
+    if suffix:
+        stopped(path)
+        Path(f"{path}{suffix}").unlink(missing_ok=True)
+    Path(f"{path}{suffix}").mkdir()
+
+    def start() -> None:
+        prepare_journal(path)
+        Writer(path).journal.close()
+
+    with pytest.raises(ServiceError) as refused:
+        start()
+    assert refused.value.code == "MC520"
 
 
 def test_a_second_server_on_the_same_journal_is_refused(tmp_path: Path) -> None:
@@ -171,12 +266,13 @@ async def test_the_start_on_a_damaged_journal_says_so(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "journal.db"
-    crashed_journal(path)
-    flip(Path(f"{path}-wal"), 5000)
+    stopped(path)
+    change(path, "UPDATE programs SET done=98 WHERE program='ended'")
     bench = Bench(path)
     bench.service.start()
     warnings = [event for event in bench.events if event.reason == "MC527"]
     assert len(warnings) == 1
+    assert "ended" in warnings[0].message
     assert "damaged-" in warnings[0].message
     assert "MC527" in caplog.text
     await bench.service.stop()
