@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-import sqlite3
 from collections import OrderedDict
 from pathlib import Path
 
 import msgspec
 
+from mcserver.errors import McError
 from mcserver.recorder.channels import PROGRAM, ProgramPart
 from mcserver.recorder.chunks import Chunk, ChunkBuilder
 from mcserver.service.journal_reader import read_lines_near, read_programs
@@ -53,7 +53,7 @@ def text_chunk(journal: Path, programs: list[tuple[str, int]], at_ns: int) -> Ch
         try:
             name = next((each.name for each in read_programs(journal, limit=1, program=program)), "")
             first, lines = read_lines_near(journal, program, line - LINES_BEFORE, line + LINES_AFTER)
-        except (OSError, sqlite3.Error, msgspec.MsgspecError) as error:
+        except (OSError, McError, msgspec.MsgspecError) as error:
             log.warning("the text of %s is not in the recording: %s", program, error)
             continue
         for at in range(0, len(lines), LINES_A_MESSAGE):

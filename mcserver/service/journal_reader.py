@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from mcserver.errors import Refused
+from mcserver.errors import Refused, ServiceError
 from mcserver.service.reports import Fault, LineReport, ProgramStatus
 
 _COLUMNS = (
@@ -20,9 +20,23 @@ _COLUMNS = (
 
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open a journal for reading.
+
+    Raises:
+        ServiceError: MC520 it cannot be read.
+    """
     # a connection of its own: in WAL mode readers do not hold up the writer
-    with contextlib.closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
-        yield connection
+    try:
+        with contextlib.closing(
+            sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+        ) as connection:
+            yield connection
+    except sqlite3.Error as error:
+        raise ServiceError(
+            "MC520",
+            f"the journal {path} cannot be read: {error}",
+            "look at the disk; the next start of the server checks and repairs the journal",
+        ) from error
 
 
 class CommandRecord(msgspec.Struct, frozen=True):
