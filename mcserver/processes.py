@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
+import resource
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -12,6 +14,8 @@ import msgspec
 
 # New objects between two runs of the collector: few pauses, and cycles of garbage are rare.
 YOUNG_OBJECTS = 20_000
+# where the system sets no limit
+MANY_FILES = 1_000_000
 
 
 def start_child(module: str, start: msgspec.Struct, descriptors: Sequence[int]) -> subprocess.Popen[bytes]:
@@ -31,6 +35,15 @@ def start_child(module: str, start: msgspec.Struct, descriptors: Sequence[int]) 
         # it ended before it read; its exit code tells
         pass
     return process
+
+
+def raise_file_limit() -> int:
+    """Allow this process as many open files as it may have, and return how many."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+        soft = hard
+    return soft if soft >= 0 else MANY_FILES
 
 
 def freeze_heap() -> None:

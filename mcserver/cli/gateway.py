@@ -53,8 +53,8 @@ def gateway(
     if add_token is not None:
         _add_token(tokens, add_token, role, json)
         return
+    from mcserver.doors.listening import Address
     from mcserver.gateway.site import GatewayOptions, serve
-    from mcserver.web.listening import Address
 
     options = GatewayOptions(
         Address(host, port, certificate, key, announcing("gateway", json=json)),

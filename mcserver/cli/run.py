@@ -16,6 +16,7 @@ from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.keys import is_name
+from mcserver.processes import raise_file_limit
 
 
 def run(
@@ -74,6 +75,8 @@ def run(
             "mcserver security init makes one: docs/security.md",
         )
     narrate_logs(verbose)
+    # each client is a connection, and so is whoever has not introduced himself
+    raise_file_limit()
     options = ServerOptions(
         network=NetworkOptions(
             listen=tuple(listen) if listen else None,

@@ -61,7 +61,7 @@ def web(
     # before NiceGUI is imported: it would keep its own state in the working folder
     folder = programs or _state_folder()
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str(folder / ".page"))
-    from mcserver.web.listening import Address
+    from mcserver.doors.listening import Address
     from mcserver.web.site import WebOptions, serve
 
     options = WebOptions(

@@ -127,7 +127,12 @@ Caller = Annotated[GatewaySession, Depends(_session)]
 
 
 async def _call(caller: GatewaySession, machine: str, method: str, **fields: Any) -> dict[str, Any]:
-    reply: dict[str, Any] = msgspec.msgpack.decode(await caller.call(machine, method, fields))
+    caller.admit(caller.requests_under_way)
+    caller.requests_under_way += 1
+    try:
+        reply: dict[str, Any] = msgspec.msgpack.decode(await caller.call(machine, method, fields))
+    finally:
+        caller.requests_under_way -= 1
     return reply
 
 

@@ -39,6 +39,7 @@ LOOK_S = 1.0
 CALLS_A_SECOND = 200.0
 CALLS_AT_ONCE = 400.0
 CALLS_UNDER_WAY = 64
+STOPS_UNDER_WAY = 16
 SUBSCRIPTIONS = 64
 MACHINES = 16
 # what ends with the client's liveliness token
@@ -172,6 +173,8 @@ class GatewaySession:
         self.principal = principal
         self.outbox = Outbox()
         self.connection: object | None = None
+        # calls by HTTP, which has no frames
+        self.requests_under_way = 0
         self._link = link
         self._peers: dict[str, Peer] = {}
         self._subscriptions: dict[int, Subscription] = {}
@@ -191,6 +194,11 @@ class GatewaySession:
         link = await Link.open(endpoints_of(connect or None), timeout_s=CONNECT_S, config_file=config_file)
         return cls(link, new_client_id(f"gw-{principal.name}"), principal)
 
+    @property
+    def has_opened(self) -> bool:
+        """Whether it has opened a program, which would end with it."""
+        return any(peer.token_declared for peer in self._peers.values())
+
     async def close(self) -> None:
         """Ends the link; the client's token goes with it."""
         for task in list(self._tasks):
@@ -205,17 +213,26 @@ class GatewaySession:
         if isinstance(request, frames.Unsubscribe):
             self._unsubscribe(request.id)
             return
-        if len(self._tasks) >= CALLS_UNDER_WAY or not (
-            self._budget.take() or isinstance(request, frames.Estop)
-        ):
-            refusal = RequestRefused(
-                "MC071", "too many calls at once", "wait for the replies", details={"limit": CALLS_A_SECOND}
-            )
+        try:
+            self.admit(len(self._tasks), stop=isinstance(request, frames.Estop))
+        except RequestRefused as refusal:
             self._refuse(request.id, refusal)
             return
         task = asyncio.ensure_future(self._answer(request))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+    def admit(self, under_way: int, *, stop: bool = False) -> None:
+        """See whether one more call may be made; emergency stops have places of their own.
+
+        Raises:
+            RequestRefused: MC071 too many at once, or in a second.
+        """
+        places = CALLS_UNDER_WAY + (STOPS_UNDER_WAY if stop else 0)
+        if under_way >= places or not (self._budget.take() or stop):
+            raise RequestRefused(
+                "MC071", "too many calls at once", "wait for the replies", details={"limit": CALLS_A_SECOND}
+            )
 
     async def _answer(self, request: frames.Call | frames.Subscribe | frames.Estop | frames.Machines) -> None:
         try:

@@ -9,14 +9,15 @@ from pathlib import Path
 import msgspec
 from fastapi import FastAPI, WebSocket
 from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from mcserver.doors.limits import BodyLimit, DoorLimits
+from mcserver.doors.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
 from mcserver.gateway.http import MAX_BODY_BYTES, HttpSessions, build_http
 from mcserver.gateway.tokens import read_tokens
 from mcserver.gateway.websocket import Sessions
-from mcserver.web.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
 
 MAX_FRAME_BYTES = 1024 * 1024
+BODY_S = 60.0
 
 
 class GatewayOptions(msgspec.Struct, frozen=True):
@@ -59,6 +60,8 @@ async def serve(options: GatewayOptions) -> None:
         app,
         listener,
         options.address,
+        limits=DoorLimits(body=BodyLimit(MAX_BODY_BYTES, BODY_S)),
+        holder_of=sessions.holder,
         max_frame_bytes=MAX_FRAME_BYTES,
         # who does not read its replies is not read from for long
         max_waiting_frames=4,
@@ -77,7 +80,6 @@ def build_app(sessions: Sessions, http: HttpSessions, *, local: bool) -> FastAPI
     app = FastAPI(
         title="Motion server gateway", version="1", lifespan=lifespan, docs_url=None, redoc_url=None
     )
-    app.add_middleware(LimitedBodies)
     if local:
         # a page of another site that resolves its name to this computer must not get in
         app.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK, "[::1]"])
@@ -88,46 +90,3 @@ def build_app(sessions: Sessions, http: HttpSessions, *, local: bool) -> FastAPI
         await sessions.serve(socket)
 
     return app
-
-
-class LimitedBodies:
-    """Refuses a body that is larger than `MAX_BODY_BYTES`, before it is in memory."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
-        taken = 0
-
-        async def limited() -> Message:
-            nonlocal taken
-            message = await receive()
-            taken += len(message.get("body", b""))
-            if taken > MAX_BODY_BYTES:
-                return {"type": "http.disconnect"}
-            return message
-
-        length = dict(scope["headers"]).get(b"content-length", b"0")
-        if length.isdigit() and int(length) > MAX_BODY_BYTES:
-            await send(
-                {
-                    "type": "http.response.start",
-                    "status": 413,
-                    "headers": [(b"content-type", b"application/json")],
-                }
-            )
-            await send({"type": "http.response.body", "body": _TOO_LARGE})
-            return
-        await self._app(scope, limited, send)
-
-
-_TOO_LARGE = msgspec.json.encode(
-    {
-        "code": "MC500",
-        "message": f"the body is larger than {MAX_BODY_BYTES} bytes",
-        "hint": "send the program in parts",
-    }
-)

@@ -6,9 +6,11 @@ import asyncio
 import logging
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 from mcclient.errors import MotionError
+from starlette.requests import HTTPConnection
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from mcserver.gateway import frames
@@ -18,6 +20,8 @@ from mcserver.gateway.tokens import LOCAL, Principal, Tokens
 log = logging.getLogger(__name__)
 
 MAX_SESSIONS = 64
+# of one token, and of one address; without a token file everybody is local
+TOKEN_SESSIONS, ADDRESS_SESSIONS = 16, 32
 # close codes (RFC 6455, 7.4): 4000-4999 are an application's own
 BAD_FRAME, FORBIDDEN, TOO_MANY, TAKEN_OVER, NO_SERVER, SLOW = 4000, 4003, 4008, 4009, 4010, 4011
 # how long the other end may take to hear why its connection is closed
@@ -44,36 +48,49 @@ class Sessions:
         self._config_file = config_file
         self._origins = origins
         self._sessions: dict[str, GatewaySession] = {}
+        # who has a place: those that are being opened too
+        self._places: list[_Place] = []
+        self._place_of: dict[str, _Place] = {}
         # by the session's secret: what ends it once its grace is over
         self._ends: dict[str, asyncio.Task[None]] = {}
+        self._ending: set[asyncio.Task[None]] = set()
         self._decode = msgspec.msgpack.Decoder(frames.Request).decode
 
     def principal(self, token: str) -> Principal | None:
         """Who holds a token; without a token file everybody is local."""
         return LOCAL if self.tokens is None else self.tokens.principal(token)
 
+    def holder(self, connection: HTTPConnection) -> str:
+        """Name of the token that a request shows; empty: none that is known."""
+        principal = self.principal(token_of(connection)) if self.tokens is not None else None
+        return "" if principal is None else principal.name
+
     async def close(self) -> None:
         """Ends all sessions."""
         for task in self._ends.values():
             task.cancel()
         await asyncio.gather(
-            *(session.close() for session in self._sessions.values()), return_exceptions=True
+            *(session.close() for session in self._sessions.values()), *self._ending, return_exceptions=True
         )
 
     async def serve(self, socket: WebSocket) -> None:
         """One connection, from its handshake to its end."""
-        offered = [each.strip() for each in socket.headers.get("sec-websocket-protocol", "").split(",")]
+        offered = _offered(socket)
         origin = socket.headers.get("origin")
         if frames.SUBPROTOCOL not in offered or (origin is not None and origin not in self._origins):
             await _close(socket, FORBIDDEN, "subprotocol mc.v1 is needed, and an origin that is allowed")
             return
-        principal = self.principal(_token(socket, offered))
+        principal = self.principal(token_of(socket))
         if principal is None:
             await _close(socket, FORBIDDEN, "a token is needed")
             return
         await socket.accept(frames.SUBPROTOCOL)
         try:
-            session, resumed = await self._session(socket.query_params.get("session", ""), principal)
+            session, resumed = await self._session(
+                socket.query_params.get("session", ""),
+                _Place(principal.name, socket.client.host if socket.client is not None else ""),
+                principal,
+            )
         except MotionError as error:
             await _close(socket, NO_SERVER if error.code == "MC530" else TOO_MANY, error.message[:120])
             return
@@ -88,7 +105,7 @@ class Sessions:
             session.end_subscriptions()
             self._ends[session.secret] = asyncio.ensure_future(self._end_after_grace(session))
 
-    async def _session(self, secret: str, principal: Principal) -> tuple[GatewaySession, bool]:
+    async def _session(self, secret: str, place: _Place, principal: Principal) -> tuple[GatewaySession, bool]:
         known = self._sessions.get(secret)
         if known is not None and known.principal == principal:
             # the old connection is dead and does not know it yet; another one may be quicker meanwhile
@@ -102,18 +119,57 @@ class Sessions:
             if ending is not None:
                 ending.cancel()
             return known, True
-        if len(self._sessions) >= MAX_SESSIONS:
-            raise MotionError("MC071", f"{MAX_SESSIONS} clients are connected", "close one")
-        session = await GatewaySession.open(self._connect, self._config_file, principal)
+        self._take_place(place)
+        try:
+            session = await GatewaySession.open(self._connect, self._config_file, principal)
+        except BaseException:
+            self._places.remove(place)
+            raise
         self._sessions[session.secret] = session
+        self._place_of[session.secret] = place
         return session, False
+
+    def _take_place(self, place: _Place) -> None:
+        limits = [("clients", MAX_SESSIONS, len(self._places))]
+        if self.tokens is not None:
+            limits += [
+                ("clients with this token", TOKEN_SESSIONS, [p.name for p in self._places].count(place.name)),
+                ("clients of this host", ADDRESS_SESSIONS, [p.host for p in self._places].count(place.host)),
+            ]
+        for what, most, taken in limits:
+            if taken >= most and not self._end_idle(place if most != MAX_SESSIONS else None):
+                raise MotionError("MC071", f"{most} {what} are connected", "close one")
+        self._places.append(place)
+
+    def _end_idle(self, place: _Place | None) -> bool:
+        """End a session within its grace that has opened nothing; whether there was one, of this place."""
+        for secret, task in self._ends.items():
+            session = self._sessions[secret]
+            if not session.has_opened and (place is None or self._place_of[secret] == place):
+                task.cancel()
+                self._end(session)
+                return True
+        return False
 
     async def _end_after_grace(self, session: GatewaySession) -> None:
         await asyncio.sleep(GRACE_S)
         if session.connection is None:
-            del self._sessions[session.secret]
-            del self._ends[session.secret]
-            await session.close()
+            self._end(session)
+
+    def _end(self, session: GatewaySession) -> None:
+        del self._sessions[session.secret]
+        del self._ends[session.secret]
+        self._places.remove(self._place_of.pop(session.secret))
+        ending = asyncio.ensure_future(session.close())
+        self._ending.add(ending)
+        ending.add_done_callback(self._ending.discard)
+
+
+class _Place(NamedTuple):
+    """What a session counts for: its token's name and its client's address."""
+
+    name: str
+    host: str
 
 
 class Connection:
@@ -188,11 +244,16 @@ async def _close(socket: WebSocket, code: int, reason: str) -> None:
         log.debug("it was closed already, or reads nothing")
 
 
-def _token(socket: WebSocket, offered: list[str]) -> str:
-    """From the header ``Authorization``, or, as browsers cannot set it, from the subprotocols offered."""
-    scheme, _, token = socket.headers.get("authorization", "").partition(" ")
+def token_of(connection: HTTPConnection) -> str:
+    """Return the token of ``Authorization`` or, since browsers cannot set it, of the subprotocols offered."""
+    offered = _offered(connection)
+    scheme, _, token = connection.headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         return token.strip()
     return next(
         (each[len(frames.TOKEN_PREFIX) :] for each in offered if each.startswith(frames.TOKEN_PREFIX)), ""
     )
+
+
+def _offered(connection: HTTPConnection) -> list[str]:
+    return [each.strip() for each in connection.headers.get("sec-websocket-protocol", "").split(",")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections import OrderedDict
 from pathlib import Path
 
 from mcclient import MachineStatus, MotionError
@@ -19,7 +20,12 @@ PERIOD_S = 1.0
 RETRY_S = 2.0
 # an offline machine stays in the table this long
 REMEMBERED_S = 24 * 3600.0
-MAX_LINKS = 32
+# connected at a time; each is a Zenoh session. Those that nobody looks at give their place up
+MAX_LINKS = 64
+# of one visitor
+VISITOR_LINKS = 32
+# a connection that nobody looks at any more stays this long
+UNUSED_S = 120.0
 
 
 class Seen:
@@ -45,7 +51,9 @@ class Fleet:
         self._connect = connect
         self._config_file = config_file
         self._folder = folder
-        self._links: dict[str, MachineLink] = {}
+        # used longest ago first
+        self._links: OrderedDict[str, MachineLink] = OrderedDict()
+        self._closing: set[asyncio.Task[None]] = set()
         self._link: FleetLink | None = None
         self._task: asyncio.Task[None] | None = None
 
@@ -53,21 +61,54 @@ class Fleet:
         """Begins to look; in a running loop."""
         self._task = asyncio.ensure_future(self._run())
 
-    def link(self, name: str) -> MachineLink:
-        """The connection to one machine, made on first use.
+    def knows(self, name: str) -> bool:
+        """Whether there is such a machine, or was one that this page has programs of."""
+        return name in self.machines or name in self._links or (self._folder / name).is_dir()
+
+    def link(self, name: str, visitor: str) -> MachineLink:
+        """The connection to one machine that is known, made on first use.
+
+        Args:
+            visitor: who wants to look at it.
 
         Raises:
-            MotionError: MC063 too many machines are connected at once.
+            MotionError: MC063 too many machines are looked at, or there is no such machine.
         """
         link = self._links.get(name)
         if link is None:
-            if len(self._links) >= MAX_LINKS:
-                raise MotionError(
-                    "MC063", f"{MAX_LINKS} machines are open at once", "serve some from another page"
-                )
+            if not self.knows(name):
+                raise MotionError("MC063", f"no machine {name} has been seen", "is its server running?")
+            self._make_room(visitor)
             store = ProgramStore(self._folder / name)
             link = self._links[name] = MachineLink(name, self._connect, self._config_file, store)
+        self._links.move_to_end(name)
+        link.used_at = time.monotonic()
         return link
+
+    def release_unused(self) -> None:
+        """End the connections that nobody has looked at for `UNUSED_S`."""
+        before = time.monotonic() - UNUSED_S
+        for link in self.links:
+            if not link.in_use and link.used_at < before:
+                self._release(link)
+
+    def _make_room(self, visitor: str) -> None:
+        if sum(visitor in link.visitors for link in self.links) >= VISITOR_LINKS:
+            raise MotionError("MC063", f"you look at {VISITOR_LINKS} machines", "close some of their pages")
+        if len(self._links) < MAX_LINKS:
+            return
+        unused = next((link for link in self.links if not link.in_use), None)
+        if unused is None:
+            raise MotionError(
+                "MC063", f"{MAX_LINKS} machines are looked at", "close pages, or serve some from another page"
+            )
+        self._release(unused)
+
+    def _release(self, link: MachineLink) -> None:
+        del self._links[link.name]
+        task = asyncio.ensure_future(link.close())
+        self._closing.add(task)
+        task.add_done_callback(self._closing.discard)
 
     def opened(self, name: str) -> MachineLink | None:
         """The connection to one machine, where there is one."""
@@ -90,7 +131,8 @@ class Fleet:
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
-        await asyncio.gather(*(link.close() for link in self.links), return_exceptions=True)
+        ending = [asyncio.ensure_future(link.close()) for link in self.links]
+        await asyncio.gather(*ending, *self._closing, return_exceptions=True)
 
     async def _run(self) -> None:
         while True:
@@ -104,6 +146,7 @@ class Fleet:
             try:
                 while True:
                     await self._look(link)
+                    self.release_unused()
                     await asyncio.sleep(PERIOD_S)
             finally:
                 self._link = None

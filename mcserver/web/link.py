@@ -57,6 +57,9 @@ class MachineLink:
         # who else is connected, and who looks at this page: how many browsers by name
         self.clients: tuple[str, ...] = ()
         self.visitors: Counter[str] = Counter()
+        # when somebody last came or left [s, never stepping]
+        self.used_at = time.monotonic()
+        self.closed = False
         # what was done at this page: Unix time, who, what
         self.acts: deque[tuple[float, str, str]] = deque(maxlen=ACTS_KEPT)
         self.store = store
@@ -73,6 +76,22 @@ class MachineLink:
     def online(self) -> bool:
         """Whether its server is there now."""
         return self.machine is not None and self.machine.online
+
+    @property
+    def in_use(self) -> bool:
+        """Whether somebody looks at it, or programs of this page run or wait on it."""
+        return bool(self.visitors) or self.jobs.running is not None or bool(self.jobs.waiting)
+
+    def enter(self, visitor: str) -> None:
+        """A browser looks at the machine."""
+        self.visitors[visitor] += 1
+
+    def leave(self, visitor: str) -> None:
+        """A browser looks no more."""
+        self.used_at = time.monotonic()
+        self.visitors[visitor] -= 1
+        if self.visitors[visitor] <= 0:
+            del self.visitors[visitor]
 
     def once(self, key: str, make: Callable[[MachineStatus], str]) -> str:
         """Return what ``make`` gives for the newest state; made once, whoever looks.
@@ -98,6 +117,7 @@ class MachineLink:
 
     async def close(self) -> None:
         """Ends the jobs and the connection."""
+        self.closed = True
         await self.jobs.close()
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)

@@ -54,6 +54,8 @@ class MachinePage:
         self._beat = 0
         self._title = ""
         self._stale: bool | None = None
+        # a browser is connected to this page; who only asks for it takes no place
+        self._looking = False
         self._header(visitor)
         with ui.element("div").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{link.name}</h1>", sanitize=False)
@@ -97,16 +99,25 @@ class MachinePage:
         ui.on("mc_key", self._on_key)
         ui.timer(REFRESH_S, self.update)
         ui.timer(SLOW_S, self.ask)
-        link.visitors[visitor.name] += 1
-        ui.context.client.on_disconnect(self._jog.release)
-        ui.context.client.on_delete(self._leave)
+        client = ui.context.client
+        client.on_connect(self._enter)
+        client.on_disconnect(self._jog.release)
+        client.on_disconnect(lambda: None if client.has_socket_connection else self._leave())
+        client.on_delete(self._leave)
         self.update()
 
+    def _enter(self) -> None:
+        if self._link.closed:
+            # others needed its place while nobody looked
+            ui.navigate.reload()
+        elif not self._looking:
+            self._looking = True
+            self._link.enter(self._visitor.name)
+
     def _leave(self) -> None:
-        visitors = self._link.visitors
-        visitors[self._visitor.name] -= 1
-        if visitors[self._visitor.name] <= 0:
-            del visitors[self._visitor.name]
+        if self._looking:
+            self._looking = False
+            self._link.leave(self._visitor.name)
 
     async def ask(self) -> None:
         """Refresh what the server is asked for, not what it says by itself."""

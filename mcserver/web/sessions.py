@@ -6,6 +6,8 @@ import secrets
 from collections import OrderedDict
 from collections.abc import Callable
 
+from starlette.requests import HTTPConnection
+
 from mcserver.net.method_table import BY_NAME
 from mcserver.net.roles import Role
 from mcserver.web.users import User, Users
@@ -75,6 +77,11 @@ class Sessions:
             return Visitor("local", lambda: Role.ENGINEER, may_leave=False)
         name = self._name(token)
         return None if name is None else Visitor(name, lambda: self._role(token), may_leave=True)
+
+    def holder(self, connection: HTTPConnection) -> str:
+        """The login whose cookie a request shows; empty: none."""
+        token = connection.cookies.get(COOKIE, "")
+        return token if self._users is not None and self._name(token) is not None else ""
 
     def _role(self, token: str) -> Role | None:
         name = self._name(token)

@@ -19,22 +19,33 @@ from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
+from mcserver.doors.limits import BodyLimit, DoorLimits
+from mcserver.doors.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
 from mcserver.web.fleet import Fleet
 from mcserver.web.fleet_page import FleetPage
-from mcserver.web.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
 from mcserver.web.machine_files import add_machine_files
 from mcserver.web.machine_page import MachinePage
 from mcserver.web.metrics import metrics_text
 from mcserver.web.sessions import COOKIE, Sessions, Visitor
+from mcserver.web.store import MAX_PROGRAM_BYTES
 from mcserver.web.users import read_users
 
 log = logging.getLogger(__name__)
 
-MAX_FORM_BYTES = 4096
+# a form; the page's own small messages; a program that is uploaded
+LIMITS = DoorLimits(
+    bodies=(
+        ("/login", BodyLimit(4096, 10.0)),
+        ("/logout", BodyLimit(4096, 10.0)),
+        ("/_nicegui/client/", BodyLimit(MAX_PROGRAM_BYTES + 1024 * 1024, 600.0)),
+    )
+)
 MAX_FRAME_BYTES = 4 * 1024 * 1024
 # NiceGUI gives a link up that has been silent for 0.4 of it: a busy computer or a bad radio link must not
 # cost an operator what is chosen on the page. That the page is silent is shown long before (page.js).
 RECONNECT_S = 30.0
+# how often a page of an unknown machine looks whether it is there by now
+SEEN_S = 1.0
 STATIC = Path(__file__).parent / "static"
 VERSION = hashlib.sha256(
     b"".join(path.read_bytes() for path in sorted(STATIC.iterdir()) if path.suffix in (".css", ".js"))
@@ -80,7 +91,14 @@ async def serve(options: WebOptions) -> None:
     listener = listen(address.host, address.port)
     fleet.start()
     try:
-        await serve_until_stopped(site, listener, address, max_frame_bytes=MAX_FRAME_BYTES)
+        await serve_until_stopped(
+            site,
+            listener,
+            address,
+            limits=LIMITS,
+            holder_of=sessions.holder,
+            max_frame_bytes=MAX_FRAME_BYTES,
+        )
     finally:
         await fleet.close()
 
@@ -98,8 +116,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
 
     @site.post("/login")
     async def log_in(request: Request) -> Response:
-        body = await request.body()
-        fields = parse_qs(body[:MAX_FORM_BYTES].decode("utf-8", "replace"))
+        fields = parse_qs((await request.body()).decode("utf-8", "replace"))
         name, password = (fields.get(key, [""])[0] for key in ("name", "password"))
         address = request.client.host if request.client is not None else ""
         token = await asyncio.to_thread(sessions.log_in, name, password, address)
@@ -140,9 +157,12 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         ui.page_title(name)
         try:
             live_key(name)
-            link = fleet.link(name)
+            link = fleet.link(name, visitor.name)
         except MotionError as error:
             ui.label(f"{error.message}: {error.hint}")
+            if not fleet.knows(name):
+                # this process may have begun a moment ago, or the machine comes later
+                ui.timer(SEEN_S, lambda: ui.navigate.reload() if fleet.knows(name) else None)
             return None
         MachinePage(visitor, link)
         return None

@@ -162,13 +162,16 @@ class ServerProcess:
 class CommandProcess:
     """``mcserver ARGUMENTS --json`` as a process of its own, ready for requests.
 
+    Args:
+        inside: what its command is prefixed with.
+
     Attributes:
         url: where it is reached, as its first line says.
     """
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, inside: Sequence[str] = ()) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "mcserver", *arguments, "--json"],
+            [*inside, sys.executable, "-m", "mcserver", *arguments, "--json"],
             stdout=subprocess.PIPE,
             text=True,
             env=environment(),

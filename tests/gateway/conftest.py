@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -14,8 +14,8 @@ from tests.e2e.servers import CommandProcess, ServerProcess
 class GatewayProcess:
     """``mcserver gateway`` as a process of its own."""
 
-    def __init__(self, endpoint: str, *options: str) -> None:
-        command = CommandProcess("gateway", "--port", "0", "--connect", endpoint, *options)
+    def __init__(self, endpoint: str, *options: str, inside: Sequence[str] = ()) -> None:
+        command = CommandProcess("gateway", "--port", "0", "--connect", endpoint, *options, inside=inside)
         self.process, self.url, self.close = command.process, command.url.rstrip("/"), command.close
         self.ws = self.url.replace("http", "ws", 1) + "/v1/ws"
 

@@ -41,6 +41,7 @@ class FakeSocket:
     def __init__(self, secret: str = "") -> None:
         self.headers = {"sec-websocket-protocol": "mc.v1"}
         self.query_params = {"session": secret}
+        self.client = None
         self.hello: dict[str, Any] = {}
         self._broken = asyncio.Event()
 

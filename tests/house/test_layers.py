@@ -25,7 +25,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("planning",),
     ("service", "simulation"),
     ("recorder",),
-    ("net", "plot"),
+    ("net", "plot", "doors"),
     ("view", "doctor", "security", "language", "fleet_sim"),
     ("web",),
     ("gateway",),

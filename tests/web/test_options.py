@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from mcserver.doors.listening import Address
 from mcserver.errors import ConfigurationError, ServiceError
-from mcserver.web.listening import Address
 from mcserver.web.site import WebOptions, serve
 from mcserver.web.users import Role, add_user
 

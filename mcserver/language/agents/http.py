@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import stat
 from collections.abc import Awaitable, Callable, MutableMapping
@@ -9,15 +10,20 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import uvicorn
 from mcp.server.mcpserver import MCPServer
 from mcp.server.transport_security import TransportSecuritySettings
+from starlette.requests import HTTPConnection
 
+from mcserver.doors.limits import BodyLimit, DoorLimits
+from mcserver.doors.listening import Address, listen, serve_until_stopped
 from mcserver.errors import ConfigurationError
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 MIN_TOKEN = 20  # characters: what is shorter can be guessed
 MAX_TOKEN_FILE = 4096  # bytes
+# a program is a request's argument
+MAX_BODY_BYTES, BODY_S = 16 * 1024 * 1024, 60.0
+MAX_FRAME_BYTES = 64 * 1024
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -157,13 +163,25 @@ def protect(server: MCPServer[Any], address: HttpAddress) -> Application:
 
 
 def serve(server: MCPServer[Any], address: HttpAddress) -> None:
-    """Serve until SIGINT or SIGTERM."""
-    uvicorn.run(
-        protect(server, address),
-        host=address.host,
-        port=address.port,
-        log_level="warning",
-        ssl_certfile=address.certificate,
-        ssl_keyfile=address.key,
-        timeout_graceful_shutdown=2,
+    """Serve until SIGINT or SIGTERM.
+
+    Raises:
+        ServiceError: MC065 the address cannot be listened on.
+    """
+    token = address.token
+
+    def holder_of(connection: HTTPConnection) -> str:
+        given = connection.headers.get("authorization", "").encode()
+        return "agent" if token is not None and hmac.compare_digest(given, f"Bearer {token}".encode()) else ""
+
+    served = Address(address.host, address.port, address.certificate, address.key)
+    asyncio.run(
+        serve_until_stopped(
+            protect(server, address),
+            listen(address.host, address.port),
+            served,
+            limits=DoorLimits(body=BodyLimit(MAX_BODY_BYTES, BODY_S)),
+            holder_of=holder_of,
+            max_frame_bytes=MAX_FRAME_BYTES,
+        )
     )

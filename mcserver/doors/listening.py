@@ -8,12 +8,17 @@ import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import msgspec
 import uvicorn
-from fastapi import FastAPI
+from starlette.requests import HTTPConnection
+from starlette.types import ASGIApp
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
+from mcserver.doors.limits import Door, DoorLimits, LimitedRequests
 from mcserver.errors import ConfigurationError, ServiceError
+from mcserver.processes import raise_file_limit
 
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
@@ -88,23 +93,31 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 async def serve_until_stopped(
-    app: FastAPI,
+    app: ASGIApp,
     listener: socket.socket,
     address: Address,
     *,
+    limits: DoorLimits,
+    holder_of: Callable[[HTTPConnection], str],
     max_frame_bytes: int,
     max_waiting_frames: int = 32,
 ) -> None:
     """Say that it is ready, and serve an application until SIGTERM or SIGINT.
 
     Args:
+        limits: of connections and requests. holder_of: whose secret a request shows; empty: nobody's.
         max_frame_bytes: of a WebSocket. max_waiting_frames: that are read before they are taken.
     """
     if address.on_ready is not None:
         scheme = "https" if address.certificate is not None else "http"
         address.on_ready(f"{scheme}://{address.host}:{listener.getsockname()[1]}/")
+    door = Door(listener, limits, files=raise_file_limit())
     config = uvicorn.Config(
-        app,
+        # a proxy in front names its clients; the door counts its own connections
+        LimitedRequests(cast(ASGIApp, ProxyHeadersMiddleware(cast(Any, app))), door, holder_of),
+        proxy_headers=False,
+        # bounds the head of a request, which the quicker parser does not
+        http="h11",
         log_level="warning",
         lifespan="on",
         ws_max_size=max_frame_bytes,
@@ -118,4 +131,8 @@ async def serve_until_stopped(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: loop.call_soon_threadsafe(setattr, server, "should_exit", True))
     # not `serve`: it puts handlers of its own in the place of ours, and raises the signal again at last
-    await server._serve(sockets=[listener])
+    watch = asyncio.ensure_future(door.watch())
+    try:
+        await server._serve(sockets=[door])
+    finally:
+        watch.cancel()

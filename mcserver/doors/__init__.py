@@ -1,0 +1,1 @@
+"""HTTP served to others: listening sockets, protected addresses, limits of connections and requests."""
