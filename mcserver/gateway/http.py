@@ -96,7 +96,8 @@ class HttpSessions:
         self._connect = connect
         self._config_file = config_file
         self._by_principal: dict[Principal, GatewaySession] = {}
-        self._opening = asyncio.Lock()
+        # apart, so that no token waits for another one's connection
+        self._opening: dict[Principal, asyncio.Lock] = {}
 
     async def session(self, authorization: str) -> GatewaySession:
         """The caller's session.
@@ -107,7 +108,7 @@ class HttpSessions:
         principal = self._sessions.principal(authorization.partition(" ")[2].strip())
         if principal is None:
             raise HTTPException(401, headers={"WWW-Authenticate": "Bearer"})
-        async with self._opening:
+        async with self._opening.setdefault(principal, asyncio.Lock()):
             session = self._by_principal.get(principal)
             if session is None:
                 session = await GatewaySession.open(self._connect, self._config_file, principal)
