@@ -112,6 +112,7 @@ class AxisBank:
         goal, goal_speed: shape (K,), of axes in profile position: see `mcserver.drives.bus.Setpoints`.
         all: mask of all columns. exact: columns whose drives follow exactly.
         energized: the drive holds in the commanded mode. starting: commanded to, not yet there.
+        used: masks of the columns that were ever powered in each mode.
         positioned: energized, or about to be, in position mode. speed, torque_mode: in these modes.
         fault: latched. released, stopping, resetting: commanded.
         fresh: shape (K,), whether drives answered. states: shape (K,), `DriveState`. drive_fault,
@@ -155,6 +156,7 @@ class AxisBank:
         self.standing_speed: Array = np.array([axis.max_acceleration for axis in machine.axes]) * self._cycle
         self.all = (1 << count) - 1
         self.exact = 0
+        self.used = dict.fromkeys(DriveMode, 0)
         self.energized = self.starting = self.positioned = self.speed = self.torque_mode = 0
         self.fault = self.released = self.stopping = self.resetting = self.homing = 0
         self.failed = self.dropped = self._after_homing = 0
@@ -402,6 +404,7 @@ class AxisBank:
         self.energized &= ~leaving
         self._after_homing = (self._after_homing & ~mask) | leaving
         new = mask & ~self.energized
+        self.used[mode] |= mask
         self.released &= ~mask
         self.stopping &= ~mask
         self.resetting &= ~mask

@@ -81,6 +81,18 @@ class Motion:
             mask |= 1 << column
         return mask
 
+    def place_of(self, column: int, place: float) -> float:
+        """Return where a column is, its own or one that follows, while its own is at a place [m or rad]."""
+        if column == self.column:
+            return place
+        start, share = self.followers[column]
+        return start + share * (place - self.anchor)
+
+    def extremes(self) -> tuple[float, float]:
+        """Return the least and the greatest place of its own column from here to its end [m or rad]."""
+        bounds = self.trajectory.position_extrema[0]
+        return self.origin + bounds.min, self.origin + bounds.max
+
     def follow(self, other: Motion) -> None:
         """Take along the columns of the motion that this one supersedes."""
         self.followers, self.anchor, self.lost = other.followers, other.anchor, other.lost

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import ExecutorEvent
+from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.process_start import ExitCode, ProcessState, Start
 from mcserver.executor.realtime import PRIORITY
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
@@ -209,6 +210,7 @@ class ExecutorProcess:
         override: float = 1.0,
         hold: bool = False,
         unhomed: bool = False,
+        envelope: Envelope | None = None,
     ) -> ProgramRing:
         """Begins a program in a free slot; without a mask on all axes.
 
@@ -217,7 +219,9 @@ class ExecutorProcess:
         """
         ring = self._shared.rings[slot]
         mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
-        self.mailbox.open_slot(slot, mask, ring.restart(), override=override, hold=hold, unhomed=unhomed)
+        self.mailbox.open_slot(
+            slot, mask, ring.restart(), override=override, hold=hold, unhomed=unhomed, envelope=envelope
+        )
         return ring
 
     def sink(self, slot: int) -> ProgramRing:

@@ -46,6 +46,8 @@ def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool 
     Raises:
         BarrierFault: the entry cannot be done; the program is at fault.
     """
+    if slot.guard is not None and not waited:
+        slot.guard.admit_control(control)
     try:
         return _RULES[control.kind](slot, control, left, waited)
     except TrajectoryError as error:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mcserver.drives.bus import DriveBus
+from mcserver.drives.bus import DriveBus, DriveMode
 from mcserver.drives.io_bus import IoBus
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.barriers import Dwell, InputWait
@@ -44,6 +44,8 @@ from mcserver.machine.machine_file import Machine
 _RESET_ASKED = 1 << 64
 # Cycles below which a stretch costs more than it saves.
 LEAST_STRETCH = 4
+# In which a simulated drive energizes at the latest.
+ASSUME_CYCLES = 10_000
 
 
 class Executor:
@@ -151,6 +153,9 @@ class Executor:
         self._read_mailbox()
         self._advance()
         self._supervision.before_exchange()
+        for slot in self._used:
+            if slot.guard is not None and slot.running:
+                slot.guard.before_exchange(slot)
         if self._has_io:
             self._io.before_exchange()
         profiled = cycle.profiled
@@ -173,6 +178,30 @@ class Executor:
             self._care_for_latches()
         self._report()
         cycle.number += 1
+
+    def assume(
+        self, *, energized: int, homed: int, inputs: Sequence[float], outputs: Sequence[float]
+    ) -> None:
+        """Let a simulation begin in the middle of a machine's life, before the first cycle that counts.
+
+        Args:
+            energized, homed: masks of columns, the others are not. inputs, outputs: values; empty: as the
+            machine file has them.
+
+        Raises:
+            RuntimeError: a drive does not energize.
+        """
+        bank, cycle = self.bank, self._cycle
+        cycle.homed.lose(bank.all & ~homed, absolute_too=True)
+        self._io.assume(inputs, outputs)
+        if not energized & ~bank.energized:
+            return
+        bank.power(energized, DriveMode.POSITION)
+        for _ in range(ASSUME_CYCLES):
+            if not energized & ~bank.energized:
+                return
+            self.cycle(self.time)
+        raise RuntimeError("a simulated drive does not energize")
 
     def play_stretch(self, time: float, limit: int) -> Stretch | None:
         """Play rows of the one program that runs, one a cycle, to the same effect as `cycle`.
@@ -200,6 +229,8 @@ class Executor:
             if limit < LEAST_STRETCH:
                 return None
         slot, ring = running[0], self._rings[running[0].index]
+        if slot.guard is not None:
+            return None
         rows = slot.stretch(limit)
         driven = slot.playback.driven
         if len(rows) < LEAST_STRETCH or slot.playback.active & ~self.bank.energized:

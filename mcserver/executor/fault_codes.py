@@ -68,6 +68,11 @@ class FaultCode(enum.IntEnum):
     PROBE_CLOSED = 457
     REFERENCE_MOVING = 458
     CYCLE_STALLED = 459
+    ENVELOPE_POSITION = 460
+    ENVELOPE_SPEED = 461
+    ENVELOPE_TIP = 462
+    ENVELOPE_TIME = 463
+    ENVELOPE_COMMAND = 464
 
 
 # Codes that are reported and stop no program.
@@ -157,6 +162,7 @@ _DETAILED = frozenset(
         FaultCode.DRIVE_MESSAGE,
         FaultCode.NOT_OPERATIONAL,
         FaultCode.SETPOINT_REFUSED,
+        FaultCode.ENVELOPE_TIP,
     }
 )
 
@@ -170,6 +176,8 @@ _REFUSALS = {
 
 
 def _detail_text(code: int, detail: int) -> str:
+    if code == FaultCode.ENVELOPE_TIP:
+        return str(detail)
     if code in (FaultCode.EMERGENCY_MESSAGE, FaultCode.DRIVE_MESSAGE):
         return f"{detail:04X}h, {emergency_text(detail)}"
     if code == FaultCode.NOT_OPERATIONAL:
@@ -327,6 +335,26 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.IO_LOST: (
         "the node of {input} is silent: its values are not known",
         "check its supply and cable; once it answers, start the program again",
+    ),
+    FaultCode.ENVELOPE_POSITION: (
+        "axis {axis} would leave the extents that were approved for this run",
+        "look at what has changed, simulate again, and ask for another approval",
+    ),
+    FaultCode.ENVELOPE_SPEED: (
+        "axis {axis} would be faster than was approved for this run",
+        "look at what has changed, simulate again, and ask for another approval",
+    ),
+    FaultCode.ENVELOPE_TIP: (
+        "the tip of tool {detail} would leave the extents, or be faster, than was approved for this run",
+        "look at what has changed, simulate again, and ask for another approval",
+    ),
+    FaultCode.ENVELOPE_TIME: (
+        "the run takes longer than was approved, holds and pauses left out",
+        "look at what it waits for, and ask for another approval",
+    ),
+    FaultCode.ENVELOPE_COMMAND: (
+        "an approved run may not command axis {axis} like this (a torque, homing, a speed not shown)",
+        "let an operator run it, or leave the command out and ask for another approval",
     ),
     FaultCode.NOT_HOMED: (
         "axis {axis} is not homed",

@@ -191,6 +191,16 @@ class IndependentMotions:
                 mask |= motion.columns
         return mask
 
+    def of_slot(self, slot: int) -> list[Motion]:
+        """Return the motions of a slot's program."""
+        return [motion for motion in self._motions.values() if motion.slot == slot]
+
+    def rest_behind_next(self, motion: Motion) -> float:
+        """Return where a motion would come to rest if it were halted in the next cycle [m or rad]."""
+        ahead = motion.at(motion.elapsed + self._cycle)
+        stop = self._solver.to_velocity(motion.column, ahead, 0.0, motion.limits, jerk=True)
+        return float(ahead[0] + stop.at_time(stop.duration)[0][0])
+
     # ------------------------------------------------------------------ stretches
 
     def steady(self, count: int) -> dict[int, Array] | None:
@@ -335,9 +345,7 @@ class IndependentMotions:
         limit = axis.max_position if direction > 0.0 else axis.min_position
         if not math.isfinite(limit) or (ahead[1] == 0.0 and motion.final[1] == 0.0):
             return
-        stop = self._solver.to_velocity(motion.column, ahead, 0.0, motion.limits, jerk=True)
-        rest = ahead[0] + stop.at_time(stop.duration)[0][0]
-        if (rest - limit) * direction <= 0.0:
+        if (self.rest_behind_next(motion) - limit) * direction <= 0.0:
             return
         self.limited.append(motion.column)
         trajectory = self._solver.to_position(motion.column, state, limit, motion.limits)

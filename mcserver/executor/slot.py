@@ -16,6 +16,7 @@ from mcserver.executor.control_queue import ControlQueue
 from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Control, ControlKind, EventKind
+from mcserver.executor.envelope import EnvelopeGuard
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import RATE_MAX, Array
 from mcserver.executor.holding import stop_independent
@@ -62,6 +63,8 @@ class ProgramSlot:
         self.running = False
         self.line = 0
         self.shown_line = 0
+        # holds an approved run within its envelope; None: nobody has to approve what runs here
+        self.guard: EnvelopeGuard | None = None
         self.generation = 0
         self.orders: SlotOrders | None = None
         self._begin(0)
@@ -102,6 +105,8 @@ class ProgramSlot:
     def open(self, orders: SlotOrders) -> None:
         """A new program; nothing that was put for another one is played."""
         self._begin(orders.controls_base)
+        guard = EnvelopeGuard(orders.envelope, self.cycle, self.ring) if orders.envelope else None
+        self.guard = self.playback.guard = guard
         self.playback.open(orders.rows_base)
         self.ring.free_rows(orders.rows_base)
         self.ring.free_controls(orders.controls_base)
@@ -142,6 +147,11 @@ class ProgramSlot:
         barrier = self.barrier
         if isinstance(barrier, Paused) and orders.resume != barrier.seen:
             barrier.passed = True
+
+    @property
+    def override(self) -> float:
+        """The feed override in force, 1 as programmed."""
+        return self._override
 
     @property
     def held(self) -> bool:

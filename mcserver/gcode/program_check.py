@@ -11,6 +11,7 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.profiles.codes import SPINDLE
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.line_window import BLOCK, LineWindow
 from mcserver.gcode.text.profile_words import ProfileWords
@@ -72,17 +73,21 @@ def check_lines(
     lease: frozenset[int] | None = None,
     at_rest: bool = False,
     kept: KeptRuns | None = None,
+    frame: Frame | None = None,
 ) -> list[Diagnostic]:
     """Find the faults of a program as `check_program` does, however long it is: it is read line by line.
 
     Args:
         lines: without their ends. progress: called with the lines read about every `PROGRESS_STEP` lines,
-            and at the end. kept: keeps its runs of lines for who runs it. The others as in `check_program`.
+            and at the end. kept: keeps its runs of lines for who runs it. frame: work offsets at the start;
+            None: the machine file's. The others as in `check_program`.
 
     Returns:
         The faults in reading order; behind `MOST_FAULTS` of them the check ends (MC158).
     """
-    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease, kept=kept)
+    interpreter = Interpreter(
+        machine, kinematics=kinematics, positions=positions, lease=lease, kept=kept, frame=frame
+    )
     survey = _Survey(machine, at_rest)
     try:
         window = LineWindow(lines)

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.net.messages import AxisIndex, Request
-from mcserver.service.arming import LEAST_HASH, MAX_ARMED_S, MAX_REASON, MAX_TEXT, Extent, RunPath
+from mcserver.service.arming import LEAST_HASH, MAX_ARMED_S, MAX_REASON, MAX_TEXT, Extent, RunPath, ToolExtent
 from mcserver.service.arming import ToolPath as ToolPath
 from mcserver.service.reports import WireDiagnostic
 
@@ -91,6 +91,8 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     """A request: what would move, how far, how long; ``remaining_s`` until it or its arming is over.
 
     Attributes:
+        effects: what the run leaves changed for those that come after it, a sentence each.
+        tools: extents of the tools' tips. digest: SHA-256 of all that the simulation read.
         operator: who armed or rejected it. reason: why it was rejected.
         number: another one each time that the run is asked for, even with the same text.
     """
@@ -107,6 +109,9 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     operator: str
     number: int = 0
     reason: str = ""
+    effects: list[str] = []
+    tools: list[ToolExtent] = []
+    digest: str = ""
 
 
 class RunRequestReply(msgspec.Struct, frozen=True):

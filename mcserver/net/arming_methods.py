@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import Counter
 from typing import Any
 
 import msgspec
 
 from mcserver.errors import Diagnostic, Refused, ServiceError
+from mcserver.executor.envelope_bounds import enforced
 from mcserver.gcode.axes_used import axes_used
 from mcserver.gcode.text.source import split_lines
-from mcserver.machine.machine_file import Machine
 from mcserver.net import arming_messages as wire
-from mcserver.service.arming import OPEN, Arming, Extent, RunPath, RunRequest, hash_of
+from mcserver.planning.start_state import StartState, axis_word
+from mcserver.service.approval_basis import ApprovalBasis, extents_of, tools_of
+from mcserver.service.arming import OPEN, Arming, RunPath, RunRequest, hash_of
 from mcserver.service.reports import wire_diagnostic
 from mcserver.service.service import MachineService
+from mcserver.simulation.preview import Preview
 from mcserver.simulation.program_checker import ProgramChecker
-
-# a started program begins within so many in-position tolerances of where its simulation began
-START_TOLERANCES = 10.0
 
 
 class ArmingMethods:
@@ -30,6 +31,7 @@ class ArmingMethods:
         self._checker = checker
         self._clock = asyncio.get_running_loop().time
         self._arming = Arming(self._clock)
+        self._basis = ApprovalBasis(service.machine)
         self._stops = service.latch.stops
         # clients whose requests are being simulated, and those of them that went meanwhile
         self._asking: Counter[str] = Counter()
@@ -53,20 +55,20 @@ class ArmingMethods:
             raise Refused(
                 "MC511", f"the text needs the axes {', '.join(map(str, named))}", "ask for all of them"
             )
-        positions = self._positions()
+        start = self._service.start_state()
+        self._refuse_unsettled(start, axes)
         self._asking[client] += 1
         try:
-            report, path, marks = await self._checker.preview(
-                client, request.text, positions, axes, self._service.work_systems
-            )
+            seen = await self._checker.preview(client, request.text, start, axes)
             if client in self._gone:
                 raise Refused("MC570", f"{client} went while its run was simulated", "request the run again")
         finally:
             self._asking -= Counter([client])
             self._gone.intersection_update(self._asking)
-        found = [wire_diagnostic(msgspec.convert(each, Diagnostic)) for each in report["diagnostics"]]
-        if not report["ok"] or marks is None:
+        found = [wire_diagnostic(msgspec.convert(each, Diagnostic)) for each in seen.report["diagnostics"]]
+        if seen.marks is None or seen.envelope is None:
             return wire.RunRequestReply(False, found)
+        self._refuse_unbounded(seen)
         kept = self._arming.request(
             RunRequest(
                 client=client,
@@ -74,14 +76,19 @@ class ArmingMethods:
                 text=request.text,
                 name=request.name,
                 axes=axes,
-                start={axis: positions[axis] for axis in axes},
-                duration_s=report["duration_s"],
-                extents=_extents(machine, report, axes),
+                start=start,
+                duration_s=seen.report["duration_s"],
+                extents=extents_of(machine, seen.envelope, axes),
                 until=0.0,
-                path=msgspec.convert(path, RunPath),
+                path=msgspec.convert(seen.path, RunPath),
+                inputs=seen.inputs,
+                envelope=seen.envelope,
+                effects=seen.effects,
+                tools=tools_of(seen.envelope),
+                digest=self._basis.digest(request.text, axes, start),
             )
         )
-        self._service.foresee(kept.sha256, marks)
+        self._service.foresee(kept.sha256, seen.marks)
         self._publish("run.requested", client, kept)
         return wire.RunRequestReply(True, found, self._status(kept))
 
@@ -126,13 +133,19 @@ class ArmingMethods:
     async def run_armed(self, client: str, request: wire.RunArmedRequest) -> wire.RunArmedReply:
         service = self._service
         self._forget_armings()
-        tolerance = {axis.index: START_TOLERANCES * axis.in_position for axis in service.machine.axes}
         busy = {axis.index for axis in service.machine.axes if service.holder(axis.index) is not None}
-        run = self._arming.start(client, request.text, self._positions(), tolerance, busy)
-        # from here on the arming is used up, whatever happens
-        program = await service.open(client, name=run.name, axes=run.axes, sha256=run.sha256)
-        program.override_limit = run.override
-        service.set_override(min(service.override, run.override), program.program)
+        now = service.start_state()
+        run = self._arming.start(client, request.text, busy, lambda each: self._basis.changes(each, now))
+        # from here on the arming is used up, whatever happens; nothing is awaited until the program has begun
+        envelope = None if run.envelope is None else enforced(run.envelope, service.machine, run.override)
+        program = await service.open(
+            client,
+            name=run.name,
+            axes=run.axes,
+            sha256=run.sha256,
+            override_limit=run.override,
+            envelope=envelope,
+        )
         lines = split_lines(run.text)
         try:
             if program.state == "queued":
@@ -151,10 +164,34 @@ class ArmingMethods:
         self._publish("run.started", client, run, program.program)
         return wire.RunArmedReply(program.program, 100.0 * program.override)
 
-    def _positions(self) -> dict[int, float]:
-        """Return where all axes stand [m or rad]."""
-        position = self._service.port.snapshot().position
-        return {axis.index: position[at] for at, axis in enumerate(self._service.machine.axes)}
+    def _refuse_unsettled(self, start: StartState, axes: tuple[int, ...]) -> None:
+        """Refuse to simulate from a state that is about to be another one."""
+        channels = self._service.channels
+        channels.refuse_interlocked(channels.holding(), "request the run again")
+        moving = [axis_word(self._service.machine, axis) for axis in axes if axis in start.unsettled]
+        if moving:
+            raise Refused(
+                "MC572",
+                f"{', '.join(moving)} move, turn or push now",
+                "stop them, then request the run again",
+            )
+
+    def _refuse_unbounded(self, seen: Preview) -> None:
+        """Refuse what has no extents: torques, and speeds of axes that do not turn endlessly."""
+        machine = self._service.machine
+        assert seen.envelope is not None
+        unbounded = set(seen.pushed)
+        for column, axis in enumerate(machine.axes):
+            limited = math.isfinite(axis.min_position) or math.isfinite(axis.max_position)
+            if limited and seen.envelope.turning >> column & 1:
+                unbounded.add(axis.index)
+        if unbounded:
+            words = ", ".join(axis_word(machine, axis) for axis in sorted(unbounded))
+            raise Refused(
+                "MC577",
+                f"a torque, or a speed of an axis with limited travel, has no extents to approve: {words}",
+                "leave G1040 and G1030 of such axes out, or let an operator run it: mcctl run",
+            )
 
     def _status(self, run: RunRequest) -> wire.RunRequestStatus:
         return wire.RunRequestStatus(
@@ -170,6 +207,9 @@ class ArmingMethods:
             operator=run.operator,
             number=run.number,
             reason=run.reason,
+            effects=list(run.effects),
+            tools=list(run.tools),
+            digest=run.digest,
         )
 
     def _publish(self, kind: Any, client: str, run: RunRequest, program: str | None = None) -> None:
@@ -178,11 +218,3 @@ class ArmingMethods:
         if run.reason:
             message += f"; {run.reason}"
         self._service.record_command(client, kind, program, message)
-
-
-def _extents(machine: Machine, report: dict[str, Any], axes: tuple[int, ...]) -> tuple[Extent, ...]:
-    units = {axis.index: axis.type.unit for axis in machine.axes}
-    return tuple(
-        Extent(axis, report["axes"][str(axis)]["min"], report["axes"][str(axis)]["max"], units[axis])
-        for axis in axes
-    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from mcserver.net.messages import (
     ToolPose,
     WorkOffset,
 )
+from mcserver.service.approval_basis import server_version
 from mcserver.service.leases import EXECUTOR_SLOTS
 from mcserver.service.line_queue import QUEUE_LINES
 from mcserver.service.motion_port import Cycles
@@ -134,7 +134,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
     machine = service.machine
     return Info(
         machine=machine.name,
-        server=_version(),
+        server=server_version(),
         protocol=[PROTOCOL_VERSION],
         instance=service.options.instance,
         epoch=service.port.epoch,
@@ -169,14 +169,6 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
         inputs=[_input_info(each) for each in machine.inputs],
         outputs=[_output_info(each) for each in machine.outputs],
     )
-
-
-def _version() -> str:
-    try:
-        return metadata.version("mcserver")
-    except metadata.PackageNotFoundError:
-        # run from a source tree that is not installed
-        return "0"
 
 
 def _input_info(each: Input) -> InputInfo:

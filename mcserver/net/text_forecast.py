@@ -23,8 +23,6 @@ class TextForecast:
         if not self._running(sha256):
             return
         text = service.texts.find(sha256)
-        position = service.port.snapshot().position
-        positions = {axis.index: position[at] for at, axis in enumerate(service.machine.axes)}
 
         def listen(found: Foreseen) -> bool:
             programs = self._running(sha256)
@@ -35,9 +33,7 @@ class TextForecast:
                     program.notice = f"line {found.fault.line} will be refused: {found.fault.message}"
             return bool(programs)
 
-        self._checker.foresee(
-            sha256, text.path, listen, positions, service.work_systems, checked=text.checked
-        )
+        self._checker.foresee(sha256, text.path, listen, service.start_state(), checked=text.checked)
 
     def _running(self, sha256: str) -> list[Program]:
         """Return the programs of a text that have not ended."""

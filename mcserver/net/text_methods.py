@@ -11,6 +11,7 @@ from mcserver.errors import Refused
 from mcserver.net import messages as wire
 from mcserver.net import text_messages as text_wire
 from mcserver.net.text_forecast import TextForecast
+from mcserver.planning.start_state import StartState
 from mcserver.service.arming import hash_of
 from mcserver.service.axes_of_requests import positions_in_si
 from mcserver.service.reports import wire_diagnostic
@@ -39,9 +40,7 @@ class TextMethods:
         return text_wire.PutTextReply(text.received, text.lines, text.complete)
 
     async def check(self, client: str, request: wire.CheckRequest) -> wire.CheckReply:
-        found = await self._checker.check(
-            client, self._text(request), self._positions(request.positions), self._service.work_systems
-        )
+        found = await self._checker.check(client, self._text(request), self._start(request.positions))
         faulty = any(diagnostic.severity == "error" for diagnostic in found)
         if request.sha256 is not None and self._service.texts.has(request.sha256):
             self._service.texts.find(request.sha256).checked = not faulty
@@ -51,8 +50,7 @@ class TextMethods:
         report, marks = await self._checker.simulate(
             client,
             request.text,
-            self._positions(request.positions),
-            self._service.work_systems,
+            self._start(request.positions),
             request.path_points,
             request.lines,
         )
@@ -67,5 +65,8 @@ class TextMethods:
             request.text if request.text is not None else self._service.texts.find(str(request.sha256)).path
         )
 
-    def _positions(self, positions: Mapping[str, float] | None) -> dict[int, float] | None:
-        return None if positions is None else positions_in_si(self._service.machine, positions)
+    def _start(self, positions: Mapping[str, float] | None) -> StartState:
+        """Return the state of a machine at rest, in the work offsets that are kept, somewhere [mm or deg]."""
+        machine = self._service.machine
+        start = StartState.of(machine, self._service.start_state().frame)
+        return start if positions is None else start.at(positions_in_si(machine, positions))

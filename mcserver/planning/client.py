@@ -23,8 +23,6 @@ import msgspec
 
 from mcserver.errors import RuntimeFault
 from mcserver.executor.client import ExecutorProcess
-from mcserver.executor.view import ExecutorView
-from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.compiling import PATIENCE_S
@@ -36,6 +34,7 @@ from mcserver.planning.planner_messages import (
     PlannerFailed,
     PlannerStart,
 )
+from mcserver.planning.start_state import StartState
 from mcserver.processes import start_child
 
 log = logging.getLogger(__name__)
@@ -251,7 +250,6 @@ class ProcessPlanning:
     def __init__(self, machine: Machine, executor: ExecutorProcess) -> None:
         self._machine = machine
         self._executor = executor
-        self._view = ExecutorView(machine, lambda: executor.feedback)
         self._child = self._launch()
 
     def wait(self, on_patience: Callable[[], None]) -> None:
@@ -266,11 +264,11 @@ class ProcessPlanning:
         """Make the planner's client, in the loop; `wait` comes before."""
         return PlannerProcess(self._child, self._launch, on_events)
 
-    def modal_before(self, lines: Sequence[str], frame: Frame | None = None) -> ModalState:
+    def modal_before(self, lines: Sequence[str], start: StartState) -> ModalState:
         """Read lines without moving anything, for the modal state behind them; from any thread.
 
         Args:
-            frame: work offsets that the program starts with.
+            start: what the program starts from.
 
         Raises:
             ProgramRejected: one of them has a fault.
@@ -284,8 +282,8 @@ class ProcessPlanning:
             len(lines) + 1,
             self._machine,
             kinematics=build_kinematics(self._machine),
-            positions=self._view.positions(),
-            frame=frame,
+            positions=start.positions,
+            frame=start.frame,
         ).modal
 
     def close(self) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from mckinematics.pose import Kinematics
 
@@ -20,9 +20,7 @@ from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.headroom import RATE_MAX, stopping_rows, torque_axes
 from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.notices import notice_of
-from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
@@ -31,6 +29,7 @@ from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.line_planner import LinePlanner
 from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
 from mcserver.planning.solving_time import TimedKinematics
+from mcserver.planning.start_state import StartState
 from mcserver.planning.take_back import TakeBack
 
 # How far ahead of the executor motion is handed over [cycles]; what is not can still flow into later lines.
@@ -75,12 +74,9 @@ class Pipeline:
     """Plan one program.
 
     Args:
+        start: all that it starts from besides its text and the machine.
         lines: the program's text; None: a buffer of its own.
-        positions: of the axes at the start, by axis number [m or rad].
-        energized: axes that hold a position at the start.
         lease: axes that the program may name; None: all.
-        modal: state to start with, for a program that starts in its middle.
-        frame: work offsets to start with, where ``modal`` is None.
         on_fault: effect of a faulty line.
         clock: for the time of inverse kinematics [s].
         kept: runs of lines of this very program, from a check of it.
@@ -93,13 +89,10 @@ class Pipeline:
         machine: Machine,
         sink: MotionSink,
         *,
-        positions: Mapping[int, float],
+        start: StartState,
         lines: LineBuffer | None = None,
         kinematics: Kinematics | None = None,
-        energized: frozenset[int] = frozenset(),
         lease: frozenset[int] | None = None,
-        modal: ModalState | None = None,
-        frame: Frame | None = None,
         on_fault: FaultRule = FaultRule.END,
         clock: Callable[[], float] = time.perf_counter,
         kept: KeptRuns | None = None,
@@ -108,7 +101,7 @@ class Pipeline:
     ) -> None:
         self.lines = LineBuffer() if lines is None else lines
         dynamics = None if kinematics is None else kinematics.dynamics
-        self._plan = LinePlanner(machine, sink, positions, energized, dynamics)
+        self._plan = LinePlanner(machine, sink, start.positions, start.energized, dynamics)
         self._take_back = TakeBack(machine, self._plan, sink) if isinstance(sink, ReplaceableSink) else None
         self._width = len(machine.axes)
         self._on_fault = on_fault
@@ -116,10 +109,10 @@ class Pipeline:
         self._interpreter = Interpreter(
             machine,
             kinematics=self._solving,
-            positions=positions,
+            positions=start.positions,
             lease=lease,
-            modal=modal,
-            frame=frame,
+            modal=start.modal,
+            frame=start.frame,
             kept=kept,
             machine_coordinates=machine_coordinates or bool(approach),
         )

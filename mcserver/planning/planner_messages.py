@@ -16,6 +16,7 @@ from mcserver.executor.entries import ExecutorEvent
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.start_state import StartState
 
 
 class PlannerStart(msgspec.Struct, frozen=True):
@@ -39,8 +40,7 @@ class PipelineRequest(msgspec.Struct, frozen=True):
     """Parameters of a program's pipeline.
 
     Attributes:
-        axes: that the program may name. modal: state to start with; None: a program's own beginning.
-        frame: work offsets of that beginning; None: none.
+        axes: that the program may name. start: all that it starts from.
         unhomed: it may move axes that are not homed, slowly.
         machine_coordinates: its lines are in positions of the axes, as the reference has them: a jog.
         approach: lines in machine coordinates that bring the axes to where its first line starts.
@@ -48,8 +48,7 @@ class PipelineRequest(msgspec.Struct, frozen=True):
 
     program: str
     axes: frozenset[int]
-    modal: ModalState | None = None
-    frame: Frame | None = None
+    start: StartState
     unhomed: bool = False
     machine_coordinates: bool = False
     approach: tuple[str, ...] = ()
@@ -268,8 +267,8 @@ class PlannerClient(Protocol):
 class Planning(Protocol):
     """What plans a machine's programs: `mcserver.planning.client.ProcessPlanning`."""
 
-    def modal_before(self, lines: Sequence[str], frame: Frame | None = None) -> ModalState:
-        """Modal state after lines that are only read, from ``frame`` on; from any thread.
+    def modal_before(self, lines: Sequence[str], start: StartState) -> ModalState:
+        """Modal state after lines that are only read, from a program's start on; from any thread.
 
         Raises ProgramRejected."""
 

@@ -18,9 +18,8 @@ from collections.abc import Sequence
 import msgspec
 
 from mcserver.executor.entries import ExecutorEvent, MotionSink
-from mcserver.executor.shm.feedback import FeedbackState
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
-from mcserver.executor.view import ExecutorView, SlotView
+from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.warm_up import warm_up
@@ -41,15 +40,11 @@ class SharedPlannerPort:
     """`mcserver.planning.planner.PlannerPort` over the memory that the executor shares.
 
     Args:
-        machine: its axes. parts: of an executor that has run a cycle.
-
-    Attributes:
-        view: of the executor's newest cycle.
+        parts: of an executor that has run a cycle.
     """
 
-    def __init__(self, machine: Machine, parts: SharedParts) -> None:
+    def __init__(self, parts: SharedParts) -> None:
         self._parts = parts
-        self.view = ExecutorView(machine, self._feedback)
 
     def poll_events(self) -> list[ExecutorEvent]:
         return self._parts.events.take()
@@ -66,41 +61,30 @@ class SharedPlannerPort:
         ring.restart()
         return ring
 
-    def _feedback(self) -> FeedbackState:
-        state = self._parts.feedback.latest()
-        if state is None:
-            raise RuntimeError("no cycle has passed yet")
-        return state
-
 
 class PipelineFactory:
     """Make the pipelines of one machine's programs.
 
     Args:
         machine: its axes and tools.
-        view: of the axes, for where a program starts.
 
     Raises:
         ConfigurationError: the model of a tool does not fit.
     """
 
-    def __init__(self, machine: Machine, view: ExecutorView) -> None:
+    def __init__(self, machine: Machine) -> None:
         self._machine = machine
-        self._view = view
         self._kinematics = build_kinematics(machine)
 
     def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> Pipeline:
         """Make the pipeline of a program that begins now."""
         return Pipeline(
-            machine_for(self._machine, self._view.homed(), moves_unhomed=request.unhomed),
+            machine_for(self._machine, request.start.homed, moves_unhomed=request.unhomed),
             sink,
+            start=request.start,
             lines=lines,
             kinematics=self._kinematics,
-            positions=self._view.positions(),
-            energized=self._view.energized(),
             lease=request.axes,
-            modal=request.modal,
-            frame=request.frame,
             on_fault=FaultRule.RETRY,
             machine_coordinates=request.machine_coordinates,
             approach=request.approach,
@@ -154,8 +138,7 @@ def main() -> int:
     warm_up()
     # it works ahead of the motion and can wait a moment; whoever calls the server is waiting now
     os.nice(NICE)
-    port = SharedPlannerPort(start.machine, parts)
-    planner = Planner(port, PipelineFactory(start.machine, port.view), time.monotonic)
+    planner = Planner(SharedPlannerPort(parts), PipelineFactory(start.machine), time.monotonic)
     gc.collect()
     freeze_heap()
     pipe.send(msgspec.msgpack.encode([]))

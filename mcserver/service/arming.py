@@ -1,8 +1,10 @@
 """Programs that are asked for and that an operator has to arm: this very text, once, for a limited time.
 
-A request moves nothing. It keeps the text, its simulation's extents and the positions that it starts from. An
-operator arms it by the text's hash; then the one who asked may start it, with the same text, once, before the
-time is over and while the axes stand where the simulation began. Pure bookkeeping: the clock is passed in.
+A request moves nothing. It keeps the text, the state that its simulation began in, and the envelope that it
+was seen to stay within. An operator arms it by the text's hash; then the one who asked may start it, with
+the same text, once, before the time is over and from the same state; the executor holds the run within its
+envelope. Pure
+bookkeeping: the clock is passed in.
 """
 
 from __future__ import annotations
@@ -10,12 +12,14 @@ from __future__ import annotations
 import enum
 import hashlib
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from collections.abc import Set as AbstractSet
 
 import msgspec
 
 from mcserver.errors import Refused
+from mcserver.executor.envelope_bounds import Envelope
+from mcserver.planning.start_state import StartState
 
 MAX_REQUESTS = 16  # kept at once, of all clients
 CLIENT_REQUESTS = 4
@@ -24,6 +28,7 @@ WAIT_S = 3600.0  # a request that nobody arms is forgotten after this time
 MAX_ARMED_S = 3600.0
 SHOWN_REJECTED_S = 600.0  # a rejection is kept so long for who asked
 LEAST_HASH = 8  # hexadecimal digits that name a text
+MOST_NAMED = 8  # changes that a refusal names
 MAX_REASON = 500  # characters of a rejection
 
 
@@ -41,12 +46,27 @@ OPEN = frozenset({RunState.WAITING, RunState.ARMED})
 
 
 class Extent(msgspec.Struct, frozen=True):
-    """Least and greatest setpoint of an axis [mm or deg]."""
+    """Least and greatest setpoint of an axis [mm or deg], and its greatest speed [mm/s or deg/s].
+
+    Attributes:
+        turns: it turns on at a speed (G1030): its positions are not bounded.
+    """
 
     axis: int
     low: float
     high: float
     unit: str
+    speed: float = 0.0
+    turns: bool = False
+
+
+class ToolExtent(msgspec.Struct, frozen=True):
+    """Least and greatest X, Y and Z of a tool's tip in the base frame [mm], and its greatest speed [mm/s]."""
+
+    tool: int
+    low: list[float]
+    high: list[float]
+    speed: float
 
 
 class ToolPath(msgspec.Struct, frozen=True):
@@ -80,7 +100,9 @@ class RunRequest(msgspec.Struct, frozen=True):
         path: as it was simulated.
         client: who asked and alone may start it. sha256: of the text in UTF-8.
         axes: the only axes that it may move.
-        start: positions of those axes that the simulation began from [m or rad].
+        start: all that the simulation began from besides text and machine. inputs: columns that it reads.
+        envelope: extents, speeds and duration, without tolerances. effects: what it leaves changed, in words.
+        digest: SHA-256 over all that the simulation read.
         until: end of the wait, or of the arming [s of the clock].
         override: the greatest feed override that the operator allows, 1 as programmed.
         operator: who armed it, or rejected it. reason: why it was rejected.
@@ -91,7 +113,7 @@ class RunRequest(msgspec.Struct, frozen=True):
     text: str
     name: str
     axes: tuple[int, ...]
-    start: Mapping[int, float]
+    start: StartState
     duration_s: float
     extents: tuple[Extent, ...]
     until: float
@@ -100,6 +122,11 @@ class RunRequest(msgspec.Struct, frozen=True):
     operator: str = ""
     number: int = 0
     path: RunPath = NO_PATH
+    inputs: frozenset[int] = frozenset()
+    envelope: Envelope | None = None
+    effects: tuple[str, ...] = ()
+    tools: tuple[ToolExtent, ...] = ()
+    digest: str = ""
     reason: str = ""
 
 
@@ -255,20 +282,18 @@ class Arming:
         self,
         client: str,
         text: str,
-        positions: Mapping[int, float],
-        tolerance: Mapping[int, float],
         busy: AbstractSet[int],
+        changes: Callable[[RunRequest], list[str]],
     ) -> RunRequest:
         """Use an arming up and return it.
 
         Args:
-            positions: where all axes stand [m or rad].
-            tolerance: how far each may be from where the simulation began [m or rad].
             busy: axes that another program moves.
+            changes: names what is no longer as it was when the simulation began.
 
         Raises:
-            ServiceError: MC571 not armed, or no longer; MC572 the axes have moved; MC573 another client's;
-            MC576 rejected.
+            ServiceError: MC571 not armed, or no longer; MC572 what it rests on has changed; MC573 another
+            client's; MC576 rejected.
         """
         self._forget()
         request = self._requests.get(hash_of(text))
@@ -292,17 +317,12 @@ class Arming:
             raise Refused(
                 "MC572", f"the axes {', '.join(map(str, taken))} are in use", "wait for their program"
             )
-        moved = [
-            axis
-            for axis, start in request.start.items()
-            if not abs(positions[axis] - start) <= tolerance[axis]
-        ]
-        if moved:
-            names = ", ".join(map(str, moved))
+        changed = changes(request)
+        if changed:
             raise Refused(
                 "MC572",
-                f"the axes {names} no longer stand where the simulation began",
-                "request the run again",
+                f"since it was looked at, {'; '.join(changed[:MOST_NAMED])}",
+                "request the run again, so that it is looked at as it would be now",
             )
         started = msgspec.structs.replace(request, state=RunState.STARTED)
         self._requests[request.sha256] = started

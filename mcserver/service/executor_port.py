@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from mcserver.executor.entries import Control, MotionSink
+from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.shm.feedback import LATE, TIME, Block, FeedbackRing, FeedbackState, homed_of
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.view import SlotView
@@ -50,6 +51,7 @@ class ExecutorFaces(Protocol):
         override: float = 1.0,
         hold: bool = False,
         unhomed: bool = False,
+        envelope: Envelope | None = None,
     ) -> MotionSink: ...
     def beat(self) -> None: ...
     def stop(self) -> object: ...
@@ -81,8 +83,11 @@ class ExecutorPort:
         held: bool,
         unhomed: bool = False,
         controls: Sequence[Control] = (),
+        envelope: Envelope | None = None,
     ) -> None:
-        sink = self._executor.open_slot(slot, self._mask(axes), override=ratio, hold=held, unhomed=unhomed)
+        sink = self._executor.open_slot(
+            slot, self._mask(axes), override=ratio, hold=held, unhomed=unhomed, envelope=envelope
+        )
         for control in controls:
             sink.put_control(control)
 

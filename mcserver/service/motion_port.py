@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.entries import Control
+from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.view import SlotView
 from mcserver.service.reports import AxisState
 
@@ -74,12 +75,13 @@ class MotionPort(Protocol):
         held: bool,
         unhomed: bool = False,
         controls: Sequence[Control] = (),
+        envelope: Envelope | None = None,
     ) -> None:
         """Empties the slot's rings and starts its time axis at 0.
 
         Args:
             ratio: the override. unhomed: the program may move axes that are not homed.
-            controls: all of a program that needs no planner.
+            controls: all of a program that needs no planner. envelope: what it has to stay within.
         """
 
     def beat(self) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from enum import IntEnum
 
 from mcserver.executor.entries import Control
+from mcserver.executor.envelope_bounds import Envelope
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.service.deferred import Deferred
 from mcserver.service.line_queue import LineQueue
@@ -93,6 +94,8 @@ class Program:
         self.closed = False
         self.held = False
         self.override = 1.0
+        # what an approved run has to stay within
+        self.envelope: Envelope | None = None
         # the greatest override that whoever armed the program allows
         self.override_limit = float("inf")
         self.rejected = 0

@@ -13,6 +13,7 @@ from typing import Any
 
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
+from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import (
     Begin,
@@ -34,6 +35,7 @@ from mcserver.planning.planner_messages import (
     ProgramMessage,
     Validated,
 )
+from mcserver.planning.start_state import StartState
 from mcserver.service.acknowledgements import AckSender
 from mcserver.service.axis_reports import AxisReports
 from mcserver.service.event_log import EventLog
@@ -49,6 +51,7 @@ from mcserver.service.references import References, references_file
 from mcserver.service.reports import Ack, Event, Fault, LineReport, ProgramState, wire_diagnostic
 from mcserver.service.reports import EventKind as Kind
 from mcserver.service.service_options import ServiceOptions
+from mcserver.service.start_of_programs import start_state
 from mcserver.service.work_offsets import WorkOffsets
 
 log = logging.getLogger(__name__)
@@ -83,6 +86,7 @@ class ProgramTable:
         outputs: Sequence[str] = (),
     ) -> None:
         self.port = port
+        self._machine = machine
         self._inputs, self._outputs = inputs, outputs
         self.options = options
         self.programs: dict[str, Program] = {}
@@ -121,6 +125,10 @@ class ProgramTable:
     def now(self) -> float:
         """Executor time [s]."""
         return self.options.clock() - self.port.epoch
+
+    def start_state(self, modal: ModalState | None = None) -> StartState:
+        """Return what a program that begins now starts from."""
+        return start_state(self._machine, self.port.snapshot(), self.offsets.frame(), modal)
 
     def close_journal(self) -> None:
         """Write what is left; blocks. Another server may have the journal then."""
@@ -206,14 +214,13 @@ class ProgramTable:
                 held=program.held,
                 unhomed=program.unhomed,
                 controls=program.controls,
+                envelope=program.envelope,
             )
             if not program.controls:
-                frame = self.offsets.frame()
                 request = PipelineRequest(
                     program.program,
                     grant.axes,
-                    program.modal,
-                    frame,
+                    self.start_state(program.modal),
                     program.unhomed,
                     machine_coordinates=program.by_hand,
                 )

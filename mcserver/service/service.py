@@ -8,13 +8,16 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control
+from mcserver.executor.envelope_bounds import Envelope
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.planner_messages import Planning, StepLine
+from mcserver.planning.start_state import StartState
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.channels import Channels
 from mcserver.service.event_log import EventLog
@@ -153,6 +156,10 @@ class MachineService:
         """Work coordinate systems that a program starts with, number → axis → [m or rad]."""
         return self._table.offsets.systems
 
+    def start_state(self) -> StartState:
+        """Return what a program that begins now starts from."""
+        return self._table.start_state()
+
     @property
     def probe(self) -> ProbeStatus | None:
         """How the last probing move ended."""
@@ -185,6 +192,8 @@ class MachineService:
         controls: Sequence[Control] = (),
         sha256: str | None = None,
         by_hand: bool = False,
+        override_limit: float = math.inf,
+        envelope: Envelope | None = None,
     ) -> Program:
         """Opens a program and queues it for its axes.
 
@@ -192,6 +201,7 @@ class MachineService:
             unhomed: it may move axes that are not homed. controls: all of a program that needs no planner.
             sha256: of its whole text, so that a simulation of the text tells how long it takes.
             by_hand: a jog or a search: in machine coordinates, and no override applies.
+            override_limit: the greatest override. envelope: what an approved run has to stay within.
 
         Raises:
             ServiceError: MC503 no program ``resume_of``, MC507 no such axis, MC508 too many programs, MC509 a
@@ -219,8 +229,8 @@ class MachineService:
                 f"{len(before)} lines before line {start_line}: lines 1 … {start_line - 1} are meant",
                 "give all of them, or none",
             )
-        frame = self._table.offsets.frame()
-        modal = await asyncio.to_thread(self._planning.modal_before, before, frame) if before else None
+        start = self.start_state()
+        modal = await asyncio.to_thread(self._planning.modal_before, before, start) if before else None
         self._check_limits(client)
         self._ready()
         self._counter += 1
@@ -244,7 +254,8 @@ class MachineService:
         program.controls = tuple(controls)
         program.closed = bool(controls)
         program.by_hand = by_hand
-        program.override = 1.0 if by_hand else self.override
+        program.envelope, program.override_limit = envelope, override_limit
+        program.override = 1.0 if by_hand else min(self.override, override_limit)
         self._table.add(program, before)
         return program
 

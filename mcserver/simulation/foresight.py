@@ -11,7 +11,7 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -21,6 +21,7 @@ import msgspec
 from mcserver.errors import Diagnostic
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
+from mcserver.planning.start_state import StartState
 from mcserver.simulation.worker_process import end_with_parent
 
 # Simulations at the same time, and those that wait for one of these.
@@ -52,6 +53,7 @@ class _Job:
     sha256: str
     path: Path
     machine: Machine
+    start: StartState
     listener: Listener
     checked: bool
 
@@ -65,17 +67,24 @@ class Foresight:
         self._closed = False
 
     def begin(
-        self, sha256: str, path: Path, machine: Machine, listener: Listener, *, checked: bool = False
+        self,
+        sha256: str,
+        path: Path,
+        machine: Machine,
+        start: StartState,
+        listener: Listener,
+        *,
+        checked: bool = False,
     ) -> None:
         """Simulate the text of a file; one that is under way or waits already goes on.
 
         Args:
-            machine: with its axes and work offsets where the program begins. checked: the text has no faults.
+            start: what the program starts from. checked: the text has no faults.
         """
         if self._closed or sha256 in self._running or sha256 in self._waiting:
             return
         if len(self._waiting) < WAITING:
-            self._waiting[sha256] = _Job(sha256, path, machine, listener, checked)
+            self._waiting[sha256] = _Job(sha256, path, machine, start, listener, checked)
             self._start_next()
 
     def close(self) -> None:
@@ -93,7 +102,7 @@ class Foresight:
             receiving, sending = context.Pipe(duplex=False)
             process = context.Process(
                 target=foresee,
-                args=(sending, str(job.path), job.machine, job.checked),
+                args=(sending, str(job.path), job.machine, job.start, job.checked),
                 daemon=True,
                 name="foresight",
             )
@@ -144,12 +153,12 @@ class Foresight:
             self._start_next()
 
 
-def foresee(sending: Connection, path: str, machine: Machine, checked: bool) -> None:
+def foresee(sending: Connection, path: str, machine: Machine, start: StartState, checked: bool) -> None:
     """Check and simulate a file, and send what is known of it about every `PART_S`; a process's main."""
     # the least share beside others; SCHED_IDLE would give none at all beside any other job in the background
     os.nice(LEAST_NICE)
     end_with_parent()
-    foresee_file(path, machine, sending.send, checked=checked)
+    foresee_file(path, machine, sending.send, start=start, checked=checked)
 
 
 def foresee_file(
@@ -159,12 +168,13 @@ def foresee_file(
     clock: Callable[[], float] = time.monotonic,
     part_s: float = PART_S,
     *,
+    start: StartState | None = None,
     checked: bool = False,
 ) -> None:
     """Check and simulate a file, and tell what is known about every ``part_s`` [s] and at the end.
 
     Args:
-        checked: it has no faults.
+        start: what it starts from; None: a machine that nobody has used. checked: it has no faults.
     """
     from mcserver.gcode.program_check import check_lines
     from mcserver.machine.machine_kinematics import build_kinematics
@@ -172,7 +182,12 @@ def foresee_file(
     from mcserver.simulation.simulation import simulate_lines
 
     kinematics = build_kinematics(machine)
-    found = [] if checked else check_lines(lines_in(path), machine, kinematics)
+    start = start or StartState.of(machine)
+    found = (
+        []
+        if checked
+        else check_lines(lines_in(path), machine, kinematics, positions=start.positions, frame=start.frame)
+    )
     faults = [each for each in found if each.severity == "error"]
     if faults:
         tell(Foreseen(fault=faults[0]))
@@ -189,7 +204,13 @@ def foresee_file(
             due = clock() + part_s
 
     run = simulate_lines(
-        lambda: lines_in(path), machine, kinematics=kinematics, progress=progress, times=times, checked=True
+        lambda: lines_in(path),
+        machine,
+        start=start,
+        kinematics=kinematics,
+        progress=progress,
+        times=times,
+        checked=True,
     )
     # of one that a fault has stopped the times go as far as it came
     marks = run.marks() if run.exit_code == 0 else times.marks()
@@ -209,9 +230,10 @@ def lines_in(path: str) -> Iterator[str]:
         yield from lines_of(iter(lambda: file.read(BLOCK_BYTES), b""))
 
 
-def check_file(path: str, machine: Machine, positions: Mapping[int, float] | None) -> list[Diagnostic]:
+def check_file(path: str, machine: Machine, start: StartState) -> list[Diagnostic]:
     """Find the faults of a file, as `mcserver.simulation.program_checker.check_text`; runs in the worker."""
     from mcserver.gcode.program_check import check_lines
     from mcserver.machine.machine_kinematics import build_kinematics
 
-    return check_lines(lines_in(path), machine, build_kinematics(machine), positions=positions)
+    kinematics = build_kinematics(machine)
+    return check_lines(lines_in(path), machine, kinematics, positions=start.positions, frame=start.frame)

@@ -11,22 +11,21 @@ import importlib
 import multiprocessing
 import os
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
-
 from mcserver.errors import Diagnostic, Refused
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
+from mcserver.planning.start_state import StartState
 from mcserver.simulation.foresight import Foresight, Listener, check_file
+from mcserver.simulation.preview import Preview
 from mcserver.simulation.worker_process import end_with_parent
 
 T = TypeVar("T")
-Systems = Mapping[int, Mapping[int, float]]
 
 # Programs that are computed at the same time: one client's long one does not keep the others' waiting.
 WORKERS = 2
@@ -95,28 +94,26 @@ class ProgramChecker:
         self,
         client: str,
         text: str | Path,
-        positions: dict[int, float] | None,
-        systems: Systems | None = None,
+        start: StartState | None = None,
     ) -> list[Diagnostic]:
         """Find every fault of a text, or of a file's.
 
         Args:
-            positions: where axes begin, by axis number [m or rad]. systems: work offsets.
+            start: what it starts from; None: a machine that nobody has used.
 
         Raises:
             ServiceError: MC508 too many wait; MC523 it took too long, or the worker died.
         """
-        machine = in_systems(self._machine, systems)
+        start = start or StartState.of(self._machine)
         if isinstance(text, Path):
-            return await self._run(client, check_file, str(text), machine, positions)
-        return await self._run(client, check_text, text, machine, positions)
+            return await self._run(client, check_file, str(text), self._machine, start)
+        return await self._run(client, check_text, text, self._machine, start)
 
     async def simulate(
         self,
         client: str,
         text: str,
-        positions: Mapping[int, float] | None = None,
-        systems: Systems | None = None,
+        start: StartState | None = None,
         path_points: int = 0,
         lines: bool = True,
     ) -> tuple[dict[str, Any], LineMarks | None]:
@@ -129,35 +126,30 @@ class ProgramChecker:
         Returns:
             The object; the marks, None where the program has faults. Raises as `check`.
         """
-        machine = self._machine if positions is None else starting_at(self._machine, positions)
-        machine = in_systems(machine, systems)
-        return await self._run(client, simulate_text, text, machine, path_points, lines)
+        start = start or StartState.of(self._machine)
+        return await self._run(client, simulate_text, text, self._machine, start, path_points, lines)
 
     async def preview(
         self,
         client: str,
         text: str,
-        positions: Mapping[int, float],
+        start: StartState,
         axes: Sequence[int],
-        systems: Systems | None = None,
-    ) -> tuple[dict[str, Any], dict[str, Any], LineMarks | None]:
-        """As `simulate`, with samples of the path of some axes (`mcserver.simulation.time_sampler`)."""
-        machine = in_systems(starting_at(self._machine, positions), systems)
-        return await self._run(client, preview_text, text, machine, tuple(axes))
+    ) -> Preview:
+        """As `simulate`, with all that an approval of the run shows and rests on."""
+        return await self._run(client, preview_text, text, self._machine, start, tuple(axes))
 
     def foresee(
         self,
         sha256: str,
         path: Path,
         listener: Listener,
-        positions: Mapping[int, float],
-        systems: Systems | None = None,
+        start: StartState,
         *,
         checked: bool = False,
     ) -> None:
         """Simulate a long text while it runs (`mcserver.simulation.foresight.Foresight.begin`)."""
-        machine = in_systems(starting_at(self._machine, positions), systems)
-        self._foresight.begin(sha256, path, machine, listener, checked=checked)
+        self._foresight.begin(sha256, path, self._machine, start, listener, checked=checked)
 
     def close(self) -> None:
         """End the workers, whatever they are at."""
@@ -269,54 +261,31 @@ def prepare_worker() -> None:
     end_with_parent()
 
 
-def check_text(text: str, machine: Machine, positions: Mapping[int, float] | None) -> list[Diagnostic]:
-    """`mcserver.gcode.program_check.check_program` with the machine's kinematics; runs in the worker."""
-    from mcserver.gcode.program_check import check_program
+def check_text(text: str, machine: Machine, start: StartState) -> list[Diagnostic]:
+    """`mcserver.gcode.program_check.check_lines` with the machine's kinematics; runs in the worker."""
+    from mcserver.gcode.program_check import check_lines
+    from mcserver.gcode.text.source import split_lines
     from mcserver.machine.machine_kinematics import build_kinematics
 
-    return check_program(text, machine, build_kinematics(machine), positions=positions)
+    kinematics = build_kinematics(machine)
+    return check_lines(split_lines(text), machine, kinematics, positions=start.positions, frame=start.frame)
 
 
 def simulate_text(
-    text: str, machine: Machine, path_points: int = 0, lines: bool = True
+    text: str, machine: Machine, start: StartState | None = None, path_points: int = 0, lines: bool = True
 ) -> tuple[dict[str, Any], LineMarks | None]:
     """`mcserver.simulation.simulation.simulate`, its report and marks; runs in the worker."""
     simulation = importlib.import_module("mcserver.simulation.simulation")
     kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
-    found = simulation.simulate(text, machine, kinematics=kinematics, path_points=path_points)
+    found = simulation.simulate(text, machine, start=start, kinematics=kinematics, path_points=path_points)
     if not lines:
         found.report["lines"] = []
     return found.report, found.marks() if found.report["ok"] else None
 
 
-def preview_text(
-    text: str, machine: Machine, axes: tuple[int, ...]
-) -> tuple[dict[str, Any], dict[str, Any], LineMarks | None]:
-    """As `simulate_text`, with samples of the path of some axes; runs in the worker."""
-    simulation = importlib.import_module("mcserver.simulation.simulation")
-    samples = importlib.import_module("mcserver.simulation.time_sampler")
-    poses_of = importlib.import_module("mcserver.simulation.tool_poses").ToolPoses
-    kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
-    poses = poses_of(machine, kinematics)
-    columns = 1 + len(axes) + 3 * len(poses.numbers)
-    sampler = samples.TimeSampler(samples.moments_for(columns), len(machine.axes))
-    found = simulation.simulate(text, machine, kinematics=kinematics, moments=sampler)
-    marks = found.marks() if found.report["ok"] else None
-    return found.report, samples.path_of(sampler, machine, poses, axes), marks
-
-
-def in_systems(machine: Machine, systems: Systems | None) -> Machine:
-    """Return the machine with work coordinate systems that its programs start with."""
-    if not systems:
-        return machine
-    dialect = msgspec.structs.replace(machine.dialect, systems=systems)
-    return msgspec.structs.replace(machine, dialect=dialect)
-
-
-def starting_at(machine: Machine, positions: Mapping[int, float]) -> Machine:
-    """Return the machine with its axes at other positions [m or rad], within their travel."""
-    axes = tuple(
-        msgspec.structs.replace(axis, initial_position=positions.get(axis.index, axis.initial_position))
-        for axis in machine.axes
+def preview_text(text: str, machine: Machine, start: StartState, axes: tuple[int, ...]) -> Preview:
+    """`mcserver.simulation.preview.preview`; runs in the worker."""
+    found: Preview = importlib.import_module("mcserver.simulation.preview").preview(
+        text, machine, start, axes
     )
-    return msgspec.structs.replace(machine, axes=axes)
+    return found

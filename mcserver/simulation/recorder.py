@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,18 @@ from numpy.typing import NDArray
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.path_sampler import PathSampler
-from mcserver.simulation.time_sampler import TimeSampler
 from mcserver.simulation.tool_poses import ToolPoses
 
 Array = NDArray[np.float64]
 
 _BLOCK = 8192
+
+
+class CycleTaker(Protocol):
+    """Is shown every cycle of a simulation."""
+
+    def take(self, times: Array, setpoint: Array) -> None:
+        """Look at cycles in order: times (n,) [s], setpoints (n, K) [SI]."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,7 @@ class Recorder:
         keep: bool,
         channels: tuple[Array, Array] | None = None,
         sampler: PathSampler | None = None,
-        moments: TimeSampler | None = None,
+        moments: CycleTaker | None = None,
     ) -> None:
         self._machine = machine
         self._sampler = sampler

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
@@ -11,10 +11,11 @@ from typing import Any
 from mckinematics.pose import Kinematics
 from mckinematics.solver import MachineKinematics
 
+from mcserver.drives.bus import DriveMode
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
-from mcserver.executor.shm.feedback import AxisCondition
+from mcserver.executor.shm.feedback import AxisCondition, homed_of
 from mcserver.executor.stretch import LineEvents
 from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.profiles.frame import Frame
@@ -24,10 +25,12 @@ from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import PlannedLines, ReportKind
+from mcserver.planning.start_state import StartState
+from mcserver.planning.unhomed import machine_for
 from mcserver.simulation.line_times import LineTimes
 from mcserver.simulation.path_sampler import PathSampler
-from mcserver.simulation.recorder import Recorded, Recorder
-from mcserver.simulation.time_sampler import TimeSampler
+from mcserver.simulation.recorder import CycleTaker, Recorded, Recorder
+from mcserver.simulation.starting_machine import starting_at
 from mcserver.simulation.tool_poses import ToolPoses
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from mcserver.units import MM
@@ -60,6 +63,9 @@ class Simulation:
         recording: one row a cycle in mm and degrees, if asked for.
         feed_length: linear part of all G01-G03 commands [m].
         energized: numbers of the axes that are energized at the end.
+        end: the state that it leaves behind; None: nothing was run. inputs_read: columns of inputs that it
+        reads.
+        turned, pushed: numbers of the axes that it commands a speed or a torque.
     """
 
     report: dict[str, Any]
@@ -67,6 +73,10 @@ class Simulation:
     recording: Recorded | None = None
     feed_length: float = 0.0
     energized: frozenset[int] = frozenset()
+    end: StartState | None = None
+    inputs_read: frozenset[int] = frozenset()
+    turned: frozenset[int] = frozenset()
+    pushed: frozenset[int] = frozenset()
     times: LineTimes = field(default_factory=LineTimes)
     last_line: int = 0
 
@@ -79,16 +89,20 @@ def simulate(
     text: str,
     machine: Machine,
     *,
+    start: StartState | None = None,
+    lease: frozenset[int] | None = None,
     kinematics: Kinematics | None = None,
     progress: Callable[[float, int], None] | None = None,
     record: bool = False,
     path_points: int = 0,
     clock: Callable[[], float] = time.perf_counter,
-    moments: TimeSampler | None = None,
+    moments: CycleTaker | None = None,
 ) -> Simulation:
     """Checks the program, then runs it.
 
     Args:
+        start: all that it starts from besides text and machine; None: a machine that nobody has used.
+        lease: axes that it may use; None: all.
         progress: called now and then with the simulated time [s] and the line that runs.
         record: keep a row a cycle.
         path_points: so many at most are in the report's ``path``; 0: it has none.
@@ -102,6 +116,8 @@ def simulate(
     found = simulate_lines(
         lambda: iter(lines),
         machine,
+        start=start,
+        lease=lease,
         kinematics=kinematics,
         progress=progress,
         record=record,
@@ -117,12 +133,14 @@ def simulate_lines(
     source: LineSource,
     machine: Machine,
     *,
+    start: StartState | None = None,
+    lease: frozenset[int] | None = None,
     kinematics: Kinematics | None = None,
     progress: Callable[[float, int], None] | None = None,
     record: bool = False,
     path_points: int = 0,
     clock: Callable[[], float] = time.perf_counter,
-    moments: TimeSampler | None = None,
+    moments: CycleTaker | None = None,
     times: LineTimes | None = None,
     checked: bool = False,
 ) -> Simulation:
@@ -134,7 +152,13 @@ def simulate_lines(
             The others as in `simulate`.
     """
     kept = KeptRuns()
-    faults = [] if checked else check_lines(source(), machine, kinematics, kept=kept)
+    start = start or StartState.of(machine)
+    machine = machine_for(starting_at(machine, start.positions), start.homed, moves_unhomed=False)
+    faults = (
+        []
+        if checked
+        else check_lines(source(), machine, kinematics, kept=kept, frame=start.frame, lease=lease)
+    )
     kept.filling = False
     if any(fault.severity == "error" for fault in faults):
         return Simulation(_rejected(machine, faults), 4)
@@ -144,7 +168,9 @@ def simulate_lines(
         sampler = PathSampler(machine, ToolPoses(machine, solver), path_points)
     if times is None:
         times = LineTimes(planning=bool(machine.tools))
-    run = _Run(source, machine, kinematics, progress, record, sampler, moments, clock, times, kept)
+    run = _Run(
+        source, machine, start, lease, kinematics, progress, record, sampler, moments, clock, times, kept
+    )
     found = run.run(faults)
     if sampler is not None:
         found.report["path"] = sampler.path()
@@ -178,11 +204,13 @@ class _Run:
         self,
         source: LineSource,
         machine: Machine,
+        start: StartState,
+        lease: frozenset[int] | None,
         kinematics: Kinematics | None,
         progress: Callable[[float, int], None] | None,
         record: bool,
         sampler: PathSampler | None,
-        moments: TimeSampler | None,
+        moments: CycleTaker | None,
         clock: Callable[[], float],
         times: LineTimes,
         kept: KeptRuns,
@@ -195,13 +223,14 @@ class _Run:
         self._times = times
         self._progress = progress
         self._executor = VirtualExecutor(machine)
+        self._executor.bring_to(start)
         mask = (1 << len(machine.axes)) - 1
         self._executor.open_slot(SLOT, mask)
-        positions = {axis.index: axis.initial_position for axis in machine.axes}
         self._pipeline = Pipeline(
             machine,
             self._executor.sink(SLOT),
-            positions=positions,
+            start=start,
+            lease=lease,
             kinematics=kinematics,
             clock=clock,
             kept=kept,
@@ -215,7 +244,9 @@ class _Run:
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
         # where the program's words read zero, by the name of the system
-        self._zeros = Frame(systems=machine.dialect.systems).zeros()
+        self._frame = start.frame
+        self._inputs_read: set[int] = set()
+        self._zeros = (start.frame or Frame()).zeros()
 
     def run(self, warnings: list[Diagnostic]) -> Simulation:
         idle = 0
@@ -238,7 +269,11 @@ class _Run:
             1 if self._failed else 0,
             self._recorder.recording(),
             self._feed_length,
-            self._energized(),
+            self._with_condition(_ENERGIZED),
+            self._end_state(),
+            frozenset(self._inputs_read),
+            self._powered(DriveMode.VELOCITY),
+            self._powered(DriveMode.TORQUE),
             self._times,
             self._read,
         )
@@ -291,6 +326,7 @@ class _Run:
             elif report.kind is ReportKind.BOUND:
                 self._times.bound(report.line, report.bound_by)
             elif report.kind is ReportKind.FRAME and report.frame is not None:
+                self._frame = report.frame
                 self._zeros.update(report.frame.zeros())
             elif report.kind is ReportKind.REJECTED:
                 self._faults += report.diagnostics
@@ -310,6 +346,8 @@ class _Run:
         elif event.kind is EventKind.LINE_END:
             self._times.ended(event.line, event.time)
             self._end = max(self._end, event.time)
+        elif event.kind is EventKind.INPUT:
+            self._inputs_read.add(event.token)
         elif event.kind is EventKind.FINISHED:
             self._finished = True
             self._end = max(self._end, event.time)
@@ -347,12 +385,31 @@ class _Run:
         if moving:
             self._end = max(self._end, self._executor.time)
 
-    def _energized(self) -> frozenset[int]:
+    def _end_state(self) -> StartState:
+        row, homed = self._executor.executor.row, homed_of(self._executor.executor.row.row)
+        axes = self._machine.axes
+        return StartState(
+            positions=dict(zip((axis.index for axis in axes), row.setpoint.tolist(), strict=True)),
+            energized=self._with_condition(_ENERGIZED),
+            unsettled=self._with_condition((AxisCondition.SPEED, AxisCondition.TORQUE)),
+            homed=frozenset(axis.index for column, axis in enumerate(axes) if homed >> column & 1),
+            frame=self._frame,
+            inputs=tuple(row.inputs.tolist()),
+            outputs=tuple(row.outputs.tolist()),
+        )
+
+    def _powered(self, mode: DriveMode) -> frozenset[int]:
+        """Return the axes that were powered in a mode."""
+        mask = self._executor.executor.bank.used[mode]
+        return frozenset(axis.index for column, axis in enumerate(self._machine.axes) if mask >> column & 1)
+
+    def _with_condition(self, wanted: Collection[AxisCondition]) -> frozenset[int]:
+        """Return the axes in one of these conditions."""
         conditions = self._executor.feedback.condition
         return frozenset(
             axis.index
             for axis, condition in zip(self._machine.axes, conditions, strict=True)
-            if condition in _ENERGIZED
+            if condition in wanted
         )
 
     def _report(self, warnings: list[Diagnostic]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mcserver.drives.bus import DriveBus
 from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
 from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.executor import Executor
 from mcserver.executor.headroom import Array, AxisLimits, torque_axes
 from mcserver.executor.shm.event_ring import EventRing
@@ -22,6 +23,7 @@ from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.executor.stretch import LineEvents
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.start_state import StartState
 
 Recorder = Callable[[float, int, Array, Array], None]
 
@@ -84,6 +86,20 @@ class VirtualExecutor:
         self._cycles = 0
         self._reports: list[ExecutorEvent | LineEvents] = []
 
+    def bring_to(self, start: StartState) -> None:
+        """Let axes be energized and homed, and inputs and outputs have values, as in a state; time stands.
+
+        Raises:
+            RuntimeError: a drive does not energize.
+        """
+        columns = {axis.index: column for column, axis in enumerate(self.machine.axes)}
+        self.executor.assume(
+            energized=sum(1 << columns[axis] for axis in start.energized),
+            homed=sum(1 << columns[axis] for axis in start.homed),
+            inputs=start.inputs,
+            outputs=start.outputs,
+        )
+
     def open_slot(
         self,
         slot: int,
@@ -92,6 +108,7 @@ class VirtualExecutor:
         override: float = 1.0,
         hold: bool = False,
         unhomed: bool = False,
+        envelope: Envelope | None = None,
     ) -> ProgramRing:
         """Begins a program in a free slot; without a mask on all axes.
 
@@ -100,7 +117,9 @@ class VirtualExecutor:
         """
         ring = self._rings[slot]
         mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
-        self.mailbox.open_slot(slot, mask, ring.restart(), override=override, hold=hold, unhomed=unhomed)
+        self.mailbox.open_slot(
+            slot, mask, ring.restart(), override=override, hold=hold, unhomed=unhomed, envelope=envelope
+        )
         return ring
 
     def sink(self, slot: int) -> ProgramRing:

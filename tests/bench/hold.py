@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mcserver.planning.pipeline import Pipeline
+from mcserver.planning.start_state import StartState
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.bench.figures import Figure
 from tests.bench.machines import ideal
@@ -45,7 +46,7 @@ def held(line: str) -> tuple[float, float]:
     executor = VirtualExecutor(
         machine, recorder=lambda _t, _line, setpoint, _actual: rows.append(setpoint.copy())
     )
-    pipeline = Pipeline(machine, executor.open_slot(0), positions={0: 0.0, 1: 0.0})
+    pipeline = Pipeline(machine, executor.open_slot(0), start=StartState.of(machine))
     pipeline.lines.put(1, ["G1010", "G94", line])
     pipeline.lines.closed = True
     for _ in range(600):

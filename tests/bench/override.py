@@ -13,6 +13,7 @@ from mckinematics.pose import Kinematics
 from mcserver.executor.entries import EventKind
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.pipeline import Pipeline
+from mcserver.planning.start_state import StartState
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.bench.figures import Figure
 from tests.bench.machines import ideal
@@ -142,8 +143,7 @@ def play(
     executor = VirtualExecutor(
         machine, recorder=lambda _t, _line, setpoint, _actual: rows.append(setpoint.copy())
     )
-    positions = {axis.index: axis.initial_position for axis in machine.axes}
-    pipeline = Pipeline(machine, executor.open_slot(0), positions=positions, kinematics=kinematics)
+    pipeline = Pipeline(machine, executor.open_slot(0), start=StartState.of(machine), kinematics=kinematics)
     texts = ["G1010", *lines]
     sent = 0
     waiting = list(orders)

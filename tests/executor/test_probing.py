@@ -10,6 +10,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.planning.pipeline import Pipeline
+from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.executor.rig import Array
@@ -40,7 +41,9 @@ class Cell:
         self.actuals: list[Array] = []
         self.events: list[ExecutorEvent] = []
         ring = self.executor.open_slot(0)
-        self.pipeline = Pipeline(made, ring, positions={axis.index: 0.0 for axis in made.axes})
+        self.pipeline = Pipeline(
+            made, ring, start=StartState.of(made).at({axis.index: 0.0 for axis in made.axes})
+        )
         self.pipeline.lines.put(1, text.splitlines())
         self.pipeline.lines.closed = True
 

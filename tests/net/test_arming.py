@@ -6,13 +6,15 @@ import asyncio
 import json
 from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from mcclient.cli.app import run_command_line
 
+from mcserver.executor.envelope_bounds import Envelope
 from mcserver.planning.line_marks import LineMarks
-from mcserver.simulation.program_checker import ProgramChecker, Systems, check_text
+from mcserver.planning.start_state import StartState
+from mcserver.simulation.preview import Preview
+from mcserver.simulation.program_checker import ProgramChecker, check_text
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 from tests.service.fakes import FakePipeline
@@ -28,17 +30,19 @@ def quick_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
         checker: ProgramChecker,
         _client: str,
         text: str,
-        positions: dict[int, float],
+        start: StartState,
         wanted: tuple[int, ...],
-        _systems: Systems | None = None,
-    ) -> tuple[dict[str, Any], dict[str, Any], LineMarks]:
+    ) -> Preview:
         # in this process: a worker of its own takes seconds to begin on a busy computer
-        found = check_text(text, checker._machine, positions)
+        found = check_text(text, checker._machine, start)
         axes = {str(axis): {"position": 10.0, "min": 0.0, "max": 10.0, "unit": "mm"} for axis in range(3)}
         shown = [each.as_json() for each in found]
         report = {"ok": not found, "duration_s": 1.0, "lines": [], "axes": axes, "diagnostics": shown}
         path = {"time_s": [0.0, 1.0], "positions": [[0.0, 10.0] for _ in wanted], "tools": []}
-        return report, path, LineMarks([0, 1], [0.0, 1.0], 1.0, 1)
+        if found:
+            return Preview(report, path)
+        envelope = Envelope((0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.01, 0.0, 0.0), 1.0)
+        return Preview(report, path, LineMarks([0, 1], [0.0, 1.0], 1.0, 1), envelope)
 
     monkeypatch.setattr(ProgramChecker, "preview", preview)
 
@@ -57,7 +61,9 @@ async def test_a_run_is_asked_for_armed_and_started_once(
     assert reply["ok"]
     run = reply["run"]
     assert (run["state"], run["axes"]) == ("waiting", [0])
-    assert run["extents"] == [{"axis": 0, "low": 0.0, "high": 10.0, "unit": "mm"}]
+    assert run["extents"] == [
+        {"axis": 0, "low": 0.0, "high": 10.0, "unit": "mm", "speed": 10.0, "turns": False}
+    ]
     # the text says what it likes: only an operator's order arms it
     with pytest.raises(ErrorAnswer) as unarmed:
         await client.call("run_armed", text=TEXT)

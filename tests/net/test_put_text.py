@@ -10,6 +10,7 @@ import pytest
 
 from mcserver.errors import Diagnostic
 from mcserver.planning.line_marks import LineMarks
+from mcserver.planning.start_state import StartState
 from mcserver.service.arming import hash_of
 from mcserver.simulation.foresight import Foreseen, Listener, check_file
 from mcserver.simulation.program_checker import ProgramChecker
@@ -40,10 +41,9 @@ def foreseeing(monkeypatch: pytest.MonkeyPatch) -> Foreseeing:
         checker: ProgramChecker,
         _client: str,
         text: Path,
-        positions: dict[int, float] | None,
-        _systems: object,
+        start: StartState,
     ) -> list[Diagnostic]:
-        return check_file(str(text), checker._machine, positions)
+        return check_file(str(text), checker._machine, start)
 
     monkeypatch.setattr(ProgramChecker, "foresee", foresee)
     monkeypatch.setattr(ProgramChecker, "check", check)

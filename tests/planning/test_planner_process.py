@@ -11,6 +11,7 @@ import pytest
 from mcserver.errors import Diagnostic, ProgramRejected, RuntimeFault
 from mcserver.executor.client import ExecutorProcess
 from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.planning.client import PlannerChild, ProcessPlanning
 from mcserver.planning.planner_messages import (
@@ -33,16 +34,34 @@ from mcserver.planning.planner_messages import (
     StepLine,
     Validated,
 )
+from mcserver.planning.start_state import StartState
 from tests.service.fakes import three_axes
 
+# every field is another than its default, so that none is lost on the way
+USED = StartState(
+    positions={0: 0.1, 63: -1e-9},
+    energized=frozenset({0}),
+    unsettled=frozenset({63}),
+    homed=frozenset({63}),
+    frame=Frame(systems={1: {0: 0.3}}),
+    inputs=(1.0, 0.0),
+    outputs=(0.5,),
+)
 FAULT = Diagnostic("MC104", "too far", line=3, column=5, end_column=9, tool=3, residual_mm=0.5, axis=2)
 
 
 @pytest.mark.parametrize(
     "command",
     [
-        Begin(PipelineRequest("a-1", frozenset({0, 63})), 7, True, 12.5),
-        Begin(PipelineRequest("a-1", frozenset(), ModalState(inch=True, tool=3, feed=None)), 0, False, 0.0),
+        Begin(PipelineRequest("a-1", frozenset({0, 63}), USED), 7, True, 12.5),
+        Begin(
+            PipelineRequest(
+                "a-1", frozenset(), StartState({}, modal=ModalState(inch=True, tool=3, feed=None))
+            ),
+            0,
+            False,
+            0.0,
+        ),
         Lines("a-1", 2, 100_000, ["G01 X1", "(ä) G04 P0", ""]),
         CloseProgram("a-1"),
         StepLine("a-1"),
@@ -96,10 +115,10 @@ def test_modal_state_before_a_line_is_read_without_the_process(executor: Executo
     executor.wait()
     planning = ProcessPlanning(executor.machine, executor)
     try:
-        found = planning.modal_before(["G20 G91", "G94 F60"])
+        found = planning.modal_before(["G20 G91", "G94 F60"], StartState.of(executor.machine))
         assert (found.inch, found.incremental) == (True, True)
         with pytest.raises(ProgramRejected):
-            planning.modal_before(["G01 XO"])
+            planning.modal_before(["G01 XO"], StartState.of(executor.machine))
     finally:
         planning.close()
     assert planning.closed

@@ -15,7 +15,6 @@ import numpy as np
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.view import SlotView
-from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.planning.line_buffer import LineBuffer
@@ -27,6 +26,7 @@ from mcserver.planning.planner_messages import (
     Report,
     ReportKind,
 )
+from mcserver.planning.start_state import StartState
 from mcserver.service.journal import Journal
 from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
@@ -305,10 +305,10 @@ class FakePipelines:
     def planner(self, on_events: OnPlannerEvents) -> LoopPlanner:
         return LoopPlanner(Planner(self.port, self, time.monotonic), on_events)
 
-    def modal_before(self, lines: Sequence[str], frame: Frame | None = None) -> ModalState:
+    def modal_before(self, lines: Sequence[str], start: StartState) -> ModalState:
         if "bad" in lines:
             raise ProgramRejected([Diagnostic(code="MC101", message="bad line", line=lines.index("bad") + 1)])
-        return ModalState(inch="G20" in lines, incremental="G91" in lines, frame=frame)
+        return ModalState(inch="G20" in lines, incremental="G91" in lines, frame=start.frame)
 
     def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> FakePipeline:
         if self.failure is not None:

@@ -32,6 +32,7 @@ from mcserver.planning.planner_messages import (
     Report,
     ReportKind,
 )
+from mcserver.planning.start_state import StartState
 from mcserver.service.journal_file import open_journal
 from mcserver.service.motion_port import Snapshot
 from mcserver.service.reports import Ack, Event
@@ -239,7 +240,7 @@ class SimulatedPlanning:
     def __init__(self, cell: Cell) -> None:
         self._cell = cell
 
-    def modal_before(self, lines: object) -> ModalState:
+    def modal_before(self, lines: object, start: StartState) -> ModalState:
         raise NotImplementedError
 
     def planner(self, on_events: OnPlannerEvents) -> SimulatedPlanner:

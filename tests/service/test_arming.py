@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mcserver.errors import ServiceError
+from mcserver.planning.start_state import StartState
 from mcserver.service.arming import (
     CLIENT_REQUESTS,
     MAX_REQUESTS,
@@ -18,8 +19,7 @@ from mcserver.service.arming import (
 )
 
 TEXT = "G1010\nG01 X10 F600"
-HERE = {0: 0.0, 1: 0.5}
-NEAR = {0: 0.001, 1: 0.001}
+START = StartState({0: 0.0, 1: 0.5})
 FREE: frozenset[int] = frozenset()
 
 
@@ -32,17 +32,15 @@ class Bench:
 
     def ask(self, client: str = "bot.a-1", text: str = TEXT) -> RunRequest:
         wanted = RunRequest(
-            client, hash_of(text), text, "", (0,), {0: 0.0}, 1.0, (Extent(0, 0.0, 10.0, "mm"),), 0.0
+            client, hash_of(text), text, "", (0,), START, 1.0, (Extent(0, 0.0, 10.0, "mm"),), 0.0
         )
         return self.arming.request(wanted)
 
     def arm(self, operator: str = "anna.mcctl-1", text: str = TEXT, **options: float) -> RunRequest:
         return self.arming.arm(operator, hash_of(text), **{"seconds": 60.0, "override": 0.5, **options})
 
-    def start(
-        self, client: str = "bot.a-1", text: str = TEXT, positions: dict[int, float] | None = None
-    ) -> RunRequest:
-        return self.arming.start(client, text, positions or HERE, NEAR, FREE)
+    def start(self, client: str = "bot.a-1", text: str = TEXT, changed: tuple[str, ...] = ()) -> RunRequest:
+        return self.arming.start(client, text, FREE, lambda _run: list(changed))
 
 
 @pytest.fixture
@@ -104,23 +102,23 @@ def test_an_arming_is_over_after_its_time(bench: Bench) -> None:
     assert bench.arming.requests() == []
 
 
-def test_axes_that_moved_since_the_simulation_refuse_the_start(bench: Bench) -> None:
+def test_what_has_changed_since_the_simulation_is_named_and_refuses_the_start(bench: Bench) -> None:
     bench.ask()
     bench.arm()
-    for moved in (0.0011, -0.0011, float("nan")):
-        with pytest.raises(ServiceError) as refused:
-            bench.start(positions={0: moved, 1: 0.5})
-        assert code_of(refused) == "MC572"
-    bench.start(positions={0: 0.0009, 1: 99.0})
+    with pytest.raises(ServiceError, match="since it was looked at, X stands 2 mm from") as refused:
+        bench.start(changed=("X stands 2 mm from where it was",))
+    assert code_of(refused) == "MC572"
+    # nothing was used up: what is as it was again may start
+    bench.start()
 
 
 def test_axes_in_use_refuse_the_start_and_keep_the_arming(bench: Bench) -> None:
     bench.ask()
     bench.arm()
     with pytest.raises(ServiceError) as refused:
-        bench.arming.start("bot.a-1", TEXT, HERE, NEAR, frozenset({0, 1}))
+        bench.arming.start("bot.a-1", TEXT, frozenset({0, 1}), lambda _run: [])
     assert code_of(refused) == "MC572"
-    bench.arming.start("bot.a-1", TEXT, HERE, NEAR, frozenset({1}))
+    bench.arming.start("bot.a-1", TEXT, frozenset({1}), lambda _run: [])
 
 
 def test_who_asks_may_not_arm_whatever_connection_he_takes(bench: Bench) -> None:

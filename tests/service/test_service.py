@@ -343,7 +343,9 @@ async def test_lines_before_the_start_line_reach_the_pipeline_as_modal_text(benc
     program = await bench.service.open("hmi", start_line=3, before=["G20", "G91"])
     await bench.service.lines.submit("hmi", program.program, 3, ["move"])
     await bench.until_acked(program.program, done=3)
-    assert bench.pipelines.made[program.program].request.modal == ModalState(inch=True, incremental=True)
+    assert bench.pipelines.made[program.program].request.start.modal == ModalState(
+        inch=True, incremental=True
+    )
     assert executed_lines(bench.pipelines, program.program) == [3]
 
 

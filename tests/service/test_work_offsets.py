@@ -12,8 +12,9 @@ from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter, modal_before
 from mcserver.machine.machine_file import load_machine
 from mcserver.motion.canonical import MotionLine, RapidGroup
+from mcserver.planning.start_state import StartState
 from mcserver.service.work_offsets import WorkOffsets
-from mcserver.simulation.program_checker import in_systems
+from mcserver.simulation.program_checker import check_text
 from mcserver.simulation.simulation import simulate
 
 MILL = load_machine(str(Path(__file__).parents[1] / "corpus" / "cnc.toml"))
@@ -80,8 +81,8 @@ def test_what_a_program_set_is_known_behind_its_end_and_g92_ends_with_it() -> No
 
 
 def test_a_check_and_a_simulation_begin_in_the_systems_that_are_kept() -> None:
-    shifted = in_systems(MILL, {1: {0: 0.45}})
-    assert [each.code for each in check_program("G0 X60", shifted)] == ["MC201"]
+    shifted = StartState.of(MILL, Frame(systems={1: {0: 0.45}}))
+    assert [each.code for each in check_text("G0 X60", MILL, shifted)] == ["MC201"]
     assert check_program("G0 X60", MILL) == []
-    assert simulate("G0 X10", shifted).report["axes"]["0"]["position"] == pytest.approx(460.0)
-    assert in_systems(MILL, {}) is MILL
+    assert simulate("G0 X60", MILL, start=shifted).report["diagnostics"][0]["code"] == "MC201"
+    assert simulate("G0 X10", MILL, start=shifted).report["axes"]["0"]["position"] == pytest.approx(460.0)

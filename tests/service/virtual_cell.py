@@ -9,16 +9,17 @@ from pathlib import Path
 
 from mcserver.errors import ServiceError
 from mcserver.executor.entries import ExecutorEvent, MotionSink
+from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import CommandMailbox
-from mcserver.executor.view import ExecutorView, SlotView
-from mcserver.gcode.profiles.frame import Frame
+from mcserver.executor.view import SlotView
 from mcserver.gcode.semantics.interpreter import modal_before
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner import Planner
 from mcserver.planning.planner_messages import OnPlannerEvents
 from mcserver.planning.process import PipelineFactory
+from mcserver.planning.start_state import StartState
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
@@ -63,8 +64,11 @@ class _Faces:
         override: float = 1.0,
         hold: bool = False,
         unhomed: bool = False,
+        envelope: Envelope | None = None,
     ) -> MotionSink:
-        return self._executor.open_slot(slot, axes_mask, override=override, hold=hold, unhomed=unhomed)
+        return self._executor.open_slot(
+            slot, axes_mask, override=override, hold=hold, unhomed=unhomed, envelope=envelope
+        )
 
     def beat(self) -> None:
         """Nobody listens."""
@@ -79,14 +83,13 @@ class _Planning:
     def __init__(self, machine: Machine, executor: VirtualExecutor) -> None:
         self._executor = executor
         self._machine = machine
-        self.view = ExecutorView(machine, lambda: executor.feedback)
-        self._pipelines = PipelineFactory(machine, self.view)
+        self._pipelines = PipelineFactory(machine)
 
     def planner(self, on_events: OnPlannerEvents) -> LoopPlanner:
         return LoopPlanner(Planner(self, self._pipelines, time.monotonic), on_events)
 
-    def modal_before(self, lines: Sequence[str], frame: Frame | None = None) -> ModalState:
-        positions = self.view.positions()
+    def modal_before(self, lines: Sequence[str], start: StartState) -> ModalState:
+        positions, frame = start.positions, start.frame
         return modal_before(lines, len(lines) + 1, self._machine, positions=positions, frame=frame).modal
 
     def poll_events(self) -> list[ExecutorEvent]:
@@ -110,7 +113,7 @@ class VirtualCell:
         events: as published.
     """
 
-    def __init__(self, machine: Machine, folder: Path) -> None:
+    def __init__(self, machine: Machine, folder: Path, instance: str = "cell") -> None:
         journal = folder / "journal.db"
         references = References(references_file(journal), machine).holding
         self.executor = VirtualExecutor(machine, homed=False, references=references)
@@ -121,7 +124,7 @@ class VirtualCell:
             machine,
             ExecutorPort(machine, self._faces),
             _Planning(machine, self.executor),  # type: ignore[arg-type]
-            ServiceOptions(journal=journal, instance="cell"),
+            ServiceOptions(journal=journal, instance=instance),
             on_ack=lambda _ack: None,
             on_event=self.events.append,
         )

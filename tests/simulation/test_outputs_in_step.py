@@ -14,6 +14,7 @@ from mcserver.executor.entries import EventKind
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import ReportKind
+from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
 
@@ -42,8 +43,7 @@ class Run:
         """Play lines that come in portions, with holds and overrides in given cycles."""
         executor = VirtualExecutor(self.machine)
         executor.open_slot(0)
-        positions = {axis.index: axis.initial_position for axis in self.machine.axes}
-        pipeline = Pipeline(self.machine, executor.sink(0), positions=positions)
+        pipeline = Pipeline(self.machine, executor.sink(0), start=StartState.of(self.machine))
         sent, column = 0, [each.name for each in self.machine.outputs].index("count")
         for cycle in range(60_000):
             if cycle % 7 == 0 and sent < len(lines):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,12 @@ class RowWindow:
     driven: NDArray[np.bool_]
 
 
+class RowGuard(Protocol):
+    """Says which rows count: `mcserver.executor.envelope.EnvelopeGuard`."""
+
+    def admit(self, first: int, written: int) -> int: ...
+
+
 class Playback:
     """The rows of one program as they are played.
 
@@ -78,6 +85,8 @@ class Playback:
         self._scale_cells = scalar_view(ring.feed_scale)
         self._pace_cells = scalar_view(ring.pace)
         self._scratch = np.zeros(count)
+        # admits rows; None: all of them
+        self.guard: RowGuard | None = None
         self.bounds = interpolation_bounds(
             np.array([axis.max_acceleration for axis in machine.axes]),
             np.array([axis.max_jerk for axis in machine.axes]),
@@ -111,7 +120,8 @@ class Playback:
 
     def look(self) -> None:
         """Let all rows that have come count; before control entries are taken, which come first."""
-        self.written = self._ring.rows_written
+        written = self._ring.rows_written
+        self.written = written if self.guard is None else self.guard.admit(self.following, written)
 
     @property
     def driven(self) -> NDArray[np.bool_]:

@@ -11,14 +11,20 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 
+import msgspec
+
+from mcserver.executor.envelope_bounds import Envelope, decode_envelope
+
 SLOTS = 8
 
 _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _EXECUTOR_BEAT = range(9)
 _EXECUTOR_STATE, _QUIT, _EPOCH, _RESET_ESTOP, _IO_ORDERS, _RESUME = 9, 10, 11, 12, 13, 14
 _HEAD = 16
 _S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_GENERATION, _S_AXES, _S_ROWS, _S_CONTROLS = range(8)
-_S_UNHOMED = 8
+_S_UNHOMED, _S_ENVELOPE = 8, 9
 _SLOT = 16
+# bytes for the envelope of a slot's program, behind all words
+_ENVELOPE_BYTES = 32 * 1024
 # of each output and input: how often it was set, and to what
 _CHANNEL = 2
 
@@ -32,6 +38,7 @@ class SlotOrders:
 
     Attributes:
         unhomed: the program may move axes that are not homed.
+        envelope: what an approved run has to stay within; None: it is no such run.
     """
 
     override: float
@@ -43,6 +50,7 @@ class SlotOrders:
     rows_base: int
     controls_base: int
     unhomed: bool = False
+    envelope: Envelope | None = None
 
 
 @dataclass(frozen=True)
@@ -65,7 +73,7 @@ class MachineOrders:
 
 def mailbox_size(slots: int = SLOTS, inputs: int = 0, outputs: int = 0) -> int:
     """Bytes that the mailbox takes."""
-    return 8 * (_HEAD + slots * _SLOT + (inputs + outputs) * _CHANNEL)
+    return 8 * (_HEAD + slots * _SLOT + (inputs + outputs) * _CHANNEL) + slots * _ENVELOPE_BYTES
 
 
 def _signed(mask: int) -> int:
@@ -93,9 +101,11 @@ class CommandMailbox:
             raise ValueError(f"the mailbox needs {size} bytes, the buffer has {len(self._buffer)}")
         self._words = self._buffer[:size].cast("q")
         self._numbers = self._buffer[:size].cast("d")
+        self._envelopes_at = size - slots * _ENVELOPE_BYTES
         self._lock = threading.Lock()
         self.slots = slots
         self._inputs, self._outputs = inputs, outputs
+        self._decoded: dict[int, tuple[int, Envelope | None]] = {}
 
     def initialise(self) -> None:
         """Overrides of 100 %; by the side that made the buffer, before the other one looks."""
@@ -134,19 +144,29 @@ class CommandMailbox:
         override: float = 1.0,
         hold: bool = False,
         unhomed: bool = False,
+        envelope: Envelope | None = None,
     ) -> int:
         """A new program in a free slot.
 
         Args:
             axes_mask: columns that it may move. base: what `ProgramRing.restart` gave.
-            unhomed: it may move axes that are not homed.
+            unhomed: it may move axes that are not homed. envelope: that it has to stay within.
+
+        Raises:
+            ValueError: the envelope does not fit.
 
         Returns:
             The generation; feedback shows it once the executor has opened the slot.
         """
         at = self._of(slot)
+        bounds = b"" if envelope is None else msgspec.msgpack.encode(envelope)
+        if len(bounds) > _ENVELOPE_BYTES:
+            raise ValueError(f"an envelope of {len(bounds)} bytes")
         with self._lock:
             words = self._words
+            first = self._envelopes_at + slot * _ENVELOPE_BYTES
+            self._buffer[first : first + len(bounds)] = bounds
+            words[at + _S_ENVELOPE] = len(bounds)
             words[at + _S_AXES] = _signed(axes_mask)
             words[at + _S_ROWS], words[at + _S_CONTROLS] = base
             words[at + _S_HOLD] = int(hold)
@@ -321,7 +341,18 @@ class CommandMailbox:
             rows_base=words[at + _S_ROWS],
             controls_base=words[at + _S_CONTROLS],
             unhomed=words[at + _S_UNHOMED] != 0,
+            envelope=self._envelope(slot, generation),
         )
+
+    def _envelope(self, slot: int, generation: int) -> Envelope | None:
+        """Return the envelope of a slot's program, decoded once."""
+        known, found = self._decoded.get(slot, (-1, None))
+        if known != generation:
+            first = self._envelopes_at + slot * _ENVELOPE_BYTES
+            size = self._words[self._of(slot) + _S_ENVELOPE]
+            found = decode_envelope(self._buffer[first : first + size]) if size else None
+            self._decoded[slot] = generation, found
+        return found
 
 
 def _bounded(ratio: float) -> float:

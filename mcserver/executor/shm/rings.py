@@ -388,6 +388,11 @@ class ProgramRing:
         return self._counters[_ASKED] != abs(self._counters[_ANSWERED])
 
     @property
+    def answers(self) -> int:
+        """Differs from before once a replacement was answered."""
+        return self._counters[_ANSWERED]
+
+    @property
     def replacement(self) -> tuple[int, int]:
         """Numbers of the first row and the first entry that are to be replaced."""
         return self._counters[_ROW], self._counters[_ENTRY]

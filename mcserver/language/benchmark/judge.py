@@ -18,8 +18,8 @@ from mcserver.language.benchmark.tasks import Expectation, Range, Task
 from mcserver.language.benchmark.verdict import Check, Finding, Verdict
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
-from mcserver.simulation.program_checker import starting_at
 from mcserver.simulation.simulation import Simulation, simulate
+from mcserver.simulation.starting_machine import starting_at
 
 MAX_ANSWER = 64 * 1024  # characters
 MAX_LINES = 2000

@@ -1,0 +1,256 @@
+"""What an approved run may do, and the guard that ends the run before a setpoint beyond that goes out.
+
+Three lines: rows that would leave the envelope do not count from the cycle on in which they come, so that
+the motion ends on the rows before them as it does where no more have come; motion of single axes is looked
+at when it begins, and is brought to rest in time where it would pass a bound; every setpoint is looked at
+in its cycle. What the first two cannot know beforehand (an axis that coasts as it is captured, a tool's tip
+under rapids whose axes take other times than simulated) the third one finds: the run comes to rest within
+its axes' limits from there on, and passes the bound by that braking distance at the most.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mcserver.executor.axis_motion import Motion, MotionKind
+from mcserver.executor.barriers import BarrierFault
+from mcserver.executor.cycle import Cycle
+from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.envelope_bounds import Envelope, TipEnvelope
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.headroom import Array
+from mcserver.executor.shm.feedback import SlotState
+from mcserver.executor.shm.rings import ProgramRing
+from mcserver.motion.kernels.envelope import FAST, INSIDE, find_excess, tip_positions
+
+if TYPE_CHECKING:
+    from mcserver.executor.slot import ProgramSlot
+
+
+class Breach(NamedTuple):
+    """What leaves the envelope: the code, the column (-1: none), the line, value and bound [SI]."""
+
+    code: FaultCode
+    column: int
+    line: int
+    value: float
+    bound: float
+
+
+class _Tip:
+    """A tool's tip in the cycle."""
+
+    def __init__(self, tip: TipEnvelope) -> None:
+        self.tool = float(tip.tool)
+        self._columns = np.array(tip.columns, np.intp)
+        self._turning = np.array(tip.turning, np.bool_)
+        self._steps = np.array(tip.steps).reshape(-1, 3, 4)
+        self._low, self._high = np.array(tip.low), np.array(tip.high)
+        self.speed = tip.speed
+        self._before: Array | None = None
+
+    def outside(self, positions: Array) -> Array:
+        """Return how far the tip is outside at each of these positions (n, K), shape (n,) [m]; 0: inside."""
+        tips = tip_positions(self._steps, self._turning, np.ascontiguousarray(positions[:, self._columns]))
+        excess: Array = np.maximum(tips - self._high, self._low - tips).max(axis=1).clip(min=0.0)
+        return excess
+
+    def step(self, setpoint: Array) -> tuple[float, float]:
+        """Return how far the tip is outside now [m], and how far it went in this cycle [m]."""
+        tip = tip_positions(self._steps, self._turning, setpoint[self._columns][None])[0]
+        excess = float(np.maximum(tip - self._high, self._low - tip).max())
+        before, self._before = self._before, tip
+        went = 0.0 if before is None else math.dist(tip, before)
+        return max(0.0, excess), went
+
+
+class EnvelopeGuard:
+    """Holds the program of one slot within its envelope.
+
+    Args:
+        envelope: as `enforced`. ring: has its rows.
+    """
+
+    def __init__(self, envelope: Envelope, cycle: Cycle, ring: ProgramRing) -> None:
+        self._cycle = cycle
+        self._ring = ring
+        self._envelope = envelope
+        self._override = envelope.override
+        self._low, self._high = np.array(envelope.low), np.array(envelope.high)
+        self._speed = np.array(envelope.speed)
+        # a cycle's rounding beside the bound, so that what stands on it stays inside
+        self._step = self._speed * cycle.cycle_s
+        self._tips = [_Tip(tip) for tip in envelope.tips]
+        self._before = cycle.row.setpoint.copy()
+        self._followed = 0
+        self._left = envelope.seconds
+        self._checked = self._answers = -1
+        self._limit: int | None = None
+        self._breach: Breach | None = None
+        self._said = False
+        self._known: dict[int, tuple[Motion, bool]] = {}
+
+    # ------------------------------------------------------------------ before anything begins
+
+    def admit(self, first: int, written: int) -> int:
+        """Return the number of the row up to which rows count: of the first that would leave the envelope.
+
+        Args:
+            first: number of the first row that has not been played. written: of the row after the last.
+        """
+        ring = self._ring
+        if ring.replacement_asked or ring.answers != self._answers:
+            # rows that were looked at may have been replaced by others
+            self._checked, self._answers = first, ring.answers
+        number = max(first, self._checked)
+        if number < written and self._limit is None:
+            self._look_at_rows(number, written)
+            self._checked = written
+        return written if self._limit is None else min(written, self._limit)
+
+    def _look_at_rows(self, first: int, written: int) -> None:
+        ring = self._ring
+        rows = np.arange(first, written) % ring.rows
+        columns = np.arange(ring.axes, dtype=np.uint64)
+        driven = (ring.row_mask[rows, None] >> columns & np.uint64(1)).astype(np.bool_)
+        position = ring.position[rows]
+        # what its speed is at an override of 100 %
+        speed = np.abs(ring.velocity[rows]) * (ring.pace[rows] / ring.feed_scale[rows])[:, None]
+        with np.errstate(invalid="ignore"):
+            inside = (position <= self._high) & (position >= self._low)
+            slow = speed <= self._speed
+        beyond, fast = driven & ~inside, driven & ~slow
+        wrong = (beyond | fast).any(axis=1)
+        excess = []
+        if self._tips:
+            whole = np.where(driven, position, self._cycle.row.setpoint)
+            excess = [tip.outside(whole) for tip in self._tips]
+            for each in excess:
+                wrong |= ~(each <= 0.0)
+        if not wrong.any():
+            return
+        at = int(np.argmax(wrong))
+        self._limit, line = first + at, int(ring.row_line[rows[at]])
+        if beyond[at].any():
+            column = int(np.argmax(beyond[at]))
+            self._breach = self._outside(column, line, float(position[at, column]))
+        elif fast[at].any():
+            column = int(np.argmax(fast[at]))
+            bound = float(self._speed[column])
+            self._breach = Breach(FaultCode.ENVELOPE_SPEED, column, line, float(speed[at, column]), bound)
+        else:
+            tip = next(index for index, each in enumerate(excess) if not each[at] <= 0.0)
+            value = float(excess[tip][at])
+            self._breach = Breach(FaultCode.ENVELOPE_TIP, -1, line, value, self._tips[tip].tool)
+
+    def _outside(self, column: int, line: int, value: float) -> Breach:
+        low, high = float(self._low[column]), float(self._high[column])
+        bound = high if not value <= high else low
+        return Breach(FaultCode.ENVELOPE_POSITION, column, line, value, bound)
+
+    def admit_control(self, control: Control) -> None:
+        """Refuse an entry that an approved run does not have.
+
+        Raises:
+            BarrierFault: the program is at fault; nothing of the entry has been done.
+        """
+        kind = control.kind
+        columns = self._cycle.bank.masks.columns(control.axes)
+        if kind in (ControlKind.TORQUE, ControlKind.HOME, ControlKind.REFERENCE):
+            # a torque has no extents, and a reference would move those that were shown
+            raise BarrierFault(FaultCode.ENVELOPE_COMMAND, columns[0] if columns else -1)
+        if kind is ControlKind.RAPID and control.values is not None:
+            for column in columns:
+                target = control.values[column]
+                if not self._low[column] <= target <= self._high[column]:
+                    found = self._outside(column, control.line, target)
+                    raise BarrierFault(found.code, column, (target, found.bound))
+        if kind is ControlKind.SPEED and control.values is not None:
+            for column in columns:
+                if not self._envelope.turning >> column & 1:
+                    raise BarrierFault(FaultCode.ENVELOPE_COMMAND, column)
+                wanted, bound = abs(control.values[column]), float(self._speed[column])
+                if not wanted <= bound:
+                    raise BarrierFault(FaultCode.ENVELOPE_SPEED, column, (wanted, bound))
+
+    # ------------------------------------------------------------------ the cycle
+
+    def before_exchange(self, slot: ProgramSlot) -> None:
+        """Look at the setpoints of this cycle, which have not gone out; stop the program that leaves."""
+        breach = self._breach or self._look(slot)
+        if breach is None or self._said:
+            return
+        self._said = True
+        slot.fault(breach.code, breach.line, breach.column, (breach.value, breach.bound))
+
+    def _look(self, slot: ProgramSlot) -> Breach | None:
+        cycle = self._cycle
+        bank, row = cycle.bank, cycle.row
+        held = slot.axes & bank.energized & (bank.positioned | bank.speed)
+        line = slot.shown_line
+        factor = self._override if not cycle.motions.mask & held else max(1.0, self._override)
+        found = find_excess(
+            row.setpoint,
+            self._before,
+            self._low,
+            self._high,
+            self._step,
+            factor,
+            bank.masks.bools(held & ~bank.speed),
+            bank.masks.bools(held & self._followed),
+        )
+        np.copyto(self._before, row.setpoint)
+        self._followed = held
+        breach = None
+        if found != INSIDE:
+            column = found >> 1
+            if found & 1 == FAST:
+                speed = abs(float(row.velocity[column]))
+                bound = factor * float(self._speed[column])
+                breach = Breach(FaultCode.ENVELOPE_SPEED, column, line, speed, bound)
+            else:
+                breach = self._outside(column, line, float(row.setpoint[column]))
+        for tip in self._tips:
+            excess, went = tip.step(row.setpoint)
+            if excess > 0.0 or went > factor * tip.speed * cycle.cycle_s:
+                breach = breach or Breach(FaultCode.ENVELOPE_TIP, -1, line, excess, tip.tool)
+        if slot.state is SlotState.RUNNING:
+            # at a lower override the same takes longer
+            self._left -= cycle.cycle_s * min(1.0, slot.override)
+            if self._left < 0.0:
+                breach = breach or Breach(
+                    FaultCode.ENVELOPE_TIME, -1, line, -self._left, self._envelope.seconds
+                )
+        if cycle.motions.mask & slot.axes:
+            breach = breach or self._look_at_motions(slot, line)
+        return breach
+
+    def _look_at_motions(self, slot: ProgramSlot, line: int) -> Breach | None:
+        """Stop motions of single axes that would pass a bound, while they still come to rest before it."""
+        motions = self._cycle.motions
+        known, self._known = self._known, {}
+        for motion in motions.of_slot(slot.index):
+            if motion.kind is not MotionKind.POSITION:
+                continue
+            seen = known.get(motion.column)
+            if seen is not None and seen[0] is motion:
+                inside = seen[1]
+            else:
+                inside = all(self._beyond(motion, place) is None for place in motion.extremes())
+            self._known[motion.column] = motion, inside
+            if inside:
+                continue
+            column = self._beyond(motion, motions.rest_behind_next(motion))
+            if column is not None:
+                return self._outside(column, line, motion.place_of(column, motions.rest_behind_next(motion)))
+        return None
+
+    def _beyond(self, motion: Motion, place: float) -> int | None:
+        """Return a column that is outside where the motion's own axis is at a place."""
+        for column in self._cycle.bank.masks.columns(motion.columns):
+            if not self._low[column] <= motion.place_of(column, place) <= self._high[column]:
+                return column
+        return None

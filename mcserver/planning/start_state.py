@@ -1,0 +1,131 @@
+"""What lives outside of a program and decides where and how it starts, in one value.
+
+The planner and `mcserver.simulation` take a program's start from this value alone. A piece of state that
+has to
+count there becomes a field of it, and an approval compares fields: so none can be left out of the comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import msgspec
+
+from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
+from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.text.words import AXIS_LETTERS
+from mcserver.machine.machine_file import Machine
+
+
+class StartState(msgspec.Struct, frozen=True):
+    """Where a program starts.
+
+    Attributes:
+        positions: of all axes, by number [m or rad]: the setpoint, or the encoder's of an axis without
+        energy.
+        energized: axes that hold their position. unsettled: axes that turn, push or still move by themselves.
+        homed: axes that know where they are.
+        frame: work offsets; None: none were ever set.
+        modal: state behind the lines before its first; None: a program's own beginning.
+        inputs, outputs: values in the order of the machine's.
+    """
+
+    positions: Mapping[int, float]
+    energized: frozenset[int] = frozenset()
+    unsettled: frozenset[int] = frozenset()
+    homed: frozenset[int] = frozenset()
+    frame: Frame | None = None
+    modal: ModalState | None = None
+    inputs: tuple[float, ...] = ()
+    outputs: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, machine: Machine, frame: Frame | None = None) -> StartState:
+        """Return the state of a machine that nobody has used: as its file has it, all axes homed."""
+        systems = machine.dialect.systems
+        return cls(
+            positions={axis.index: axis.initial_position for axis in machine.axes},
+            homed=frozenset(axis.index for axis in machine.axes),
+            frame=Frame(systems=systems) if frame is None and systems else frame,
+            inputs=tuple(each.initial for each in machine.inputs),
+            outputs=tuple(each.initial for each in machine.outputs),
+        )
+
+    def at(self, positions: Mapping[int, float]) -> StartState:
+        """Return the state with some axes elsewhere [m or rad]."""
+        return msgspec.structs.replace(self, positions={**self.positions, **positions})
+
+
+def changes_between(
+    machine: Machine,
+    before: StartState,
+    now: StartState,
+    *,
+    axes: tuple[int, ...],
+    inputs: frozenset[int],
+    tolerance: Mapping[int, float],
+) -> list[str]:
+    """Name what has changed of all that a simulation started from, in sentences for people.
+
+    Args:
+        axes: of the program: others play no part. inputs: columns of those that it reads.
+        tolerance: how far each axis may be from where it was [m or rad].
+    """
+    found: list[str] = []
+    for axis in axes:
+        distance = now.positions[axis] - before.positions[axis]
+        if not abs(distance) <= tolerance[axis]:
+            found.append(
+                f"{axis_word(machine, axis)} stands {_length(machine, axis, distance)} from where it was"
+            )
+        for name, then, today in (
+            ("energized", before.energized, now.energized),
+            ("homed", before.homed, now.homed),
+            ("moving by itself", before.unsettled, now.unsettled),
+        ):
+            if (axis in then) != (axis in today):
+                found.append(f"{axis_word(machine, axis)} is {'' if axis in today else 'not '}{name} now")
+    found += [
+        f"{system} {axis} moved by {distance}"
+        for system, axis, distance in frame_changes(machine, before.frame, now.frame)
+    ]
+    if _beyond_systems(before.frame) != _beyond_systems(now.frame) or before.modal != now.modal:
+        found.append("the modal state that it starts with is another one")
+    for column, (channel, then_value, value) in enumerate(
+        zip(machine.inputs, before.inputs, now.inputs, strict=True)
+    ):
+        if column in inputs and then_value != value:
+            found.append(f'the input "{channel.name}" was {then_value:g} and is {value:g}')
+    for output, then_value, value in zip(machine.outputs, before.outputs, now.outputs, strict=True):
+        if then_value != value:
+            found.append(f'the output "{output.name}" was {then_value:g} and is {value:g}')
+    return found
+
+
+def frame_changes(machine: Machine, before: Frame | None, now: Frame | None) -> list[tuple[str, str, str]]:
+    """Return which work coordinate systems are elsewhere: the system, the axis and the distance, in words."""
+    then = {} if before is None else before.systems
+    today = {} if now is None else now.systems
+    found = []
+    for name, number in SYSTEM_NUMBERS.items():
+        for axis in (each.index for each in machine.axes):
+            distance = today.get(number, {}).get(axis, 0.0) - then.get(number, {}).get(axis, 0.0)
+            if distance:
+                found.append((name, axis_word(machine, axis), _length(machine, axis, distance)))
+    return found
+
+
+def axis_word(machine: Machine, axis: int) -> str:
+    """Return the letter that programs have for an axis, ``[7]`` without one."""
+    letters = {**AXIS_LETTERS, **machine.dialect.letters}
+    return next((letter for letter, number in letters.items() if number == axis), f"[{axis}]")
+
+
+def _beyond_systems(frame: Frame | None) -> Frame:
+    return msgspec.structs.replace(frame or Frame(), systems={})
+
+
+def _length(machine: Machine, axis: int, distance: float) -> str:
+    kind = machine.axes[machine.column_of(axis)].type
+    return f"{distance / kind.si_per_unit:.6g} {kind.unit}"

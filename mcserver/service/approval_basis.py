@@ -1,0 +1,69 @@
+"""What an approval rests on: all that the simulation read, as a digest, and named where it has changed."""
+
+from __future__ import annotations
+
+import hashlib
+from importlib import metadata
+
+from mcserver.executor.envelope_bounds import POSITION_TOLERANCES, Envelope
+from mcserver.machine.machine_digest import canonical_bytes, machine_digest
+from mcserver.machine.machine_file import Machine
+from mcserver.planning.start_state import StartState, changes_between
+from mcserver.service.arming import Extent, RunRequest, ToolExtent
+from mcserver.units import MM
+
+
+class ApprovalBasis:
+    """What approvals of one machine rest on.
+
+    Args:
+        machine: as its file was read at this start.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._unchanging = (machine_digest(machine), server_version())
+        self._tolerance = {axis.index: POSITION_TOLERANCES * axis.in_position for axis in machine.axes}
+
+    def digest(self, text: str, axes: tuple[int, ...], start: StartState) -> str:
+        """Return the SHA-256 of text, axes, start state, machine file and server version, hexadecimal."""
+        basis = (text, axes, start, *self._unchanging)
+        return hashlib.sha256(canonical_bytes(basis)).hexdigest()
+
+    def changes(self, run: RunRequest, now: StartState) -> list[str]:
+        """Name what is no longer as it was when a run was simulated; axes may stand a little elsewhere."""
+        return changes_between(
+            self._machine, run.start, now, axes=run.axes, inputs=run.inputs, tolerance=self._tolerance
+        )
+
+
+def server_version() -> str:
+    """Return the version of this server."""
+    try:
+        return metadata.version("mcserver")
+    except metadata.PackageNotFoundError:
+        # run from a source tree that is not installed
+        return "0"
+
+
+def extents_of(machine: Machine, envelope: Envelope, axes: tuple[int, ...]) -> tuple[Extent, ...]:
+    """Return what a person is shown of the axes of a run, in mm and degrees."""
+    found = []
+    for axis in axes:
+        column = machine.column_of(axis)
+        kind = machine.axes[column].type
+        low, high, speed = (
+            each[column] / kind.si_per_unit for each in (envelope.low, envelope.high, envelope.speed)
+        )
+        found.append(Extent(axis, low, high, kind.unit, speed, bool(envelope.turning >> column & 1)))
+    return tuple(found)
+
+
+def tools_of(envelope: Envelope) -> tuple[ToolExtent, ...]:
+    """Return what a person is shown of the tools of a run, in mm."""
+    return tuple(
+        ToolExtent(
+            tip.tool, [each / MM for each in tip.low], [each / MM for each in tip.high], tip.speed / MM
+        )
+        for tip in envelope.tips
+    )

@@ -1,0 +1,40 @@
+"""What a program that begins now starts from, read from the executor's newest cycle and from what is kept."""
+
+from __future__ import annotations
+
+from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.machine.machine_file import Machine
+from mcserver.planning.start_state import StartState
+from mcserver.service.motion_port import Snapshot
+
+ENERGIZED = frozenset({"standstill", "moving", "speed", "torque", "stopping"})
+SETTLED = frozenset({"off", "standstill", "released", "fault"})
+
+
+def start_state(
+    machine: Machine, cycle: Snapshot, frame: Frame | None, modal: ModalState | None = None
+) -> StartState:
+    """Return the state of a machine in a cycle.
+
+    Args:
+        frame: work offsets that are kept; None: none. modal: of a program that starts in its middle.
+    """
+    axes = [axis.index for axis in machine.axes]
+    states = dict(zip(axes, cycle.states, strict=True))
+    energized = frozenset(axis for axis, state in states.items() if state in ENERGIZED)
+    setpoint = dict(zip(axes, cycle.setpoint, strict=True))
+    actual = dict(zip(axes, cycle.position, strict=True))
+    return StartState(
+        positions={axis: (setpoint if axis in energized else actual)[axis] for axis in axes},
+        energized=energized,
+        unsettled=frozenset(axis for axis, state in states.items() if state not in SETTLED),
+        # without a word about it every axis knows where it is
+        homed=frozenset(
+            axis for axis, homed in zip(axes, cycle.homed or [True] * len(axes), strict=True) if homed
+        ),
+        frame=frame,
+        modal=modal,
+        inputs=tuple(cycle.inputs),
+        outputs=tuple(cycle.outputs),
+    )

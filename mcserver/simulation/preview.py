@@ -1,0 +1,102 @@
+"""A simulated run as an approval shows it: report, path, envelope, and what it leaves changed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from mcserver.executor.envelope_bounds import Envelope
+from mcserver.machine.machine_file import Machine
+from mcserver.planning.line_marks import LineMarks
+from mcserver.planning.start_state import StartState, axis_word, frame_changes
+
+
+class Preview(msgspec.Struct, frozen=True):
+    """What a simulation says about a run that somebody asks for.
+
+    Attributes:
+        report: the object of ``mcserver simulate --json``. path: as `mcserver.simulation.time_sampler`
+        gives it.
+        marks: of its times. envelope: without tolerances. All three None for a text with faults.
+        effects: what it leaves changed, in sentences for people. inputs: columns of those that it reads.
+        pushed: axes that it commands a torque.
+    """
+
+    report: dict[str, Any]
+    path: dict[str, Any]
+    marks: LineMarks | None = None
+    envelope: Envelope | None = None
+    effects: tuple[str, ...] = ()
+    inputs: frozenset[int] = frozenset()
+    pushed: frozenset[int] = frozenset()
+
+
+class _Both:
+    """Shows cycles to two."""
+
+    def __init__(self, *takers: Any) -> None:
+        self._takers = takers
+
+    def take(self, times: Any, setpoint: Any) -> None:
+        for taker in self._takers:
+            taker.take(times, setpoint)
+
+
+def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...]) -> Preview:
+    """Simulate a run of some axes from a state."""
+    # the server names this type only; what computes is loaded in the worker
+    from mcserver.machine.machine_kinematics import build_kinematics
+    from mcserver.simulation.envelope_meter import EnvelopeMeter
+    from mcserver.simulation.simulation import simulate
+    from mcserver.simulation.starting_machine import starting_at
+    from mcserver.simulation.time_sampler import TimeSampler, moments_for, path_of
+    from mcserver.simulation.tool_poses import ToolPoses
+
+    kinematics = build_kinematics(machine)
+    poses = ToolPoses(machine, kinematics)
+    sampler = TimeSampler(moments_for(1 + len(axes) + 3 * len(poses.numbers)), len(machine.axes))
+    meter = EnvelopeMeter(starting_at(machine, start.positions), kinematics, axes)
+    found = simulate(
+        text,
+        machine,
+        start=start,
+        lease=frozenset(axes),
+        kinematics=kinematics,
+        moments=_Both(sampler, meter),
+    )
+    path = path_of(sampler, machine, poses, axes)
+    if not found.report["ok"] or found.end is None:
+        return Preview(found.report, path)
+    turning = sum(1 << machine.column_of(axis) for axis in found.turned)
+    return Preview(
+        report=found.report,
+        path=path,
+        marks=found.marks(),
+        envelope=meter.envelope(found.report["duration_s"], turning),
+        effects=tuple(effects_of(machine, start, found.end)),
+        inputs=found.inputs_read,
+        pushed=found.pushed,
+    )
+
+
+def effects_of(machine: Machine, start: StartState, end: StartState) -> list[str]:
+    """Name what a run leaves changed for those that come after it, besides where its axes stand."""
+    found = [
+        f"moves {system} {axis} by {distance}"
+        for system, axis, distance in frame_changes(machine, start.frame, end.frame)
+    ]
+    for channel, before, after in zip(machine.outputs, start.outputs, end.outputs, strict=True):
+        if before != after:
+            value = ("on" if after else "off") if channel.digital else f"at {after:g}"
+            found.append(f'leaves the output "{channel.name}" {value}')
+    for what, axes in (
+        ("turning or pushing", end.unsettled),
+        ("energized", end.energized - start.energized),
+        ("without energy", start.energized - end.energized),
+        ("not homed", start.homed - end.homed),
+    ):
+        words = ", ".join(axis_word(machine, axis) for axis in sorted(axes))
+        if words:
+            found.append(f"leaves {words} {what}")
+    return found

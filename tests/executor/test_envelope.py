@@ -1,0 +1,236 @@
+"""An approved run stays within its envelope, whatever its planner puts: on the virtual clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
+from mcserver.executor.envelope_bounds import Envelope
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.headroom import Array
+from mcserver.executor.shm.rings import ProgramRing
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.planning.pipeline import Pipeline
+from mcserver.planning.start_state import StartState
+from mcserver.simulation.virtual_executor import VirtualExecutor
+
+VELOCITY, ACCELERATION, JERK = 0.1, 1.0, 20.0
+AXIS = """
+[[axis]]
+index = {index}
+type = "{type}"
+max_velocity = {velocity}
+max_acceleration = {acceleration}
+max_jerk = {jerk}
+{travel}
+drive = {{ kind = "ideal" }}
+"""
+LINEAR = {"type": "linear", "velocity": 100.0, "acceleration": 1000.0, "jerk": 20000.0, "travel": ""}
+ROTARY = {"type": "rotary", "velocity": 360.0, "acceleration": 3600.0, "jerk": 72000.0, "travel": ""}
+
+
+def machine() -> Machine:
+    """Axes 0 and 1 in mm, axis 2 turns endlessly."""
+    axes = [AXIS.format(index=index, **kind) for index, kind in enumerate((LINEAR, LINEAR, ROTARY))]
+    return parse_machine('[machine]\nname = "bench"\n' + "".join(axes))
+
+
+BOX = Envelope(low=(-0.001, -0.001, -1e-9), high=(0.060, 0.060, 1e-9), speed=(0.1, 0.1, 7.0), seconds=60.0)
+
+
+class Run:
+    """A text, planned without a word about the envelope: as by a planner that has gone wrong."""
+
+    def __init__(self, text: str, envelope: Envelope | None = BOX, override: float = 1.0) -> None:
+        self.machine = machine()
+        self.rows: list[Array] = []
+        self.executor = VirtualExecutor(self.machine, recorder=self._record)
+        self.sink = self.executor.open_slot(0, envelope=envelope, override=override)
+        self.pipeline = Pipeline(self.machine, self.sink, start=StartState.of(self.machine))
+        self.pipeline.lines.put(1, text.split("\n"))
+        self.pipeline.lines.closed = True
+        self.events: list[ExecutorEvent] = []
+
+    def _record(self, _time: float, _line: int, setpoint: Array, _actual: Array) -> None:
+        self.rows.append(setpoint.copy())
+
+    def step(self, cycles: int = 1) -> None:
+        for _ in range(cycles):
+            while self.pipeline.pump(self.executor.u(0)):
+                pass
+            self.executor.step()
+            for event in self.executor.events():
+                self.pipeline.on_event(event)
+                self.events.append(event)
+
+    def play(self, orders: dict[int, Callable[[], None]] | None = None, cycles: int = 20_000) -> Run:
+        """Play until the program has ended and everything stands."""
+        for cycle in range(cycles):
+            if orders and cycle in orders:
+                orders[cycle]()
+            self.step()
+            if self.ended and self.executor.at_rest:
+                break
+        return self
+
+    @property
+    def ended(self) -> bool:
+        return any(each.kind in (EventKind.FINISHED, EventKind.STOPPED) for each in self.events)
+
+    @property
+    def fault(self) -> ExecutorEvent:
+        (found,) = [each for each in self.events if each.kind is EventKind.FAULT]
+        return found
+
+    def setpoints(self, axis: int = 0) -> Array:
+        return np.array(self.rows)[:, axis]
+
+
+def assert_within_limits(setpoint: Array) -> None:
+    """Speed, acceleration and jerk of an axis in mm, to its end, at rest."""
+    speed = np.diff(np.concatenate((setpoint[:1].repeat(3), setpoint))) / 1e-3
+    assert np.abs(speed).max() <= 1.001 * VELOCITY
+    assert np.abs(np.diff(speed)).max() / 1e-3 <= 1.01 * ACCELERATION
+    assert np.abs(np.diff(speed, 2)).max() / 1e-6 <= 1.05 * JERK
+    assert abs(speed[-1]) <= 1e-6
+
+
+@pytest.mark.parametrize(
+    "text", ["G01 X200", "G01 X59\nG01 X200 Y20", "G00 X200", "G1020 X200", "G02 X0 Y0 I35 J5"]
+)
+def test_a_run_beyond_its_extents_is_stopped_before_it_leaves_and_within_limits(text: str) -> None:
+    run = Run(f"G1010\nG94 F6000\n{text}\nG01 X0 Y0").play()
+    assert run.fault.code == FaultCode.ENVELOPE_POSITION
+    assert run.fault.axis == 0
+    assert run.events[-1].kind is EventKind.STOPPED
+    for axis in (0, 1):
+        assert run.setpoints(axis).max() <= 0.060 + 1e-9
+        assert run.setpoints(axis).min() >= -0.001 - 1e-9
+        assert_within_limits(run.setpoints(axis))
+
+
+def test_what_stays_inside_ends_as_without_an_envelope() -> None:
+    text = "G1010\nG94 F6000\nG01 X10 Y5\nG00 X0\nG1020 Y0\nG02 X5 Y5 R5\nG04 P0.1\nG01 X0 Y0"
+    free, held = Run(text, None).play(), Run(text).play()
+    assert [each for each in held.events if each.kind is EventKind.FAULT] == []
+    assert np.array_equal(free.setpoints(), held.setpoints())
+    assert np.array_equal(free.setpoints(1), held.setpoints(1))
+
+
+@pytest.mark.parametrize("override", [0.2, 0.37, 1.0, 1.63, 2.0])
+def test_at_every_override_the_extents_hold(override: float) -> None:
+    envelope = msgspec.structs.replace(BOX, override=override)
+    text = "G1010\nG94 F1500\nG01 X55 Y1\nG01 X2 Y3\nG01 X90 Y30"
+    run = Run(text, envelope, override).play(cycles=80_000)
+    assert run.fault.code == FaultCode.ENVELOPE_POSITION
+    assert 0.05 <= run.setpoints().max() <= 0.060 + 1e-9
+    assert_within_limits(run.setpoints())
+
+
+def test_holds_overrides_and_resumes_on_the_way_do_not_open_the_envelope() -> None:
+    run = Run("G1010\nG94 F3000\nG01 X50\nG01 X2\nG01 X50 Y2\nG01 X95 Y9")
+    mailbox = run.executor.mailbox
+    orders: dict[int, Callable[[], None]] = {}
+    for at in range(100, 2000, 90):
+        orders[at] = lambda: mailbox.set_hold(True, 0)
+        orders[at + 30] = lambda: mailbox.resume(0)
+        orders[at + 50] = lambda ratio=(at % 19) / 19.0: mailbox.set_override(max(0.05, ratio), 0)
+    run.play(orders)
+    assert run.fault.code == FaultCode.ENVELOPE_POSITION
+    assert run.setpoints().max() <= 0.060 + 1e-9
+    assert_within_limits(run.setpoints())
+
+
+def test_a_faster_run_than_was_shown_is_refused_before_it_is_fast() -> None:
+    slow = msgspec.structs.replace(BOX, speed=(0.02, 0.02, 0.0))
+    run = Run("G1010\nG94 F600\nG01 X5\nG94 F6000\nG01 X0", slow).play()
+    assert run.fault.code == FaultCode.ENVELOPE_SPEED
+    assert run.fault.axis == 0
+    assert np.abs(np.diff(run.setpoints())).max() / 1e-3 <= 0.02 + 1e-9
+    assert_within_limits(run.setpoints())
+
+
+def test_an_override_above_the_one_allowed_is_a_fault() -> None:
+    # whoever asks the executor, past the server's own limit
+    slow = msgspec.structs.replace(BOX, speed=(0.02, 0.02, 0.0), override=0.5)
+    run = Run("G1010\nG94 F1200\nG01 X9", slow, 0.5)
+    run.play({400: lambda: run.executor.mailbox.set_override(1.0, 0)})
+    assert run.fault.code == FaultCode.ENVELOPE_SPEED
+    # one cycle after the bound was passed it brakes, by what jerk allows
+    assert np.abs(np.diff(run.setpoints())).max() / 1e-3 <= 0.012
+    assert_within_limits(run.setpoints())
+
+
+def test_longer_than_was_shown_is_a_fault_and_holds_do_not_count() -> None:
+    short = msgspec.structs.replace(BOX, seconds=1.0)
+    text = "G1010\nG94 F6000\nG01 X5\nG04 P0.5\nG01 X0"
+    run = Run(text, short)
+    mailbox = run.executor.mailbox
+    run.play({50: lambda: mailbox.set_hold(True, 0), 3000: lambda: mailbox.resume(0)})
+    assert run.events[-1].kind is EventKind.FINISHED
+    late = Run("G1010\nG94 F6000\nG01 X5\nG04 P5\nG01 X0", short).play()
+    assert late.fault.code == FaultCode.ENVELOPE_TIME
+    assert len(late.rows) == pytest.approx(1000, abs=20)
+
+
+@pytest.mark.parametrize(
+    ("control", "code"),
+    [
+        (Control(ControlKind.TORQUE, 0.0, 1, 1, (0.1, 0.0, 0.0)), FaultCode.ENVELOPE_COMMAND),
+        (Control(ControlKind.SPEED, 0.0, 1, 1, (0.01, 0.0, 0.0)), FaultCode.ENVELOPE_COMMAND),
+        (Control(ControlKind.HOME, 0.0, 1, 1), FaultCode.ENVELOPE_COMMAND),
+        (Control(ControlKind.REFERENCE, 0.0, 1, 1, (0.5, 0.0, 0.0)), FaultCode.ENVELOPE_COMMAND),
+        (Control(ControlKind.SPEED, 0.0, 1, 4, (0.0, 0.0, 7.1)), FaultCode.ENVELOPE_SPEED),
+        (Control(ControlKind.RAPID, 0.0, 1, 1, (float("nan"), 0.0, 0.0)), FaultCode.ENVELOPE_POSITION),
+    ],
+)
+def test_commands_that_an_approval_cannot_bound_are_refused(control: Control, code: FaultCode) -> None:
+    run = Run("", msgspec.structs.replace(BOX, turning=4))
+    assert isinstance(run.sink, ProgramRing)
+    run.sink.put_control(control)
+    run.play(cycles=50)
+    assert run.fault.code == code
+    assert np.array(run.rows).min() == np.array(run.rows).max() == 0.0
+
+
+def test_an_axis_that_may_turn_turns_on_at_its_speed() -> None:
+    turning = Envelope((-0.001, -0.001, -np.inf), (0.01, 0.01, np.inf), (0.1, 0.1, 7.0), 60.0, turning=4)
+    run = Run("G1010\nG94 F600\nG1030 [2]60\nG01 X5\nG1030 [2]0\nG01 X0", turning).play()
+    assert [each for each in run.events if each.kind is EventKind.FAULT] == []
+    assert run.setpoints(2).max() > 1.0
+
+
+def test_a_superseding_rapid_that_swings_over_its_target_stays_inside() -> None:
+    # on its way to the bound, and back to a place that it has all but passed
+    text = "G1010\nG1020 X60\nG04 P0.58\nG1020 X55\nG04 P1"
+    run = Run(text).play()
+    assert run.setpoints().max() <= 0.060 + 1e-9
+    assert_within_limits(run.setpoints())
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e6, 0.0601])
+def test_rows_of_a_planner_that_has_gone_wrong_do_not_go_out(wrong: float) -> None:
+    run = Run("G1010\nG94 F3000\nG01 X50\nG01 X5")
+    put_rows = run.sink.put_rows
+
+    def patched(first_u: int, position: Array, velocity: Array, *rest: Any, **more: Any) -> None:
+        position = position.copy()
+        beyond = np.arange(first_u, first_u + len(position)) >= 700
+        position[beyond, 0] = wrong
+        put_rows(first_u, position, velocity, *rest, **more)
+
+    run.sink.put_rows = patched  # type: ignore[method-assign]
+    run.play()
+    assert run.fault.code == FaultCode.ENVELOPE_POSITION
+    assert run.setpoints().max() <= 0.060 + 1e-9
+    assert_within_limits(run.setpoints())
+
+
+def test_without_an_envelope_nothing_is_looked_at() -> None:
+    run = Run("G1010\nG94 F6000\nG01 X200", None).play()
+    assert run.setpoints().max() == pytest.approx(0.2)

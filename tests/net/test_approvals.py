@@ -1,0 +1,393 @@
+"""Attacks on an approval: what a person armed runs as it was looked at, or not at all.
+
+Real planning and a real executor on a virtual clock; nothing is faked but time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from mcserver.errors import ServiceError
+from mcserver.executor.entries import Control, ControlKind
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.net import arming_messages as wire
+from mcserver.net.arming_methods import ArmingMethods
+from mcserver.planning.start_state import StartState
+from mcserver.service.program import Program
+from mcserver.simulation.preview import Preview, preview
+from tests.service.virtual_cell import VirtualCell
+
+AXIS = """
+[[axis]]
+index = {index}
+type = "linear"
+max_velocity = 500.0
+max_acceleration = 5000.0
+max_jerk = 500000.0
+min_position = -400.0
+max_position = 400.0
+drive = {{ kind = "ideal" }}
+"""
+MILL = f"""
+[machine]
+name = "mill"
+[dialect]
+profile = "cnc"
+capture = "auto"
+{"".join(AXIS.format(index=index) for index in range(3))}
+[[axis]]
+index = 3
+type = "rotary"
+max_velocity = 3600.0
+max_acceleration = 36000.0
+drive = {{ kind = "ideal" }}
+[[input]]
+number = 0
+name = "part there"
+initial = 1
+[[input]]
+number = 1
+name = "door"
+[[output]]
+number = 0
+name = "clamp"
+[[cutter]]
+number = 2
+length_mm = 30.0
+"""
+BOT, ANNA = "bot.agent-1", "anna.mcctl-1"
+TEXT = "G54\nG1 X50 F6000\nG1 X0"
+SHIFT = "G10 L2 P1 X300"
+
+
+class Site:
+    """One start of a server, an agent that asks, and a person who arms."""
+
+    def __init__(self, machine: Machine, folder: Path, instance: str = "first") -> None:
+        self.machine = machine
+        self.cell = VirtualCell(machine, folder, instance)
+        self.rows: list[np.ndarray[Any, np.dtype[np.float64]]] = []
+        self.cell.executor.recorder = lambda _t, _line, setpoint, _actual: self.rows.append(setpoint.copy())
+        self.arming = ArmingMethods(self.cell.service, self)  # type: ignore[arg-type]
+
+    async def preview(self, _client: str, text: str, start: StartState, axes: tuple[int, ...]) -> Preview:
+        return preview(text, self.machine, start, axes)
+
+    async def ask(self, text: str = TEXT, client: str = BOT) -> wire.RunRequestStatus:
+        reply = await self.arming.request_run(client, wire.RunRequestRequest(text=text))
+        assert reply.run is not None, reply.diagnostics
+        return reply.run
+
+    async def arm(
+        self, text: str = TEXT, override: float = 100.0, client: str = BOT
+    ) -> wire.RunRequestStatus:
+        run = await self.ask(text, client)
+        request = wire.ArmRequest(sha256=run.sha256, override=override, number=run.number)
+        return self.arming.arm(ANNA, request)
+
+    async def start(self, text: str = TEXT, client: str = BOT) -> Program:
+        reply = await self.arming.run_armed(client, wire.RunArmedRequest(text=text))
+        return self.cell.service.program(reply.program)
+
+    async def run(self, text: str = TEXT) -> Program:
+        return await self.cell.ended(await self.start(text))
+
+    async def by_hand(self, *lines: str) -> None:
+        """A person's own program."""
+        program = await self.cell.run(*lines)
+        assert program.state == "finished", program.fault
+
+    async def refusal(self, text: str = TEXT) -> str:
+        with pytest.raises(ServiceError) as refused:
+            await self.start(text)
+        assert refused.value.code == "MC572"
+        assert not [each for each in self.cell.service.current() if not each.ended]
+        return refused.value.message
+
+    def extent(self, axis: int = 0) -> tuple[float, float]:
+        """Least and greatest setpoint so far [mm]."""
+        places = np.array(self.rows)[:, axis] * 1000.0
+        return float(places.min()), float(places.max())
+
+
+@pytest.fixture
+async def site(tmp_path: Path) -> AsyncIterator[Site]:
+    made = Site(parse_machine(MILL), tmp_path)
+    yield made
+    await made.cell.stop()
+
+
+async def test_a_run_that_was_armed_stays_as_it_was_shown(site: Site) -> None:
+    armed = await site.arm()
+    assert (armed.extents[0].low, armed.extents[0].high) == pytest.approx((0.0, 50.0))
+    assert armed.extents[0].speed == pytest.approx(100.0, rel=1e-3)
+    program = await site.run()
+    assert program.state == "finished"
+    assert site.extent() == pytest.approx((0.0, 50.0))
+
+
+async def test_another_armed_program_that_moves_the_work_zero_voids_the_approval(site: Site) -> None:
+    """The attack that was seen: A shifts G54 and moves nothing, B goes on from there."""
+    shifting = await site.arm(SHIFT + "\nG0 X0")
+    assert "moves G54 X by 300 mm" in shifting.effects
+    await site.arm()
+    await site.run(SHIFT + "\nG0 X0")
+    message = await site.refusal()
+    assert "G54 X moved by 300 mm" in message
+    assert site.extent()[1] <= 300.1
+
+
+async def test_what_a_program_shifts_is_named_though_it_moves_nothing(site: Site) -> None:
+    run = await site.ask(SHIFT + "\nG0 Y0")
+    assert run.effects[0] == "moves G54 X by 300 mm"
+
+
+async def test_a_person_who_moves_an_axis_voids_it_and_moving_it_back_does_not(site: Site) -> None:
+    await site.by_hand("G0 X1")
+    await site.by_hand("G0 X0")
+    await site.arm()
+    await site.by_hand("G0 X5")
+    assert "X stands 5 mm from where it was" in await site.refusal()
+    await site.by_hand("G0 X0")
+    assert (await site.run()).state == "finished"
+
+
+async def test_an_offset_set_by_a_person_is_named(site: Site) -> None:
+    await site.by_hand("G0 X0 Y0 Z0")
+    await site.arm()
+    await site.by_hand("G10 L20 P2 Y7")
+    assert "G55 Y moved by -7 mm" in await site.refusal()
+
+
+async def test_another_override_than_was_allowed_does_not_count(site: Site) -> None:
+    text = "G1 X50 F1200\nG1 X0"
+    await site.arm(text, override=50.0)
+    site.cell.service.set_override(2.0, None)
+    program = await site.start(text)
+    site.cell.service.set_override(2.0, program.program)
+    site.cell.service.set_override(1.5, None)
+    await site.cell.ended(program)
+    assert program.state == "finished"
+    speed = np.abs(np.diff(np.array(site.rows)[:, 0])).max() / 1e-3
+    assert speed <= 0.0101
+
+
+async def test_past_the_server_an_override_above_the_allowed_one_is_stopped_by_the_executor(
+    site: Site,
+) -> None:
+    text = "G1 X200 F1200\nG1 X0"
+    await site.arm(text, override=50.0)
+    program = await site.start(text)
+    await site.cell.until(lambda: site.extent()[1] > 20.0)
+    assert program.slot is not None
+    site.cell.service.port.override(program.slot, 1.0)
+    await site.cell.ended(program)
+    assert program.fault is not None
+    assert (program.state, program.fault.code, program.fault.axis) == ("faulted", "MC461", 0)
+
+
+async def test_an_input_that_the_program_reads_is_named_and_one_that_it_does_not_read_is_not(
+    site: Site,
+) -> None:
+    text = "M66 P0 L3 Q1\nG1 X20 F6000"
+    await site.by_hand("G0 X0 Y0 Z0")
+    await site.arm(text)
+    site.cell.service.channels.set_input("part there", value=False)
+    site.cell.service.channels.set_input("door", value=True)
+    await site.cell.until(lambda: site.cell.service.port.snapshot().inputs == [0.0, 1.0])
+    message = await site.refusal(text)
+    assert 'the input "part there" was 1 and is 0' in message
+    assert "door" not in message
+
+
+async def test_an_output_that_was_switched_is_named(site: Site) -> None:
+    await site.arm()
+    site.cell.service.set_output("clamp", value=True)
+    await site.cell.until(lambda: site.cell.service.port.snapshot().outputs == [1.0])
+    assert 'the output "clamp" was 0 and is 1' in await site.refusal()
+
+
+async def test_a_program_that_switches_says_so_on_its_card(site: Site) -> None:
+    run = await site.ask("M64 P0\nG1 X20 F6000")
+    assert 'leaves the output "clamp" on' in run.effects
+    assert "leaves X energized" in run.effects
+
+
+async def test_a_tool_length_of_another_machine_file_is_another_approval(site: Site, tmp_path: Path) -> None:
+    text = "T2 G43 H2\nG1 Z10 F6000"
+    before = await site.arm(text)
+    await site.cell.stop()
+    again = Site(parse_machine(MILL.replace("length_mm = 30.0", "length_mm = 130.0")), tmp_path, "second")
+    try:
+        # an approval is of one start of one machine: nothing is armed any more
+        with pytest.raises(ServiceError) as refused:
+            await again.start(text)
+        assert refused.value.code == "MC571"
+        after = await again.ask(text)
+        assert after.digest != before.digest
+        assert after.extents[0].high == pytest.approx(before.extents[0].high + 100.0)
+    finally:
+        await again.cell.stop()
+
+
+async def test_a_restart_alone_ends_an_approval(site: Site, tmp_path: Path) -> None:
+    before = await site.arm()
+    await site.cell.stop()
+    again = Site(site.machine, tmp_path, "second")
+    try:
+        with pytest.raises(ServiceError) as refused:
+            await again.start()
+        assert refused.value.code == "MC571"
+        # the same text, from the same state, on the same machine
+        assert (await again.ask()).digest == before.digest
+    finally:
+        await again.cell.stop()
+
+
+async def test_an_emergency_stop_ends_an_approval(site: Site) -> None:
+    await site.arm()
+    site.cell.service.latch.emergency_stop(ANNA, "")
+    site.cell.service.reset(None)
+    with pytest.raises(ServiceError) as refused:
+        await site.start()
+    assert refused.value.code == "MC571"
+
+
+async def test_holds_and_resumes_and_what_others_do_meanwhile_do_not_open_the_envelope(site: Site) -> None:
+    text = "G1 X150 F3000\nG1 X0"
+    await site.arm(text)
+    program = await site.start(text)
+    service = site.cell.service
+    for turn in range(12):
+        await site.cell.until(lambda turn=turn: len(site.rows) > 200 * turn or program.ended)
+        service.hold(program.program)
+        service.set_override(0.3 + 0.1 * turn, program.program)
+        with pytest.raises(ServiceError):
+            # a program that is not stepped is not stepped by anybody
+            service.step(BOT, program.program)
+        service.resume(program.program)
+    await site.cell.ended(program)
+    assert site.extent()[1] <= 150.0 + 0.1
+    assert program.state == "finished", program.fault
+
+
+async def test_a_program_that_is_put_in_front_moves_nothing_that_was_approved(site: Site) -> None:
+    await site.arm()
+    ahead = await site.cell.service.open(ANNA, axes=[0])
+    with pytest.raises(ServiceError) as refused:
+        await site.start()
+    assert refused.value.code == "MC572"
+    site.cell.service.abort(ahead.program)
+    await site.cell.ended(ahead)
+    assert (await site.run()).state == "finished"
+
+
+async def test_another_program_beside_it_does_not_move_its_axes_or_its_work_zero(site: Site) -> None:
+    text = "G1 X100 F3000\nG1 X0"
+    await site.arm(text)
+    program = await site.start(text)
+    other = await site.cell.run("G10 L2 P1 X300 Y20", "G0 Y30", axes=[1])
+    assert other.state == "finished"
+    await site.cell.ended(program)
+    assert program.state == "finished", program.fault
+    assert site.extent()[1] <= 100.1
+
+
+@pytest.mark.parametrize(
+    ("text", "worse"),
+    [
+        ("G1 X50 F6000\nG1 X0", "G1 X150 F6000\nG1 X0"),
+        ("G0 X50\nG0 X0", "G0 X150\nG0 X0"),
+        ("G91\nG1 X50 F6000\nG1 X-50", "G91\nG1 X150 F6000\nG1 X-50"),
+    ],
+    ids=["feed", "rapid", "incremental"],
+)
+async def test_a_planner_that_plans_something_else_is_stopped_by_the_executor(
+    site: Site, monkeypatch: pytest.MonkeyPatch, text: str, worse: str
+) -> None:
+    await site.arm(text)
+    lines = worse.split("\n")
+    submit = site.cell.service.lines.submit
+
+    async def exchanged(client: str, program: str, first: int, _lines: object) -> object:
+        return await submit(client, program, first, lines)
+
+    monkeypatch.setattr(site.cell.service.lines, "submit", exchanged)
+    program = await site.run(text)
+    assert program.fault is not None
+    assert (program.state, program.fault.code, program.fault.axis) == ("faulted", "MC460", 0)
+    assert site.extent()[1] <= 50.1
+
+
+async def test_what_g1030_and_g1040_would_do_is_bounded_or_refused(site: Site) -> None:
+    turning = await site.ask("G1030 [3]60\nG1 X5 F6000")
+    assert (turning.extents[-1].turns, turning.extents[-1].speed) == (True, pytest.approx(360.0, rel=1e-3))
+    assert "leaves A turning or pushing" in turning.effects
+    for text in ("G1040 [3]0.1", "G1030 X60"):
+        with pytest.raises(ServiceError) as refused:
+            await site.ask(text)
+        assert refused.value.code == "MC577"
+
+
+async def test_a_run_is_not_asked_for_while_its_axes_still_move(site: Site) -> None:
+    await site.by_hand("G1030 [3]60")
+    with pytest.raises(ServiceError) as refused:
+        await site.ask("G1 [3]90 F6000")
+    assert refused.value.code == "MC572"
+    assert refused.value.message.startswith("A ")
+
+
+async def test_a_planted_command_of_homing_or_torque_is_refused_by_the_executor(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await site.arm()
+    begin = site.cell.service.port.begin
+
+    def planted(*args: Any, **more: Any) -> None:
+        begin(
+            *args, **{**more, "controls": (Control(ControlKind.REFERENCE, 0.0, 1, 1, (0.3, 0.0, 0.0, 0.0)),)}
+        )
+
+    monkeypatch.setattr(site.cell.service.port, "begin", planted)
+    program = await site.run()
+    assert program.fault is not None
+    assert program.fault.code == "MC464"
+
+
+def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed() -> None:
+    """A piece of state that is added to the start and forgotten in the comparison fails here."""
+    from mcserver.gcode.profiles.frame import Frame
+    from mcserver.gcode.semantics.modal import ModalState
+    from mcserver.planning.start_state import changes_between
+    from mcserver.service.approval_basis import ApprovalBasis
+
+    machine = parse_machine(MILL)
+    start, basis = StartState.of(machine), ApprovalBasis(machine)
+    other: dict[str, Any] = {
+        "positions": {**start.positions, 0: 0.1},
+        "energized": frozenset({0}),
+        "unsettled": frozenset({0}),
+        "homed": frozenset({1, 2, 3}),
+        "frame": Frame(systems={1: {0: 0.3}}),
+        "modal": ModalState(inch=True),
+        "inputs": (0.0, 0.0),
+        "outputs": (1.0,),
+    }
+    assert set(other) == set(StartState.__struct_fields__)
+    for field, value in other.items():
+        now = msgspec.structs.replace(start, **{field: value})
+        tolerance = dict.fromkeys(range(4), 1e-4)
+        axes = (0, 1, 2, 3)
+        found = changes_between(machine, start, now, axes=axes, inputs=frozenset({0}), tolerance=tolerance)
+        assert len(found) == 1, field
+        assert basis.digest(TEXT, axes, now) != basis.digest(TEXT, axes, start), field
+    assert basis.digest(TEXT, (0,), start) != basis.digest(TEXT, (0, 1), start)
+    assert basis.digest(TEXT + " ", (0,), start) != basis.digest(TEXT, (0,), start)
+    faster = parse_machine(MILL.replace("max_velocity = 500.0", "max_velocity = 501.0"))
+    assert ApprovalBasis(faster).digest(TEXT, (0,), start) != basis.digest(TEXT, (0,), start)
