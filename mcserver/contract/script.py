@@ -278,7 +278,7 @@ class Script:
     def _run(self, through: int) -> None:
         self.program.queue.consume(through)
         self.program.progress.passed(through)
-        self.program.recorded = through
+        self.program.done = through
 
     def _numbers(self) -> dict[str, object]:
         program = self.program

@@ -158,7 +158,7 @@ class ArmingMethods:
             await service.lines.submit(client, program.program, 1, lines)
             await service.lines.close(client, program.program, len(lines))
         except ServiceError:
-            if not program.ended:
+            if not program.over:
                 service.abort(program.program, "an armed program could not be started as a whole")
             raise
         self._publish("run.started", client, run, program.program)

@@ -41,7 +41,7 @@ class Forecasts:
         while len(self._timelines) > TEXTS:
             self._timelines.popitem(last=False)
         for program in programs:
-            if program.sha256 == sha256 and not program.ended:
+            if program.sha256 == sha256 and not program.over:
                 program.clock.foresee(timeline)
 
     def knows(self, sha256: str) -> bool:
@@ -62,12 +62,12 @@ class Forecasts:
         """
         slots: Sequence[SlotView] | None = None
         for program in programs:
-            if program.ended or program.slot is None:
+            if program.slot is None:
                 continue
             override, progress = program.override, program.progress
             program.eta_s = program.clock.observe(
                 now,
-                program.done,
+                progress.done,
                 override,
                 running=program.state == "running" and progress.started > 0,
                 done_at=progress.ended_at,

@@ -90,7 +90,7 @@ class HomingService:
             await asyncio.sleep(REFERENCE_LOOK_S)
         if program.fault is not None:
             raise Refused(program.fault.code, program.fault.message, program.fault.hint)
-        if program.state != "finished":
+        if not program.over or program.ended_as != "finished":
             self._service.abort(program.program, "the reference took too long")
             raise Refused("MC458", "the reference was not given in time", "see mcctl status, then try again")
         return program

@@ -106,7 +106,7 @@ class Jogging:
     def _ended(self, program: Program) -> None:
         """Forget a jog; the steps behind one that was broken off do not run either."""
         ended = self._open.pop(program.program, None)
-        if ended is None or program.state == "finished":
+        if ended is None or program.ended_as == "finished":
             return
         behind = [each for each, jog in self._open.items() if jog == ended]
         for other in behind:
@@ -119,7 +119,7 @@ class Jogging:
         if program.client != client:
             raise Refused("MC504", f"{program_id} belongs to {program.client}", "", program=program_id)
         watch = self._watches.pop(program_id, None)
-        if watch is None or program.ended or program.state == "ending":
+        if watch is None or program.over or program.state == "ending":
             raise Refused("MC517", f"{program_id} is no jog under way", "start another", state=program.state)
         watch.cancel()
         self._watch(program_id, hold_s if hold_s is not None else DEFAULT_HOLD_S)
@@ -138,7 +138,7 @@ class Jogging:
             return
         self._watches.pop(program_id, None)
         program = self._found(program_id)
-        if program is not None and not program.ended:
+        if program is not None and not program.over:
             self._service.abort(program_id, "the jog was let go")
 
     def _found(self, program_id: str) -> Program | None:

@@ -102,7 +102,7 @@ class LineIntake:
             ServiceError: MC503, MC504, MC505 line ``last`` is not there yet, MC519 lines cannot be journaled.
         """
         program = owned_program(self._table.programs, client, program_id)
-        if last is not None and not program.ended and program.queue.accepted < last:
+        if last is not None and not program.over and program.queue.accepted < last:
             raise Refused(
                 "MC505",
                 f"line {program.queue.expected} is the next one expected, {last} was to be the last",
@@ -110,7 +110,7 @@ class LineIntake:
                 **_numbers(program),
             )
         through = program.queue.accepted
-        if not program.ended:
+        if not program.over:
             self._check_journal(program, through)
         self._table.close(program)
         result: Deferred[Program] = Deferred()
@@ -123,7 +123,7 @@ class LineIntake:
                 result.resolve(program)
 
         verdict.listen(answer)
-        if program.ended or program.journaled >= through:
+        if program.over or program.journaled >= through:
             verdict.resolve(Verdict.TAKEN)
         else:
             program.wait_for(through, verdict, validated=False)

@@ -85,8 +85,8 @@ class Program:
         self.progress = LineProgress(start_line)
         # where what has been planned ends on the executor's time axis of this program [cycles]
         self.planned_end_u: float | None = None
-        # lines through this one have ended and are in the journal as such
-        self.recorded = start_line - 1
+        # lines through this one have ended, and the journal has it: the one number that is ever said
+        self.done = start_line - 1
         self.eta_s: float | None = None
         # what lines say to the operator once the program has come there, and what was said last
         self.messages: deque[tuple[int, str]] = deque(maxlen=MESSAGES)
@@ -101,12 +101,13 @@ class Program:
         self.rejected = 0
         self.diagnostics: list[WireDiagnostic] = []
         self.fault: Fault | None = None
+        # nothing of it runs any more; its end is said once it is in the journal
+        self.over = False
         self.ended_at: float | None = None
         self.ended_as: ProgramState = "finished"
         self.reason = ""
         self.last_reported_credit = queue.limit
         self.last_reported_started = 0
-        self.last_reported_done = start_line - 1
         self._ended_status: ProgramStatus | None = None
         self._waiting: deque[tuple[int, Deferred[Verdict]]] = deque()
         self._waiting_for_journal: deque[tuple[int, Deferred[Verdict]]] = deque()
@@ -121,11 +122,6 @@ class Program:
         return f"{self.name or 'a program'} ({self.state}) of {self.client}"
 
     @property
-    def done(self) -> int:
-        """Every line through this one has ended or needed no time."""
-        return min(self.progress.done, self.journaled)
-
-    @property
     def takes_lines(self) -> bool:
         return not self.closed and not self.ended and self.state != "ending"
 
@@ -135,8 +131,7 @@ class Program:
         return Ack(
             program=self.program,
             accepted=self.journaled,
-            # an end is reported once it is in the journal, which the program's own end is a part of
-            done=self.done if self.ended else min(self.done, self.recorded),
+            done=self.done,
             credit=self.last_reported_credit,
             state=self.state,
             rejected=self.rejected,
@@ -198,7 +193,7 @@ class Program:
         if by_time is not None:
             return 1.0 if self.state == "finished" else by_time
         total = self.journaled - self.start_line + 1
-        return min(1.0, max(0.0, (self.done - self.start_line + 1) / total)) if total else 0.0
+        return min(1.0, max(0.0, (self.progress.done - self.start_line + 1) / total)) if total else 0.0
 
     def wait_for(self, through: int, verdict: Deferred[Verdict], *, validated: bool) -> None:
         """Give ``verdict`` once lines through this number are journaled and, if asked for, ``validated``."""
@@ -210,7 +205,7 @@ class Program:
         through = self.journaled
         while self._waiting_for_journal and self._waiting_for_journal[0][0] <= through:
             self._waiting_for_journal.popleft()[1].resolve(Verdict.TAKEN)
-        if self.state not in ("queued", "ending") and not self.step and not self.ended:
+        if self.state not in ("queued", "ending") and not self.step and not self.over:
             through = min(through, self.validated)
         while self._waiting and self._waiting[0][0] <= through:
             self._waiting.popleft()[1].resolve(Verdict.TAKEN)

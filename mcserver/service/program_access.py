@@ -41,14 +41,14 @@ def owned_program(programs: Mapping[str, Program], client: str, program_id: str)
 
 
 def open_programs(programs: Mapping[str, Program], program_id: str | None) -> list[Program]:
-    """Return one program, or all that have not ended, the oldest first.
+    """Return one program, or all of which something may still run, the oldest first.
 
     Raises:
         ServiceError: MC503 no program has that id, MC517 it has ended.
     """
     if program_id is None:
-        return [program for program in programs.values() if not program.ended]
+        return [program for program in programs.values() if not program.over]
     program = find_program(programs, program_id)
-    if program.ended:
+    if program.over:
         raise Refused("MC517", f"{program_id} has ended: {program.state}", "", state=program.state)
     return [program]

@@ -48,7 +48,7 @@ from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
 from mcserver.service.progress_reports import ProgressReports
 from mcserver.service.references import References, references_file
-from mcserver.service.reports import Ack, Event, Fault, LineReport, ProgramState, wire_diagnostic
+from mcserver.service.reports import Ack, Event, Fault, ProgramState, wire_diagnostic
 from mcserver.service.reports import EventKind as Kind
 from mcserver.service.service_options import ServiceOptions
 from mcserver.service.start_of_programs import start_state
@@ -96,7 +96,6 @@ class ProgramTable:
         self.events = EventLog(options.instance, self.now, on_event)
         self.acks = AckSender(on_ack)
         self._loop = asyncio.get_running_loop()
-        self._progress = ProgressReports(self._loop, self.publish, self._journal_progress)
         self._lock = JournalLock(options.journal)
         try:
             self.journal_damage = prepare_journal(options.journal)
@@ -110,6 +109,7 @@ class ProgramTable:
         except BaseException:
             self._lock.release()
             raise
+        self._progress = ProgressReports(self._loop, self.journal, self.publish, self.acks.acknowledge)
         self.offsets = WorkOffsets(options.journal.with_name(f"{options.journal.name}.offsets.json"))
         self.references = References(references_file(options.journal), machine)
         self.axis_reports = AxisReports(machine.axes, self.references, self.events)
@@ -167,16 +167,20 @@ class ProgramTable:
 
     def close(self, program: Program) -> None:
         """No more lines; what is there runs to its end."""
-        if program.closed or program.ended:
+        if program.closed:
             return
         program.closed = True
         # through the journal, so that it comes to the planner behind the lines accepted
-        self.journal.after(partial(self.planner.send, CloseProgram(program.program)))
+        self.journal.after(partial(self._close_planned, program))
         self.publish("program.closed", program)
+
+    def _close_planned(self, program: Program) -> None:
+        if not program.over:
+            self.planner.send(CloseProgram(program.program))
 
     def stop(self, program: Program, as_state: ProgramState, reason: str, fault: Fault | None = None) -> None:
         """Stops along the path; the program ends ``as_state`` once it is at rest."""
-        if program.ended or program.state == "ending":
+        if program.over or program.state == "ending":
             return
         program.ended_as = as_state
         program.reason = reason
@@ -193,7 +197,7 @@ class ProgramTable:
 
     def enter(self, program: Program, state: ProgramState) -> None:
         """Changes the state of a program that has not ended and is not being stopped."""
-        if not program.ended and program.state != "ending":
+        if not program.over and program.state != "ending":
             program.state = state
             program.settle()
             self.acks.acknowledge(program)
@@ -230,27 +234,30 @@ class ProgramTable:
             self.publish("program.started", program)
 
     def _end(self, program: Program, state: ProgramState) -> None:
-        if program.ended:
+        """Give the axes of a program that is over to the next one; its end is said when it is journaled."""
+        if program.over:
             return
-        self._progress.report(program)
-        program.state = state
+        program.over = True
+        program.state = "ending"
+        program.ended_as = state
         program.closed = True
-        program.ended_at = self.options.clock()
         program.slot = None
         program.dismiss(Verdict.TAKEN)
-        self.journal.program_ended(
-            program.program,
-            state,
-            program.done,
-            program.fault,
-            program.ended_at,
-            partial(self.planner.send, DropProgram(program.program)),
-        )
-        self.publish("program.ended", program, line=program.done, fault=program.fault, reason=program.reason)
-        self.acks.acknowledge(program)
+        self._progress.end(program)
+        done, at = program.progress.done, self.options.clock()
+        committed = partial(self._end_committed, program, done, at)
+        self.journal.program_ended(program.program, state, done, program.fault, at, committed)
+        self.planner.send(DropProgram(program.program))
         self.on_program_ended(program)
         # all of a program without a planner is in its slot already
         self._start(self.leases.release(program.program, planned=not program.controls))
+
+    def _end_committed(self, program: Program, done: int, at: float) -> None:
+        program.done = max(program.done, done)
+        program.state = program.ended_as
+        program.ended_at = at
+        self.publish("program.ended", program, line=program.done, fault=program.fault, reason=program.reason)
+        self.acks.acknowledge(program)
 
     def _forget_ended(self) -> None:
         ended = [key for key, program in self.programs.items() if program.ended]
@@ -270,14 +277,10 @@ class ProgramTable:
         if command.epoch != program.epoch:
             # a line before them was rejected meanwhile
             return
-        if not program.ended:
+        if not program.over:
             self.planner.send(command)
         program.journaled = command.first + len(command.lines) - 1
         program.settle()
-        self.acks.acknowledge(program)
-
-    def _progress_committed(self, program: Program, done: int) -> None:
-        program.recorded = max(program.recorded, done)
         self.acks.acknowledge(program)
 
     def _journal_state(self, failure: str) -> None:
@@ -294,11 +297,6 @@ class ProgramTable:
             return
         log.warning("the journal can be written again")
         self.events.publish("warning", reason="MC519", message="the journal can be written again")
-        for program in self.programs.values():
-            if not program.ended:
-                # what it did meanwhile is not in there yet
-                program.last_reported_done = -1
-                self._progress.moved(program)
 
     # ------------------------------------------------------------ from the planner
 
@@ -315,7 +313,7 @@ class ProgramTable:
                 self._start(self.leases.forgotten(event.program))
                 continue
             program = self.programs.get(event.program)
-            if program is None or program.ended:
+            if program is None or program.over:
                 continue
             match event:
                 case Consumed():
@@ -336,7 +334,7 @@ class ProgramTable:
     def _planner_failed(self, event: PlannerFailed) -> None:
         """Stops the program that the planner failed with, or all of them."""
         for program in list(self.programs.values()):
-            if program.ended or event.program not in ("", program.program):
+            if program.over or event.program not in ("", program.program):
                 continue
             fault = Fault(
                 code="MC516",
@@ -450,7 +448,7 @@ class ProgramTable:
             program.progress.faulted(event.line, lost=event.axis >= 0)
         if program is None and fault.axis is None:
             # a fault of the whole machine ends every program, one of an idle axis none
-            hit = [each for each in self.programs.values() if not each.ended]
+            hit = [each for each in self.programs.values() if not each.over]
         for each in hit:
             self.stop(each, "faulted", fault.message, fault)
 
@@ -462,7 +460,7 @@ class ProgramTable:
             return
         self._holding.add(int(event.values[0]))
         for program in self.programs.values():
-            if not (program.ended or program.held or program.slot is None):
+            if not (program.over or program.held or program.slot is None):
                 program.held = True
                 self.enter(program, "held")
                 self.publish("program.held", program, reason=fault.code, message=fault.message)
@@ -477,7 +475,7 @@ class ProgramTable:
 
     def _in_slot(self, slot: int) -> Program | None:
         for program in self.programs.values():
-            if program.slot == slot and not program.ended:
+            if program.slot == slot and not program.over:
                 return program
         return None
 
@@ -499,10 +497,3 @@ class ProgramTable:
         if said:
             # what is said on the way to one pause belongs together
             program.notice = " · ".join(said[-3:])
-
-    def _journal_progress(self, program: Program, ended: Sequence[LineReport]) -> None:
-        if self.journal_failure:
-            # what gathers before a journal that cannot be written is bounded; the next progress says it all
-            return
-        committed = partial(self._progress_committed, program, program.done)
-        self.journal.progress(program.program, program.progress.started, program.done, ended, committed)

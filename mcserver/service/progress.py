@@ -97,6 +97,11 @@ class LineProgress:
             self.done = min(self.done, line - 1)
         self._broken |= lost
 
+    @property
+    def any_ended(self) -> bool:
+        """Whether `take_ended` has reports."""
+        return bool(self._ended)
+
     def take_ended(self) -> list[LineReport]:
         """Reports of the lines that ended since the last call, in order."""
         ended, self._ended = self._ended, []

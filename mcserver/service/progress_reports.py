@@ -1,63 +1,96 @@
-"""Which lines of programs have begun and ended, at most once a tick."""
+"""How far programs have come: journaled at once where that can be, and said when it is in the journal."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
+from functools import partial
 
+from mcserver.service.journal import Journal
 from mcserver.service.program import Program
 from mcserver.service.reports import LineReport
 
+# What has ended is given to the journal after this time [s], or this many lines.
 TICK_S = 0.02
+LINES = 32
 
 
 class ProgressReports:
     """Gather the progress of programs over a tick, so that short lines do not cost a message each.
 
+    What has ended is said from the journal's commit. One record of a program is on its way into the journal
+    at a time, so what gathers while the disk is slow is bounded by the lines that were taken before.
+
     Args:
         loop: in which the ticks come.
-        publish: an event about a program.
-        journal: writes how far a program has come, with the lines that have ended.
+        journal: takes how far a program has come, with the lines that have ended.
+        publish: an event about a program. acknowledge: a program whose ``done`` has moved.
     """
 
     def __init__(
         self,
         loop: asyncio.AbstractEventLoop,
+        journal: Journal,
         publish: Callable[..., None],
-        journal: Callable[[Program, Sequence[LineReport]], None],
+        acknowledge: Callable[[Program], None],
     ) -> None:
         self._loop = loop
-        self._publish = publish
         self._journal = journal
+        self._publish = publish
+        self._acknowledge = acknowledge
         # in order, so that a run can be repeated
         self._moved: dict[str, Program] = {}
         self._tick_scheduled = False
+        # programs of which a record is on its way into the journal
+        self._writing: set[str] = set()
 
     def moved(self, program: Program) -> None:
-        """Report a program at the end of this tick."""
+        """Report a program at the end of this tick, or now where much has gathered."""
         self._moved[program.program] = program
-        if not self._tick_scheduled:
+        if program.progress.done - program.done >= LINES and program.program not in self._writing:
+            self._report(program)
+        elif not self._tick_scheduled:
             self._tick_scheduled = True
             self._loop.call_later(TICK_S, self._tick)
+
+    def end(self, program: Program) -> None:
+        """Give the journal what is left of a program that is over, behind what is on its way."""
+        self._moved.pop(program.program, None)
+        self._say_begun(program)
+        self._write(program)
 
     def _tick(self) -> None:
         self._tick_scheduled = False
         moved, self._moved = self._moved, {}
         for program in moved.values():
-            if not program.ended:
-                self.report(program)
+            self._report(program)
 
-    def report(self, program: Program) -> None:
-        """Report at once what has come since the last report."""
-        progress = program.progress
-        ended = progress.take_ended()
-        begun = progress.started > program.last_reported_started
-        done = program.done != program.last_reported_done
-        if not (ended or begun or done):
+    def _report(self, program: Program) -> None:
+        if program.over:
             return
-        if begun:
-            self._publish("lines.started", program, line=progress.started)
+        self._say_begun(program)
+        if program.program not in self._writing:
+            self._write(program)
+
+    def _say_begun(self, program: Program) -> None:
+        started = program.progress.started
+        if started > program.last_reported_started:
+            program.last_reported_started = started
+            self._publish("lines.started", program, line=started)
+
+    def _write(self, program: Program) -> None:
+        progress = program.progress
+        ended, done = progress.take_ended(), progress.done
+        if ended or done > program.done:
+            self._writing.add(program.program)
+            committed = partial(self._committed, program, done, ended)
+            self._journal.progress(program.program, progress.started, done, ended, committed)
+
+    def _committed(self, program: Program, done: int, ended: Sequence[LineReport]) -> None:
+        self._writing.discard(program.program)
+        program.done = max(program.done, done)
         if ended:
-            self._publish("lines.ended", program, lines=ended)
-        program.last_reported_started, program.last_reported_done = progress.started, program.done
-        self._journal(program, ended)
+            self._publish("lines.ended", program, lines=list(ended))
+        self._acknowledge(program)
+        if not program.over and (program.progress.done > program.done or program.progress.any_ended):
+            self.moved(program)

@@ -275,7 +275,7 @@ class MachineService:
     def step(self, client: str, program_id: str) -> Program:
         """Lets the next line of a program in single line mode start."""
         program = owned_program(self._table.programs, client, program_id)
-        if not program.step or program.ended:
+        if not program.step or program.over:
             raise Refused(
                 "MC517",
                 f"{program_id} is not in single line mode",
@@ -349,7 +349,7 @@ class MachineService:
         left = [
             program
             for program in self._table.programs.values()
-            if program.client == client and not program.ended
+            if program.client == client and not program.over
         ]
         if left:
             self.events.publish("client.gone", client=client)

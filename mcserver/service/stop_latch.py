@@ -110,7 +110,7 @@ class StopLatch:
         Raises:
             ServiceError: MC509 programs are still coming to rest.
         """
-        if any(program.state == "ending" for program in self._table.programs.values()):
+        if any(each.state == "ending" and not each.over for each in self._table.programs.values()):
             raise Refused("MC509", "motion is still coming to rest", "try again in a moment", faults=[])
         self._port.reset(axes)
         self._latched = False
@@ -122,7 +122,7 @@ class StopLatch:
 
     def _end_programs(self, reason: str, fault: Fault) -> None:
         for program in list(self._table.programs.values()):
-            if not program.ended:
+            if not program.over:
                 self._table.stop(program, "faulted", reason, fault)
 
     def _latch(self, event: Event) -> None:

@@ -1,8 +1,9 @@
 """Clients, network, service, journal, planner and executor on one virtual clock, with faults from one seed.
 
 Nothing here waits: time goes on to the next thing that is due. Messages are lost, doubled, late and out of
-order; the disk is full for a while; the planner and the server are killed at any moment. After each step that
-can be seen from outside, what has to hold is checked. The same seed is the same run.
+order; the disk is full or stalls for a while; drives fail; the planner and the server are killed at any
+moment. After each step that can be seen from outside, what has to hold is checked. The same seed is the same
+run.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import asyncio
 import random
 import selectors
 import sqlite3
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ import msgspec
 
 from mcserver.errors import Diagnostic, ProgramRejected, ServiceError
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.fault_codes import FaultCode
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.planner import Planner
@@ -40,7 +42,7 @@ from mcserver.service.service import MachineService
 from mcserver.service.service_options import ServiceOptions
 from tests.service.fakes import FakePort, FakeSink, three_axes
 from tests.service.simulated_client import SimulatedClient
-from tests.service.simulated_laws import Violation, require
+from tests.service.simulated_laws import Said, Violation, require
 
 LIMIT_S = 60.0
 
@@ -71,10 +73,11 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
 
 class SimulatedDisk:
-    """A journal's connection; while the disk is full, nothing can be written."""
+    """A journal's connection; while the disk is full nothing can be written, while it stalls nothing ends."""
 
     def __init__(self, path: Path) -> None:
         self.full = False
+        self.stalled = False
         self._connection = open_journal(path)
 
     def execute(self, statement: str, parameters: tuple[object, ...] = ()) -> Iterable[Any]:
@@ -116,6 +119,17 @@ class SimulatedPort(FakePort):
     def runs(self, slot: int) -> bool:
         return slot in self._owners and slot not in self._aborted and not self.stopped
 
+    def fail(self, slot: int, line: int) -> None:
+        """A drive fails; the other axes pass the lines on their way to a stop."""
+        self._aborted.add(slot)
+        self.happen(EventKind.FAULT, slot, line, code=FaultCode.FOLLOWING_ERROR, axis=0)
+        self.happen(EventKind.LINE_START, slot, line + 2)
+        self._cell.later(self._come_to_rest, slot)
+
+    def moving(self) -> list[int]:
+        """Slots whose programs run."""
+        return [slot for slot in self._owners if self.runs(slot)]
+
     def abort(self, slot: int) -> None:
         if slot not in self._owners or slot in self._aborted:
             return
@@ -134,7 +148,10 @@ class SimulatedPort(FakePort):
 
 
 class SimulatedPipeline:
-    """Every line is a move; ``bad`` is faulty the first time. Lines are executed as they are planned."""
+    """Every line is a move, but each fifth, which takes no time; ``bad`` is faulty the first time.
+
+    Lines are planned ahead of what is executed.
+    """
 
     def __init__(self, cell: Cell, request: PipelineRequest, lines: LineBuffer, sink: FakeSink) -> None:
         self.planned_line = 0
@@ -142,14 +159,18 @@ class SimulatedPipeline:
         self._cell = cell
         self._program = request.program
         self._lines = lines
-        self._port, self._slot = cell.port, sink.slot
+        self._port, self._slot = sink.port, sink.slot
         self._reports: list[Report] = []
         self._ended = False
+        self._ahead: deque[tuple[int, str]] = deque()
+        # the line under way, the last one that has ended, and up to where that was said
+        self._line = self._last = self._marked = 0
 
     def pump(self, u: float | None = None, override: float = 1.0, rate: float = 1.0) -> bool:  # noqa: ARG002
         if self._ended:
             return False
-        for _ in range(self._cell.random.randint(1, 5)):
+        draw = self._cell.random
+        for _ in range(draw.randint(0, 5)):
             if not self._lines.ready:
                 break
             try:
@@ -160,17 +181,41 @@ class SimulatedPipeline:
             if text.startswith("bad"):
                 self._reject(Diagnostic(code="MC101", message=text, line=number))
                 return True
-            self._reports.append(Report(ReportKind.PLANNED, number, requested_s=0.1))
+            if number % 5:
+                self._reports.append(Report(ReportKind.PLANNED, number, requested_s=0.1))
             self.planned_line = number
-            if self._port.runs(self._slot):
-                self._cell.execute(self._program, number, text)
-                self._port.happen(EventKind.LINE_START, self._slot, number)
-                self._port.happen(EventKind.LINE_END, self._slot, number)
-        if self._lines.closed and not self._lines:
-            self._ended = True
-            if self._port.runs(self._slot):
-                self._port.happen(EventKind.FINISHED, self._slot, self.planned_line)
+            self._ahead.append((number, text))
+        if self._port.runs(self._slot):
+            for _ in range(draw.randint(0, 8)):
+                self._step()
         return True
+
+    def _step(self) -> None:
+        """End the line under way, or begin the next one."""
+        happen = self._port.happen
+        if self._line:
+            happen(EventKind.LINE_END, self._slot, self._line)
+            self._end(self._line)
+        elif self._ahead:
+            number, text = self._ahead.popleft()
+            self._cell.execute(self._program, number, text)
+            if number % 5:
+                happen(EventKind.LINE_START, self._slot, number)
+                self._line = number
+            else:
+                self._end(number)
+        elif self._lines.closed and not self._lines:
+            if not self._ended:
+                happen(EventKind.FINISHED, self._slot, self.planned_line)
+            self._ended = True
+        elif self._last > self._marked:
+            self._marked = self._last
+            happen(EventKind.PASSED, self._slot, self._last)
+        self._cell.under_way[self._slot] = self._line
+
+    def _end(self, number: int) -> None:
+        self._line, self._last = 0, number
+        self._cell.ended[self._program] = number
 
     def on_event(self, event: ExecutorEvent) -> None:
         self._ended |= event.kind is EventKind.STOPPED
@@ -260,6 +305,10 @@ class Cell:
         self.loop = loop
         self.tasks: set[asyncio.Task[None]] = set()
         self.executed: dict[str, list[int]] = {}
+        # the last line of each that has ended, and the line under way in a slot
+        self.ended: defaultdict[str, int] = defaultdict(int)
+        self.under_way: defaultdict[int, int] = defaultdict(int)
+        self.said = Said(lambda program: self.ended[program], self._journaled_end)
         # the same by text
         self.texts: defaultdict[str, dict[int, str]] = defaultdict(dict)
         self.calm = False
@@ -338,13 +387,21 @@ class Cell:
                 raise self._violations[0]
 
     async def _pass(self, faults: int) -> None:
-        kinds = [self.planner_killed, self.server_killed, self.disk_full, self.stopped, self.aborted]
+        kinds = [
+            self.planner_killed,
+            self.server_killed,
+            self.disk_full,
+            self.disk_stalled,
+            self.drive_failed,
+            self.stopped,
+            self.aborted,
+        ]
         for _ in range(faults):
             await asyncio.sleep(self.random.expovariate(3.0))
             if self._violations:
                 return
             self.random.choice(kinds)()
-        self.calm, self._disk.full = True, False
+        self.calm, self._disk.full, self._disk.stalled = True, False, False
         self._reset()
         until = self.loop.time() + LIMIT_S
         while not (self._violations or all(client.done for client in self._clients)):
@@ -362,13 +419,27 @@ class Cell:
         for program, ran in self.executed.items():
             self._kept[program] = self._journaled(program)
             require(self._kept[program] >= len(ran), f"{program} ran lines that the journal has lost")
-            require(self._done(program) <= len(ran), f"{program} is said to be done through more than ran")
+            done = self._journaled_end(program)[0]
+            require(done <= self.ended[program], f"the journal has {program} done through {done}, {ran} ran")
+        self.said.judge_after_a_kill()
         self._start()
         for client in self._clients:
             client.forget()
 
     def disk_full(self) -> None:
         self._disk.full = not self._disk.full
+
+    def disk_stalled(self) -> None:
+        disk = self._disk
+        disk.stalled = True
+        self.loop.call_later(self.random.expovariate(0.5), setattr, disk, "stalled", False)
+
+    def drive_failed(self) -> None:
+        moving = self.port.moving()
+        if moving:
+            slot = self.random.choice(moving)
+            self.port.fail(slot, self.under_way[slot])
+            self.later(self._reset)
 
     def stopped(self) -> None:
         self.service.latch.emergency_stop("", "seed")
@@ -413,7 +484,11 @@ class Cell:
         self.service._table.close_journal()
 
     def _write(self) -> None:
-        self.service._table.journal.write_pending()
+        if not self._disk.stalled:
+            self.service._table.journal.write_pending()
+        for program in self.service.current():
+            status = program.status()
+            self.said.hear("status", status.program, status.done, status.state)
         self.later(self._write)
 
     def _reset(self) -> None:
@@ -425,9 +500,8 @@ class Cell:
     def _on_ack(self, start: int, ack: Ack) -> None:
         if start != self._starts:
             return
-        ran = len(self.executed.get(ack.program, ()))
         require(ack.accepted <= self._journaled(ack.program), f"{ack} before its lines are journaled")
-        require(ack.done <= ran, f"{ack}: only {ran} lines ran")
+        self.said.hear("ack", ack.program, ack.done, ack.state)
         for client in self._clients:
             self.network(lambda client=client: client.on_ack(ack))  # type: ignore[misc]
 
@@ -436,17 +510,29 @@ class Cell:
         if start == self._starts and not repeated:
             self._seq += 1
             require(event.seq == self._seq, f"event {event.seq} after {self._seq - 1}")
+            if event.kind == "lines.ended" and event.program:
+                last = event.lines[-1].line
+                # it is done once what comes next has begun
+                self.said.hear("lines.ended", event.program, last - 1, None)
+                require(last <= self.ended[event.program], f"{event.program} has not ended {last}")
+            if event.kind == "program.ended" and event.program:
+                self.said.hear("program.ended", event.program, event.line, event.state)
 
     def _journaled(self, program: str) -> int:
         return self._ask("SELECT coalesce(max(last), 0) FROM chunks WHERE program=?", program)
 
-    def _done(self, program: str) -> int:
-        return self._ask("SELECT coalesce(max(done), 0) FROM programs WHERE program=?", program)
+    def _journaled_end(self, program: str) -> tuple[int, str | None]:
+        """How far the journal has a program, and its state there."""
+        rows = self._rows("SELECT done, state FROM programs WHERE program=?", program)
+        return (int(rows[0][0]), rows[0][1]) if rows else (0, None)
 
     def _ask(self, sql: str, *parameters: str) -> int:
+        return int(self._rows(sql, *parameters)[0][0])
+
+    def _rows(self, sql: str, *parameters: str) -> list[tuple[Any, ...]]:
         if self._reader is None:
             self._reader = sqlite3.connect(self._journal, isolation_level=None)
-        return int(self._reader.execute(sql, parameters).fetchall()[0][0])
+        return self._reader.execute(sql, parameters).fetchall()
 
     def _forget_reader(self) -> None:
         if self._reader is not None:

@@ -131,6 +131,7 @@ class SimulatedClient:
     def _submit(self, program: str, first: int, lines: list[str], rejections: int) -> None:
         def answer(taken: Program | None, error: Exception | None) -> None:
             if taken is not None:
+                self._cell.said.hear("submit", program, taken.done, taken.state)
                 reply = partial(self._take, program, taken.epoch, taken.journaled)
             elif isinstance(error, RejectedLines | Refused):
                 reply = partial(self._on_refusal, program, error)
@@ -155,8 +156,12 @@ class SimulatedClient:
         self._take(program, rejections, int(str(error.details.get("accepted", 0))))
 
     def _close(self, program: str) -> None:
+        def answer(closed: Program | None, _error: Exception | None) -> None:
+            if closed is not None:
+                self._cell.said.hear("close", program, closed.done, closed.state)
+
         with suppress(ServiceError):
-            self._cell.service.lines.close(self.name, program, last=self._lines)
+            self._cell.service.lines.close(self.name, program, last=self._lines).listen(answer)
 
     def _ask(self, program: str) -> None:
         try:

@@ -15,7 +15,7 @@ class OneJog:
     """A service with one jog under way."""
 
     client = "hmi"
-    ended = False
+    over = False
     state = "running"
 
     def __init__(self, loop: VirtualLoop) -> None:
@@ -27,7 +27,7 @@ class OneJog:
         return self
 
     def abort(self, _program: str, _reason: str) -> None:
-        self.ended = True
+        self.over = True
         self.let_go_at = self._loop.time()
 
 

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from mcserver.planning.planner_messages import Validated
 from mcserver.service import line_intake, program_table
+from mcserver.service.program import Program
+from mcserver.service.program_table import ProgramTable
+from mcserver.service.progress import LineProgress
+from mcserver.service.progress_reports import ProgressReports
+from mcserver.service.reports import ProgramState
 from tests.service.simulated_cell import Cell, VirtualLoop
 from tests.service.simulated_laws import Violation
 
 # thousands more: make schedules
 SEEDS = 100
 FAULTS = 6
-# A planner that is behind begins a program after its end, when its slot is another one's.
-BROKEN_ONCE = (210064,)
 
 
 class NoHeartbeat:
@@ -57,12 +62,6 @@ def test_every_line_runs_once_and_in_order_whatever_fails(
             pytest.fail(f"seed {seed}: {violation}")
 
 
-@pytest.mark.parametrize("seed", BROKEN_ONCE)
-def test_what_was_broken_once_holds(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(program_table, "Heartbeat", NoHeartbeat)
-    simulate(seed, tmp_path / "journal.db")
-
-
 def test_a_server_that_takes_lines_of_before_a_rejection_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -75,6 +74,58 @@ def test_a_server_that_takes_lines_of_before_a_rejection_is_found(
         except Violation:
             found += 1
     assert found
+
+
+def _simulate_many(count: int, folder: Path) -> None:
+    for seed in range(count):
+        simulate(seed, folder / f"{seed}.db")
+
+
+def _say_what_is_planned(monkeypatch: pytest.MonkeyPatch) -> None:
+    validated = ProgramTable._validated
+
+    def planned(table: ProgramTable, program: Program, event: Validated) -> None:
+        program.progress.passed(event.through)
+        validated(table, program, event)
+
+    monkeypatch.setattr(ProgramTable, "_validated", planned)
+
+
+def _say_before_the_journal(monkeypatch: pytest.MonkeyPatch) -> None:
+    write = ProgressReports._write
+
+    def ahead(reports: ProgressReports, program: Program) -> None:
+        write(reports, program)
+        program.done = program.progress.done
+
+    monkeypatch.setattr(ProgressReports, "_write", ahead)
+
+
+def _end_before_the_journal(monkeypatch: pytest.MonkeyPatch) -> None:
+    end = ProgramTable._end
+
+    def ahead(table: ProgramTable, program: Program, state: ProgramState) -> None:
+        end(table, program, state)
+        program.state = program.ended_as
+
+    monkeypatch.setattr(ProgramTable, "_end", ahead)
+
+
+def _count_what_other_axes_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LineProgress, "faulted", lambda *_, **__: None)
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [_say_what_is_planned, _say_before_the_journal, _end_before_the_journal, _count_what_other_axes_pass],
+)
+def test_a_server_that_says_what_is_not_so_is_found(
+    plant: Callable[[pytest.MonkeyPatch], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(program_table, "Heartbeat", NoHeartbeat)
+    plant(monkeypatch)
+    with pytest.raises(Violation):
+        _simulate_many(40, tmp_path)
 
 
 def test_a_seed_is_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
