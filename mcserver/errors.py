@@ -95,6 +95,8 @@ class McError(Exception):
     """Base of all errors of this package; carries a stable code and a remedy."""
 
     def __init__(self, code: str, message: str, hint: str = "") -> None:
+        # of an error that was made of another one's text
+        message = message.removeprefix(f"{code}: ")
         super().__init__(f"{code}: {message}" + (f" ({hint})" if hint else ""))
         self.code = code
         self.message = message

@@ -97,7 +97,7 @@ async def running(
     """
     journal = options.journal or default_journal(machine.name)
     try:
-        journal.parent.mkdir(parents=True, exist_ok=True)
+        journal.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise ServiceError(
             "MC520", f"the journal's folder {journal.parent} cannot be made: {error}", "give --journal"

@@ -21,7 +21,7 @@ import typer
 from mckinematics.errors import KinematicsError
 
 from mcserver.cli.console import narration, show_error
-from mcserver.cli.exit_codes import ExitCode, OutputFault, exit_code_of
+from mcserver.cli.exit_codes import ExitCode, OutOfResources, OutputFault, exit_code_of
 from mcserver.errors import McError
 from mcserver.machine.machine_kinematics import as_configuration_error
 from mcserver.terminal import LogFormatter
@@ -131,10 +131,10 @@ def run_command_line(arguments: list[str] | None = None) -> int:
         return int(ExitCode.FAILED)
     except OSError as error:
         _abandon_standard_output()
-        show_error(_from_os_error(error))
+        show_error(_out_of_resources(error) or _from_os_error(error))
         return int(ExitCode.FAILED)
     except Exception as error:
-        show_error(_internal(error))
+        show_error(_out_of_resources(error) or _internal(error))
         return int(ExitCode.FAILED)
 
 
@@ -166,6 +166,37 @@ def _abandon_standard_output() -> None:
         return
     finally:
         os.close(nowhere)
+
+
+_LACKS: Mapping[int, str] = MappingProxyType(
+    {
+        errno.ENOMEM: "memory",
+        errno.EAGAIN: "processes or threads",
+        errno.EMFILE: "file descriptors of this process",
+        errno.ENFILE: "file descriptors",
+    }
+)
+
+
+def _out_of_resources(error: BaseException) -> McError | None:
+    """Name what the computer, or a limit of this process, does not give; None: it is no such error."""
+    lacking = ""
+    if isinstance(error, BaseExceptionGroup):
+        return next(filter(None, map(_out_of_resources, error.exceptions)), None)
+    if isinstance(error, MemoryError):
+        lacking = _LACKS[errno.ENOMEM]
+    elif isinstance(error, RuntimeError) and "can't start new thread" in str(error):
+        lacking = "memory or threads"
+    elif isinstance(error, OSError):
+        lacking = _LACKS.get(error.errno or 0, "")
+    if not lacking:
+        return None
+    return OutOfResources(
+        "MC028",
+        f"the computer gives no more {lacking}",
+        "end other programs, or raise the limits of this process (ulimit -v, -u, -n; MemoryMax, TasksMax and "
+        "LimitNOFILE of its service); a server needs 1.5 GB of address space, 350 MB of memory",
+    )
 
 
 def _from_os_error(error: OSError) -> McError:

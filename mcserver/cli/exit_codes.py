@@ -12,6 +12,7 @@ Codes::
     MC017  an option's value does not fit
     MC018  a file that an option names is missing
     MC019  a fault of the program itself
+    MC028  the computer has no memory, threads, processes or descriptors left for it
 """
 
 from __future__ import annotations
@@ -34,6 +35,10 @@ class ExitCode(enum.IntEnum):
 
 class OutputFault(McError):
     """A result that could not be written (exit code 1)."""
+
+
+class OutOfResources(McError):
+    """The computer, or a limit of the process, does not give what is needed (exit code 1)."""
 
 
 def exit_code_of(error: McError) -> ExitCode:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from typing import Generic, TypeVar
 
 import msgspec
 
 from mcserver.errors import ServiceError
+
+# where in a message, as msgspec says it: `$.lines[...]`
+_PLACE = re.compile(r" - at `\$\.?(.*?)`")
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -44,7 +48,12 @@ class MessageDecoder(Generic[T]):
 
     def _refusal(self, why: str) -> ServiceError:
         name = self._kind.__name__
-        return ServiceError("MC500", f"the payload is not a {name}: {why}", f"see docs/schemas/{name}.json")
+        what = _PLACE.sub(lambda found: f" in {found[1]}" if found[1] else "", why)
+        return ServiceError(
+            "MC500",
+            f"the message is no {name}: {what}",
+            "client and server may be of different versions; docs/wire describes each message",
+        )
 
 
 def _fields_with_floats(kind: type[msgspec.Struct]) -> tuple[str, ...]:

@@ -153,7 +153,7 @@ class RpcServer:
         if call is None:
             raise Refused(
                 "MC502",
-                f"{asked.key!r} names neither one client nor one method",
+                f"{asked.key!r} names no single client and method; they are letters, digits, '-', '_', '.'",
                 f"ask {self._keys.rpc('{client}', '{method}')} with both written out",
                 key=asked.key,
             )

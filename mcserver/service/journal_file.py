@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sqlite3
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -192,6 +193,8 @@ def open_journal(path: Path) -> sqlite3.Connection:
         ServiceError: MC520 the file is no journal of this version, or cannot be written.
     """
     try:
+        # SQLite gives the files beside it the same rights
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
         # no transactions but those asked for: a single statement commits itself, without BEGIN and COMMIT
         connection = sqlite3.connect(path, check_same_thread=False, timeout=1.0, isolation_level=None)
         # of a new file: a commit writes whole pages, and most commits are a single short row
@@ -218,7 +221,7 @@ def open_journal(path: Path) -> sqlite3.Connection:
         connection.create_function("row_checksum", -1, row_checksum, deterministic=True)
         for trigger in _seals():
             connection.execute(trigger)
-    except sqlite3.Error as error:
+    except (sqlite3.Error, OSError) as error:
         raise ServiceError(
             "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
         ) from error

@@ -6,6 +6,11 @@ import os
 from pathlib import Path
 
 
+def private(path: str, flags: int) -> int:
+    """Open a file that only its owner reads; the ``opener`` of `open`."""
+    return os.open(path, flags, 0o600)
+
+
 def replace_file(path: Path, content: bytes) -> None:
     """Write a file anew: whoever reads it, after a power cut too, finds all of the old one or of the new one.
 
@@ -13,7 +18,7 @@ def replace_file(path: Path, content: bytes) -> None:
         OSError: it cannot be written; the old one is as it was.
     """
     aside = path.with_name(f"{path.name}.new")
-    with aside.open("wb") as file:
+    with open(aside, "wb", opener=private) as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())

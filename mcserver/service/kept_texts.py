@@ -10,6 +10,7 @@ from collections import OrderedDict
 from pathlib import Path
 
 from mcserver.errors import Refused
+from mcserver.service.kept_file import private
 
 # Texts that are kept, the latest used; of one text, and of all [bytes].
 TEXTS = 8
@@ -46,7 +47,7 @@ class KeptText:
         Raises:
             OSError: it cannot be written; nothing of it is kept.
         """
-        with self.path.open("r+b" if self.received else "wb") as file:
+        with open(self.path, "r+b" if self.received else "wb", opener=private) as file:
             file.seek(self.received)
             file.write(part)
             file.flush()
@@ -130,7 +131,7 @@ class KeptTexts:
         ):
             self._drop(next(iter(self._texts)))
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             free = shutil.disk_usage(self._folder).free
         except OSError as error:
             raise Refused("MC591", f"the text cannot be kept: {error.strerror}", _NO_ROOM) from error

@@ -137,7 +137,8 @@ class MachineLink:
                         group.create_task(self.run_requests.follow(machine))
                         group.create_task(self._look_for_clients(machine))
             except (MotionError, ExceptionGroup) as error:
-                self.failure = error.message if isinstance(error, MotionError) else str(error.exceptions[0])
+                first = error.exceptions[0] if isinstance(error, ExceptionGroup) else error
+                self.failure = first.message if isinstance(first, MotionError) else str(first)
                 log.info("%s: %s", self.name, self.failure)
             finally:
                 self.machine = None

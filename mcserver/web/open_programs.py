@@ -20,6 +20,6 @@ def refusal_of(programs: Sequence[ProgramStatus], why: str) -> MotionError | Non
         return None
     return MotionError(
         "MC512",
-        f"{program.name or program.program} is {program.state}: {why}",
+        f"{program.name or program.program} of {program.client} is {program.state}: {why}",
         "wait for its end, or abort it",
     )

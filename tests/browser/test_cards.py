@@ -101,7 +101,7 @@ def test_a_robot_homes_is_seen_and_set_to_zero(
         zero = page.get_by_role("button", name="Zero X")
         with machine.program("by another"):
             expect(
-                page.get_by_text(re.compile(r"^by another is .*: zero is set .* \[MC512\]"))
+                page.get_by_text(re.compile(r"^by another of .* is .*: zero is set .* \[MC512\]"))
             ).to_be_visible()
             expect(zero).to_be_disabled()
         zero.click()

@@ -106,7 +106,7 @@ def test_a_line_is_completed_remembered_and_refused_while_a_program_runs(
     field.fill("G00 Y100")
     field.press("Enter")
     expect(
-        page.get_by_text(re.compile(r"long.gcode is running: a line typed now .*\[MC512\]"))
+        page.get_by_text(re.compile(r"long.gcode of .* is running: a line typed now .*\[MC512\]"))
     ).to_be_visible()
     assert [program.name for program in machine.programs(ended=False)] == ["long.gcode"]
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 
 import pytest
+from mcclient.errors import MotionError
 
 from mcserver.cli.app import run_command_line
+from mcserver.errors import McError
 from tests.cli.command import EXAMPLES, ROOT
 
 Capture = pytest.CaptureFixture[str]
@@ -102,6 +105,37 @@ def test_a_fault_of_mcserver_itself_is_one_line_that_asks_for_a_report(
     shown = capfd.readouterr().err
     assert "error[MC019]" in shown
     assert "Traceback" not in shown
+
+
+@pytest.mark.parametrize(
+    ("error", "lacking"),
+    [
+        (MemoryError(), "memory"),
+        (RuntimeError("can't start new thread"), "threads"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), "memory"),
+        (OSError(errno.EAGAIN, "Resource temporarily unavailable"), "processes"),
+        (OSError(errno.EMFILE, "Too many open files"), "descriptors"),
+        (ExceptionGroup("of a task group", [ValueError(), MemoryError()]), "memory"),
+    ],
+)
+def test_what_the_computer_does_not_give_is_named_with_the_remedy(
+    monkeypatch: pytest.MonkeyPatch, capfd: Capture, error: Exception, lacking: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("mcserver.cli.check.load_machine", fail)
+    assert run_command_line(["check", ARCS]) == 1
+    shown = capfd.readouterr().err
+    assert "error[MC028]" in shown
+    assert lacking in shown.splitlines()[0]
+    assert "ulimit" in shown
+
+
+@pytest.mark.parametrize("kind", [McError, MotionError])
+def test_a_code_is_said_once_however_an_error_was_made_of_another(kind: type[Exception]) -> None:
+    inner = kind("MC530", "nobody is there", "start a server")
+    assert str(kind("MC530", str(inner))) == "MC530: nobody is there (start a server)"
 
 
 def test_no_color_is_honoured_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capfd: Capture) -> None:

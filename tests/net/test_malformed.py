@@ -38,6 +38,14 @@ def test_whatever_the_bytes_are_the_decoder_raises_mc500(kind: type[msgspec.Stru
     assert refused.value.code == "MC500"
 
 
+def test_a_refused_message_names_the_field_and_no_file() -> None:
+    with pytest.raises(ServiceError) as refused:
+        MessageDecoder(OverrideRequest)(msgspec.msgpack.encode({"percent": "all"}))
+    assert "no OverrideRequest" in refused.value.message
+    assert refused.value.message.endswith(" in percent")
+    assert "schemas" not in str(refused.value)
+
+
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), float("-inf")])
 def test_numbers_that_pass_every_bound_are_refused(number: float) -> None:
     for kind, body in (

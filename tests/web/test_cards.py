@@ -119,12 +119,15 @@ def test_each_work_offset_that_was_set_is_listed() -> None:
 
 @pytest.mark.parametrize(("state", "refused"), [("queued", True), ("held", True), ("finished", False)])
 def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str, refused: bool) -> None:
-    programs = (ProgramStatus("p-1", "finished"), ProgramStatus("p-2", state, name="part.gcode"))
+    programs = (
+        ProgramStatus("p-1", "finished"),
+        ProgramStatus("p-2", state, name="part.gcode", client="hmi"),
+    )
     refusal = refusal_of(programs, WHY)
     assert (refusal is not None) is refused
     if refusal is not None:
         assert refusal.code == "MC512"
-        assert refusal.message == f"part.gcode is {state}: zero is set where the axes stand"
+        assert refusal.message == f"part.gcode of hmi is {state}: zero is set where the axes stand"
 
 
 def test_homing_says_what_it_is_at_only_while_its_program_runs() -> None:

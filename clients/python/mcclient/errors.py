@@ -54,6 +54,8 @@ class MotionError(Exception):
         diagnostics: Sequence[Diagnostic] = (),
         line: int = 0,
     ) -> None:
+        # of an error that was made of another one's text
+        message = message.removeprefix(f"{code}: ")
         super().__init__(f"{code}: {message}" + (f" ({hint})" if hint else ""))
         self.code = code
         self.message = message

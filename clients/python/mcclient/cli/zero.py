@@ -83,7 +83,8 @@ def zero(
             for program in await one.programs(ended=False):
                 raise RequestRefused(
                     "MC512",
-                    f"{program.program} is {program.state}: zero is set where the axes stand",
+                    f"{program.program} of {program.client} is {program.state}: "
+                    "zero is set where the axes stand",
                     "wait for its end, or abort it",
                 )
             return (await one.status()).probe if probe else None
