@@ -105,7 +105,7 @@ async def running(
     instance = f"{int(time.time()):x}{secrets.token_hex(3)}"
     async with contextlib.AsyncExitStack() as stack:
         stack.callback(port.close)
-        face = await MachineEndpoint.open(machine.name, options.network, instance)
+        face = await MachineEndpoint.open(machine.name, options.network)
         stack.push_async_callback(face.close)
         recorder = None
         if make_recorder is not None:

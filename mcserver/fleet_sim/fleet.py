@@ -52,10 +52,10 @@ class FleetOptions(msgspec.Struct, frozen=True):
 
 
 class LightFleet:
-    """The machines of one process. Their session's id is the instance of each, as clients expect it.
+    """The machines of one process.
 
     Args:
-        session: opened with ``instance`` as its id.
+        instance: of each, its present start.
     """
 
     def __init__(self, session: zenoh.Session, instance: str, options: FleetOptions) -> None:
@@ -158,7 +158,7 @@ class LightFleet:
         session.subscribe(keys.lines_in("*", "*"), on_lines)
         session.queryable(keys.rpc("*", "*"), on_query)
         session.queryable(keys.info, on_query)
-        session.token(keys.live(self._instance))
+        session.token(keys.live(self._instance, session.zenoh_id))
         self._machines.append(machine)
         self._states.append(put_state)
 
@@ -183,7 +183,7 @@ def open_fleet(options: FleetOptions) -> tuple[zenoh.Session, LightFleet]:
     """
     instance = f"{int(time.time()):x}{secrets.token_hex(3)}"
     where = reach(options.network)
-    config = main_configuration(options.network, where, instance)
+    config = main_configuration(options.network, where)
     # whoever asks for a fleet wants it at that router, not some day
     config.insert_json5("connect/timeout_ms", json.dumps(10_000))
     config.insert_json5("connect/exit_on_failure", json.dumps(True))

@@ -19,7 +19,7 @@ from mcclient.calls import ATTEMPT_S, Caller
 from mcclient.discovery import machines, new_client_id
 from mcclient.errors import MotionError, RequestRefused
 from mcclient.estop import send_until_confirmed
-from mcclient.keys import Keys, is_name, live_key
+from mcclient.keys import Keys, is_name, live_key, server_of
 from mcclient.presence import Presence
 from mcclient.transport import Arrived, Link, Subscription, endpoints_of
 
@@ -337,7 +337,7 @@ class GatewaySession:
             self.outbox.put_message(request.id, arrived.payload, lossy=lossy)
 
         def deliver_presence(arrived: Arrived) -> None:
-            instance = arrived.key.rpartition("/")[2]
+            instance = server_of(arrived.key).instance
             payload = msgspec.msgpack.encode({"online": not arrived.gone, "instance": instance})
             self.outbox.put_message(request.id, payload, lossy=False)
 

@@ -93,11 +93,8 @@ def reach(options: NetworkOptions) -> Reach:
     return Reach(mode, listen, connect or ())
 
 
-def main_configuration(options: NetworkOptions, where: Reach, zenoh_id: str) -> zenoh.Config:
-    """Of the session that speaks for the machine.
-
-    Args:
-        zenoh_id: the session's; hexadecimal.
+def main_configuration(options: NetworkOptions, where: Reach) -> zenoh.Config:
+    """Of the session that speaks for the machine; its Zenoh id is random.
 
     Raises:
         ConfigurationError: MC521.
@@ -105,10 +102,10 @@ def main_configuration(options: NetworkOptions, where: Reach, zenoh_id: str) -> 
     written = _Written(options.config_file)
     if written.says("id"):
         raise _contradiction(
-            f"{options.config_file} gives a Zenoh id, but each start of the server needs a new one",
+            f"{options.config_file} gives a Zenoh id, but each session of the server needs a new one",
             "leave `id` out",
         )
-    return _configuration(written, where.mode, where.listen, where.connect, zenoh_id)
+    return _configuration(written, where.mode, where.listen, where.connect)
 
 
 def emergency_configuration(options: NetworkOptions, where: Reach) -> zenoh.Config | None:
@@ -117,11 +114,11 @@ def emergency_configuration(options: NetworkOptions, where: Reach) -> zenoh.Conf
         return None
     # a link of its own, so that no full queue of other messages is before a stop
     mode = "peer" if where.mode == "router" else where.mode
-    return _configuration(_Written(options.config_file), mode, options.emergency_listen, where.connect, None)
+    return _configuration(_Written(options.config_file), mode, options.emergency_listen, where.connect)
 
 
 def _configuration(
-    written: _Written, mode: str, listen: Sequence[str], connect: Sequence[str], zenoh_id: str | None
+    written: _Written, mode: str, listen: Sequence[str], connect: Sequence[str]
 ) -> zenoh.Config:
     settings: dict[str, object] = {key: value for key, value in SETTINGS.items() if not written.says(key)}
     settings |= {
@@ -131,8 +128,6 @@ def _configuration(
         # events are numbered and recovered by time stamps, and clients know by them who speaks
         "timestamping/enabled": True,
     }
-    if zenoh_id is not None:
-        settings["id"] = zenoh_id
     if any(has_free_port(endpoint) for endpoint in listen):
         # the only way to learn which port was taken
         settings["adminspace/enabled"] = True

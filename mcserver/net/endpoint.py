@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -24,7 +25,8 @@ from mcserver.net.configuration import (
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
 from mcserver.net.inbox import Inbox
-from mcserver.net.keys import Keys
+from mcserver.net.keys import Keys, instance_of
+from mcserver.net.link_watch import LinkWatch, accepts_connections
 from mcserver.net.messages import EstopRequest, StreamLines
 from mcserver.net.methods import machine_methods
 from mcserver.net.publishing import PublishingThread
@@ -46,6 +48,8 @@ QUERIES = 2048
 STREAMED_MESSAGES = 8192
 TOKENS = 4096
 CONFIRMATIONS = 64
+# after a new session was opened, for clients on the listening port to be back with their tokens
+CLIENTS_RETURN_S = 5.0
 # A longer stop is not read, in Zenoh's thread: it stops [bytes].
 STOP_SIZE = 4096
 # A killed server's token stays as long as its link's lease (`mcserver.net.configuration.LEASE_MS`).
@@ -64,20 +68,49 @@ class Stop(NamedTuple):
     copy: bool
 
 
+class ClientTokens:
+    """Clients that are alive, over a change of the session that hears of them."""
+
+    def __init__(self) -> None:
+        self._alive: set[str] = set()
+
+    def hear(self, client: str, *, gone: bool) -> None:
+        """A token has come or gone."""
+        if gone:
+            self._alive.discard(client)
+        else:
+            self._alive.add(client)
+
+    def expect_again(self) -> set[str]:
+        """Forget all, and return them: another session hears of those that are there."""
+        alive, self._alive = self._alive, set()
+        return alive
+
+    def missing(self, expected: set[str]) -> set[str]:
+        """Those of ``expected`` that have not come again."""
+        return expected - self._alive
+
+
 class MachineEndpoint:
     """Connects one `MachineService` with Zenoh. All of it runs in the loop, but what Zenoh's threads call.
 
     Args:
         keys: of this machine.
+        options, where: what is listened on and connected to, as it was asked for and as it is.
         session: for everything but emergency stops from routers.
         emergency: a session for those alone, or None where nothing is connected to.
-        where: what is listened on and connected to.
     """
 
     def __init__(
-        self, keys: Keys, session: ZenohSession, emergency: ZenohSession | None, where: Reach
+        self,
+        keys: Keys,
+        options: NetworkOptions,
+        where: Reach,
+        session: ZenohSession,
+        emergency: ZenohSession | None,
     ) -> None:
         self.keys = keys
+        self._options = options
         self._where = where
         self._session = session
         self._emergency = emergency
@@ -86,9 +119,10 @@ class MachineEndpoint:
         self._decode_lines = MessageDecoder(StreamLines)
         self._decode_stop = MessageDecoder(EstopRequest)
         self._refused = DefectLog(log)
-        self._events: Publication = session.recoverable_publisher(keys.event, event_qos())
-        self._confirmations: Publication = session.publisher(keys.event, emergency_stop_qos())
-        self._acks: dict[str, Publication] = {}
+        self._events: Publication
+        self._confirmations: Publication
+        self._acks: dict[str, Publication]
+        self._speak_through(session)
         self._rpc: RpcServer | None = None
         self._replies = ReplySender()
         self._publishing = PublishingThread("publishing")
@@ -96,20 +130,19 @@ class MachineEndpoint:
         self._confirming = PublishingThread("confirming", CONFIRMATIONS)
         self._cycles: CycleTelemetry | None = None
         self._states: asyncio.Task[None] | None = None
+        self._declare: Callable[[ZenohSession], None] = lambda _: None
+        self._watching: asyncio.Task[None] | None = None
+        self._clients = ClientTokens()
 
     @classmethod
-    async def open(cls, machine: str, options: NetworkOptions, instance: str) -> MachineEndpoint:
+    async def open(cls, machine: str, options: NetworkOptions) -> MachineEndpoint:
         """Open the sessions; nothing is answered before `serve`.
-
-        Args:
-            instance: this start of the server, and the Zenoh id of the session that speaks for it: so clients
-                know what comes from it.
 
         Raises:
             ServiceError: MC521, MC522.
         """
         where = reach(options)
-        main = main_configuration(options, where, instance)
+        main = main_configuration(options, where)
         beside = emergency_configuration(options, where)
         session = await ZenohSession.open(main)
         try:
@@ -117,7 +150,7 @@ class MachineEndpoint:
         except BaseException:
             await session.close()
             raise
-        endpoint = cls(Keys(machine), session, emergency, where)
+        endpoint = cls(Keys(machine), options, where, session, emergency)
         try:
             await endpoint._refuse_a_second_server()
         except BaseException:
@@ -132,7 +165,7 @@ class MachineEndpoint:
             ServiceError: MC528.
         """
         for pause_s in (*[TOKEN_PAUSE_S] * TOKEN_LOOKS, 0.0):
-            others = await self._session.tokens(self.keys.live("*"))
+            others = await self._session.tokens(self.keys.servers)
             if not others:
                 return
             await asyncio.sleep(pause_s)
@@ -148,18 +181,18 @@ class MachineEndpoint:
 
     def publish_ack(self, ack: Ack) -> None:
         """On the program's own key; its publisher lives as long as the program."""
-        publisher = self._acks.get(ack.program)
-        if publisher is None:
-            publisher = self._acks[ack.program] = self._session.publisher(
-                self.keys.ack(ack.program), ack_qos()
-            )
         try:
+            publisher = self._acks.get(ack.program)
+            if publisher is None:
+                publisher = self._acks[ack.program] = self._session.publisher(
+                    self.keys.ack(ack.program), ack_qos()
+                )
             publisher.put(self._encode(ack))
+            if ack.state in ENDED:
+                del self._acks[ack.program]
+                publisher.undeclare()
         except zenoh.ZError as error:
             log.warning("an acknowledgement could not be published: %s", error)
-        if ack.state in ENDED:
-            del self._acks[ack.program]
-            publisher.undeclare()
 
     def publish_event(self, event: Event) -> None:
         payload = self._encode(event)
@@ -179,7 +212,7 @@ class MachineEndpoint:
         recorder: RecordingAccess | None = None,
     ) -> None:
         """Declares what clients may use, the liveliness token last."""
-        keys, session, loop = self.keys, self._session, self._loop
+        keys, loop = self.keys, self._loop
         self._rpc = RpcServer(
             keys,
             machine_methods(service, jogging, checker, drives or NoDrives(), recorder),
@@ -206,26 +239,86 @@ class MachineEndpoint:
             else:
                 strays.push(sample)
 
-        session.subscribe(keys.emergency_stop, stop)
+        def declare(session: ZenohSession) -> None:
+            session.subscribe(keys.emergency_stop, stop)
+            session.watch_tokens(keys.client("*"), tokens.push)
+            session.subscribe(keys.lines_in("*", "*"), lines.push)
+            session.queryable(keys.rpc("*", "*"), queries.push)
+            session.queryable(keys.info, queries.push)
+            self._cycles = CycleTelemetry(session, keys, service)
+            states = StateTelemetry(session, keys, service, self._publishing)
+            self._states = asyncio.ensure_future(states.run())
+            session.token(keys.live(service.options.instance, session.zenoh_id))
+            session.watch_tokens(keys.servers, servers.push)
+
+        self._declare = declare
+        declare(self._session)
         if self._emergency is not None:
             self._emergency.subscribe(keys.emergency_stop, stop)
-        session.watch_tokens(keys.client("*"), tokens.push)
-        session.subscribe(keys.lines_in("*", "*"), lines.push)
-        session.queryable(keys.rpc("*", "*"), queries.push)
-        session.queryable(keys.info, queries.push)
-        self._cycles = CycleTelemetry(session, keys, service)
-        self._states = asyncio.ensure_future(StateTelemetry(session, keys, service, self._publishing).run())
-        session.token(keys.live(service.options.instance))
-        session.watch_tokens(keys.live("*"), servers.push)
+        if self._where.connect:
+            self._watching = asyncio.ensure_future(self._watch_links(service))
 
-    async def close(self) -> None:
-        """Ends everything, within a limit."""
+    async def _watch_links(self, service: MachineService) -> None:
+        # links from the ports that it listens on are others'
+        listened = await self.endpoints() if self._where.listen else []
+        if listened:
+            self._where = msgspec.structs.replace(self._where, listen=tuple(listened))
+        watch = LinkWatch(
+            self._where.connect,
+            lambda: self._session.link_sources(),
+            listened,
+            lambda: self._speak_anew(service),
+            accepts_connections,
+        )
+        await watch.run()
+
+    async def _speak_anew(self, service: MachineService) -> None:
+        """Give the session up for one with another Zenoh id."""
+        await self._fall_silent()
+        clients = self._clients.expect_again()
+        if self._where.listen:
+            # only one session has the port
+            await self._session.close()
+        session = await self._opened_again()
+        former, self._session = self._session, session
+        self._speak_through(session)
+        self._declare(session)
+        if not self._where.listen:
+            await former.close()
+        await asyncio.sleep(CLIENTS_RETURN_S)
+        for client in self._clients.missing(clients):
+            service.client_gone(client)
+
+    async def _opened_again(self) -> ZenohSession:
+        while True:
+            try:
+                return await ZenohSession.open(main_configuration(self._options, self._where))
+            except ServiceError as error:
+                # the system may keep the port for a moment
+                log.error("%s: %s", error.code, error.message)
+                await asyncio.sleep(TOKEN_PAUSE_S)
+
+    def _speak_through(self, session: ZenohSession) -> None:
+        self._events = session.recoverable_publisher(self.keys.event, event_qos())
+        self._confirmations = session.publisher(self.keys.event, emergency_stop_qos())
+        self._acks = {}
+
+    async def _fall_silent(self) -> None:
+        """End what publishes by itself."""
         if self._states is not None:
             self._states.cancel()
             await asyncio.gather(self._states, return_exceptions=True)
-        for thread in (self._cycles, self._publishing, self._confirming):
-            if thread is not None:
-                await asyncio.to_thread(thread.close)
+        if self._cycles is not None:
+            await asyncio.to_thread(self._cycles.close)
+
+    async def close(self) -> None:
+        """Ends everything, within a limit."""
+        if self._watching is not None:
+            self._watching.cancel()
+            await asyncio.gather(self._watching, return_exceptions=True)
+        await self._fall_silent()
+        for thread in (self._publishing, self._confirming):
+            await asyncio.to_thread(thread.close)
         if self._rpc is not None:
             await self._rpc.close()
         self._replies.close()
@@ -262,12 +355,15 @@ class MachineEndpoint:
             service.events.publish("warning", reason=code, message=message)
 
     def _on_token(self, service: MachineService, sample: zenoh.Sample) -> None:
-        if sample.kind == zenoh.SampleKind.DELETE:
-            service.client_gone(str(sample.key_expr).rpartition("/")[2])
+        client = str(sample.key_expr).rpartition("/")[2]
+        gone = sample.kind == zenoh.SampleKind.DELETE
+        self._clients.hear(client, gone=gone)
+        if gone:
+            service.client_gone(client)
 
     def _on_server(self, service: MachineService, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
-        if sample.kind == zenoh.SampleKind.PUT and key != self.keys.live(service.options.instance):
+        if sample.kind == zenoh.SampleKind.PUT and instance_of(key) != service.options.instance:
             message = f"{_second_server(self.keys, key)}: {NAME_REMEDY}"
             log.error("MC528: %s", message)
             service.events.publish("warning", reason="MC528", message=message)
@@ -289,4 +385,4 @@ class MachineEndpoint:
 
 
 def _second_server(keys: Keys, token: str) -> str:
-    return f"another server of {keys.machine} is on the network, instance {token.rpartition('/')[2]}"
+    return f"another server of {keys.machine} is on the network, instance {instance_of(token)}"

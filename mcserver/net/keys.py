@@ -28,6 +28,11 @@ def all_machines() -> str:
     return f"{_ROOT}/*/live/*"
 
 
+def instance_of(token: str) -> str:
+    """The start of a server in the key of its liveliness token."""
+    return token.rpartition("/")[2].partition(".")[0]
+
+
 def machine_of(key: str) -> str:
     """The machine's name in any key of this key space.
 
@@ -104,9 +109,18 @@ class Keys(msgspec.Struct, frozen=True):
     def emergency_stop(self) -> str:
         return f"{self.root}/{_EMERGENCY_STOP}"
 
-    def live(self, instance: str) -> str:
-        """Key of the server's liveliness token; one instance is one start of the server."""
-        return f"{self.root}/live/{instance}"
+    @property
+    def servers(self) -> str:
+        """Key expression of the liveliness tokens of this machine's servers."""
+        return f"{self.root}/live/*"
+
+    def live(self, instance: str, session: str) -> str:
+        """Key of a server's liveliness token.
+
+        Args:
+            instance: one start of the server. session: the Zenoh id of what comes from it.
+        """
+        return f"{self.root}/live/{instance}.{session}"
 
     def client(self, client: str) -> str:
         """Key of a client's liveliness token; ``*`` for all of them."""

@@ -83,6 +83,15 @@ class ZenohSession:
             ) from error
         return cls(session)
 
+    @property
+    def zenoh_id(self) -> str:
+        """Its id on the network, which whoever gets a reply learns."""
+        return str(self._session.zid())
+
+    def link_sources(self) -> list[str]:
+        """Locators of this side of its links."""
+        return [link.src for link in self._session.info.links()]
+
     def subscribe(self, key: str, on_sample: OnSample) -> None:
         """Calls ``on_sample`` in Zenoh's thread for each sample."""
         self._declared.append(self._session.declare_subscriber(key, self._callback(on_sample)))

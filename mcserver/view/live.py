@@ -129,7 +129,7 @@ def _find(session: zenoh.Session, keys: Keys, endpoint: str, timeout_s: float) -
             arrived.set()
 
     watch = session.liveliness().declare_subscriber(
-        keys.live("*"), zenoh.handlers.Callback(on_token, indirect=False), history=True
+        keys.servers, zenoh.handlers.Callback(on_token, indirect=False), history=True
     )
     try:
         if not arrived.wait(timeout_s):

@@ -78,7 +78,7 @@ class Answering:
             self._session.declare_queryable(
                 f"mc/@v1/{name}/@rpc/**", zenoh.handlers.Callback(answer, indirect=False)
             ),
-            self._session.liveliness().declare_token(f"mc/@v1/{name}/live/{self._session.zid()}"),
+            self._session.liveliness().declare_token(f"mc/@v1/{name}/live/1.{self._session.zid()}"),
         )
 
     def close(self) -> None:

@@ -108,7 +108,7 @@ class FakeServer(FakeMethods):
                 here(functools.partial(self._on_client, session), indirect=False),
                 history=True,
             ),
-            live.declare_token(f"{root}/live/{self.instance}"),
+            live.declare_token(f"{root}/live/{self.instance}.{self.instance}"),
         ]
         return self
 
@@ -135,7 +135,7 @@ class FakeServer(FakeMethods):
     def declare_another(self, name: str) -> None:
         """A token of another machine, which answers nothing."""
         assert self._session is not None
-        self._declared.append(self._session.liveliness().declare_token(f"mc/@v1/{name}/live/i1"))
+        self._declared.append(self._session.liveliness().declare_token(f"mc/@v1/{name}/live/i1.5e"))
 
     def lose_link(self) -> None:
         """The link goes and comes again; the server itself has not noticed and its programs live."""

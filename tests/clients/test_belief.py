@@ -70,11 +70,11 @@ async def test_forged_states_are_not_shown(server: FakeServer, stranger: zenoh.S
         assert (await anext(feed)).state == "ready"
 
 
-def token(instance: str, *, gone: bool = False) -> Arrived:
-    return Arrived(f"mc/@v1/cell/live/{instance}", b"", gone)
+def token(session: str, *, gone: bool = False) -> Arrived:
+    return Arrived(f"mc/@v1/cell/live/start-of-{session}.{session}", b"", gone)
 
 
-def test_the_instance_that_was_there_first_is_believed_until_it_goes() -> None:
+def test_the_server_that_was_there_first_is_believed_until_it_goes() -> None:
     presence = Presence("cell")
     returned: list[str] = []
     presence.on_return(returned.append)
@@ -86,4 +86,4 @@ def test_the_instance_that_was_there_first_is_believed_until_it_goes() -> None:
     assert not presence.is_server(None)
     presence.on_token(token("a", gone=True))
     assert presence.is_server("b")
-    assert returned == ["a", "b"]
+    assert returned == ["start-of-a", "start-of-b"]

@@ -43,7 +43,7 @@ def test_without_a_file_only_the_loopback_is_listened_on() -> None:
 
 def test_what_the_file_listens_on_is_all_that_is_listened_on(tmp_path: Path) -> None:
     options = NetworkOptions(config_file=written(tmp_path, f'{{listen: {{endpoints: ["{TLS}"]}}}}'))
-    config = main_configuration(options, reach(options), "6740b2f8a1b2c3")
+    config = main_configuration(options, reach(options))
     assert endpoints(config, "listen") == [TLS]
     assert endpoints(config, "connect") == []
 
@@ -87,7 +87,7 @@ def test_an_option_that_says_the_same_as_the_file_is_none(tmp_path: Path) -> Non
 
 def test_what_else_the_file_says_holds_against_the_server_s_own_settings(tmp_path: Path) -> None:
     options = NetworkOptions(config_file=written(tmp_path, "{transport: {link: {tx: {lease: 7000}}}}"))
-    config = main_configuration(options, reach(options), "6740b2f8a1b2c3")
+    config = main_configuration(options, reach(options))
     assert config.get_json("transport/link/tx/lease") == "7000"
     assert config.get_json("scouting/multicast/enabled") == "false"
 
@@ -96,7 +96,7 @@ def test_what_else_the_file_says_holds_against_the_server_s_own_settings(tmp_pat
 def test_a_file_that_cannot_hold_is_refused(tmp_path: Path, text: str) -> None:
     options = NetworkOptions(config_file=written(tmp_path, text))
     with pytest.raises(ConfigurationError) as refused:
-        main_configuration(options, reach(options), "6740b2f8a1b2c3")
+        main_configuration(options, reach(options))
     assert refused.value.code == "MC521"
 
 

@@ -189,7 +189,11 @@ async def test_the_state_of_the_whole_machine_is_published(client: WireClient) -
 
 async def test_the_server_is_found_by_its_liveliness_token(rig: Rig, client: WireClient) -> None:
     (reply,) = client.session.liveliness().get("mc/@v1/*/live/*", timeout=2.0)
-    assert str(reply.ok.key_expr) == f"mc/@v1/bench/live/{rig.service.options.instance}"
+    (answer,) = await asyncio.to_thread(lambda: list(client.session.get("mc/@v1/bench/info")))
+    speaks = str(answer.replier_id.zid)
+    # the instance, which everybody sees, is no session's id
+    assert str(reply.ok.key_expr) == f"mc/@v1/bench/live/{rig.service.options.instance}.{speaks}"
+    assert speaks != rig.service.options.instance
 
 
 async def test_missed_events_are_given_again(client: WireClient) -> None:

@@ -26,11 +26,11 @@ def test_a_wide_expression_does_not_reach_a_machine() -> None:
     wide = zenoh.KeyExpr("mc/**")
     assert not wide.intersects(zenoh.KeyExpr(keys.event))
     assert not zenoh.KeyExpr("mc/@v1/**").intersects(zenoh.KeyExpr(keys.rpc("hmi", "abort")))
-    assert zenoh.KeyExpr(all_machines()).intersects(zenoh.KeyExpr(keys.live("i")))
+    assert zenoh.KeyExpr(all_machines()).intersects(zenoh.KeyExpr(keys.live("i", "2e")))
 
 
 def test_the_machine_is_read_from_a_key() -> None:
-    assert machine_of(Keys("cell-1").live("i")) == "cell-1"
+    assert machine_of(Keys("cell-1").live("i", "2e")) == "cell-1"
     with pytest.raises(ValueError, match="is not a key of"):
         machine_of("other/key")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mcclient.calls import Caller
 from mcclient.errors import ConfigurationError, MotionError, NobodyAnswers, SeveralMachines
-from mcclient.keys import ALL_MACHINES, Keys, is_name, live_key, machine_and_instance
+from mcclient.keys import ALL_MACHINES, Keys, is_name, live_key, server_of
 from mcclient.presence import Presence
 from mcclient.transport import Link, endpoints_of, user_of
 from mcclient.types import Info
@@ -36,7 +36,7 @@ def new_client_id(name: str, user: str = "") -> str:
 async def machines(link: Link, key: str = ALL_MACHINES, *, timeout_s: float) -> list[str]:
     """Names of the machines that are there now, sorted; ``key``: of their liveliness tokens."""
     live = await link.live_keys(key, timeout_s=timeout_s)
-    return sorted({machine_and_instance(key)[0] for key in live})
+    return sorted({server_of(key).machine for key in live})
 
 
 async def find_machine(link: Link, name: str | None, *, timeout_s: float) -> str:
@@ -84,7 +84,7 @@ async def list_machines(
         found: list[tuple[str, Info | MotionError]] = []
         live = await link.live_keys(ALL_MACHINES, timeout_s=timeout_s)
         client = new_client_id("list", user_of(config_file))
-        for name in sorted({machine_and_instance(key)[0] for key in live}):
+        for name in sorted({server_of(key).machine for key in live}):
             presence = Presence(name, live)
             link.believe(presence.is_server)
             caller = Caller(link, Keys(name, client), presence)

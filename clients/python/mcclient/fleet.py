@@ -10,7 +10,7 @@ from typing import Self
 from mcclient.calls import Caller
 from mcclient.discovery import CONNECT_S, new_client_id
 from mcclient.errors import MotionError
-from mcclient.keys import ALL_MACHINES, Keys, machine_and_instance, machine_of_call
+from mcclient.keys import ALL_MACHINES, Keys, machine_of_call, server_of
 from mcclient.presence import Presence
 from mcclient.transport import Link, endpoints_of, user_of
 from mcclient.types import EventPage, MachineStatus
@@ -50,7 +50,7 @@ class FleetLink:
         it has.
         """
         await self.find(timeout_s=timeout_s)
-        servers = {machine_and_instance(key) for key in self._live}
+        servers = {(each.machine, each.session) for each in map(server_of, self._live)}
         key = f"mc/@v1/*/@rpc/{self._client}/status"
         found: dict[str, MachineStatus] = {}
         for reply in await self._link.query(key, None, timeout_s=timeout_s):
@@ -77,7 +77,7 @@ class FleetLink:
     @property
     def names(self) -> list[str]:
         """Names of the machines that were there at the last look, sorted."""
-        return sorted({machine_and_instance(key)[0] for key in self._live})
+        return sorted({server_of(key).machine for key in self._live})
 
     async def _state_of(self, machine: str, timeout_s: float) -> MachineStatus | None:
         caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))

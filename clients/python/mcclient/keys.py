@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from mcclient.errors import ConfigurationError
 
@@ -18,10 +19,23 @@ def is_name(text: str) -> bool:
     return _NAME.fullmatch(text) is not None
 
 
-def machine_and_instance(live_key: str) -> tuple[str, str]:
-    """Of a server's liveliness token ``mc/@v1/{machine}/live/{instance}``."""
+class Server(NamedTuple):
+    """What a server's liveliness token says: one start of a machine's server, and who speaks for it.
+
+    Attributes:
+        session: the Zenoh id that its replies and samples come from; a server may change it.
+    """
+
+    machine: str
+    instance: str
+    session: str
+
+
+def server_of(live_key: str) -> Server:
+    """Read a server's liveliness token ``mc/@v1/{machine}/live/{instance}.{session}``."""
     chunks = live_key.split("/")
-    return chunks[2], chunks[4]
+    instance, _, session = chunks[4].partition(".")
+    return Server(chunks[2], instance, session)
 
 
 def live_key(machine: str) -> str:

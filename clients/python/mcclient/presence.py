@@ -5,25 +5,24 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterable
 
-from mcclient.keys import machine_and_instance
+from mcclient.keys import Server, server_of
 from mcclient.transport import Arrived
 
 OnReturn = Callable[[str], None]
 
 
 class Presence:
-    """Instances of one machine's server that are alive; one is believed as long as it is.
+    """Servers of one machine that are alive; one is believed as long as it is.
 
-    The instance is the server's Zenoh id, so that whatever comes from another session is known by it.
+    Its token says which Zenoh session speaks for it, so that whatever comes from another one is known by it.
     """
 
     def __init__(self, machine: str, live_keys: Iterable[str] = ()) -> None:
         self._machine = machine
-        self._alive: dict[str, None] = {}
-        for key in live_keys:
-            name, instance = machine_and_instance(key)
-            if name == machine:
-                self._alive[instance] = None
+        self._alive: dict[Server, None] = {}
+        for server in map(server_of, live_keys):
+            if server.machine == machine:
+                self._alive[server] = None
         self._changed = asyncio.Event()
         self._on_return: list[OnReturn] = []
 
@@ -32,13 +31,13 @@ class Presence:
         return bool(self._alive)
 
     @property
-    def instance(self) -> str | None:
-        """The instance that has been alive for longest: another of the same name is not the one asked."""
+    def server(self) -> Server | None:
+        """The one that has been alive for longest: another of the same name is not the one asked."""
         return next(iter(self._alive), None)
 
     def is_server(self, source: str | None) -> bool:
         """Whether what came from this Zenoh id came from the server; nothing is believed while it is away."""
-        return source is not None and source == self.instance
+        return self.server is not None and source == self.server.session
 
     def on_return(self, call: OnReturn) -> None:
         """``call`` is called with the instance whenever a token comes: at a start, and after a lost link."""
@@ -46,19 +45,19 @@ class Presence:
 
     def on_token(self, arrived: Arrived) -> None:
         """A token has come or gone."""
-        machine, instance = machine_and_instance(arrived.key)
-        if machine != self._machine:
+        server = server_of(arrived.key)
+        if server.machine != self._machine:
             return
-        before = self.instance
+        before = self.server
         if arrived.gone:
-            self._alive.pop(instance, None)
+            self._alive.pop(server, None)
         else:
-            self._alive[instance] = None
-        now = self.instance
-        # at a start, after a lost link, and where the instance beside an ended one takes its place
-        if now is not None and (now != before or (instance == now and not arrived.gone)):
+            self._alive[server] = None
+        now = self.server
+        # at a start, after a lost link, and where the server beside an ended one takes its place
+        if now is not None and (now != before or (server == now and not arrived.gone)):
             for call in self._on_return:
-                call(now)
+                call(now.instance)
         self._changed.set()
 
     async def wait_for_change(self, timeout_s: float) -> None:

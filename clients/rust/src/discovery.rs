@@ -10,7 +10,7 @@ use tokio::time::{Instant, sleep};
 
 use crate::calls::{Caller, Nothing, Trying};
 use crate::error::{Error, Problem, Result};
-use crate::keys::{ALL_MACHINES, Keys, is_name, live_key, machine_and_instance};
+use crate::keys::{ALL_MACHINES, Keys, is_name, live_key, machine_and_server};
 use crate::link::{Link, user_of};
 use crate::machine::Machine;
 use crate::messages::Info;
@@ -164,7 +164,7 @@ pub(crate) fn random() -> u64 {
 /// Names of the machines whose tokens are there, sorted.
 async fn names(link: &Link, key: &str, limit: Duration) -> Vec<String> {
     let live = link.live_keys(key, limit).await;
-    let found: BTreeSet<&str> = live.iter().filter_map(|key| Some(machine_and_instance(key)?.0)).collect();
+    let found: BTreeSet<&str> = live.iter().filter_map(|key| Some(machine_and_server(key)?.0)).collect();
     found.into_iter().map(str::to_owned).collect()
 }
 
@@ -215,7 +215,7 @@ pub async fn list_machines(options: &ConnectOptions) -> Result<Vec<(String, Resu
 async fn ask_all(link: &Link, options: &ConnectOptions) -> Result<Vec<(String, Result<Info>)>> {
     let client = options.client_id()?;
     let live = link.live_keys(ALL_MACHINES, options.timeout).await;
-    let names: BTreeSet<&str> = live.iter().filter_map(|key| Some(machine_and_instance(key)?.0)).collect();
+    let names: BTreeSet<&str> = live.iter().filter_map(|key| Some(machine_and_server(key)?.0)).collect();
     let mut machines = Vec::new();
     for name in names {
         let presence = Arc::new(Presence::new(name));

@@ -14,11 +14,11 @@ pub(crate) fn is_name(text: &str) -> bool {
         && bytes.iter().copied().all(allowed)
 }
 
-/// Machine and instance of a server's liveliness token `mc/@v1/{machine}/live/{instance}`.
-pub(crate) fn machine_and_instance(key: &str) -> Option<(&str, &str)> {
+/// Machine and last chunk of a server's liveliness token `mc/@v1/{machine}/live/{instance}.{session}`.
+pub(crate) fn machine_and_server(key: &str) -> Option<(&str, &str)> {
     let mut chunks = key.split('/');
     match (chunks.nth(2), chunks.next(), chunks.next(), chunks.next()) {
-        (Some(machine), Some("live"), Some(instance), None) => Some((machine, instance)),
+        (Some(machine), Some("live"), Some(server), None) => Some((machine, server)),
         _ => None,
     }
 }
@@ -98,14 +98,14 @@ mod tests {
 
     #[test]
     fn a_token_that_is_none_is_not_read() {
-        assert_eq!(machine_and_instance("mc/@v1/cell/live/1f"), Some(("cell", "1f")));
+        assert_eq!(machine_and_server("mc/@v1/cell/live/1f.2e"), Some(("cell", "1f.2e")));
         for key in [
             "mc/@v1/cell/client/1f",
             "mc/@v1/cell/live",
             "mc/@v1/cell/live/1/2",
             "",
         ] {
-            assert_eq!(machine_and_instance(key), None, "{key}");
+            assert_eq!(machine_and_server(key), None, "{key}");
         }
     }
 }

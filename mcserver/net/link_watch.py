@@ -1,0 +1,95 @@
+"""Notices that a router is there and does not let the session in, since another one has its Zenoh id.
+
+Whoever gets a reply learns the id of the session that sent it, and a router has one session of an id. After a
+router's restart a stranger who connects with that id first would keep the machine away for as long as he
+stays. A session that is kept out is given up for one with a new id, which nobody knows before it is in.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Awaitable, Callable, Iterable, Sequence
+
+log = logging.getLogger(__name__)
+
+LOOK_S = 1.0
+# looks in a row that find a router there and no link to it; Zenoh itself tries at least every two seconds
+REFUSED_LOOKS = 4
+# until the next new session, doubled each time: a certificate that is refused must not cut others' links
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
+PROBE_S = 1.0
+# where a connection can be tried
+_STREAMS = frozenset({"tcp", "tls", "ws"})
+
+
+class LinkWatch:
+    """Looks after a session's link to what it connects to.
+
+    Args:
+        connect: the endpoints; a link to one of them is enough.
+        sources: this side's locators of the session's links.
+        listened: the locators that it listens on: links from there are others'.
+        reopen: gives the session up for a new one.
+        is_there: whether something accepts connections at an endpoint.
+    """
+
+    def __init__(
+        self,
+        connect: Sequence[str],
+        sources: Callable[[], Iterable[str]],
+        listened: Sequence[str],
+        reopen: Callable[[], Awaitable[None]],
+        is_there: Callable[[str], Awaitable[bool]],
+    ) -> None:
+        self._connect = tuple(connect)
+        self._sources = sources
+        self._listened = {_port(locator) for locator in listened}
+        self._reopen = reopen
+        self._is_there = is_there
+        self._refused = 0
+        self._pause_s = FIRST_PAUSE_S
+
+    async def run(self) -> None:
+        """Look until cancelled."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            if await self.look():
+                await asyncio.sleep(self._pause_s)
+                self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
+
+    async def look(self) -> bool:
+        """Look once; whether the session was given up for a new one."""
+        if any(_port(source) not in self._listened for source in self._sources()):
+            self._refused, self._pause_s = 0, FIRST_PAUSE_S
+            return False
+        there = await asyncio.gather(*(self._is_there(endpoint) for endpoint in self._connect))
+        self._refused = self._refused + 1 if any(there) else 0
+        if self._refused < REFUSED_LOOKS:
+            return False
+        self._refused = 0
+        log.warning("a router is there and has no link to this server: connecting anew with another Zenoh id")
+        await self._reopen()
+        return True
+
+
+async def accepts_connections(endpoint: str) -> bool:
+    """Whether something listens at an endpoint; of protocols without connections that is not known: yes."""
+    protocol, _, address = endpoint.partition("/")
+    if protocol not in _STREAMS:
+        return True
+    host, _, port = address.partition("?")[0].partition("#")[0].rpartition(":")
+    try:
+        async with asyncio.timeout(PROBE_S):
+            _, writer = await asyncio.open_connection(host.strip("[]"), int(port))
+    except (OSError, ValueError, TimeoutError):
+        return False
+    writer.close()
+    with contextlib.suppress(OSError):
+        await writer.wait_closed()
+    return True
+
+
+def _port(locator: str) -> str:
+    return locator.partition("?")[0].partition("#")[0].rpartition(":")[2]
