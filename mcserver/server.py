@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import datetime
 import logging
 import os
 import secrets
@@ -29,6 +30,8 @@ from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.planner_messages import Planning
 from mcserver.processes import freeze_heap
 from mcserver.recorder.client import RecorderClient, recorder_for
+from mcserver.security.expiry import CODE as EXPIRY_CODE
+from mcserver.security.expiry import warn_of_expiry
 from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.jog import Jogging
@@ -81,6 +84,14 @@ def publish_drive_event(events: EventLog, event: CanopenEvent) -> None:
     events.publish(event.kind, axis=event.axis, reason=event.code, message=event.message)
 
 
+async def _warn_of_expiry(file: Path, events: EventLog) -> None:
+    def warn(message: str) -> None:
+        log.warning("%s: %s", EXPIRY_CODE, message)
+        events.publish("warning", reason=EXPIRY_CODE, message=message)
+
+    await warn_of_expiry(file, warn, lambda: datetime.datetime.now(datetime.UTC))
+
+
 @contextlib.asynccontextmanager
 async def running(
     machine: Machine,
@@ -131,6 +142,9 @@ async def running(
         checker = ProgramChecker(machine)
         stack.callback(checker.close)
         service.start()
+        if options.network.config_file is not None:
+            watching = asyncio.create_task(_warn_of_expiry(options.network.config_file, service.events))
+            stack.callback(watching.cancel)
         if drives is not None:
             stack.enter_context(drives.published(partial(publish_drive_event, service.events)))
         face.serve(service, Jogging(service), checker, None if drives is None else drives.access, recorder)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.text import Text
 
-from mcserver.cli.console import json_answer_on_error, results, write_json
+from mcserver.cli.console import TerminalConsole, json_answer_on_error, results, write_json
 from mcserver.cli.exit_codes import ExitCode
-from mcserver.cli.options import JsonOption
+from mcserver.cli.options import JsonOption, ZenohConfigOption
 from mcserver.doctor import Finding, State, examine, worst
+from mcserver.doctor.finding import advice, good, missing
 from mcserver.machine.machine_file import load_machine
 
 MARKS = {
@@ -32,6 +34,7 @@ def doctor(
             help="Look at the CAN buses of this machine too: their load, and whether they are there.",
         ),
     ] = None,
+    zenoh: ZenohConfigOption = None,
     json: JsonOption = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit code 1 where only advice is given, too.")
@@ -40,6 +43,8 @@ def doctor(
     """Say what this computer lacks, each line with its fix. Exit code 1 where the server cannot run."""
     with json_answer_on_error(json):
         findings = examine(None if machine is None else load_machine(machine))
+        if zenoh is not None:
+            findings.append(_judge_certificates(zenoh))
     gravest = worst(findings)
     if json:
         write_json(
@@ -63,7 +68,19 @@ def doctor(
         raise typer.Exit(int(ExitCode.FAILED))
 
 
-def print_findings(findings: Sequence[Finding], console: Console) -> None:
+def _judge_certificates(file: Path) -> Finding:
+    from mcserver.security.expiry import REMEDY, first_ending
+
+    ending, now = first_ending(file), datetime.datetime.now(datetime.UTC)
+    if ending is None:
+        return good("service", "certificates", f"{file} has none")
+    judge = missing if ending.ends <= now else advice
+    if ending.is_near(now):
+        return judge("service", "certificates", ending.said(now), REMEDY)
+    return good("service", "certificates", ending.said(now))
+
+
+def print_findings(findings: Sequence[Finding], console: TerminalConsole) -> None:
     """One line a finding, its fix below, and a closing count."""
     area = ""
     for finding in findings:

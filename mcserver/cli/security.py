@@ -18,6 +18,7 @@ from mcserver.errors import ConfigurationError, NobodyAnswers, ServiceError
 
 if TYPE_CHECKING:
     from mcserver.security.proof import Finding
+    from mcserver.security.site import Site
 
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="The site's folder.")]
 
@@ -111,8 +112,12 @@ def check(
         from mcserver.security.proof import prove
         from mcserver.security.site_files import read_site
 
+        site = read_site(folder)
+        ending = _ending(folder, site)
+        for said in ending:
+            narration().print(f"warning[MC563]: {said}", style="yellow")
         try:
-            findings = list(prove(folder, read_site(folder), router))
+            findings = list(prove(folder, site, router))
         except ServiceError as error:
             raise NobodyAnswers(error.code, error.message, error.hint) from error
     wrong = [each for each in findings if not each.holds]
@@ -121,7 +126,7 @@ def check(
             {"who": each.who, "what": each.what, "allowed": each.allowed, "passed": each.passed}
             for each in findings
         ]
-        write_json({"ok": not wrong, "attempts": tried})
+        write_json({"ok": not wrong, "attempts": tried, "ending": ending})
     else:
         results().print(summary(findings))
         for each in wrong:
@@ -130,6 +135,16 @@ def check(
         narration().print(f"{len(findings)} attempts, {len(wrong)} not as the rules say")
     if wrong:
         raise typer.Exit(int(ExitCode.FAILED))
+
+
+def _ending(folder: Path, site: Site) -> list[str]:
+    """Say which certificates of a site end soon."""
+    from mcserver.security.expiry import first_ending
+    from mcserver.security.site_files import ROUTER, configuration_path
+
+    now = datetime.datetime.now(datetime.UTC)
+    files = [configuration_path(folder, each) for each in (ROUTER, *site.identities())]
+    return [each.said(now) for each in map(first_ending, files) if each is not None and each.is_near(now)]
 
 
 def summary(findings: list[Finding]) -> Table:

@@ -13,6 +13,8 @@ from mcserver.net.roles import Role as Role
 # the certificate of a machine is "machine.NAME": no user has a dot, so that none can be a machine
 MACHINE_PREFIX = "machine."
 EVERY_MACHINE = "*"
+# names of the folder's other files and of other certificates
+RESERVED = frozenset({"authority", "machine", "passwords", "router", "site"})
 
 # the user is what stands before the first dot of a client id
 _USER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
@@ -95,16 +97,24 @@ def checked(site: Site) -> Site:
                 f"use letters, digits, '-', '_' and '.', {_LONGEST_MACHINE} at most",
             )
     for user in site.users:
+        if user.name.casefold() in RESERVED:
+            raise _refused(
+                f"{user.name!r} cannot be a user: the site's own files and certificates have that name",
+                "give another name",
+            )
         for machine in user.machines:
             if machine != EVERY_MACHINE and machine not in site.machines:
                 raise _refused(
                     f"{user.name} is to use {machine!r}, which is no machine of the site",
                     f"give --machine {machine}; there are {', '.join(site.machines) or 'none yet'}",
                 )
-    names = [user.name for user in site.users]
-    twice = sorted({name for name in names if names.count(name) > 1})
+    # a file for each, and some file systems know no capitals
+    names = [name.casefold() for name in site.identities()]
+    twice = [each for each in site.identities() if names.count(each.casefold()) > 1]
     if twice:
-        raise _refused(f"{twice[0]} is there twice", "give every person a name of their own")
+        raise _refused(
+            f"{twice[0]} is there twice", "give everybody a name of their own, not in capitals only"
+        )
     if not re.fullmatch(r"[A-Za-z0-9.:-]+", site.router):
         raise _refused(f"{site.router!r} is no host name or address", "such as --router 192.168.1.10")
     return site

@@ -100,3 +100,27 @@ def test_a_check_where_no_router_runs_says_that_nobody_answers(
     write_site(tmp_path, msgspec.structs.replace(SITE, router="127.0.0.1", port=1), NOW)
     assert run_command_line(["security", "check", str(tmp_path)]) == 5
     assert "MC562" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["router", "Router", "authority", "machine", "site", "passwords"])
+def test_a_user_with_the_name_of_a_file_of_the_site_is_refused_and_loses_nothing(
+    tmp_path: Path, name: str
+) -> None:
+    write_site(tmp_path, SITE, NOW)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    grown = msgspec.structs.replace(SITE, users=(*SITE.users, User(name, Role.ENGINEER)))
+    with pytest.raises(ConfigurationError, match="MC560"):
+        write_site(tmp_path, grown, NOW)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_names_that_differ_in_capitals_only_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match="twice"):
+        checked(msgspec.structs.replace(SITE, users=(*SITE.users, User("Alice", Role.OBSERVER))))
+    with pytest.raises(ConfigurationError, match="twice"):
+        checked(msgspec.structs.replace(SITE, machines=("cell-1", "Cell-1")))
+
+
+def test_no_two_identities_share_a_file(tmp_path: Path) -> None:
+    written = write_site(tmp_path, SITE, NOW)
+    assert len({path.name.casefold() for path in written}) == len(written)
