@@ -42,8 +42,6 @@ CALLS_UNDER_WAY = 64
 STOPS_UNDER_WAY = 16
 SUBSCRIPTIONS = 64
 MACHINES = 16
-# what ends with the client's liveliness token
-KEPT_BY_TOKEN = frozenset({"open", "request_run"})
 # of messages that wait for a slow reader; the oldest of a topic that may be lost goes first
 WAITING_MESSAGES = 256
 WAITING_BYTES = 4 * 1024 * 1024
@@ -280,7 +278,7 @@ class GatewaySession:
                 "use a token that has it",
             )
         peer = await self.peer(machine)
-        if method in KEPT_BY_TOKEN and not peer.token_declared:
+        if described.held and not peer.token_declared:
             # before the first program or request: the server ends those whose token has gone
             self._link.declare_token(peer.keys.token)
             peer.token_declared = True

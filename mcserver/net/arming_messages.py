@@ -13,6 +13,7 @@ from mcserver.service.arming import ToolPath as ToolPath
 from mcserver.service.reports import WireDiagnostic
 
 TextHash = Annotated[str, Meta(pattern=f"^[0-9a-fA-F]{{{LEAST_HASH},64}}$")]
+RunState = Literal["waiting", "armed", "started", "rejected"]
 ProgramText = Annotated[str, Meta(max_length=MAX_TEXT)]
 
 
@@ -100,7 +101,7 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     sha256: str
     client: str
     name: str
-    state: Literal["waiting", "armed", "started", "rejected"]
+    state: RunState
     axes: list[int]
     duration_s: float
     extents: list[Extent]

@@ -6,6 +6,10 @@ from typing import Literal
 
 import msgspec
 
+AxisKind = Literal["linear", "rotary"]
+AxisUnit = Literal["mm", "deg"]
+ChannelKind = Literal["digital", "analog"]
+
 
 class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One axis; limits in mm or deg and seconds, None where not limited.
@@ -14,8 +18,8 @@ class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """
 
     index: int
-    type: Literal["linear", "rotary"]
-    unit: Literal["mm", "deg"]
+    type: AxisKind
+    unit: AxisUnit
     max_velocity: float
     max_acceleration: float
     drive: str
@@ -46,7 +50,7 @@ class InputInfo(msgspec.Struct, frozen=True, omit_defaults=True):
 
     name: str
     number: int
-    kind: Literal["digital", "analog"]
+    kind: ChannelKind
     unit: str = ""
     source: str = ""
     hold: bool = False
@@ -63,7 +67,7 @@ class OutputInfo(msgspec.Struct, frozen=True, omit_defaults=True):
 
     name: str
     number: int
-    kind: Literal["digital", "analog"]
+    kind: ChannelKind
     unit: str = ""
     target: str = ""
     min: float = 0.0

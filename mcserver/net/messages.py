@@ -340,7 +340,6 @@ class EventsRequest(Request, frozen=True, kw_only=True):
 class Done(msgspec.Struct, frozen=True, omit_defaults=True):
     """Reply of methods that only do something: the programs concerned."""
 
-    ok: bool = True
     programs: list[str] = []
 
 

@@ -31,6 +31,7 @@ class Method(msgspec.Struct, frozen=True):
         doc: what it does, as an order; its first sentence stands in tables.
         changes: whether it changes anything: then it is idempotent by request number, and takes no wildcard.
         deadline_s: how long a caller waits for the answer.
+        held: what it begins ends when the client's liveliness token goes: the token is declared before.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Method(msgspec.Struct, frozen=True):
     doc: str
     changes: bool = False
     deadline_s: float = PROMPT_S
+    held: bool = False
 
     @property
     def summary(self) -> str:
@@ -71,7 +73,13 @@ METHODS: tuple[Method, ...] = (
         "Repeat events by number, the oldest first.",
     ),
     Method(
-        "open", wire.OpenRequest, wire.OpenReply, MOVERS, "Open a program, queued for its axes.", changes=True
+        "open",
+        wire.OpenRequest,
+        wire.OpenReply,
+        MOVERS,
+        "Open a program, queued for its axes.",
+        changes=True,
+        held=True,
     ),
     Method(
         "submit",
@@ -129,7 +137,7 @@ METHODS: tuple[Method, ...] = (
         "Set the feed override of one program, or of all and those to come.",
         changes=True,
     ),
-    Method("jog", wire.JogRequest, wire.JogReply, MOVERS, "Move one axis by hand.", changes=True),
+    Method("jog", wire.JogRequest, wire.JogReply, MOVERS, "Move one axis by hand.", changes=True, held=True),
     Method(
         "home",
         wire.HomeRequest,
@@ -138,6 +146,7 @@ METHODS: tuple[Method, ...] = (
         "Let axes find their references. It goes on after the reply: the events "
         "``axis.homing``, ``axis.homed`` and ``program.ended`` say how.",
         changes=True,
+        held=True,
     ),
     Method(
         "reference",
@@ -207,6 +216,7 @@ METHODS: tuple[Method, ...] = (
         "Ask for a run that an operator has to arm. The text is checked and simulated from "
         "where the axes stand, and nothing moves.",
         changes=True,
+        held=True,
         deadline_s=WHOLE_PROGRAM_S,
     ),
     Method(
@@ -254,6 +264,7 @@ METHODS: tuple[Method, ...] = (
         ASKERS,
         "Start a program that is armed.",
         changes=True,
+        held=True,
         deadline_s=SLOW_S,
     ),
     Method(

@@ -26,19 +26,21 @@ from mcserver.net.keys import VERSION_CHUNK
 _ID = f"mc/{VERSION_CHUNK}"
 
 
+MODULES = (
+    messages,
+    info_messages,
+    drive_messages,
+    arming_messages,
+    recording_messages,
+    model_messages,
+    text_messages,
+)
+
+
 def message_types() -> dict[str, type[msgspec.Struct]]:
     """Every message by name."""
     named: dict[str, object] = {}
-    modules = (
-        messages,
-        info_messages,
-        drive_messages,
-        arming_messages,
-        recording_messages,
-        model_messages,
-        text_messages,
-    )
-    for module in modules:
+    for module in MODULES:
         named |= vars(module)
     return {
         name: value

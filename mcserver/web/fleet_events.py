@@ -7,7 +7,7 @@ import logging
 from typing import Protocol
 
 from mcclient import Event, MotionError
-from mcclient.types import EventPage
+from mcclient.types import EventsReply
 
 log = logging.getLogger(__name__)
 
@@ -21,7 +21,7 @@ class EventSource(Protocol):
     """What is asked: `mcclient.fleet.FleetLink`, or a fake in the tests."""
 
     async def find(self, *, timeout_s: float) -> list[str]: ...
-    async def events(self, machine: str, since: int, limit: int = 1000) -> EventPage: ...
+    async def events(self, machine: str, since: int, limit: int = 1000) -> EventsReply: ...
 
 
 class FleetEvents:

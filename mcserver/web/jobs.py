@@ -10,6 +10,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from mcclient import Diagnostic, Machine, MotionError, Program
+from mcclient.types import SimulatedPath, SimulateReply
 
 from mcserver.web.store import ProgramStore
 
@@ -62,21 +63,19 @@ class Job:
         self.hint = ""
         self.diagnostics: tuple[Diagnostic, ...] = ()
 
-    def take(self, report: dict[str, Any]) -> None:
+    def take(self, report: SimulateReply) -> None:
         """Learn the duration and the path from a simulation that found no fault."""
         if self.from_line == 1:
-            self.duration_s = float(report["duration_s"])
-        if "path" in report:
-            self.path = path_from_line(report["path"], self.from_line)
+            self.duration_s = float(report.duration_s)
+        if report.path is not None:
+            self.path = path_from_line(report.path, self.from_line)
 
 
-def path_from_line(path: dict[str, Any], first: int) -> dict[str, Any]:
-    """Return the part of a simulated path that belongs to the lines from ``first`` on."""
-    if first <= 1:
-        return path
-    kept = [row for row, line in enumerate(path["lines"]) if line >= first]
-    tips = [{**tip, "points": [tip["points"][row] for row in kept]} for tip in path["tips"]]
-    return {"lines": [path["lines"][row] for row in kept], "tips": tips}
+def path_from_line(path: SimulatedPath, first: int) -> dict[str, Any]:
+    """Return the part of a simulated path that belongs to the lines from ``first`` on, for the page."""
+    kept = [row for row, line in enumerate(path.lines) if first <= 1 or line >= first]
+    tips = [{"tool": tip.tool, "points": [tip.points[row] for row in kept]} for tip in path.tips]
+    return {"lines": [path.lines[row] for row in kept], "tips": tips}
 
 
 class JobQueue:
@@ -103,7 +102,7 @@ class JobQueue:
         self._task: asyncio.Task[None] | None = None
         self._estimates: set[asyncio.Task[None]] = set()
 
-    def add(self, name: str, user: str, from_line: int = 1, *, report: dict[str, Any] | None = None) -> Job:
+    def add(self, name: str, user: str, from_line: int = 1, *, report: SimulateReply | None = None) -> Job:
         """Queues a stored program; ``report``: of a simulation that somebody has looked at before.
 
         Raises:
@@ -217,10 +216,10 @@ class JobQueue:
             return
         points = 0 if job.start is None else PATH_POINTS
         try:
-            report = await self._link.connected().simulate(text, job.start, path_points=points)
+            report = await self._link.connected().simulate(text, positions=job.start, path_points=points)
         except MotionError:
             return
-        if report["ok"]:
+        if report.ok:
             job.take(report)
 
     async def _check(self, machine: Machine, job: Job) -> None:
@@ -228,7 +227,7 @@ class JobQueue:
         text = "\n".join(job.lines)
         if len(text) > SIMULATED_BYTES:
             return
-        found = await machine.check(text, job.start)
+        found = await machine.check(text, positions=job.start)
         if not found.ok:
             first = next(each for each in found.diagnostics if each.severity == "error")
             raise MotionError(

@@ -58,8 +58,8 @@ class RecordedFiles:
         async with self._busy:
             if _NAME.fullmatch(name) is None:
                 raise MotionError("MC585", f"{name!r} is no recording's name", "the list shows what is there")
-            listed = (await machine.recordings())["recordings"]
-            size = next((each["size"] for each in listed if each["name"] == name), None)
+            listed = (await machine.recordings()).recordings
+            size = next((each.size for each in listed if each.name == name), None)
             if size is None:
                 raise MotionError("MC585", f"there is no recording {name!r}", "the list shows what is there")
             # another recording may come by a name that was used before

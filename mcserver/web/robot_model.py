@@ -40,7 +40,7 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
         MotionError: the machine does not answer, or its files cannot be read.
     """
     found = await machine.model()
-    digest = found["digest"] or "none"
+    digest = found.digest or "none"
     if not (digest.isascii() and digest.isalnum()):
         raise MotionError("MC587", "the model's digest is no digest", "is the server of another version?")
     kept = folder / f"{digest}.json"
@@ -51,14 +51,14 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
     try:
         shutil.rmtree(folder, ignore_errors=True)
         work.mkdir(parents=True, exist_ok=True)
-        if sum(mesh["size"] for mesh in found["meshes"]) <= MAX_MODEL_BYTES:
-            for number, mesh in enumerate(found["meshes"]):
-                if mesh["size"]:
-                    path = work / f"{number}{Path(mesh['name']).suffix.lower()}"
+        if sum(mesh.size for mesh in found.meshes) <= MAX_MODEL_BYTES:
+            for number, mesh in enumerate(found.meshes):
+                if mesh.size:
+                    path = work / f"{number}{Path(mesh.name).suffix.lower()}"
                     path.write_bytes(await machine.read_mesh(number))
-                    meshes[mesh["name"]] = path
-        joints = {int(axis): name for axis, name in found["joints"].items()}
-        content = model_json(found["urdf"], joints, meshes, machine.info)
+                    meshes[mesh.name] = path
+        joints = {int(axis): name for axis, name in found.joints.items()}
+        content = model_json(found.urdf, joints, meshes, machine.info)
         kept.write_bytes(content)
     except OSError as error:
         raise MotionError("MC061", f"the model cannot be kept: {error.strerror}", "make room") from error

@@ -6,6 +6,7 @@ import asyncio
 import logging
 from typing import Any, NamedTuple
 
+import msgspec
 from mcclient import Machine, MotionError, RequestRefused
 from mcclient.run_picture import run_picture
 
@@ -61,13 +62,13 @@ class RunRequests:
         """
         known = {each.key: each for each in self.shown}
         found = []
-        for run in (await machine.run_requests())[:MAX_SHOWN]:
+        for run in msgspec.to_builtins((await machine.run_requests())[:MAX_SHOWN]):
             before = known.get((run["sha256"], run["number"]))
             if before is not None:
                 found.append(before._replace(run=run))
                 continue
             try:
-                preview = await machine.run_preview(run["sha256"])
+                preview = msgspec.to_builtins(await machine.run_preview(run["sha256"]))
             except RequestRefused:
                 # over since it was listed
                 continue

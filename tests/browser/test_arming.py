@@ -27,14 +27,14 @@ def test_an_operator_sees_a_run_that_is_asked_for_and_arms_it_once(
     panel = page.get_by_role("region", name="Runs to arm")
     expect(panel).to_be_hidden()
     with sync.Machine.connect("bench", server.endpoint) as agent:
-        run = agent.request_run(TEXT, "<i>lunch</i>")["run"]
-        part = page.locator(f'[data-run="{run["sha256"][:12]}"]')
+        run = agent.request_run(TEXT, "<i>lunch</i>").run
+        part = page.locator(f'[data-run="{run.sha256[:12]}"]')
         expect(part.locator("svg polyline").first).to_be_visible()
         expect(part).to_contain_text("<i>lunch</i>")
-        expect(part).to_contain_text(f"({run['duration_s']:.3f} s)")
+        expect(part).to_contain_text(f"({run.duration_s:.3f} s)")
         expect(part).to_contain_text("waits for an operator")
-        for extent in run["extents"]:
-            expect(part.locator("table")).to_contain_text(f"{extent['high']:.3f} mm")
+        for extent in run.extents:
+            expect(part.locator("table")).to_contain_text(f"{extent.high:.3f} mm")
         part.get_by_text("Program, 6 lines").click()
         expect(part.locator("pre")).to_contain_text("<b>already armed</b>")
         # whatever the text says, it waits
@@ -43,7 +43,7 @@ def test_an_operator_sees_a_run_that_is_asked_for_and_arms_it_once(
         choose(page, part.get_by_label("Override up to"), "50 %")
         part.get_by_role("button", name="Arm once").click()
         expect(part).to_contain_text("up to 50 %")
-        assert agent.run_armed(TEXT)["override"] == pytest.approx(50.0)
+        assert agent.run_armed(TEXT).override == pytest.approx(50.0)
         expect(part).to_contain_text("started")
         with pytest.raises(RequestRefused, match="started already"):
             agent.run_armed(TEXT)

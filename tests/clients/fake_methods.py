@@ -103,7 +103,15 @@ class FakeMethods:
                 "cycles_a_message": 10,
                 "state_hz": 20.0,
             },
-            "limits": {"max_line_length": 8192, "max_lines_a_message": 20000, "queue_lines": QUEUE_LINES},
+            "limits": {
+                "max_line_length": 8192,
+                "max_lines_a_message": 20000,
+                "queue_lines": QUEUE_LINES,
+                "programs_at_once": 4,
+                "open_programs": 16,
+                "remembered_answers": 64,
+                "remembered_answer_s": 60.0,
+            },
             "methods": ["open"],
         }
 
@@ -244,7 +252,14 @@ class FakeMethods:
         return {"received": received, "lines": 1, "complete": received == request["size"]}
 
     def _do_simulate(self, _: dict[str, Any]) -> dict[str, Any]:
-        return {"ok": True, "duration_s": 1.0, "lines": [], "diagnostics": []}
+        return {
+            "ok": True,
+            "duration_s": 1.0,
+            "feed_length_mm": 0.0,
+            "axes": {},
+            "lines": [],
+            "diagnostics": [],
+        }
 
     def _do_events(self, request: dict[str, Any]) -> dict[str, Any]:
         newer = [event for event in self.events if event["seq"] >= request["since"]][: request["limit"]]

@@ -359,6 +359,8 @@ class FakeServer(FakeMethods):
 
     def _program_status(self, program: FakeProgram) -> dict[str, Any]:
         return {
+            "progress": 0.0,
+            "opened_at": 0.0,
             "program": program.program,
             "state": program.state,
             "client": program.client,

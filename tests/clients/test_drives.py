@@ -23,18 +23,18 @@ async def test_drives_are_values(server: FakeServer) -> None:
 
 async def test_objects_are_read_and_written(server: FakeServer) -> None:
     async with Machine.connect(connect=server.endpoint) as machine:
-        found = await machine.sdo_read(2, 0x6041)
+        found = await machine.sdo_read(0x6041, axis=2)
         assert (found.value, found.raw, found.type) == (0x1637, b"\x37\x16", "u16")
-        by_node = await machine.sdo_read(None, 0x1018, 1, node=7, bus="can1", type="u32")
+        by_node = await machine.sdo_read(0x1018, 1, node=7, bus="can1", type="u32")
         assert (by_node.node, by_node.bus, by_node.subindex, by_node.type) == (7, "can1", 1, "u32")
-        assert (await machine.sdo_write(2, 0x2000, 0, "text", type="str")).value == "text"
-        assert (await machine.sdo_write(2, 0x2000, 0, 1.5, type="f32")).value == 1.5
+        assert (await machine.sdo_write(0x2000, "text", axis=2, type="str")).value == "text"
+        assert (await machine.sdo_write(0x2000, 1.5, axis=2, type="f32")).value == 1.5
 
 
 async def test_an_abort_of_the_drive_is_a_refusal_with_its_code(server: FakeServer) -> None:
     async with Machine.connect(connect=server.endpoint) as machine:
         with pytest.raises(RequestRefused) as found:
-            await machine.sdo_read(2, 0x2345)
+            await machine.sdo_read(0x2345, axis=2)
     assert found.value.code == "MC553"
     assert found.value.details["abort_code"] == 0x0602_0000
 
@@ -42,8 +42,8 @@ async def test_an_abort_of_the_drive_is_a_refusal_with_its_code(server: FakeServ
 def test_all_of_it_is_there_without_async(server: FakeServer) -> None:
     with SyncMachine.connect(connect=server.endpoint) as machine:
         assert machine.drives()[0].bus == "can0"
-        assert machine.sdo_read(2, 0x6041).value == 0x1637
-        assert machine.sdo_write(2, 0x6065, 0, 7).value == 7
+        assert machine.sdo_read(0x6041, axis=2).value == 0x1637
+        assert machine.sdo_write(0x6065, 7, axis=2).value == 7
 
 
 def test_mcctl_drives_shows_node_status_and_emergency(mcctl: Run) -> None:

@@ -90,16 +90,16 @@ async def test_the_operators_calls_reach_the_server(server: FakeServer) -> None:
     async with Machine.connect(connect=server.endpoint) as machine:
         program = await machine.program()
         await program.send("G01 X1")
-        assert await machine.hold() == [program.id]
+        assert await machine.hold() == (program.id,)
         assert server.programs[program.id].state == "held"
         await program.resume()
         assert server.programs[program.id].state == "running"
-        assert await machine.override(50.0) == 50.0
+        assert (await machine.override(50.0)).percent == 50.0
         assert await machine.jog(1, 5.0, velocity=2.0) == "j2"
         await machine.reset()
         assert [one.program for one in await machine.programs()] == [program.id]
-        assert (await machine.check("G01 X1", {0: 1.0})).ok
-        assert (await machine.simulate("G01 X1"))["duration_s"] == 1.0
+        assert (await machine.check("G01 X1", positions={0: 1.0})).ok
+        assert (await machine.simulate("G01 X1")).duration_s == 1.0
         assert (await machine.status()).axes.position == (1.5, 1.5, 1.5)
         await program.abort()
 

@@ -14,6 +14,7 @@ from mcclient import (
     ProgramInterrupted,
     RequestRefused,
 )
+from mcclient.types import OverrideReply
 
 
 def numbers(server: FakeServer) -> list[int]:
@@ -123,7 +124,7 @@ async def test_a_request_made_while_the_server_is_away_is_carried_out_once_when_
         await asyncio.to_thread(server.go_away)
         overriding = asyncio.create_task(machine.override(40.0))
         await asyncio.to_thread(server.come_back)
-        assert await overriding == 40.0
+        assert await overriding == OverrideReply(40.0, ())
         assert server.calls["override"] == 1
 
 
@@ -152,7 +153,7 @@ async def test_a_server_that_is_stopping_is_asked_again(
         await asyncio.to_thread(server.wait_until, lambda: refusals == 1)
         with server._lock:
             server._answers.clear()
-        assert await replies == 50.0
+        assert await replies == OverrideReply(50.0, ())
 
 
 async def test_errors_of_the_server_carry_code_hint_and_details(server: FakeServer) -> None:

@@ -14,11 +14,13 @@ from mcclient.types import AxisInfo, Info, LimitsInfo, TelemetryInfo
 
 from mcserver.recorder.channels import cycle_fields
 from mcserver.recorder.reading import read_recording
+from tests.told import told
 
 
 def info() -> Info:
-    axes = [AxisInfo(index, "linear", "mm", 1.0, 1.0, "ideal") for index in (0, 2)]
-    return Info(
+    axes = [told(AxisInfo, index, "linear", "mm", 1.0, 1.0, "ideal") for index in (0, 2)]
+    return told(
+        Info,
         machine="cell",
         server="0",
         protocol=[1],
@@ -27,8 +29,8 @@ def info() -> Info:
         cycle_s=0.001,
         axes=axes,
         tools=[],
-        telemetry=TelemetryInfo([0, 2], ["setpoint", "position", "velocity", "torque"], 10, 20.0),
-        limits=LimitsInfo(1, 1, 1, 1, 1, 1, 1.0),
+        telemetry=told(TelemetryInfo, [0, 2], ["setpoint", "position", "velocity", "torque"], 10, 20.0),
+        limits=told(LimitsInfo, 1, 1, 1, 1, 1, 1, 1.0),
         methods=[],
     )
 

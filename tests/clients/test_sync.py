@@ -25,7 +25,7 @@ def test_lines_are_sent_and_waited_for(server: FakeServer) -> None:
             assert program.finish().done == 1499
             assert next(reports).kind == "started"
         assert machine.status().state == "ready"
-        assert machine.override(70.0) == 70.0
+        assert machine.override(70.0).percent == 70.0
     assert len(server.executed) == 1499
 
 

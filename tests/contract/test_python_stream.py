@@ -14,7 +14,7 @@ from mcclient.errors import MotionError, RequestRefused
 from mcclient.keys import Keys
 from mcclient.stream import LineStream
 from mcclient.transport import Arrived, Link
-from mcclient.types import ErrorReply, OpenedProgram
+from mcclient.types import ErrorReply, OpenReply
 from mcclient.window import LineWindow
 from mcclient.wire import decode
 
@@ -96,7 +96,7 @@ class Player:
     async def open(self, message: dict[str, Any]) -> None:
         if hasattr(self, "stream"):
             await self.stream.stop()
-        opened = decode(OpenedProgram, bytes.fromhex(message["bytes"]))
+        opened = decode(OpenReply, bytes.fromhex(message["bytes"]))
         self.stream = LineStream(
             opened,
             link=cast(Link, self.server),

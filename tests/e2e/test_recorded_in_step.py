@@ -79,9 +79,9 @@ async def until(events: asyncio.Queue[Event], kind: str) -> Event:
 async def record_a_run(cell: ServerProcess) -> Event:
     """Home, run the program, open the door on the way, resume; the event of the probe."""
     async with connected(cell) as machine, events_of(machine) as events:
-        await machine.start_recording("run")
+        await machine.record_start("run")
         async with asyncio.timeout(LIMIT_S):
-            while "run" not in {each["name"] for each in (await machine.recordings())["recordings"]}:
+            while "run" not in {each.name for each in (await machine.recordings()).recordings}:
                 await asyncio.sleep(0.05)
         await machine.home()
         await until(events, "axis.homed")
@@ -106,9 +106,9 @@ async def record_a_run(cell: ServerProcess) -> Event:
             await machine.resume(program.id)
             await finishing
         probed = await until(events, "probe")
-        await machine.stop_recording()
+        await machine.record_stop()
         async with asyncio.timeout(LIMIT_S):
-            while (await machine.recordings())["recordings"][0]["state"] != "done":
+            while (await machine.recordings()).recordings[0].state != "done":
                 await asyncio.sleep(0.05)
         return probed
 

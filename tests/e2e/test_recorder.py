@@ -67,7 +67,7 @@ async def run_into_a_fault(machine: Machine) -> None:
 
 async def recorder_runs(machine: Machine) -> None:
     async with asyncio.timeout(LIMIT_S):
-        while (await machine.recordings())["recorder"] is None:
+        while (await machine.recordings()).recorder is None:
             await asyncio.sleep(0.05)
 
 
@@ -97,11 +97,11 @@ async def test_a_fault_a_killed_recorder_and_a_killed_server(
         assert "G01 X500 F60000" in text[0]
 
         # a recorder that is killed costs the recording, and is replaced
-        await machine.start_recording("cut")
+        await machine.record_start("cut")
         async with asyncio.timeout(20.0):
             # with its head on the disk: there is nothing to repair without it
             while not any(
-                each["name"] == "cut" and each["size"] for each in (await machine.recordings())["recordings"]
+                each.name == "cut" and each.size for each in (await machine.recordings()).recordings
             ):
                 await asyncio.sleep(0.05)
         (pid,) = recorders(boxed)
@@ -110,7 +110,7 @@ async def test_a_fault_a_killed_recorder_and_a_killed_server(
             "the recorder was ended by signal 9"
         )
         await recorder_runs(machine)
-        states = {each["name"]: each["state"] for each in (await machine.recordings())["recordings"]}
+        states = {each.name: each.state for each in (await machine.recordings()).recordings}
         assert states["cut"] == "done", "repaired by the next one"
         assert (await machine.status()).t > 0.0
         listening.cancel()

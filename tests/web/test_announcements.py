@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import pytest
 from mcclient import Fault, MachineStatus
-from mcclient.types import AxesStatus, ProgramStatus
+from mcclient.types import AxesStatus, AxisTravel, ProgramStatus, SimulateReply
 
 from mcserver.web.announcements import Announcer, title_of
 from mcserver.web.panels.notices import notices_of
 from mcserver.web.panels.run_from import end_of, start_html
+from tests.told import told
 
-AXES = AxesStatus(
+AXES = told(
+    AxesStatus,
     index=(0, 1),
     position=(0.0, 5.0),
     setpoint=(0.0, 5.0),
@@ -21,8 +23,15 @@ AXES = AxesStatus(
 
 
 def state(*programs: ProgramStatus, faults: tuple[Fault, ...] = ()) -> MachineStatus:
-    return MachineStatus(
-        t=1.0, wall=0.0, instance="i", state="ready", axes=AXES, programs=programs, faults=faults
+    return told(
+        MachineStatus,
+        t=1.0,
+        wall=0.0,
+        instance="i",
+        state="ready",
+        axes=AXES,
+        programs=programs,
+        faults=faults,
     )
 
 
@@ -30,8 +39,16 @@ def part(
     word: str, *, lasted: float | None = None, notice: str = "", fault: Fault | None = None
 ) -> ProgramStatus:
     ended = None if lasted is None else 100.0 + lasted
-    return ProgramStatus(
-        "p-1", word, name="part.gcode", opened_at=100.0, ended_at=ended, notice=notice, line=7, fault=fault
+    return told(
+        ProgramStatus,
+        "p-1",
+        word,
+        name="part.gcode",
+        opened_at=100.0,
+        ended_at=ended,
+        notice=notice,
+        line=7,
+        fault=fault,
     )
 
 
@@ -98,14 +115,15 @@ def test_a_machine_that_is_away_says_why_and_what_is_shown_then(
 
 
 def test_a_tab_says_how_far_a_program_is_and_else_what_is_wrong() -> None:
-    running = ProgramStatus("p-1", "running", progress=0.434)
+    running = told(ProgramStatus, "p-1", "running", progress=0.434)
     assert title_of("cell-1", "running", running) == "43 % running · cell-1"
-    assert title_of("cell-1", "ready", ProgramStatus("p-1", "finished", progress=1.0)) == "cell-1"
+    assert title_of("cell-1", "ready", told(ProgramStatus, "p-1", "finished", progress=1.0)) == "cell-1"
     assert title_of("cell-1", "EMERGENCY STOP", None) == "EMERGENCY STOP · cell-1"
 
 
 def test_a_run_from_a_line_shows_each_axis_that_is_elsewhere() -> None:
-    report = {"ok": True, "axes": {"0": {"position": 200.0}, "1": {"position": 5.0}}}
+    axes = {"0": AxisTravel(200.0, 0.0, 200.0, "mm"), "1": AxisTravel(5.0, 5.0, 5.0, "mm")}
+    report = told(SimulateReply, ok=True, axes=axes)
     there = end_of(report)
     assert there == {0: 200.0, 1: 5.0}
     shown = start_html("G01 <Y100>", {0: 0.0, 1: 5.0}, there, state())
@@ -117,7 +135,7 @@ def test_a_run_from_a_line_shows_each_axis_that_is_elsewhere() -> None:
 
 
 def test_a_run_from_a_line_says_what_is_not_known() -> None:
-    assert end_of({"ok": False, "axes": {}}) is None
+    assert end_of(told(SimulateReply)) is None
     shown = start_html("G01 Y100", {0: 0.0}, None, state(part("running")))
     assert "is not known" in shown
     assert "Another program is open" in shown

@@ -12,9 +12,15 @@ from mcclient import Event, Fault, Info, MachineStatus
 from mcclient.types import (
     AxesStatus,
     AxisInfo,
+    AxisTravel,
+    Diagnostic,
     InputInfo,
     InputStatus,
+    LineReport,
     ProgramStatus,
+    SimulatedPath,
+    SimulateReply,
+    TipPath,
     ToolInfo,
     ToolPose,
     WorkOffset,
@@ -34,8 +40,10 @@ from mcserver.web.panels.picture import tips_of
 from mcserver.web.panels.positions import WHY, offsets_html, positions_html, system_name
 from mcserver.web.replay import MOST_ROWS, main, replay_of
 from mcserver.web.signals import signals_of, value_of
+from tests.told import told
 
-AXES = AxesStatus(
+AXES = told(
+    AxesStatus,
     index=(0, 7),
     position=(12.0, 90.0),
     setpoint=(12.5, 90.0),
@@ -44,25 +52,27 @@ AXES = AxesStatus(
     state=("moving", "off"),
     homed=(True, False),
 )
-STATUS = MachineStatus(
+STATUS = told(
+    MachineStatus,
     t=5.0,
     wall=1000.0,
     instance="one",
     state="ready",
     axes=AXES,
-    tools=(ToolPose(3, (1.0, 2.0, 3.0), (10.0, 20.0, 30.0)),),
+    tools=(told(ToolPose, 3, (1.0, 2.0, 3.0), (10.0, 20.0, 30.0)),),
     inputs=(InputStatus("door", 1.0),),
     work_offsets=(WorkOffset("G54", {"0": 10.0}), WorkOffset("G55", {"0": 99.0})),
 )
-INFO = Info(
+INFO = told(
+    Info,
     machine="cell-1",
     server="0",
     protocol=(1,),
     instance="one",
     epoch=0.0,
     cycle_s=1e-3,
-    axes=(AxisInfo(0, "linear", "mm", homing="switch"), AxisInfo(7, "rotary", "deg")),
-    tools=(ToolInfo(3, "foot"),),
+    axes=(told(AxisInfo, 0, "linear", "mm", homing="switch"), told(AxisInfo, 7, "rotary", "deg")),
+    tools=(told(ToolInfo, 3, "foot"),),
     inputs=(InputInfo("door", 0, "digital"),),
 )
 
@@ -112,7 +122,9 @@ def test_each_work_offset_that_was_set_is_listed() -> None:
     text = offsets_html(STATUS, INFO)
     assert "<b>G54</b> reads zero at X 10.000 mm" in text
     assert (
-        offsets_html(MachineStatus(t=0.0, wall=0.0, instance="i", state="ready", axes=STATUS.axes), INFO)
+        offsets_html(
+            told(MachineStatus, t=0.0, wall=0.0, instance="i", state="ready", axes=STATUS.axes), INFO
+        )
         == ""
     )
 
@@ -120,8 +132,8 @@ def test_each_work_offset_that_was_set_is_listed() -> None:
 @pytest.mark.parametrize(("state", "refused"), [("queued", True), ("held", True), ("finished", False)])
 def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str, refused: bool) -> None:
     programs = (
-        ProgramStatus("p-1", "finished"),
-        ProgramStatus("p-2", state, name="part.gcode", client="hmi"),
+        told(ProgramStatus, "p-1", "finished"),
+        told(ProgramStatus, "p-2", state, name="part.gcode", client="hmi"),
     )
     refusal = refusal_of(programs, WHY)
     assert (refusal is not None) is refused
@@ -132,8 +144,14 @@ def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str,
 
 def test_homing_says_what_it_is_at_only_while_its_program_runs() -> None:
     searching = [event("axis.homing", axis=0, message="searching the switch", program="h1")]
-    running = MachineStatus(
-        t=5.0, wall=0.0, instance="one", state="ready", axes=AXES, programs=(ProgramStatus("h1", "running"),)
+    running = told(
+        MachineStatus,
+        t=5.0,
+        wall=0.0,
+        instance="one",
+        state="ready",
+        axes=AXES,
+        programs=(told(ProgramStatus, "h1", "running"),),
     )
     assert phase_of(link(events=searching, status=running), 0, homed=False) == "searching the switch"
     assert phase_of(link(events=searching), 0, homed=False) == "not homed"
@@ -142,8 +160,14 @@ def test_homing_says_what_it_is_at_only_while_its_program_runs() -> None:
 
 
 def test_a_fault_leads_to_the_black_box_that_was_written_after_it() -> None:
-    status = MachineStatus(
-        t=9.0, wall=0.0, instance="one", state="fault", axes=AXES, faults=(Fault("MC407", "late", t=6.0),)
+    status = told(
+        MachineStatus,
+        t=9.0,
+        wall=0.0,
+        instance="one",
+        state="fault",
+        axes=AXES,
+        faults=(Fault("MC407", "late", t=6.0),),
     )
     older = event("recording", t=3.0, message="blackbox-1-MC407")
     asked = event("recording", t=7.0, message="mine")
@@ -154,8 +178,10 @@ def test_a_fault_leads_to_the_black_box_that_was_written_after_it() -> None:
 
 
 def test_people_are_listed_with_what_they_hold_and_nobody_s_name_is_markup() -> None:
-    program = ProgramStatus("p1", "running", client="<b>eve</b>", name="a.nc", axes=(0, 7))
-    status = MachineStatus(t=5.0, wall=0.0, instance="one", state="ready", axes=AXES, programs=(program,))
+    program = told(ProgramStatus, "p1", "running", client="<b>eve</b>", name="a.nc", axes=(0, 7))
+    status = told(
+        MachineStatus, t=5.0, wall=0.0, instance="one", state="ready", axes=AXES, programs=(program,)
+    )
     commands = [
         event("command", client="web-1", reason="hold"),
         event("command", client="bob", reason="abort"),
@@ -178,36 +204,29 @@ def test_people_are_listed_with_what_they_hold_and_nobody_s_name_is_markup() -> 
 
 def test_tips_are_the_tools_or_the_first_axes() -> None:
     assert tips_of(STATUS) == {"T3": [1.0, 2.0, 3.0]}
-    plain = MachineStatus(t=5.0, wall=0.0, instance="one", state="ready", axes=AXES)
+    plain = told(MachineStatus, t=5.0, wall=0.0, instance="one", state="ready", axes=AXES)
     assert tips_of(plain) == {"": [12.0, 0.0, 0.0]}
 
 
 def test_a_path_from_a_line_on_leaves_out_what_comes_before() -> None:
-    path = {"lines": [0, 2, 3, 3], "tips": [{"tool": None, "points": [[0], [1], [2], [3]]}]}
-    assert path_from_line(path, 1) is path
-    assert path_from_line(path, 3) == {"lines": [3, 3], "tips": [{"tool": None, "points": [[2], [3]]}]}
+    path = SimulatedPath((0, 2, 3, 3), (TipPath(None, ((0.0,), (1.0,), (2.0,), (3.0,))),))
+    assert path_from_line(path, 3) == {"lines": [3, 3], "tips": [{"tool": None, "points": [(2.0,), (3.0,)]}]}
+    assert path_from_line(path, 1)["lines"] == [0, 2, 3, 3]
 
 
 def test_a_dry_run_says_duration_travel_slow_lines_and_faults() -> None:
-    line = {"line": 7, "stretched_by": 2.0, "bound_by": "axis 2 acceleration"}
-    report = {
-        "ok": True,
-        "duration_s": 65.0,
-        "feed_length_mm": 100.0,
-        "diagnostics": [],
-        "lines": [line, {"line": 8, "stretched_by": 1.0, "bound_by": None}],
-        "axes": {
-            "0": {"position": 5.0, "min": 0.0, "max": 10.0, "unit": "mm"},
-            "1": {"position": 0.0, "min": 0.0, "max": 0.0, "unit": "mm"},
-        },
-    }
-    text = report_html("", report)
+    lines = (
+        told(LineReport, 7, stretched_by=2.0, bound_by="axis 2 acceleration"),
+        told(LineReport, 8, stretched_by=1.0),
+    )
+    axes = {"0": AxisTravel(5.0, 0.0, 10.0, "mm"), "1": AxisTravel(0.0, 0.0, 0.0, "mm")}
+    text = report_html("", told(SimulateReply, True, 65.0, 100.0, lines, axes))
     assert "1:05" in text
     assert "line 7: 2.00 × its time, axis 2 acceleration" in text
     assert "<td>X</td>" in text
     assert "<td>Y</td>" not in text
-    fault = {"line": 1, "message": "<no>", "code": "MC104", "hint": "h"}
-    refused = report_html("G02 R1", {**report, "ok": False, "diagnostics": [fault]})
+    fault = Diagnostic("MC104", "<no>", 1, hint="h")
+    refused = report_html("G02 R1", told(SimulateReply, False, 65.0, diagnostics=(fault,)))
     assert "&lt;no&gt; [MC104]" in refused
     assert "1:05" not in refused
 

@@ -10,13 +10,15 @@ from mcclient.types import AxesStatus, MachineStatus, ProgramStatus
 
 from mcserver.web.fleet import Fleet, Seen
 from mcserver.web.metrics import metrics_text
+from tests.told import told
 
 DASHBOARD = Path(__file__).parents[2] / "deploy" / "grafana" / "machines.json"
 
 
 def exported(tmp_path: Path) -> dict[str, set[str]]:
     """Labels of every metric of a machine that runs a program."""
-    program = ProgramStatus(
+    program = told(
+        ProgramStatus,
         program="p",
         state="running",
         client="c",
@@ -33,8 +35,8 @@ def exported(tmp_path: Path) -> dict[str, set[str]]:
         opened_at=0.0,
         eta_s=1.0,
     )
-    axes = AxesStatus([0], [1.0], [1.0], [0.0], [0.0], ["moving"])
-    status = MachineStatus(0.0, 0.0, "i", "ready", axes, [program], [])
+    axes = told(AxesStatus, [0], [1.0], [1.0], [0.0], [0.0], ["moving"])
+    status = told(MachineStatus, 0.0, 0.0, "i", "ready", axes, [program], [])
     fleet = Fleet((), None, tmp_path)
     seen = fleet.machines["cell"] = Seen("cell")
     seen.status = status

@@ -8,10 +8,12 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from mcclient import MotionError
+from mcclient.types import SimulateReply
 
 from mcserver.web.jobs import JobQueue, JobState
 from mcserver.web.link import MachineLink
 from mcserver.web.store import ProgramStore
+from tests.told import told
 
 
 class Opened:
@@ -41,10 +43,10 @@ class Bench:
     async def status(self) -> Any:
         return SimpleNamespace(axes=SimpleNamespace(index=(0,), setpoint=(0.0,)))
 
-    async def simulate(self, *_: object, **__: object) -> dict[str, Any]:
-        return {"ok": False}
+    async def simulate(self, *_: object, **__: object) -> SimulateReply:
+        return told(SimulateReply)
 
-    async def check(self, *_: object) -> Any:
+    async def check(self, *_: object, **__: object) -> Any:
         self.checking.set()
         await self.may_answer.wait()
         return SimpleNamespace(ok=True)
@@ -108,7 +110,7 @@ async def test_what_waits_behind_a_failure_does_not_start_because_of_one_more(tm
     refused = MotionError("MC104", "no such arc", "")
     answers = [refused]
 
-    async def check(*_: object) -> Any:
+    async def check(*_: object, **__: object) -> Any:
         if answers:
             raise answers.pop()
         return SimpleNamespace(ok=True)

@@ -12,12 +12,13 @@ from typing import Any, cast
 import msgspec
 import pytest
 from mcclient import Info, Machine, MotionError
-from mcclient.types import ToolInfo
+from mcclient.types import ModelReply, RecordingInfo, RecordingsReply, ToolInfo
 
 from mcserver.machine.machine_file import load_machine
 from mcserver.net.model_methods import look
 from mcserver.web.recorded_files import KEPT, RecordedFiles
 from mcserver.web.robot_model import fetch_model
+from tests.told import told
 
 
 class Server:
@@ -27,17 +28,18 @@ class Server:
         self.answer = model
         self.asked = 0
         self.sizes = {"one": 3}
-        self.info = Info("m", "0", (1,), "i", 0.0, 1e-3, tools=tools)
+        self.info = told(Info, "m", "0", (1,), "i", 0.0, 1e-3, tools=tools)
 
-    async def model(self) -> dict[str, Any]:
+    async def model(self) -> ModelReply:
         self.asked += 1
-        return self.answer
+        return msgspec.convert(self.answer, ModelReply)
 
     async def read_mesh(self, mesh: int) -> bytes:
         raise AssertionError(mesh)
 
-    async def recordings(self) -> dict[str, Any]:
-        return {"recordings": [{"name": name, "size": size} for name, size in self.sizes.items()]}
+    async def recordings(self) -> RecordingsReply:
+        found = tuple(told(RecordingInfo, name=name, size=size) for name, size in self.sizes.items())
+        return told(RecordingsReply, found, None)
 
     async def read_recording(self, name: str) -> AsyncIterator[tuple[bytes, int]]:
         assert name in self.sizes
@@ -46,7 +48,7 @@ class Server:
 
 def model_of(name: str) -> tuple[dict[str, Any], tuple[ToolInfo, ...]]:
     machine = load_machine(name)
-    tools = tuple(ToolInfo(tool.number, tool.frame, tuple(tool.axes)) for tool in machine.tools)
+    tools = tuple(told(ToolInfo, tool.number, tool.frame, tuple(tool.axes)) for tool in machine.tools)
     return cast("dict[str, Any]", msgspec.to_builtins(look(machine)[0])), tools
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 from mcclient import Event, MotionError
-from mcclient.types import EventPage, Fault
+from mcclient.types import EventsReply, Fault
 
 from mcserver.errors import ConfigurationError
 from mcserver.web.fleet_events import FleetEvents
@@ -179,12 +179,12 @@ class FakeFleet:
     async def find(self, *, timeout_s: float) -> list[str]:  # noqa: ARG002
         return sorted(self.machines)
 
-    async def events(self, machine: str, since: int, limit: int = 1000) -> EventPage:
+    async def events(self, machine: str, since: int, limit: int = 1000) -> EventsReply:
         instance, events = self.machines[machine]
         if not events:
             raise MotionError("MC532", "no answer")
         found = [event for event in events if event.seq >= since][:limit]
-        return EventPage(instance, events[0].seq, events[-1].seq, found)
+        return EventsReply(instance, events[0].seq, events[-1].seq, found)
 
     def happen(self, machine: str, instance: str, *numbers: int) -> None:
         kept = self.machines.get(machine, ("", []))

@@ -35,7 +35,7 @@ from mcclient.telemetry import Samples
 from mcclient.types import (
     AxisInfo,
     BusScan,
-    CheckResult,
+    CheckReply,
     Diagnostic,
     DriveInfo,
     Edit,
@@ -51,14 +51,14 @@ from mcclient.types import (
     OutputStatus,
     ProgramStatus,
     ScannedNode,
-    SdoObject,
+    SdoReply,
     ToolInfo,
 )
 
 __all__ = [
     "AxisInfo",
     "BusScan",
-    "CheckResult",
+    "CheckReply",
     "ConfigurationError",
     "Diagnostic",
     "DriveInfo",
@@ -93,7 +93,7 @@ __all__ = [
     "RequestRefused",
     "Samples",
     "ScannedNode",
-    "SdoObject",
+    "SdoReply",
     "SeveralMachines",
     "ToolInfo",
     "emergency_stop",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from typing import Any
+from typing import Any, TypeVar
 
 from mcclient.errors import MotionError, NoAnswerInTime, NobodyAnswers, RequestRefused
 from mcclient.keys import Keys
@@ -17,6 +17,8 @@ from mcclient.presence import Presence
 from mcclient.transport import Link, Reply
 from mcclient.types import ErrorReply
 from mcclient.wire import decode, encode
+
+T = TypeVar("T")
 
 DEADLINE_S = 5.0
 ATTEMPT_S = 2.0
@@ -40,6 +42,11 @@ class Caller:
         self._keys = keys
         self._presence = presence
         self._numbers = itertools.count(1)
+
+    async def ask(self, kind: type[T], method: str, fields: dict[str, Any], deadline_s: float) -> T:
+        """The reply as one of `mcclient.types`; what may take long is asked for once. Raises as `call`."""
+        attempt_s = ATTEMPT_S if deadline_s <= DEADLINE_S else deadline_s
+        return decode(kind, await self.call(method, fields, deadline_s=deadline_s, attempt_s=attempt_s))
 
     async def call(
         self,

@@ -9,14 +9,14 @@ from collections.abc import Awaitable, Callable
 from mcclient.errors import MotionError
 from mcclient.feed import Feed, Queue
 from mcclient.transport import Arrived, Link
-from mcclient.types import Event, EventPage
+from mcclient.types import Event, EventsReply
 from mcclient.wire import decode
 
 log = logging.getLogger(__name__)
 
 EVENTS_LIMIT = 20_000
 WAITING_LIMIT = 5000
-FetchPage = Callable[[int], Awaitable[EventPage]]
+FetchPage = Callable[[int], Awaitable[EventsReply]]
 
 
 class EventOrder:
@@ -56,7 +56,7 @@ class EventOrder:
             self._waiting[event.seq] = event
         return self._in_order()
 
-    def fill(self, page: EventPage) -> list[Event]:
+    def fill(self, page: EventsReply) -> list[Event]:
         """What may be passed on now that the server has repeated its events."""
         if self._instance is None:
             self._instance = page.instance

@@ -13,7 +13,7 @@ from mcclient.errors import MotionError
 from mcclient.keys import ALL_MACHINES, Keys, machine_of_call, server_of
 from mcclient.presence import Presence
 from mcclient.transport import Link, endpoints_of, user_of
-from mcclient.types import EventPage, MachineStatus
+from mcclient.types import EventsReply, MachineStatus
 from mcclient.wire import decode
 
 ORDER_S = 3.0
@@ -86,7 +86,7 @@ class FleetLink:
         except MotionError:
             return None
 
-    async def events(self, machine: str, since: int, limit: int = 1000) -> EventPage:
+    async def events(self, machine: str, since: int, limit: int = 1000) -> EventsReply:
         """Events of one machine from number ``since`` on, as far as its server still has them.
 
         Raises:
@@ -94,7 +94,7 @@ class FleetLink:
         """
         caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
         reply = await caller.call("events", {"since": since, "limit": limit}, deadline_s=ORDER_S)
-        return decode(EventPage, reply)
+        return decode(EventsReply, reply)
 
     async def order(self, machine: str, method: str) -> None:
         """``hold``, ``resume`` or ``abort`` for every program of one machine.

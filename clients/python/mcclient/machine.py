@@ -7,48 +7,34 @@ import contextlib
 import hashlib
 import os
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from mcclient.arming import ArmingCalls
 from mcclient.calls import DEADLINE_S, Caller
-from mcclient.channels import ChannelCalls
 from mcclient.discovery import CONNECT_S, find_machine, new_client_id
-from mcclient.drives import DriveCalls
 from mcclient.errors import MotionError, ProtocolError
 from mcclient.estop import send_until_confirmed
 from mcclient.events import open_events
 from mcclient.feed import Feed, Queue
 from mcclient.keys import PROTOCOL_VERSION, Keys, live_key
-from mcclient.models import ModelCalls
+from mcclient.machine_calls import MachineCalls
+from mcclient.parts import read_parts
 from mcclient.presence import Presence
 from mcclient.program import Program
-from mcclient.recordings import RecordingCalls
 from mcclient.reports import Report, open_reports
 from mcclient.starting import Starting
 from mcclient.stream import LineStream
 from mcclient.telemetry import InfoHolder, Samples, open_samples, open_states
 from mcclient.texts import put_text
 from mcclient.transport import Link, Subscription, endpoints_of, user_of
-from mcclient.types import (
-    CheckResult,
-    Event,
-    EventPage,
-    Info,
-    MachineStatus,
-    OnDisconnect,
-    OpenedProgram,
-    ProgramStatus,
-)
-from mcclient.wire import decode, from_wire, unpack
+from mcclient.types import Event, EventsReply, Info, MachineStatus, OnDisconnectWord
 
 PATIENCE_S = 10.0
-LONG_JOB_S = 120.0
 EVENTS_A_PAGE = 1000
 
 
-class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls):
+class Machine(MachineCalls):
     """A connected machine.
 
     Attributes:
@@ -196,22 +182,11 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
 
     async def refresh_info(self, *, deadline_s: float = DEADLINE_S) -> Info:
         """Asks again now; after a start of the server that is done anyway."""
-        info = decode(Info, await self._caller.call("info", deadline_s=deadline_s))
+        info = await self.ask_info(deadline_s=deadline_s)
         if self._holder is None:
             self._holder = InfoHolder(info)
         self._holder.info = info
         return info
-
-    async def status(self, *, deadline_s: float = DEADLINE_S) -> MachineStatus:
-        """The whole machine's state now."""
-        return decode(MachineStatus, await self._caller.call("status", deadline_s=deadline_s))
-
-    async def programs(
-        self, program: str | None = None, *, ended: bool = True, limit: int = 100
-    ) -> list[ProgramStatus]:
-        """The programs that the server knows, the newest first: running, queued, ended and interrupted."""
-        reply = await self._caller.call("programs", {"program": program, "ended": ended, "limit": limit})
-        return [from_wire(ProgramStatus, each) for each in unpack(reply)["programs"]]
 
     # ------------------------------------------------------------ programs
 
@@ -220,7 +195,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         name: str = "",
         axes: Sequence[int] | None = None,
         *,
-        on_disconnect: OnDisconnect = "stop",
+        on_disconnect: OnDisconnectWord = "stop",
         start_line: int = 1,
         before: Sequence[str] = (),
         step: bool = False,
@@ -266,7 +241,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         *,
         start_line: int,
         axes: Sequence[int] | None = None,
-        on_disconnect: OnDisconnect = "stop",
+        on_disconnect: OnDisconnectWord = "stop",
         hold: bool = False,
     ) -> Starting[Program]:
         """Goes on with an interrupted program from ``start_line``, its modal state rebuilt by the server.
@@ -284,11 +259,7 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         return Starting(lambda: self._open_program(request))
 
     async def _open_program(self, request: dict[str, Any]) -> Program:
-        if not self._token_declared:
-            # before the first program: the server ends programs whose token has gone
-            self._link.declare_token(self._keys.token)
-            self._token_declared = True
-        opened = decode(OpenedProgram, await self._caller.call("open", request))
+        opened = await self.open_program(**request)
         stream = LineStream(
             opened, link=self._link, keys=self._keys, caller=self._caller, patience_s=self._patience_s
         )
@@ -304,77 +275,6 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
 
     # ------------------------------------------------------------ the operator's part
 
-    async def hold(self, program: str | None = None) -> list[str]:
-        """Feed hold along the path, of one program or all; returns those concerned."""
-        return await self._order("hold", program)
-
-    async def resume(self, program: str | None = None) -> list[str]:
-        """Ends a hold, M00 or M01."""
-        return await self._order("resume", program)
-
-    async def abort(self, program: str | None = None) -> list[str]:
-        """Stops along the path, then drops the rest."""
-        return await self._order("abort", program)
-
-    async def step(self, program: str) -> list[str]:
-        """Starts the next line of a program that this client opened with ``step=True``."""
-        return await self._order("step", program)
-
-    async def override(self, percent: float, program: str | None = None) -> float:
-        """Feed override of one program, or of all and those to come; returns the one now in force [%]."""
-        reply = await self._caller.call("override", {"percent": percent, "program": program})
-        return float(unpack(reply)["percent"])
-
-    async def jog(
-        self,
-        axis: int,
-        distance: float | None = None,
-        *,
-        velocity: float | None = None,
-        hold_s: float | None = None,
-        program: str | None = None,
-        by: str = "",
-    ) -> str:
-        """Moves one axis by hand; returns the jog's program id.
-
-        Args:
-            distance: from where the axis is [mm, deg]; None: on, in the direction of ``velocity``, as long as
-                the same call with ``program`` = the id returned comes again within ``hold_s``.
-            velocity: [mm/s, deg/s]; None: a tenth of the axis's limit.
-            hold_s: the dead man's time [s].
-            by: the person, where this client serves several: steps of one follow each other, another one is
-                refused (MC512) while the axis moves.
-        """
-        request = {
-            "axis": axis,
-            "distance": distance,
-            "velocity": velocity,
-            "hold_s": hold_s,
-            "program": program,
-            "by": by[:100],
-        }
-        return str(unpack(await self._caller.call("jog", request))["program"])
-
-    async def home(self, axes: Sequence[int] | None = None) -> str:
-        """Lets axes find their references; returns the id of the program that does.
-
-        It runs on: events ``axis.homing``, ``axis.homed`` and ``program.ended`` say how it goes.
-
-        Args:
-            axes: None: all that can.
-        """
-        request = {"axes": None if axes is None else list(axes)}
-        return str(unpack(await self._caller.call("home", request))["program"])
-
-    async def reference(self, positions: Mapping[int, float]) -> None:
-        """Says where axes are, by number [mm, deg]; nothing moves."""
-        written = {str(axis): float(at) for axis, at in positions.items()}
-        await self._caller.call("reference", {"positions": written})
-
-    async def reset(self, axes: Sequence[int] | None = None) -> None:
-        """Clears a latched fault or emergency stop; axes stay without energy until captured (G1010)."""
-        await self._caller.call("reset", {"axes": None if axes is None else list(axes)})
-
     async def estop(self, reason: str = "", *, timeout_s: float = 5.0) -> None:
         """Emergency stop; returns once the server has confirmed. No safety function: see `mcclient.estop`.
 
@@ -382,10 +282,6 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
             NoAnswerInTime: MC532.
         """
         await send_until_confirmed(self._link, self._keys, reason=reason, timeout_s=timeout_s)
-
-    async def _order(self, method: str, program: str | None) -> list[str]:
-        reply = await self._caller.call(method, {"program": program})
-        return [str(each) for each in unpack(reply).get("programs", [])]
 
     # ------------------------------------------------------------ without motion
 
@@ -405,45 +301,22 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         """
         return await put_text(self._caller, path, sha256)
 
-    async def check(
-        self,
-        text: str | None = None,
-        positions: dict[int, float] | None = None,
-        *,
-        sha256: str | None = None,
-    ) -> CheckResult:
-        """Every fault of a program's text.
+    async def read_mesh(self, mesh: int) -> bytes:
+        """Take a mesh's file over; ``mesh`` counts from 0 in ``(await model()).meshes``.
 
-        Args:
-            text: all of it; None: that which `put_text` handed over, by its ``sha256``.
-            positions: start the axes there [mm, deg].
+        Raises:
+            RequestRefused: MC587 it is not to be had. ProtocolError: MC533 it has changed meanwhile.
         """
-        written = None if positions is None else {str(axis): at for axis, at in positions.items()}
-        request = {"text": text, "positions": written, "sha256": sha256}
-        reply = await self._caller.call("check", request, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S)
-        return decode(CheckResult, reply)
+        parts = read_parts(f"the mesh {mesh}", lambda offset: self.model_mesh(mesh, offset))
+        return b"".join([data async for data, _ in parts])
 
-    async def simulate(
-        self,
-        text: str,
-        positions: dict[int, float] | None = None,
-        *,
-        path_points: int = 0,
-        lines: bool = True,
-    ) -> dict[str, Any]:
-        """Runs a text on a virtual clock; the object of ``mcserver simulate --json``.
+    def read_recording(self, name: str) -> AsyncIterator[tuple[bytes, int]]:
+        """The file of a recording piece by piece: bytes, and the size of the whole.
 
-        Args:
-            positions: start the axes there [mm, deg]; None: where the machine file lets drives start.
-            path_points: with ``path``, where the tips go, in so many points at most; 0: without.
-            lines: with the times of every line.
+        Raises:
+            RequestRefused: MC585 no recording has that name. ProtocolError: MC533 it has changed meanwhile.
         """
-        request: dict[str, Any] = {"text": text, "path_points": path_points, "lines": lines}
-        if positions is not None:
-            request["positions"] = {str(axis): at for axis, at in positions.items()}
-        reply = await self._caller.call("simulate", request, deadline_s=LONG_JOB_S, attempt_s=LONG_JOB_S)
-        result: dict[str, Any] = unpack(reply)
-        return result
+        return read_parts(f"the recording {name}", lambda offset: self.recording_read(name, offset))
 
     async def clients(self, *, timeout_s: float = 1.0) -> list[str]:
         """Ids of the clients that are connected and have opened a program of this machine, sorted."""
@@ -480,6 +353,11 @@ class Machine(ArmingCalls, ChannelCalls, DriveCalls, ModelCalls, RecordingCalls)
         self._queues.add(queue)
         return feed
 
-    async def _event_page(self, since: int) -> EventPage:
-        reply = await self._caller.call("events", {"since": since, "limit": EVENTS_A_PAGE})
-        return decode(EventPage, reply)
+    async def _event_page(self, since: int) -> EventsReply:
+        return await self.past_events(since, limit=EVENTS_A_PAGE)
+
+    def _declare_token(self) -> None:
+        """Before the first program or request: the server ends those whose token has gone."""
+        if not self._token_declared:
+            self._link.declare_token(self._keys.token)
+            self._token_declared = True

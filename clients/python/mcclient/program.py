@@ -8,7 +8,6 @@ import asyncio
 import logging
 from collections.abc import AsyncIterable, Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from mcclient import endings
 from mcclient.calls import DEADLINE_S, Caller
@@ -16,8 +15,8 @@ from mcclient.errors import MotionError, ProgramRejected, RequestRefused
 from mcclient.feed import Feed
 from mcclient.reports import OpenReports, Report
 from mcclient.stream import LineStream
-from mcclient.types import ENDED, ProgramStatus
-from mcclient.wire import unpack
+from mcclient.types import ENDED, CloseReply, ProgramState, ProgramStatus
+from mcclient.wire import decode
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +74,7 @@ class Program:
         self._turn = asyncio.Lock()
 
     @property
-    def state(self) -> str:
+    def state(self) -> ProgramState:
         """As last reported: queued, running, held, paused, ending, or how it ended."""
         return self._stream.state
 
@@ -194,12 +193,12 @@ class Program:
             except RequestRefused as error:
                 raise await self._stream.translated(error) from error
             self._stream.closed = True
-            answer: dict[str, Any] = unpack(reply)
-            if str(answer["state"]) in ENDED:
+            answer = decode(CloseReply, reply)
+            if answer.state in ENDED:
                 # the reply does not say why it ended
                 await self._stream.resynchronise()
             else:
-                self._stream.progress(str(answer["state"]), int(answer["done"]))
+                self._stream.progress(answer.state, answer.done)
 
     async def finish(self) -> ProgramResult:
         """`close`, then waits until the program has ended; raises as `done`, once it has ended."""

@@ -40,7 +40,7 @@ def run_picture(preview: Mapping[str, Any]) -> str:
     """Draw a run.
 
     Args:
-        preview: what `mcclient.arming.ArmingCalls.run_preview` gives.
+        preview: the map of a `RunPreviewReply`.
 
     Returns:
         SVG, with a description for who does not see it.

@@ -17,7 +17,7 @@ from mcclient.endings import Extent
 from mcclient.errors import MotionError, NobodyAnswers, ProgramRejected, RequestRefused
 from mcclient.keys import Keys
 from mcclient.transport import Arrived, Link
-from mcclient.types import ENDED, Ack, Diagnostic, Fault, OpenedProgram, ProgramStatus, SubmitReply
+from mcclient.types import ENDED, Ack, Diagnostic, Fault, OpenReply, ProgramState, ProgramStatus, SubmitReply
 from mcclient.window import LineWindow
 from mcclient.wire import decode, encode, from_wire, unpack
 
@@ -47,7 +47,7 @@ class LineStream:
     """
 
     def __init__(
-        self, opened: OpenedProgram, *, link: Link, keys: Keys, caller: Caller, patience_s: float
+        self, opened: OpenReply, *, link: Link, keys: Keys, caller: Caller, patience_s: float
     ) -> None:
         self.program = opened.program
         self.window = LineWindow(opened.expected, opened.credit)
@@ -204,7 +204,11 @@ class LineStream:
         self._wake.set()
 
     def progress(
-        self, state: str, done: int, fault: Fault | None = None, diagnostics: tuple[Diagnostic, ...] = ()
+        self,
+        state: ProgramState,
+        done: int,
+        fault: Fault | None = None,
+        diagnostics: tuple[Diagnostic, ...] = (),
     ) -> None:
         """Takes the program's state; the first one that is an end stays."""
         self.done = max(self.done, done)
@@ -346,7 +350,7 @@ class LineStream:
         except NobodyAnswers as error:
             raise endings.gone(error, self.extent) from error
         if status is None:
-            self.progress("interrupted", 0)
+            self.progress(ProgramState.INTERRUPTED, 0)
             return
         self._hear(status)
         if not self._judging:

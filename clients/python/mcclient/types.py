@@ -1,3 +1,4 @@
+# Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.
 """What the server tells, as plain values (docs/keyspace.md).
 
 Positions are in mm (linear axes) or deg (rotary axes), velocities in mm/s or deg/s, torques in N·m, times in
@@ -9,25 +10,215 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-ProgramState = Literal[
-    "queued",
-    "running",
-    "held",
-    "paused",
-    "ending",
-    "finished",
-    "aborted",
-    "rejected",
-    "faulted",
-    "interrupted",
-]
-OnDisconnect = Literal["finish", "stop"]
+from mcclient.words import Word
+
 ENDED: frozenset[str] = frozenset({"finished", "aborted", "rejected", "faulted", "interrupted"})
+Value = bool | int | float | str
+
+
+class AxisKind(Word):
+    """One of the words of the wire."""
+
+    LINEAR = "linear"
+    ROTARY = "rotary"
+
+
+class AxisState(Word):
+    """One of the words of the wire."""
+
+    OFF = "off"
+    STARTING = "starting"
+    STANDSTILL = "standstill"
+    MOVING = "moving"
+    SPEED = "speed"
+    TORQUE = "torque"
+    STOPPING = "stopping"
+    RELEASED = "released"
+    FAULT = "fault"
+
+
+class AxisUnit(Word):
+    """One of the words of the wire."""
+
+    MM = "mm"
+    DEG = "deg"
+
+
+class ChannelKind(Word):
+    """One of the words of the wire."""
+
+    DIGITAL = "digital"
+    ANALOG = "analog"
+
+
+class DrivePhase(Word):
+    """One of the words of the wire."""
+
+    BOOTING = "booting"
+    OPERATIONAL = "operational"
+    LOST = "lost"
+    RESTARTING = "restarting"
+    FAILED = "failed"
+    CLOSED = "closed"
+
+
+class EventKind(Word):
+    """One of the words of the wire."""
+
+    SERVER_STARTED = "server.started"
+    SERVER_STOPPING = "server.stopping"
+    PROGRAM_OPENED = "program.opened"
+    PROGRAM_STARTED = "program.started"
+    PROGRAM_HELD = "program.held"
+    PROGRAM_RESUMED = "program.resumed"
+    PROGRAM_PAUSED = "program.paused"
+    PROGRAM_MESSAGE = "program.message"
+    PROGRAM_CLOSED = "program.closed"
+    INPUT_READ = "input.read"
+    PROGRAM_ENDED = "program.ended"
+    LINES_STARTED = "lines.started"
+    LINES_ENDED = "lines.ended"
+    LINE_REJECTED = "line.rejected"
+    FAULT = "fault"
+    WARNING = "warning"
+    ESTOP = "estop"
+    RESET = "reset"
+    OVERRIDE = "override"
+    COMMAND = "command"
+    CLIENT_GONE = "client.gone"
+    RECORDING = "recording"
+    AXIS_HOMING = "axis.homing"
+    AXIS_HOMED = "axis.homed"
+    AXIS_UNHOMED = "axis.unhomed"
+    PROBE = "probe"
+    DRIVE_EMERGENCY = "drive.emergency"
+    DRIVE_LOST = "drive.lost"
+    DRIVE_BACK = "drive.back"
+    DRIVE_REBOOTED = "drive.rebooted"
+    DRIVE_STARTED = "drive.started"
+    DRIVE_FAILED = "drive.failed"
+    BUS_FOREIGN_MASTER = "bus.foreign_master"
+    BUS_LOST = "bus.lost"
+    BUS_BACK = "bus.back"
+
+
+class MachineState(Word):
+    """One of the words of the wire."""
+
+    READY = "ready"
+    FAULT = "fault"
+    ESTOP = "estop"
+
+
+class OnDisconnect(Word):
+    """One of the words of the wire."""
+
+    FINISH = "finish"
+    STOP = "stop"
+
+
+OnDisconnectWord = OnDisconnect | Literal["finish", "stop"]
+
+
+class ProgramState(Word):
+    """One of the words of the wire."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    HELD = "held"
+    PAUSED = "paused"
+    ENDING = "ending"
+    FINISHED = "finished"
+    ABORTED = "aborted"
+    REJECTED = "rejected"
+    FAULTED = "faulted"
+    INTERRUPTED = "interrupted"
+
+
+class RecordingKind(Word):
+    """One of the words of the wire."""
+
+    RECORDING = "recording"
+    BLACKBOX = "blackbox"
+
+
+class RecordingState(Word):
+    """One of the words of the wire."""
+
+    WRITING = "writing"
+    DONE = "done"
+    UNFINISHED = "unfinished"
+
+
+class RunState(Word):
+    """One of the words of the wire."""
+
+    WAITING = "waiting"
+    ARMED = "armed"
+    STARTED = "started"
+    REJECTED = "rejected"
+
+
+class SdoType(Word):
+    """One of the words of the wire."""
+
+    BOOL = "bool"
+    I8 = "i8"
+    I16 = "i16"
+    I24 = "i24"
+    I32 = "i32"
+    I64 = "i64"
+    U8 = "u8"
+    U16 = "u16"
+    U24 = "u24"
+    U32 = "u32"
+    U64 = "u64"
+    F32 = "f32"
+    F64 = "f64"
+    STR = "str"
+    UTF16 = "utf16"
+    BYTES = "bytes"
+
+
+SdoTypeWord = (
+    SdoType
+    | Literal[
+        "bool",
+        "i8",
+        "i16",
+        "i24",
+        "i32",
+        "i64",
+        "u8",
+        "u16",
+        "u24",
+        "u32",
+        "u64",
+        "f32",
+        "f64",
+        "str",
+        "utf16",
+        "bytes",
+    ]
+)
+
+
+class Severity(Word):
+    """One of the words of the wire."""
+
+    ERROR = "error"
+    WARNING = "warning"
 
 
 @dataclass(frozen=True, slots=True)
 class Edit:
-    """A certain remedy: characters ``column`` to ``end_column`` of the line become ``text``."""
+    """A certain remedy: characters of the diagnostic's line and what replaces them.
+
+    Attributes:
+        column: code points from 1, end exclusive.
+        end_column: code points from 1, end exclusive.
+        text: the replacement.
+    """
 
     column: int
     end_column: int
@@ -36,7 +227,7 @@ class Edit:
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One fault of a program, placed in its text; columns are code points from 1, the end exclusive."""
+    """One fault of a program, placed in its text; ``line`` is the client's line number."""
 
     code: str
     message: str
@@ -44,7 +235,7 @@ class Diagnostic:
     column: int = 0
     end_column: int = 0
     hint: str = ""
-    severity: str = "error"
+    severity: Severity = Severity.ERROR
     tool: int | None = None
     residual_mm: float | None = None
     axis: int | None = None
@@ -53,7 +244,7 @@ class Diagnostic:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What stopped motion; ``axis`` and ``line`` where they apply."""
+    """What stopped motion: a stable code, the axis and the line where they apply."""
 
     code: str
     message: str
@@ -66,16 +257,26 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Ack:
-    """Cumulative acknowledgement of a program's lines: the last one counts.
+    """Payload of ``ack/{program}``: cumulative, so that a lost one does not matter.
 
-    ``rejections``: how many lines have been rejected so far; one with a smaller count is older.
+    Attributes:
+        accepted: lines through this number are taken and journaled.
+        done: this line and every one before it have ended.
+        credit: how many lines after ``accepted`` fit now.
+        state: the program's.
+        rejected: number of the line that was found faulty; it is the next one expected. 0: none.
+        diagnostics: what is wrong with it.
+        fault: what stopped the program.
+        expected: set where the message acknowledged held a gap: the number that is expected.
+        rejections: how many lines of the program have been rejected so far. An acknowledgement with a
+            smaller count than one before is older: its numbers are of lines that are given up.
     """
 
     program: str
     accepted: int
     done: int
     credit: int
-    state: str
+    state: ProgramState
     rejected: int = 0
     diagnostics: tuple[Diagnostic, ...] = ()
     fault: Fault | None = None
@@ -84,174 +285,35 @@ class Ack:
 
 
 @dataclass(frozen=True, slots=True)
-class ProgramStatus:
-    """One program.
-
-    ``duration_s`` is known once its text was simulated; then ``progress`` is the share of its time and
-    ``eta_s`` the time to its end. Without it they are the share of its lines and the time to the end of what
-    is planned. ``simulated`` is the share of its lines that the simulation has reached: below 1 the times are
-    estimated by the lines so far. ``pauses``: lines to come that wait for an operator, which ``eta_s`` leaves
-    out.
-    """
-
-    program: str
-    state: str
-    client: str = ""
-    name: str = ""
-    axes: tuple[int, ...] = ()
-    start_line: int = 1
-    line: int = 0
-    accepted: int = 0
-    done: int = 0
-    credit: int = 0
-    closed: bool = False
-    override: float = 100.0
-    progress: float = 0.0
-    eta_s: float | None = None
-    fault: Fault | None = None
-    rejected: int = 0
-    diagnostics: tuple[Diagnostic, ...] = ()
-    resume_of: str | None = None
-    opened_at: float = 0.0
-    ended_at: float | None = None
-    duration_s: float | None = None
-    notice: str = ""
-    simulated: float = 1.0
-    pauses: int = 0
-    rejections: int = 0
-
-
-@dataclass(frozen=True, slots=True)
 class AxesStatus:
-    """All axes, column-wise: each tuple has one entry for each of ``index``.
+    """All axes, column-wise: every list has one entry for each of ``index``.
 
-    ``homed``: whether an axis knows where it is; those without ``[axis.homing]`` always do.
+    Attributes:
+        homed: whether the axis knows where it is; axes without ``[axis.homing]`` always do.
     """
 
-    index: tuple[int, ...] = ()
-    position: tuple[float, ...] = ()
-    setpoint: tuple[float, ...] = ()
-    velocity: tuple[float, ...] = ()
-    torque: tuple[float, ...] = ()
-    state: tuple[str, ...] = ()
+    index: tuple[int, ...]
+    position: tuple[float, ...]
+    setpoint: tuple[float, ...]
+    velocity: tuple[float, ...]
+    torque: tuple[float, ...]
+    state: tuple[AxisState, ...]
     homed: tuple[bool, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class ProbeStatus:
-    """How the last probing move ended; positions of axes by number [mm, deg]."""
-
-    program: str
-    line: int
-    tripped: bool
-    positions: dict[str, float]
-    t: float
-
-
-@dataclass(frozen=True, slots=True)
-class WorkOffset:
-    """The origin of a work coordinate system such as ``G54``, by axis number [mm, deg]."""
-
-    system: str
-    origin: dict[str, float]
-
-
-@dataclass(frozen=True, slots=True)
-class ToolPose:
-    """Where a tool's frame is: [x, y, z] in mm, [a, b, c] in deg."""
-
-    number: int
-    position: tuple[float, ...]
-    orientation: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class InputStatus:
-    """An input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now."""
-
-    name: str
-    value: float
-    holds: bool = False
-    stops: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class OutputStatus:
-    """An output: its value, and who has set it last: a program's id, ``operator`` or nobody (empty)."""
-
-    name: str
-    value: float
-    set_by: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class MachineStatus:
-    """The whole machine; ``state`` is ``ready``, ``fault`` or ``estop``, the latter two latched until
-    reset.
-    """
-
-    t: float
-    wall: float
-    instance: str
-    state: str
-    axes: AxesStatus
-    programs: tuple[ProgramStatus, ...] = ()
-    faults: tuple[Fault, ...] = ()
-    override: float = 100.0
-    late_cycles: int = 0
-    tools: tuple[ToolPose, ...] = ()
-    inputs: tuple[InputStatus, ...] = ()
-    outputs: tuple[OutputStatus, ...] = ()
-    probe: ProbeStatus | None = None
-    work_offsets: tuple[WorkOffset, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class LineReport:
-    """Time of one line that has ended; ``stretched_by`` is actual / requested, ``bound_by`` the limit at
-    fault.
-    """
-
-    line: int
-    start_s: float
-    end_s: float
-    requested_s: float | None = None
-    stretched_by: float | None = None
-    bound_by: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """One event; ``kind`` says which fields are set (docs/wire/events.md)."""
-
-    seq: int
-    t: float
-    instance: str
-    kind: str
-    program: str | None = None
-    client: str | None = None
-    state: str | None = None
-    line: int = 0
-    lines: tuple[LineReport, ...] = ()
-    fault: Fault | None = None
-    diagnostics: tuple[Diagnostic, ...] = ()
-    reason: str = ""
-    message: str = ""
-    percent: float | None = None
-    axis: int | None = None
-    probe: ProbeStatus | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class AxisInfo:
-    """One axis; limits in mm or deg and seconds, None where not limited."""
+    """One axis; limits in mm or deg and seconds, None where not limited.
+
+    ``homing``: how it finds its reference; None: its encoder's reading is its position.
+    """
 
     index: int
-    type: str
-    unit: str
-    max_velocity: float = 0.0
-    max_acceleration: float = 0.0
-    drive: str = ""
+    type: AxisKind
+    unit: AxisUnit
+    max_velocity: float
+    max_acceleration: float
+    drive: str
     max_jerk: float | None = None
     min_position: float | None = None
     max_position: float | None = None
@@ -260,101 +322,29 @@ class AxisInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class ToolInfo:
-    """One tool of G01 … Tn."""
+class AxisTravel:
+    """Where an axis ends, and its least and greatest setpoint [mm or deg]."""
 
-    number: int
-    frame: str
-    axes: tuple[int, ...] = ()
-    orientation: bool = False
-    euler: str = "ZYX"
-
-
-@dataclass(frozen=True, slots=True)
-class TelemetryInfo:
-    """Columns and fields of the samples."""
-
-    axes: tuple[int, ...] = ()
-    fields: tuple[str, ...] = ()
-    cycles_a_message: int = 10
-    state_hz: float = 20.0
-
-
-@dataclass(frozen=True, slots=True)
-class InputInfo:
-    """One input; ``number`` is of its kind, ``source`` empty where it is simulated."""
-
-    name: str
-    number: int
-    kind: str
-    unit: str = ""
-    source: str = ""
-    hold: bool = False
-    stop: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class OutputInfo:
-    """One output; ``number`` is of its kind, ``target`` empty where it is simulated, ``safe`` None: it
-    stays."""
-
-    name: str
-    number: int
-    kind: str
-    unit: str = ""
-    target: str = ""
-    min: float = 0.0
-    max: float = 1.0
-    safe: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class LimitsInfo:
-    """Bounds of the service."""
-
-    max_line_length: int = 8192
-    max_lines_a_message: int = 20_000
-    queue_lines: int = 0
-    programs_at_once: int = 0
-    open_programs: int = 0
-    remembered_answers: int = 0
-    remembered_answer_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Info:
-    """The machine and the service; ``instance`` is one start of the server, ``epoch`` the Unix time of t =
-    0.
-    """
-
-    machine: str
-    server: str
-    protocol: tuple[int, ...]
-    instance: str
-    epoch: float
-    cycle_s: float
-    axes: tuple[AxisInfo, ...] = ()
-    tools: tuple[ToolInfo, ...] = ()
-    telemetry: TelemetryInfo = field(default_factory=TelemetryInfo)
-    limits: LimitsInfo = field(default_factory=LimitsInfo)
-    methods: tuple[str, ...] = ()
-    inputs: tuple[InputInfo, ...] = ()
-    outputs: tuple[OutputInfo, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class MonitoredValue:
-    """What the machine file shows of a drive (``monitor``); ``value`` None: none has come lately."""
-
-    name: str
-    value: int | float | bool | None = None
-    index: int = 0
-    subindex: int = 0
+    position: float
+    min: float
+    max: float
+    unit: str
 
 
 @dataclass(frozen=True, slots=True)
 class ScannedNode:
-    """One node that answers on a CAN bus: 1000h in words, 1018h, modes of 6502h, and whose drive it is."""
+    """One node that answers on a bus.
+
+    Attributes:
+        profile: of 1000h
+        what: the same in words.
+        modes: of 6502h. vendor_id … serial: 1018h; None: it does not say.
+        axis: of the running machine, whose drive it is.
+        eds: a file that is its by vendor and product.
+        objects: what else it says of itself, by object, such as ``"6091:1"``: encoder (608Fh), gear
+            (6091h), feed (6092h), rated torque (6076h [mN·m]), greatest speed of the motor (6080h
+            [1/min]), travel (607Dh).
+    """
 
     node: int
     profile: int
@@ -366,11 +356,12 @@ class ScannedNode:
     modes: tuple[str, ...] = ()
     axis: int | None = None
     eds: str = ""
+    objects: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class BusScan:
-    """Who is on one CAN bus; ``machine_file``: one to start from."""
+    """Who is on one bus; ``machine_file``: one to start from."""
 
     bus: str
     address: str
@@ -379,18 +370,66 @@ class BusScan:
 
 
 @dataclass(frozen=True, slots=True)
+class CheckReply:
+    """As ``mcserver check --json``."""
+
+    ok: bool
+    diagnostics: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CloseReply:
+    """``accepted``: the last line that will run."""
+
+    program: str
+    accepted: int
+    done: int
+    state: ProgramState
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """Reply of methods that only do something: the programs concerned."""
+
+    programs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MonitoredValue:
+    """One object that the machine file shows in telemetry (``monitor``); value None: none has come."""
+
+    name: str
+    value: Value | None
+    index: int = 0
+    subindex: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class DriveInfo:
     """One drive on a CAN bus.
 
-    ``state`` is ``booting operational lost restarting failed closed``, ``nmt`` what its last heartbeat said,
-    ``status`` its statusword in words, ``message`` why its configuration failed; ages are in seconds.
+    Attributes:
+        state: what the server takes it for.
+        nmt: what its last heartbeat said; empty: none has come.
+        heartbeat_age_s: since its last sign of life [s].
+        statusword: 6041h, or the fault bits of a Servosila drive.
+        status: the same in words.
+        device_type: 1000h, 1018h:01, 1018h:02.
+        vendor_id: 1000h, 1018h:01, 1018h:02.
+        product_code: 1000h, 1018h:01, 1018h:02.
+        emergency: its last emergency message in words
+        emergency_code: of that.
+        emergency_age_s: of that.
+        boot_ups: how often it has started since the server did.
+        message: why its configuration failed.
+        monitor: what the machine file wants to see of it, newest values.
     """
 
     axis: int
     kind: str
     bus: str
     node: int
-    state: str
+    state: DrivePhase
     nmt: str = ""
     heartbeat_age_s: float | None = None
     statusword: int | None = None
@@ -406,70 +445,689 @@ class DriveInfo:
     monitor: tuple[MonitoredValue, ...] = ()
 
 
-SdoValue = bool | int | float | str
+@dataclass(frozen=True, slots=True)
+class DrivesReply:
+    """By axis; empty where no drive is on a CAN bus."""
+
+    drives: tuple[DriveInfo, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class SdoObject:
-    """An object of a drive's dictionary, read or written; ``raw``: its bytes, little endian."""
+class DrivesScanReply:
+    """By bus; each with a machine file to start from."""
 
-    axis: int
-    bus: str
-    node: int
-    index: int
-    subindex: int
-    type: str
-    value: Any
-    raw: bytes = b""
-
-
-@dataclass(frozen=True, slots=True)
-class CheckResult:
-    """Every fault of a text; ``ok``: there is no error among them."""
-
-    ok: bool
-    diagnostics: tuple[Diagnostic, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class EventPage:
-    """Events again, by number; ``oldest`` is the first that the server still has."""
-
-    instance: str
-    oldest: int
-    newest: int
-    events: tuple[Event, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class OpenedProgram:
-    """Reply of ``open``."""
-
-    program: str
-    state: str
-    axes: tuple[int, ...]
-    expected: int
-    credit: int
-    instance: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class SubmitReply:
-    """Reply of ``submit``, cumulative as `Ack`."""
-
-    program: str
-    accepted: int
-    done: int
-    credit: int
-    rejections: int = 0
+    buses: tuple[BusScan, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorReply:
-    """Payload of an error reply."""
+    """Payload of every ``reply_err``.
+
+    Attributes:
+        details: what the code's entry in docs/wire/errors.md lists, such as ``expected``.
+        diagnostics: faults of G-code, where the error is about lines.
+    """
 
     code: str
     message: str
     hint: str = ""
     details: dict[str, Any] = field(default_factory=dict)
     diagnostics: tuple[Diagnostic, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LineReport:
+    """Time of one line that has ended.
+
+    Attributes:
+        start_s: executor time [s].
+        end_s: executor time [s].
+        requested_s: None for what asks for no time.
+        stretched_by: actual / requested; None without a requested time.
+        bound_by: the limit that stretched it, such as ``axis 2 acceleration``.
+    """
+
+    line: int
+    start_s: float
+    end_s: float
+    requested_s: float | None = None
+    stretched_by: float | None = None
+    bound_by: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ProbeStatus:
+    """The last probing move that has ended (G38.2 to G38.5).
+
+    Attributes:
+        tripped: the probe changed.
+        positions: where the axes were then, else where the move ended, by number [mm, deg]: positions of
+            axes, whatever offsets the program had.
+        t: executor time [s].
+    """
+
+    program: str
+    line: int
+    tripped: bool
+    positions: dict[str, float]
+    t: float
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Payload of ``event``; ``seq`` has no gap within one ``instance``.
+
+    Attributes:
+        kind: says which of the others are set (docs/wire/events.md).
+        line: the last line started for ``lines.started``; the line of a fault.
+        lines: for ``lines.ended``.
+        reason: why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's
+            code.
+        axis: of a drive's event, or of homing.
+        probe: for ``probe``.
+    """
+
+    seq: int
+    t: float
+    instance: str
+    kind: EventKind
+    program: str | None = None
+    client: str | None = None
+    state: ProgramState | None = None
+    line: int = 0
+    lines: tuple[LineReport, ...] = ()
+    fault: Fault | None = None
+    diagnostics: tuple[Diagnostic, ...] = ()
+    reason: str = ""
+    message: str = ""
+    percent: float | None = None
+    axis: int | None = None
+    probe: ProbeStatus | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EventsReply:
+    """``oldest`` is the first number that the server still has; ``newest`` the last one published."""
+
+    instance: str
+    oldest: int
+    newest: int
+    events: tuple[Event, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """Least and greatest setpoint of an axis [mm or deg], and its greatest speed [mm/s or deg/s].
+
+    Attributes:
+        turns: it turns on at a speed (G1030): its positions are not bounded.
+    """
+
+    axis: int
+    low: float
+    high: float
+    unit: str
+    speed: float = 0.0
+    turns: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class HomeReply:
+    """The program that homes, for ``abort``, and its axes in the order of their homing."""
+
+    program: str
+    axes: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ToolInfo:
+    """One tool of G01 … Tn."""
+
+    number: int
+    frame: str
+    axes: tuple[int, ...]
+    orientation: bool
+    euler: str
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetryInfo:
+    """How to read ``tele/batch``: its columns, its fields and how many cycles a message holds at most."""
+
+    axes: tuple[int, ...]
+    fields: tuple[str, ...]
+    cycles_a_message: int
+    state_hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsInfo:
+    """Bounds of the service."""
+
+    max_line_length: int
+    max_lines_a_message: int
+    queue_lines: int
+    programs_at_once: int
+    open_programs: int
+    remembered_answers: int
+    remembered_answer_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class InputInfo:
+    """One input.
+
+    Attributes:
+        number: of its kind, as M66 names it.
+        source: where a real one comes from; empty: it is simulated.
+        hold: it can hold the programs, or stop the machine.
+        stop: it can hold the programs, or stop the machine.
+    """
+
+    name: str
+    number: int
+    kind: ChannelKind
+    unit: str = ""
+    source: str = ""
+    hold: bool = False
+    stop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OutputInfo:
+    """One output.
+
+    Attributes:
+        number: of its kind, as M62 to M68 name it.
+        target: where a real one goes; empty: it is simulated.
+        min: least and greatest value.
+        max: least and greatest value.
+        safe: its value once what has set it is lost; None: it stays.
+    """
+
+    name: str
+    number: int
+    kind: ChannelKind
+    unit: str = ""
+    target: str = ""
+    min: float = 0.0
+    max: float = 1.0
+    safe: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Info:
+    """Reply of ``info``.
+
+    Attributes:
+        protocol: versions of this key space that the server speaks.
+        instance: one start of the server; another one means that programs before it were interrupted.
+        epoch: Unix time of executor time 0 [s].
+    """
+
+    machine: str
+    server: str
+    protocol: tuple[int, ...]
+    instance: str
+    epoch: float
+    cycle_s: float
+    axes: tuple[AxisInfo, ...]
+    tools: tuple[ToolInfo, ...]
+    telemetry: TelemetryInfo
+    limits: LimitsInfo
+    methods: tuple[str, ...]
+    inputs: tuple[InputInfo, ...] = ()
+    outputs: tuple[OutputInfo, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class InputStatus:
+    """An input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now."""
+
+    name: str
+    value: float
+    holds: bool = False
+    stops: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class JogReply:
+    """The jog's program id: for ``abort``, and for keeping it alive."""
+
+    program: str
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramStatus:
+    """One program.
+
+    Attributes:
+        line: the line under way; 0: none yet.
+        progress: share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
+        opened_at: Unix time [s].
+        eta_s: until its end at its override [s]; where `duration_s` is not known, until the end of what
+            is planned.
+        ended_at: Unix time [s].
+        duration_s: of the whole program at 100 %, as its text was simulated [s]; None: it was not.
+        notice: what it said last to the operator; while it is paused, what to do before it is resumed.
+        simulated: share of its lines that the simulation has reached; below 1 `duration_s` is an estimate
+            by the lines so far.
+        pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is
+            without these waits.
+        rejections: as in `Ack`; 0 in programs of an earlier start of the server.
+    """
+
+    program: str
+    state: ProgramState
+    client: str
+    name: str
+    axes: tuple[int, ...]
+    start_line: int
+    line: int
+    accepted: int
+    done: int
+    credit: int
+    closed: bool
+    override: float
+    progress: float
+    opened_at: float
+    eta_s: float | None = None
+    fault: Fault | None = None
+    rejected: int = 0
+    diagnostics: tuple[Diagnostic, ...] = ()
+    resume_of: str | None = None
+    ended_at: float | None = None
+    duration_s: float | None = None
+    notice: str = ""
+    simulated: float = 1.0
+    pauses: int = 0
+    rejections: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ToolPose:
+    """Where a tool's frame is: ``[x, y, z]`` in mm, ``[a, b, c]`` in deg."""
+
+    number: int
+    position: tuple[float, ...]
+    orientation: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OutputStatus:
+    """An output: its value (digital: 0, 1), and who has set it last: a program's id, ``operator`` or nobody
+    (empty).
+    """
+
+    name: str
+    value: float
+    set_by: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkOffset:
+    """The origin of a work coordinate system.
+
+    Attributes:
+        system: such as ``G54``.
+        origin: where the axes read zero, by number [mm, deg]; an axis that is left out reads as the
+            machine does.
+    """
+
+    system: str
+    origin: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class MachineStatus:
+    """Payload of ``tele/state`` and reply of ``status``.
+
+    Attributes:
+        t: executor time [s].
+        wall: Unix time of ``t`` [s].
+        override: machine-wide feed override [%].
+        late_cycles: cycles that began too late, since the start.
+        inputs: those of the machine file, in the order of ``info``.
+        outputs: those of the machine file, in the order of ``info``.
+        work_offsets: systems that were set, in which the next program starts (G54 is in force then).
+    """
+
+    t: float
+    wall: float
+    instance: str
+    state: MachineState
+    axes: AxesStatus
+    programs: tuple[ProgramStatus, ...]
+    faults: tuple[Fault, ...]
+    override: float = 100.0
+    late_cycles: int = 0
+    tools: tuple[ToolPose, ...] = ()
+    inputs: tuple[InputStatus, ...] = ()
+    outputs: tuple[OutputStatus, ...] = ()
+    probe: ProbeStatus | None = None
+    work_offsets: tuple[WorkOffset, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MeshInfo:
+    """A mesh that the URDF names: ``name`` as it stands there; ``size`` in bytes, 0: it is not to be had."""
+
+    name: str
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class ModelPart:
+    """``data`` from ``offset`` on; ``size`` of the whole file."""
+
+    offset: int
+    size: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ModelReply:
+    """A robot's URDF.
+
+    Attributes:
+        urdf: its text; empty: the machine has none.
+        digest: of the text and the meshes.
+        joints: the joint that each axis moves, by axis number.
+        meshes: of the visuals, in the order of `ModelMeshRequest.mesh`.
+    """
+
+    urdf: str
+    digest: str
+    joints: dict[str, str]
+    meshes: tuple[MeshInfo, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OpenReply:
+    """The program's id; ``expected`` is the next line number, ``credit`` how many lines fit now."""
+
+    program: str
+    state: ProgramState
+    axes: tuple[int, ...]
+    expected: int
+    credit: int
+    instance: str
+
+
+@dataclass(frozen=True, slots=True)
+class OverrideReply:
+    """The override now in force [%]."""
+
+    percent: float
+    programs: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramsReply:
+    """Newest first."""
+
+    programs: tuple[ProgramStatus, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PutTextReply:
+    """How much of the text is there: the next part begins at ``received``.
+
+    Attributes:
+        received: of the text [bytes].
+        lines: in what is there.
+        complete: all of it is.
+    """
+
+    received: int
+    lines: int
+    complete: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RecordReply:
+    """The recording's name."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecorderStatus:
+    """The recorder.
+
+    Attributes:
+        held_s: of the black box in memory.
+        held_bytes: of the black box in memory.
+        missed_cycles: since the start; the recorder came too late for them.
+        writing: names of the recordings under way.
+    """
+
+    held_s: float
+    held_bytes: int
+    missed_cycles: int
+    writing: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingInfo:
+    """A recording on the server's disk.
+
+    Attributes:
+        name: without a suffix.
+        kind: ``blackbox`` was written by itself or by ``record_save``.
+        state: ``unfinished`` was left by a recorder that was killed, and is repaired at the next start.
+        size: bytes.
+        modified_at: Unix time [s].
+    """
+
+    name: str
+    kind: RecordingKind
+    state: RecordingState
+    size: int
+    modified_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingPart:
+    """Bytes of a recording from ``offset`` on; ``size`` is the whole file's."""
+
+    name: str
+    offset: int
+    size: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingsReply:
+    """The newest first; ``recorder`` None: it does not run.
+
+    ``folder``: on the server's disk.
+    """
+
+    recordings: tuple[RecordingInfo, ...]
+    recorder: RecorderStatus | None
+    folder: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunArmedReply:
+    """The program that was started."""
+
+    program: str
+    override: float
+
+
+@dataclass(frozen=True, slots=True)
+class ToolPath:
+    """Where a tool is at the moments of a `RunPath`: ``position`` has X, Y and Z, a value a moment [mm]."""
+
+    tool: int
+    position: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RunPath:
+    """The simulated path of a request, at some moments evenly in time, for a picture.
+
+    Attributes:
+        time_s: n moments from the run's begin.
+        positions: for each axis of the request n setpoints [mm or deg].
+        tools: those that these axes move.
+    """
+
+    time_s: tuple[float, ...]
+    positions: tuple[tuple[float, ...], ...]
+    tools: tuple[ToolPath, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ToolExtent:
+    """Least and greatest X, Y and Z of a tool's tip in the base frame [mm], and its greatest speed [mm/s]."""
+
+    tool: int
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequestStatus:
+    """A request: what would move, how far, how long; ``remaining_s`` until it or its arming is over.
+
+    Attributes:
+        operator: who armed or rejected it.
+        number: another one each time that the run is asked for, even with the same text.
+        reason: why it was rejected.
+        effects: what the run leaves changed for those that come after it, a sentence each.
+        tools: extents of the tools' tips.
+        digest: SHA-256 of all that the simulation read.
+    """
+
+    sha256: str
+    client: str
+    name: str
+    state: RunState
+    axes: tuple[int, ...]
+    duration_s: float
+    extents: tuple[Extent, ...]
+    remaining_s: float
+    override: float
+    operator: str
+    number: int = 0
+    reason: str = ""
+    effects: tuple[str, ...] = ()
+    tools: tuple[ToolExtent, ...] = ()
+    digest: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RunPreviewReply:
+    """A request with its text and the path of its simulation."""
+
+    run: RunRequestStatus
+    text: str
+    path: RunPath
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequestReply:
+    """``ok`` false: the text has faults, and nothing waits.
+
+    ``run``: what an operator is shown.
+    """
+
+    ok: bool
+    diagnostics: tuple[Diagnostic, ...]
+    run: RunRequestStatus | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequestsReply:
+    """The oldest first."""
+
+    requests: tuple[RunRequestStatus, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SdoReply:
+    """An object's value, read or written; ``raw``: the bytes, little endian.
+
+    ``bytes`` are shown as text.
+    """
+
+    axis: int
+    bus: str
+    node: int
+    index: int
+    subindex: int
+    type: SdoType
+    value: Value
+    raw: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SetReply:
+    """The value that an input or output has from the next cycle on."""
+
+    name: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class TipPath:
+    """Where a tool goes [mm]; ``tool`` None: the axes 0, 1 and 2 themselves."""
+
+    tool: int | None
+    points: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedPath:
+    """Points at even distances along the axes' travel.
+
+    Attributes:
+        lines: the program's line at each point.
+        tips: the points of each tool.
+    """
+
+    lines: tuple[int, ...]
+    tips: tuple[TipPath, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SimulateReply:
+    """What ``mcserver simulate --json`` prints.
+
+    Attributes:
+        lines: those that took time, by start.
+        axes: by number as text.
+        work_offsets: of the systems used or set.
+        inputs: their values at the end, by name.
+        outputs: their values at the end, by name.
+        path: where it was asked for.
+    """
+
+    ok: bool
+    duration_s: float
+    feed_length_mm: float
+    lines: tuple[LineReport, ...]
+    axes: dict[str, AxisTravel]
+    diagnostics: tuple[Diagnostic, ...]
+    work_offsets: tuple[WorkOffset, ...] = ()
+    inputs: dict[str, float] = field(default_factory=dict)
+    outputs: dict[str, float] = field(default_factory=dict)
+    path: SimulatedPath | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SubmitReply:
+    """Cumulative: lines through ``accepted`` are taken, through ``done`` have ended; ``credit`` more fit.
+
+    ``rejections``: how many the program has had.
+    """
+
+    program: str
+    accepted: int
+    done: int
+    credit: int
+    rejections: int = 0

@@ -131,29 +131,31 @@ class AgentTools:
         if self._recordings is not None:
             found["folder"] = await asyncio.to_thread(list_recordings, self._recordings)
         if self.online:
-            found["server"] = await (await self._server()).recordings()
+            found["server"] = msgspec.to_builtins(await (await self._server()).recordings())
         return found
 
     async def status(self) -> dict[str, Any]:
         """The running machine now: state, axes, programs, faults, and requested runs."""
         remote = await self._server()
         state = msgspec.to_builtins(await remote.status())
-        return {"machine": remote.name, "status": state, "run_requests": await remote.run_requests()}
+        requests = msgspec.to_builtins(await remote.run_requests())
+        return {"machine": remote.name, "status": state, "run_requests": requests}
 
     async def request_run(self, text: str, name: str = "", axes: list[int] | None = None) -> dict[str, Any]:
         """Ask for a run. Nothing moves: a person arms this very text, or does not; then call run_armed."""
         refused = _too_long(text)
         if refused is not None:
             return refused
-        return await (await self._server()).request_run(text, name[:200], axes)
+        asked = await (await self._server()).request_run(text, name[:200], axes=axes)
+        return dict(msgspec.to_builtins(asked))
 
     async def withdraw(self, text: str) -> dict[str, Any]:
         """Take back a request for this text that nobody has started."""
-        return {"run_requests": await (await self._server()).withdraw(hash_of(text))}
+        return {"run_requests": msgspec.to_builtins(await (await self._server()).withdraw(hash_of(text)))}
 
     async def run_armed(self, text: str) -> dict[str, Any]:
         """Start a program that a person has armed: the same text to the last character, once."""
-        return await (await self._server()).run_armed(text)
+        return dict(msgspec.to_builtins(await (await self._server()).run_armed(text)))
 
     async def hold(self, program: str | None = None) -> dict[str, Any]:
         """Feed hold: stop along the path; without a program all of them."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable
-from typing import Any
 
 from mcclient import MotionError
+from mcclient.types import SimulateReply
 from nicegui import ui
 
 from mcserver.errors import McError
@@ -23,7 +23,7 @@ SLOW_FROM = 1.05
 
 
 async def show_dry_run(
-    actions: Actions, name: str, from_line: int, run: Callable[[dict[str, Any]], None]
+    actions: Actions, name: str, from_line: int, run: Callable[[SimulateReply], None]
 ) -> None:
     """Simulate a stored program from where the axes are, and show it with a button that runs it."""
     if not actions.allowed("simulate"):
@@ -34,7 +34,7 @@ async def show_dry_run(
         machine = actions.link.connected()
         status = await machine.status()
         start = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
-        report = await machine.simulate(text, start, path_points=PATH_POINTS)
+        report = await machine.simulate(text, positions=start, path_points=PATH_POINTS)
     except (MotionError, McError) as error:
         show_refusal(f"{error.message} [{error.code}]", error.hint)
         return
@@ -47,11 +47,11 @@ async def show_dry_run(
             ui.label(f"Dry run of {name}").classes("font-bold break-all")
             ui.button("Close", on_click=dialog.close).props("flat")
         ui.html(report_html(text, report, from_line), sanitize=False).classes("w-full overflow-x-auto")
-        if not report["ok"]:
+        if not report.ok or report.path is None:
             dialog.open()
             return
         space = Space(f"the path of {name}", f"/machine/{actions.link.name}/model").classes("mc-trail")
-        path = path_from_line(report["path"], from_line)
+        path = path_from_line(report.path, from_line)
         axes = dict(zip(status.axes.index, status.axes.position, strict=True))
 
         def draw() -> None:
@@ -68,33 +68,33 @@ async def show_dry_run(
     dialog.open()
 
 
-def report_html(text: str, report: dict[str, Any], from_line: int = 1) -> str:
+def report_html(text: str, report: SimulateReply, from_line: int = 1) -> str:
     """Return the report of a simulation as HTML: its time, the axes' travel, faults and slow lines."""
-    faults = report["diagnostics"]
+    faults = report.diagnostics
     shown = "".join(
-        f"<li>line {each['line']}: {html.escape(each['message'])} [{each['code']}]"
-        + (f"<br>= {html.escape(each['hint'])}" if each["hint"] else "")
+        f"<li>line {each.line}: {html.escape(each.message)} [{each.code}]"
+        + (f"<br>= {html.escape(each.hint)}" if each.hint else "")
         + "</li>"
         for each in faults[:20]
     )
     listed = f'<div class="mc-faults"><ul>{shown}</ul></div>' if shown else ""
-    if not report["ok"]:
-        faulty = {each["line"]: each["message"] for each in faults}
+    if not report.ok:
+        faulty = {each.line: each.message for each in faults}
         return listed + program_excerpt(text.split("\n"), min(faulty, default=1), faulty)
     whole = " for the whole program" if from_line > 1 else ""
-    length = f"{report['feed_length_mm']:.1f} mm at feed rates"
+    length = f"{report.feed_length_mm:.1f} mm at feed rates"
     return (
-        f"<p><b>{clock_text(report['duration_s'])}</b>{whole}, {length}</p>"
+        f"<p><b>{clock_text(report.duration_s)}</b>{whole}, {length}</p>"
         f"{listed}{_extents(report)}{_slow_lines(report)}"
     )
 
 
-def _extents(report: dict[str, Any]) -> str:
+def _extents(report: SimulateReply) -> str:
     rows = "".join(
-        f"<tr><td>{axis_name(int(index))}</td><td class=n>{axis['min']:.3f}</td>"
-        f"<td class=n>{axis['max']:.3f}</td><td class=n>{axis['position']:.3f} {axis['unit']}</td></tr>"
-        for index, axis in report["axes"].items()
-        if axis["max"] > axis["min"]
+        f"<tr><td>{axis_name(int(index))}</td><td class=n>{axis.min:.3f}</td>"
+        f"<td class=n>{axis.max:.3f}</td><td class=n>{axis.position:.3f} {axis.unit}</td></tr>"
+        for index, axis in report.axes.items()
+        if axis.max > axis.min
     )
     if not rows:
         return "<p>no axis moves</p>"
@@ -102,14 +102,14 @@ def _extents(report: dict[str, Any]) -> str:
     return f'<table class="mc-positions">{head}{rows}</table>'
 
 
-def _slow_lines(report: dict[str, Any]) -> str:
+def _slow_lines(report: SimulateReply) -> str:
     slow = [
-        line for line in report["lines"] if line["bound_by"] and (line["stretched_by"] or 1.0) >= SLOW_FROM
+        (line.stretched_by, line.line, line.bound_by)
+        for line in report.lines
+        if line.bound_by and line.stretched_by is not None and line.stretched_by >= SLOW_FROM
     ]
-    slow = sorted(slow, key=lambda line: -line["stretched_by"])[:SLOW_LINES]
     rows = "".join(
-        f"<li>line {line['line']}: {line['stretched_by']:.2f} × its time, "
-        f"{html.escape(line['bound_by'])}</li>"
-        for line in slow
+        f"<li>line {line}: {factor:.2f} × its time, {html.escape(bound)}</li>"
+        for factor, line, bound in sorted(slow, reverse=True)[:SLOW_LINES]
     )
     return f"<p>Slower than asked:</p><ul>{rows}</ul>" if rows else ""

@@ -152,14 +152,15 @@ def positions_html(status: MachineStatus, info: Info, *, work: bool) -> str:
     homed = dict(zip(axes.index, axes.homed, strict=False))
     for index, position, setpoint, velocity, state in columns:
         unit = units.get(index, "")
+        shown_state = str(state)
         if not homed.get(index, True):
-            state = f"{state}, not homed"
+            shown_state = f"{state}, not homed"
         in_work = f"<td class=n>{position_text(position - origin.get(index, 0.0))}</td>" if work else ""
         rows.append(
             f"<tr><td>{axis_name(index)}</td><td class=n>{position_text(position)} {unit}</td>{in_work}"
             f"<td{less}>{position_text(setpoint)}</td>"
             f"<td{titles[-1][1]}>{velocity_text(velocity)}<span class=mc-wide> {unit}/s</span></td>"
-            f"<td>{html.escape(state)}</td></tr>"
+            f"<td>{html.escape(shown_state)}</td></tr>"
         )
     for tool in status.tools:
         place = "  ".join(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import html
-from typing import Any
 
 from mcclient import MotionError
+from mcclient.types import SimulateReply
 from nicegui import events, ui
 
 from mcserver.errors import McError
@@ -156,7 +156,7 @@ class ProgramPanel:
             f'<div class="mc-faults"><p>{html.escape(name)}:</p><ul>{"".join(rows)}</ul></div>{excerpt}'
         )
 
-    def _queue(self, report: dict[str, Any] | None = None) -> None:
+    def _queue(self, report: SimulateReply | None = None) -> None:
         if not self._actions.allowed("open"):
             return
         if not self._choice.value:

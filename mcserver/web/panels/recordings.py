@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 from urllib.parse import quote
 
 from mcclient import MotionError
+from mcclient.types import RecordingInfo
 from nicegui import ui
 
 from mcserver.web.actions import Action, Actions
@@ -44,21 +45,21 @@ class RecordingsPanel:
         except MotionError as error:
             self._state.set_text(f"{error.message} [{error.code}]")
             return
-        recorder = found["recorder"]
+        recorder = found.recorder
         self._state.set_text(
             "no recorder runs on the server"
             if recorder is None
-            else f"black box: the last {clock_text(recorder['held_s'])}, {size_text(recorder['held_bytes'])}"
+            else f"black box: the last {clock_text(recorder.held_s)}, {size_text(recorder.held_bytes)}"
         )
         shown = (
             self._all,
-            *((each["name"], each["state"], size_text(each["size"])) for each in found["recordings"]),
+            *((each.name, each.state, size_text(each.size)) for each in found.recordings),
         )
         if shown != self._shown:
             self._shown = shown
-            self._build(found["recordings"])
+            self._build(found.recordings)
 
-    def _build(self, recordings: list[dict[str, Any]]) -> None:
+    def _build(self, recordings: Sequence[RecordingInfo]) -> None:
         self._rows.clear()
         with self._rows:
             for each in recordings if self._all else recordings[:SHOWN]:
@@ -70,17 +71,17 @@ class RecordingsPanel:
             if not recordings:
                 ui.label("nothing has been recorded yet")
 
-    def _row(self, recording: dict[str, Any]) -> None:
-        name = recording["name"]
+    def _row(self, recording: RecordingInfo) -> None:
+        name = recording.name
         root = f"/machine/{quote(self._actions.link.name)}/recordings/{quote(name)}"
         with ui.row().classes("w-full items-center gap-2 mc-row"):
             ui.label(name).classes("grow break-all")
-            ui.label(size_text(recording["size"])).classes("text-xs")
-            if recording["state"] == "writing":
+            ui.label(size_text(recording.size)).classes("text-xs")
+            if recording.state == "writing":
                 ui.button("Stop", on_click=partial(self._stop, name)).props(
                     f'dense color=negative aria-label="stop recording {name}"'
                 )
-            elif recording["state"] == "done":
+            elif recording.state == "done":
                 ui.link("plot", f"{root}/plot", new_tab=True).props(f'aria-label="plot {name}"')
                 ui.button("play", on_click=partial(show_replay, self._actions.link, name)).props(
                     f'flat dense no-caps aria-label="play {name}"'
@@ -94,14 +95,14 @@ class RecordingsPanel:
 
     async def _start(self) -> None:
         name = (self._name.value or "").strip()
-        if await self._do("record_start", "record", lambda machine: machine.start_recording(name)):
+        if await self._do("record_start", "record", lambda machine: machine.record_start(name)):
             self._name.set_value("")
 
     async def _stop(self, name: str) -> None:
-        await self._do("record_stop", "stop recording", lambda machine: machine.stop_recording(name))
+        await self._do("record_stop", "stop recording", lambda machine: machine.record_stop(name))
 
     async def _save(self) -> None:
-        if await self._do("record_save", "save the black box", lambda machine: machine.save_black_box()):
+        if await self._do("record_save", "save the black box", lambda machine: machine.record_save()):
             ui.notify("the black box is saved", position="top")
 
     async def _do(self, method: str, name: str, action: Action) -> bool:

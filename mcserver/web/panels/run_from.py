@@ -6,6 +6,7 @@ import html
 from collections.abc import Mapping
 
 from mcclient import MachineStatus, MotionError
+from mcclient.types import SimulateReply
 from nicegui import ui
 
 from mcserver.errors import McError
@@ -36,7 +37,7 @@ async def ask_run_from(actions: Actions, name: str, from_line: int) -> bool:
     there: dict[int, float] | None = None
     if len(before) <= SIMULATED_BYTES:
         try:
-            there = end_of(await machine.simulate(before, now))
+            there = end_of(await machine.simulate(before, positions=now))
         except MotionError as error:
             show_refusal(f"where the axes would be is not known: {error.message} [{error.code}]", error.hint)
     shown = start_html(lines[from_line - 1], now, there, status)
@@ -48,12 +49,9 @@ async def ask_run_from(actions: Actions, name: str, from_line: int) -> bool:
     )
 
 
-def end_of(report: Mapping[str, object]) -> dict[int, float] | None:
+def end_of(report: SimulateReply) -> dict[int, float] | None:
     """Return where the axes end by a simulation [mm, deg]; None where it found a fault."""
-    axes = report.get("axes")
-    if not report.get("ok") or not isinstance(axes, Mapping):
-        return None
-    return {int(index): float(axis["position"]) for index, axis in axes.items()}
+    return {int(index): axis.position for index, axis in report.axes.items()} if report.ok else None
 
 
 def start_html(

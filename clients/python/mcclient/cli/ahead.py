@@ -16,7 +16,7 @@ from mcclient.cli.source import ProgramSource
 from mcclient.errors import MotionError, RequestRefused
 from mcclient.machine import Machine
 from mcclient.texts import hash_of_file
-from mcclient.types import ENDED, CheckResult, OnDisconnect
+from mcclient.types import ENDED, CheckReply, OnDisconnectWord
 
 # A longer text is handed over as a file, and simulated by the server while it runs.
 SHORT_BYTES = 2 * 1024 * 1024
@@ -36,7 +36,7 @@ class JobOptions:
     record: Path | None
     step: bool
     check: bool
-    on_disconnect: OnDisconnect
+    on_disconnect: OnDisconnectWord
     json: bool
     interactive: bool
 
@@ -91,14 +91,14 @@ class Ahead:
         self._show(found)
         return found.ok
 
-    async def _check(self, machine: Machine) -> CheckResult:
+    async def _check(self, machine: Machine) -> CheckReply:
         if self._file is None:
-            return await machine.check(self._text, self._standing)
+            return await machine.check(self._text, positions=self._standing)
         say(f"checking {self._source.total} lines of {self._source.name}; --no-check starts at once")
         await self._hand_over(machine)
         return await machine.check(positions=self._standing, sha256=self.sha256)
 
-    def _show(self, found: CheckResult) -> None:
+    def _show(self, found: CheckReply) -> None:
         show_diagnostics(found.diagnostics, self._source.line_at, self._source.name)
         if not found.ok:
             say(f"{self._source.name} is rejected; nothing moved", "bold red")
@@ -133,9 +133,9 @@ class Ahead:
             if self._text is None:
                 await self._hand_over(machine)
                 return
-            report = await machine.simulate(self._text, self._standing, lines=False)
+            report = await machine.simulate(self._text, positions=self._standing, lines=False)
         except MotionError:
             # the run says its own faults; the time left is estimated from the lines then
             return
-        if report["ok"] and self._options.from_line == 1:
-            say(f"{self._source.name}: {duration(report['duration_s'])} at 100 %")
+        if report.ok and self._options.from_line == 1:
+            say(f"{self._source.name}: {duration(report.duration_s)} at 100 %")

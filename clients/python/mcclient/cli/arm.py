@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import typer
 from rich.table import Table
 from rich.text import Text
@@ -17,6 +18,7 @@ from mcclient.cli.output import carry_out, narration, results, say, write_json
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.run_picture import axis_label, run_picture
+from mcclient.types import RunRequestStatus
 
 SHOWN_HASH = 12
 WAITS, ARMED = "waiting", "armed"
@@ -54,7 +56,7 @@ def arm(
     async def look() -> tuple[str, list[dict[str, Any]]]:
         async with target.open() as one:
             folder = pictures or default_folder() / one.name
-            wanted = await one.run_requests()
+            wanted = msgspec.to_builtins(await one.run_requests())
             if pictures is None:
                 forget_others(folder, wanted)
             if sha256 is not None:
@@ -64,12 +66,12 @@ def arm(
     async def order(number: int | None) -> dict[str, Any]:
         async with target.open() as one:
             if reject is not None:
-                return await one.reject(sha256 or "", reject, number=number)
-            return await one.arm(sha256 or "", seconds=seconds, override=override, number=number)
+                return _plain(await one.reject(sha256 or "", reject, number=number))
+            return _plain(await one.arm(sha256 or "", seconds=seconds, override=override, number=number))
 
     async def take_back() -> list[dict[str, Any]]:
         async with target.open() as one:
-            return await one.withdraw(sha256 or "")
+            return [_plain(each) for each in await one.withdraw(sha256 or "")]
 
     if (withdraw or reject is not None) and (sha256 is None or (withdraw and reject is not None)):
         raise typer.BadParameter("name one request by its hash, and either --reject or --withdraw")
@@ -109,10 +111,14 @@ def arm(
         results().print(requests_table([{**armed, "picture": picture}]))
 
 
+def _plain(run: RunRequestStatus) -> dict[str, Any]:
+    return dict(msgspec.to_builtins(run))
+
+
 async def shown(machine: Machine, run: dict[str, Any], folder: Path) -> dict[str, Any]:
     """A request with its text, and with the file of its picture, drawn now."""
     try:
-        preview = await machine.run_preview(run["sha256"])
+        preview = msgspec.to_builtins(await machine.run_preview(run["sha256"]))
     except RequestRefused:
         # over since it was listed
         return {**run, "text": "", "picture": None}

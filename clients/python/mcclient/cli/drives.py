@@ -16,7 +16,7 @@ from mcclient.cli.options import JsonOption, Target, with_target
 from mcclient.cli.output import carry_out, errors_shown, results, say, write_json, write_text
 from mcclient.cli.step import step
 from mcclient.errors import RequestRefused
-from mcclient.types import BusScan, DriveInfo, SdoObject
+from mcclient.types import BusScan, DriveInfo, SdoReply, SdoType
 
 AxisArgument = Annotated[int, typer.Argument(min=0, max=63, metavar="AXIS", help="Whose drive.")]
 ObjectArgument = Annotated[
@@ -31,10 +31,6 @@ TypeOption = Annotated[
         help="bool, u8 … u64, i8 … i64, f32, f64, str, utf16 or bytes; default: by the drive's EDS.",
     ),
 ]
-_TYPES = (
-    *("bool", "i8", "i16", "i24", "i32", "i64", "u8", "u16", "u24", "u32", "u64"),
-    *("f32", "f64", "str", "utf16", "bytes"),
-)
 _STYLES = {"operational": "green", "booting": "yellow", "restarting": "yellow", "closed": "dim"}
 
 
@@ -89,7 +85,7 @@ def scan(
 ) -> None:
     """Look who is on the machine's CAN buses: identity, modes, EDS file, axis; nothing is changed."""
 
-    async def work() -> list[BusScan]:
+    async def work() -> tuple[BusScan, ...]:
         async with target.open() as one:
             return await one.drives_scan(bus)
 
@@ -123,7 +119,7 @@ def scan_table(found: BusScan) -> Table:
     return table
 
 
-def monitor_lines(drives: list[DriveInfo]) -> list[Text]:
+def monitor_lines(drives: tuple[DriveInfo, ...]) -> list[Text]:
     """What machine files show of drives, and last emergencies: one line each."""
     lines = []
     for drive in drives:
@@ -144,7 +140,7 @@ def drives(target: Target, context: typer.Context, json: JsonOption = False) -> 
     if context.invoked_subcommand is not None:
         return
 
-    async def work() -> tuple[str, list[DriveInfo]]:
+    async def work() -> tuple[str, tuple[DriveInfo, ...]]:
         async with target.open() as one:
             return one.name, await one.drives()
 
@@ -159,7 +155,7 @@ def drives(target: Target, context: typer.Context, json: JsonOption = False) -> 
         say(f"{name}: no drive is on a CAN bus")
 
 
-def drives_table(drives: list[DriveInfo]) -> Table:
+def drives_table(drives: tuple[DriveInfo, ...]) -> Table:
     """One row a drive."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("axis", justify="right")
@@ -216,11 +212,11 @@ def read(
     """Read an object: mcctl sdo read 2 6041."""
     with errors_shown(json):
         index, subindex = parse_object(place)
-        check_type(kind)
+        chosen = sdo_type(kind)
 
-    async def work() -> SdoObject:
+    async def work() -> SdoReply:
         async with target.open() as one:
-            return await one.sdo_read(axis, index, subindex, type=kind)
+            return await one.sdo_read(index, subindex, axis=axis, type=chosen)
 
     _tell(carry_out(work, json), json)
 
@@ -238,11 +234,11 @@ def write(
     """Write an object, unless that would fight the cycle: mcctl sdo write 2 6065 5000."""
     with errors_shown(json):
         index, subindex = parse_object(place)
-        check_type(kind)
+        chosen = sdo_type(kind)
 
-    async def work() -> SdoObject:
+    async def work() -> SdoReply:
         async with target.open() as one:
-            return await one.sdo_write(axis, index, subindex, value, type=kind)
+            return await one.sdo_write(index, value, subindex, axis=axis, type=chosen)
 
     _tell(carry_out(work, json), json)
 
@@ -263,13 +259,14 @@ def parse_object(text: str) -> tuple[int, int]:
     return int(found[1], 16), int(found[2] or found[3] or "0", 16)
 
 
-def check_type(kind: str | None) -> None:
-    """Raises RequestRefused (MC511) where there is no such type."""
-    if kind is not None and kind not in _TYPES:
-        raise RequestRefused("MC511", f"there is no type {kind!r}", f"use one of {' '.join(_TYPES)}")
+def sdo_type(kind: str | None) -> SdoType | None:
+    """The type of that name. Raises RequestRefused (MC511) where there is none."""
+    if kind is None or kind in list(SdoType):
+        return None if kind is None else SdoType(kind)
+    raise RequestRefused("MC511", f"there is no type {kind!r}", f"use one of {' '.join(SdoType)}")
 
 
-def _tell(found: SdoObject, as_json: bool) -> None:
+def _tell(found: SdoReply, as_json: bool) -> None:
     place = f"{found.index:04X}h:{found.subindex:02X}"
     if as_json:
         shown = {

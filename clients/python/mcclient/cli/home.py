@@ -44,7 +44,7 @@ def home(
 async def _home(machine: Machine, axes: list[int] | None, *, narrate: bool) -> tuple[str, list[int]]:
     """Home axes to their end; their numbers in the order in which they were homed."""
     events = machine.events()
-    program = await machine.home(axes)
+    program = (await machine.home(axes)).program
     homed: list[int] = []
     try:
         async for event in events:

@@ -16,7 +16,7 @@ from mcclient.cli.progress import Display
 from mcclient.errors import MotionError
 from mcclient.lines import from_thread
 from mcclient.program import Program
-from mcclient.types import OnDisconnect
+from mcclient.types import OnDisconnectWord
 
 INTERRUPTED = 130
 TYPED_LINES = 100
@@ -32,7 +32,7 @@ class Asked(Protocol):
     @property
     def step(self) -> bool: ...
     @property
-    def on_disconnect(self) -> OnDisconnect: ...
+    def on_disconnect(self) -> OnDisconnectWord: ...
 
 
 class Interrupts:

@@ -74,8 +74,8 @@ def set_(
     async def work() -> float:
         async with target.open() as one:
             if any(each.name == name for each in one.info.inputs):
-                return await one.set_simulated_input(name, level)
-            return await one.set_output(name, level)
+                return (await one.set_simulated_input(name, level)).value
+            return (await one.set_output(name, level)).value
 
     done = carry_out(work, json)
     if json:

@@ -79,7 +79,7 @@ def programs(
 ) -> None:
     """Programs running, queued, ended and interrupted, the newest first."""
 
-    async def work() -> list[ProgramStatus]:
+    async def work() -> tuple[ProgramStatus, ...]:
         async with target.open() as one:
             return await one.programs(ended=not running, limit=limit)
 

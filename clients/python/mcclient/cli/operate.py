@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -44,7 +44,7 @@ def _order(
 
 
 def _order_programs(
-    what: str, target: Target, as_json: bool, order: Callable[[Machine], Awaitable[list[str]]]
+    what: str, target: Target, as_json: bool, order: Callable[[Machine], Awaitable[Sequence[str]]]
 ) -> None:
     """Gives an order to programs; ``order`` returns those concerned, ``what`` is its word."""
 
@@ -77,7 +77,7 @@ def step(
 ) -> None:
     """Start the next line of a program in single line mode."""
 
-    async def order(one: Machine) -> list[str]:
+    async def order(one: Machine) -> Sequence[str]:
         return await one.step(program or await _only_program(one))
 
     _order_programs("step", target, json, order)
@@ -107,7 +107,7 @@ def override(
     """Feed override in percent, of one program or of all, those to come included."""
 
     async def act(one: Machine) -> dict[str, Any]:
-        return {"percent": await one.override(percent, program)}
+        return {"percent": (await one.override(percent, program)).percent}
 
     def sentence(name: str, outcome: dict[str, Any]) -> str:
         return f"{name}: override {outcome['percent']:g} %"

@@ -7,10 +7,12 @@ import contextlib
 import enum
 import os
 import time
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import typer
 from rich.table import Table
 from rich.text import Text
@@ -20,6 +22,7 @@ from mcclient.cli.output import carry_out, results, say, write_json
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.sample_file import open_sample_file
+from mcclient.types import RecordingInfo, RecordingsReply
 
 SUFFIX = ".mcap"
 NameArgument = Annotated[str, typer.Argument(metavar="[NAME]", help="Of the recording.")]
@@ -162,12 +165,12 @@ def start(
     json: JsonOption = False,
 ) -> None:
     """Record every cycle into a file on the server from now on."""
-    _order("recording", json, target, lambda one: one.start_recording(name, seconds))
+    _order("recording", json, target, lambda one: one.record_start(name, seconds))
 
 
 def stop(target: Target, name: NameArgument = "", json: JsonOption = False) -> None:
     """End a recording on the server; without a name the only one."""
-    _order("written", json, target, lambda one: one.stop_recording(name))
+    _order("written", json, target, lambda one: one.record_stop(name))
 
 
 def save(
@@ -176,7 +179,7 @@ def save(
     json: JsonOption = False,
 ) -> None:
     """Write out the black box, the last minutes, on the server."""
-    _order("written", json, target, lambda one: one.save_black_box(reason))
+    _order("written", json, target, lambda one: one.record_save(reason))
 
 
 def _order(word: str, json: bool, target: Target, order: Any) -> None:
@@ -194,33 +197,33 @@ def _order(word: str, json: bool, target: Target, order: Any) -> None:
 def list_(target: Target, json: JsonOption = False) -> None:
     """List the recordings on the server, and what the black box holds."""
 
-    async def work() -> tuple[str, dict[str, Any]]:
+    async def work() -> tuple[str, RecordingsReply]:
         async with target.open() as one:
             return one.name, await one.recordings()
 
     name, found = carry_out(work, json)
     if json:
-        write_json({"ok": True, "machine": name, **found})
+        write_json({"ok": True, "machine": name, **msgspec.to_builtins(found)})
         return
-    if found["recordings"]:
-        results().print(recordings_table(found["recordings"]))
-    recorder = found["recorder"]
+    if found.recordings:
+        results().print(recordings_table(found.recordings))
+    recorder = found.recorder
     if recorder is None:
         say(f"{name}: no recorder runs", "yellow")
     else:
-        held = f"{recorder['held_s']:.1f} s in {recorder['held_bytes'] / 1e6:.1f} MB"
-        missed = f"; {recorder['missed_cycles']} cycles missed" if recorder["missed_cycles"] else ""
+        held = f"{recorder.held_s:.1f} s in {recorder.held_bytes / 1e6:.1f} MB"
+        missed = f"; {recorder.missed_cycles} cycles missed" if recorder.missed_cycles else ""
         say(f"{name}: the black box holds {held}{missed}")
 
 
-def recordings_table(recordings: list[dict[str, Any]]) -> Table:
+def recordings_table(recordings: Sequence[RecordingInfo]) -> Table:
     """A row for each recording, the newest first."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title, justify in (("name", "left"), ("state", "left"), ("size", "right"), ("written", "left")):
         table.add_column(title, overflow="fold", justify=justify)  # type: ignore[arg-type]
     for each in recordings:
-        at = datetime.fromtimestamp(each["modified_at"]).astimezone().isoformat(" ", "seconds")
-        table.add_row(Text(each["name"]), each["state"], f"{each['size'] / 1e6:.1f} MB", at)
+        at = datetime.fromtimestamp(each.modified_at).astimezone().isoformat(" ", "seconds")
+        table.add_row(Text(each.name), each.state, f"{each.size / 1e6:.1f} MB", at)
     return table
 
 
@@ -246,7 +249,7 @@ def get(
 
 
 async def _newest(machine: Machine) -> str:
-    done = [each["name"] for each in (await machine.recordings())["recordings"] if each["state"] == "done"]
+    done = [each.name for each in (await machine.recordings()).recordings if each.state == "done"]
     if not done:
         raise RequestRefused("MC585", f"{machine.name} has no recording", "mcctl record save makes one")
     return str(done[0])

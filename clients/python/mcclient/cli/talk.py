@@ -181,7 +181,7 @@ class Talk:
                 await self._living().abort()
                 self._say("  aborted", "yellow")
             elif word == ":override":
-                self._say(f"  override {await self._machine.override(_percent(rest)):g} %")
+                self._say(f"  override {(await self._machine.override(_percent(rest))).percent:g} %")
             elif word == ":help":
                 for name, what in COMMANDS.items():
                     self._say(f"  {name:<10} {what}")

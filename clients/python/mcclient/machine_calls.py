@@ -1,0 +1,534 @@
+# Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.
+"""Every remote method of a machine (docs/wire/calls.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mcclient import types as wire
+from mcclient.calls import Caller
+
+
+class MachineCalls:
+    """The calls of a machine, each repeated under one number until it is answered or ``deadline_s`` is over.
+
+    Raises, each of them: NobodyAnswers (MC530, MC532), RequestRefused with the server's code, ProtocolError.
+    """
+
+    _caller: Caller
+
+    def _declare_token(self) -> None:
+        """Let the server notice when this client goes."""
+        raise NotImplementedError
+
+    async def ask_info(self, *, deadline_s: float = 5.0) -> wire.Info:
+        """Describe the machine and the service."""
+        return await self._caller.ask(wire.Info, "info", {}, deadline_s)
+
+    async def status(self, *, deadline_s: float = 5.0) -> wire.MachineStatus:
+        """Tell the state of the machine now."""
+        return await self._caller.ask(wire.MachineStatus, "status", {}, deadline_s)
+
+    async def programs(
+        self, program: str | None = None, *, ended: bool = True, limit: int = 100, deadline_s: float = 5.0
+    ) -> tuple[wire.ProgramStatus, ...]:
+        """List the programs that the server knows: running, queued, ended and interrupted, the newest first.
+
+        Args:
+            program: only this one.
+            ended: those that have ended too.
+        """
+        return (
+            await self._caller.ask(
+                wire.ProgramsReply,
+                "programs",
+                {"program": program, "ended": ended, "limit": limit},
+                deadline_s,
+            )
+        ).programs
+
+    async def past_events(
+        self, since: int = 0, *, limit: int = 500, deadline_s: float = 5.0
+    ) -> wire.EventsReply:
+        """Repeat events by number, the oldest first."""
+        return await self._caller.ask(
+            wire.EventsReply, "events", {"since": since, "limit": limit}, deadline_s
+        )
+
+    async def open_program(
+        self,
+        name: str = "",
+        *,
+        axes: Sequence[int] | None = None,
+        on_disconnect: wire.OnDisconnectWord = "stop",
+        start_line: int = 1,
+        before: Sequence[str] = (),
+        resume_of: str | None = None,
+        step: bool = False,
+        hold: bool = False,
+        sha256: str | None = None,
+        deadline_s: float = 5.0,
+    ) -> wire.OpenReply:
+        """Open a program, queued for its axes.
+
+        Args:
+            name: for people: a file's name.
+            axes: the axes to lease; None: all of the machine.
+            on_disconnect: what happens when the client's liveliness token goes.
+            start_line: number of the first line that will run.
+            before: lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
+            resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as
+                ``before``.
+            step: single line mode: a line starts only when ``step`` asks for it.
+            hold: begin held; ``resume`` starts it.
+            sha256: of the whole text; its times, of ``simulate`` or ``put_text``, are those of the program.
+        """
+        self._declare_token()
+        return await self._caller.ask(
+            wire.OpenReply,
+            "open",
+            {
+                "name": name,
+                "axes": None if axes is None else list(axes),
+                "on_disconnect": on_disconnect,
+                "start_line": start_line,
+                "before": list(before),
+                "resume_of": resume_of,
+                "step": step,
+                "hold": hold,
+                "sha256": sha256,
+            },
+            deadline_s,
+        )
+
+    async def submit_lines(
+        self,
+        program: str,
+        first: int,
+        lines: Sequence[str],
+        *,
+        judge: bool = True,
+        rejections: int | None = None,
+        deadline_s: float = 5.0,
+    ) -> wire.SubmitReply:
+        """Send lines, and get the verdict on their words."""
+        return await self._caller.ask(
+            wire.SubmitReply,
+            "submit",
+            {
+                "program": program,
+                "first": first,
+                "lines": list(lines),
+                "judge": judge,
+                "rejections": rejections,
+            },
+            deadline_s,
+        )
+
+    async def close_program(
+        self, program: str, last: int | None = None, *, deadline_s: float = 5.0
+    ) -> wire.CloseReply:
+        """Say that no more lines will come."""
+        return await self._caller.ask(
+            wire.CloseReply, "close", {"program": program, "last": last}, deadline_s
+        )
+
+    async def hold(self, program: str | None = None, *, deadline_s: float = 5.0) -> tuple[str, ...]:
+        """Hold the feed along the path, of one program or all."""
+        return (await self._caller.ask(wire.Done, "hold", {"program": program}, deadline_s)).programs
+
+    async def resume(self, program: str | None = None, *, deadline_s: float = 5.0) -> tuple[str, ...]:
+        """End a hold, M00 or M01, of one program or all."""
+        return (await self._caller.ask(wire.Done, "resume", {"program": program}, deadline_s)).programs
+
+    async def step(self, program: str, *, deadline_s: float = 5.0) -> tuple[str, ...]:
+        """Start the next line of a program opened with ``step``."""
+        return (await self._caller.ask(wire.Done, "step", {"program": program}, deadline_s)).programs
+
+    async def abort(self, program: str | None = None, *, deadline_s: float = 5.0) -> tuple[str, ...]:
+        """Stop along the path, then drop the rest of the program, of one or all."""
+        return (await self._caller.ask(wire.Done, "abort", {"program": program}, deadline_s)).programs
+
+    async def override(
+        self, percent: float, program: str | None = None, *, deadline_s: float = 5.0
+    ) -> wire.OverrideReply:
+        """Set the feed override of one program, or of all and those to come."""
+        return await self._caller.ask(
+            wire.OverrideReply, "override", {"percent": percent, "program": program}, deadline_s
+        )
+
+    async def jog(
+        self,
+        axis: int,
+        distance: float | None = None,
+        *,
+        velocity: float | None = None,
+        hold_s: float | None = None,
+        program: str | None = None,
+        by: str = "",
+        deadline_s: float = 5.0,
+    ) -> str:
+        """Move one axis by hand.
+
+        Args:
+            distance: from where it is, signed [mm, deg]; None: on until stopped or the limit, sign of
+                ``velocity``.
+            velocity: [mm/s, deg/s]; None: a tenth of the axis's limit.
+            hold_s: dead man's time: the axis stops unless the same jog is asked for again within it; None: no
+                such watch. A jog without distance always has one (default 0.5 s).
+            program: id of the jog under way that this request keeps alive.
+            by: the person, where a client serves several: steps of one person follow each other, those of
+                another one are refused (MC512) while the axis moves.
+        """
+        self._declare_token()
+        return (
+            await self._caller.ask(
+                wire.JogReply,
+                "jog",
+                {
+                    "axis": axis,
+                    "distance": distance,
+                    "velocity": velocity,
+                    "hold_s": hold_s,
+                    "program": program,
+                    "by": by,
+                },
+                deadline_s,
+            )
+        ).program
+
+    async def home(self, axes: Sequence[int] | None = None, *, deadline_s: float = 5.0) -> wire.HomeReply:
+        """Let axes find their references.
+
+        It goes on after the reply: the events ``axis.homing``, ``axis.homed`` and ``program.ended`` say how.
+        """
+        self._declare_token()
+        return await self._caller.ask(
+            wire.HomeReply, "home", {"axes": None if axes is None else list(axes)}, deadline_s
+        )
+
+    async def reference(self, positions: Mapping[int, float], *, deadline_s: float = 5.0) -> tuple[str, ...]:
+        """Say where axes are; nothing moves."""
+        return (
+            await self._caller.ask(
+                wire.Done,
+                "reference",
+                {"positions": {str(key): each for key, each in positions.items()}},
+                deadline_s,
+            )
+        ).programs
+
+    async def reset(self, axes: Sequence[int] | None = None, *, deadline_s: float = 5.0) -> tuple[str, ...]:
+        """Clear a latched fault or emergency stop.
+
+        Axes stay without energy until captured (G1010).
+        """
+        return (
+            await self._caller.ask(
+                wire.Done, "reset", {"axes": None if axes is None else list(axes)}, deadline_s
+            )
+        ).programs
+
+    async def set_output(self, output: str, value: bool | float, *, deadline_s: float = 5.0) -> wire.SetReply:
+        """Set an output by hand."""
+        return await self._caller.ask(
+            wire.SetReply, "set_output", {"output": output, "value": value}, deadline_s
+        )
+
+    async def set_simulated_input(
+        self, input: str, value: bool | float, *, deadline_s: float = 5.0
+    ) -> wire.SetReply:
+        """Set a simulated input."""
+        return await self._caller.ask(
+            wire.SetReply, "set_simulated_input", {"input": input, "value": value}, deadline_s
+        )
+
+    async def call_estop(
+        self, reason: str = "", *, client: str = "", deadline_s: float = 5.0
+    ) -> tuple[str, ...]:
+        """Stop everything at once: emergency stop.
+
+        No safety function; the key ``estop`` is the faster way.
+
+        Args:
+            reason: for people.
+            client: on the key ``estop``, who stops, as it says itself; a call has it in its key.
+        """
+        return (
+            await self._caller.ask(wire.Done, "estop", {"reason": reason, "client": client}, deadline_s)
+        ).programs
+
+    async def check(
+        self,
+        text: str | None = None,
+        *,
+        positions: Mapping[int, float] | None = None,
+        sha256: str | None = None,
+        deadline_s: float = 300.0,
+    ) -> wire.CheckReply:
+        """Find every fault of a program's text; nothing runs.
+
+        Args:
+            text: the whole of it; or sha256: of one that was handed over by ``put_text``.
+            positions: start the axes there [mm, deg].
+        """
+        return await self._caller.ask(
+            wire.CheckReply,
+            "check",
+            {
+                "text": text,
+                "positions": None
+                if positions is None
+                else {str(key): each for key, each in positions.items()},
+                "sha256": sha256,
+            },
+            deadline_s,
+        )
+
+    async def simulate(
+        self,
+        text: str,
+        positions: Mapping[int, float] | None = None,
+        *,
+        path_points: int = 0,
+        lines: bool = True,
+        deadline_s: float = 300.0,
+    ) -> wire.SimulateReply:
+        """Run a program's text on a virtual clock: its times, travels and faults.
+
+        Args:
+            positions: start the axes there [mm, deg]; None: where the machine file lets simulated drives
+                start.
+            path_points: the reply's `path` has so many points at most; 0: no path.
+            lines: whether the reply has the times of every line.
+        """
+        return await self._caller.ask(
+            wire.SimulateReply,
+            "simulate",
+            {
+                "text": text,
+                "positions": None
+                if positions is None
+                else {str(key): each for key, each in positions.items()},
+                "path_points": path_points,
+                "lines": lines,
+            },
+            deadline_s,
+        )
+
+    async def put_text_part(
+        self, sha256: str, size: int, offset: int, part: bytes, *, deadline_s: float = 60.0
+    ) -> wire.PutTextReply:
+        """Hand a long text over by parts.
+
+        Args:
+            sha256: of the whole text in UTF-8.
+            size: of the whole text [bytes].
+            offset: where the part begins [bytes].
+            part: its bytes; characters may be cut.
+        """
+        return await self._caller.ask(
+            wire.PutTextReply,
+            "put_text",
+            {"sha256": sha256, "size": size, "offset": offset, "part": part},
+            deadline_s,
+        )
+
+    async def request_run(
+        self, text: str, name: str = "", *, axes: Sequence[int] | None = None, deadline_s: float = 300.0
+    ) -> wire.RunRequestReply:
+        """Ask for a run that an operator has to arm.
+
+        The text is checked and simulated from where the axes stand, and nothing moves.
+
+        Args:
+            text: the program.
+            name: for people.
+            axes: the only axes that it may move; None: those that the text names.
+        """
+        self._declare_token()
+        return await self._caller.ask(
+            wire.RunRequestReply,
+            "request_run",
+            {"text": text, "name": name, "axes": None if axes is None else list(axes)},
+            deadline_s,
+        )
+
+    async def run_requests(self, *, deadline_s: float = 5.0) -> tuple[wire.RunRequestStatus, ...]:
+        """List what waits for an operator, is armed, or was started lately."""
+        return (await self._caller.ask(wire.RunRequestsReply, "run_requests", {}, deadline_s)).requests
+
+    async def run_preview(self, sha256: str, *, deadline_s: float = 5.0) -> wire.RunPreviewReply:
+        """Show what an operator looks at before arming: the text and its simulated path.
+
+        Args:
+            sha256: of the text, or at least its first 8 digits.
+        """
+        return await self._caller.ask(wire.RunPreviewReply, "run_preview", {"sha256": sha256}, deadline_s)
+
+    async def arm(
+        self,
+        sha256: str,
+        seconds: float = 60.0,
+        *,
+        override: float = 100.0,
+        number: int | None = None,
+        deadline_s: float = 5.0,
+    ) -> wire.RunRequestStatus:
+        """Allow a requested run to be started once.
+
+        Args:
+            sha256: of the text, or at least its first 8 digits.
+            seconds: how long it may be started.
+            override: the greatest feed override [%].
+            number: of the request that was looked at: one that was made anew since is not armed; None: any.
+        """
+        return await self._caller.ask(
+            wire.RunRequestStatus,
+            "arm",
+            {"sha256": sha256, "seconds": seconds, "override": override, "number": number},
+            deadline_s,
+        )
+
+    async def reject(
+        self, sha256: str, reason: str = "", *, number: int | None = None, deadline_s: float = 5.0
+    ) -> wire.RunRequestStatus:
+        """Say no to a requested run, and why.
+
+        Args:
+            sha256: of the text, or at least its first 8 digits.
+            number: as of `ArmRequest`.
+        """
+        return await self._caller.ask(
+            wire.RunRequestStatus,
+            "reject",
+            {"sha256": sha256, "reason": reason, "number": number},
+            deadline_s,
+        )
+
+    async def withdraw(self, sha256: str, *, deadline_s: float = 5.0) -> tuple[wire.RunRequestStatus, ...]:
+        """Take a requested run back; only the user who asked may.
+
+        Args:
+            sha256: of the text, or at least its first 8 digits.
+        """
+        return (
+            await self._caller.ask(wire.RunRequestsReply, "withdraw", {"sha256": sha256}, deadline_s)
+        ).requests
+
+    async def run_armed(self, text: str, *, deadline_s: float = 15.0) -> wire.RunArmedReply:
+        """Start a program that is armed."""
+        self._declare_token()
+        return await self._caller.ask(wire.RunArmedReply, "run_armed", {"text": text}, deadline_s)
+
+    async def record_start(
+        self, name: str = "", *, max_s: float | None = None, deadline_s: float = 5.0
+    ) -> str:
+        """Record every cycle into a file on the server from now on.
+
+        Args:
+            name: of the recording; empty: the time.
+            max_s: when it ends by itself; None: when it is stopped.
+        """
+        return (
+            await self._caller.ask(
+                wire.RecordReply, "record_start", {"name": name, "max_s": max_s}, deadline_s
+            )
+        ).name
+
+    async def record_stop(self, name: str = "", *, deadline_s: float = 90.0) -> str:
+        """End a recording; answered once the file is whole."""
+        return (await self._caller.ask(wire.RecordReply, "record_stop", {"name": name}, deadline_s)).name
+
+    async def record_save(self, reason: str = "asked", *, deadline_s: float = 90.0) -> str:
+        """Write out the black box, the last minutes."""
+        return (await self._caller.ask(wire.RecordReply, "record_save", {"reason": reason}, deadline_s)).name
+
+    async def recordings(self, *, deadline_s: float = 5.0) -> wire.RecordingsReply:
+        """List the recordings on the server's disk."""
+        return await self._caller.ask(wire.RecordingsReply, "recordings", {}, deadline_s)
+
+    async def recording_read(
+        self, name: str, offset: int = 0, *, size: int = 1048576, deadline_s: float = 15.0
+    ) -> wire.RecordingPart:
+        """Read part of a recording's file."""
+        return await self._caller.ask(
+            wire.RecordingPart, "recording_read", {"name": name, "offset": offset, "size": size}, deadline_s
+        )
+
+    async def model(self, *, deadline_s: float = 15.0) -> wire.ModelReply:
+        """Tell what the machine looks like: its URDF."""
+        return await self._caller.ask(wire.ModelReply, "model", {}, deadline_s)
+
+    async def model_mesh(
+        self, mesh: int, offset: int = 0, *, size: int = 1048576, deadline_s: float = 15.0
+    ) -> wire.ModelPart:
+        """Read part of a mesh's file."""
+        return await self._caller.ask(
+            wire.ModelPart, "model_mesh", {"mesh": mesh, "offset": offset, "size": size}, deadline_s
+        )
+
+    async def drives(self, *, deadline_s: float = 5.0) -> tuple[wire.DriveInfo, ...]:
+        """List every drive on a CAN bus, by axis."""
+        return (await self._caller.ask(wire.DrivesReply, "drives", {}, deadline_s)).drives
+
+    async def drives_scan(self, bus: str = "", *, deadline_s: float = 15.0) -> tuple[wire.BusScan, ...]:
+        """Ask every node number of a CAN bus, or of all, who is there.
+
+        Nothing is configured or started.
+        """
+        return (await self._caller.ask(wire.DrivesScanReply, "drives_scan", {"bus": bus}, deadline_s)).buses
+
+    async def sdo_read(
+        self,
+        index: int,
+        subindex: int = 0,
+        *,
+        axis: int | None = None,
+        node: int | None = None,
+        bus: str = "",
+        type: wire.SdoTypeWord | None = None,
+        deadline_s: float = 15.0,
+    ) -> wire.SdoReply:
+        """Read an object of a drive's dictionary.
+
+        Args:
+            index: of the object.
+            subindex: of the object.
+            axis: whose drive; or ``node``, with ``bus`` where several buses have that number.
+            type: how the bytes are to be read; None: by the drive's EDS, or the standard's objects.
+        """
+        return await self._caller.ask(
+            wire.SdoReply,
+            "sdo_read",
+            {"index": index, "subindex": subindex, "axis": axis, "node": node, "bus": bus, "type": type},
+            deadline_s,
+        )
+
+    async def sdo_write(
+        self,
+        index: int,
+        value: wire.Value,
+        subindex: int = 0,
+        *,
+        axis: int | None = None,
+        node: int | None = None,
+        bus: str = "",
+        type: wire.SdoTypeWord | None = None,
+        deadline_s: float = 15.0,
+    ) -> wire.SdoReply:
+        """Write an object of a drive's dictionary, unless that would fight the cycle."""
+        return await self._caller.ask(
+            wire.SdoReply,
+            "sdo_write",
+            {
+                "index": index,
+                "subindex": subindex,
+                "axis": axis,
+                "node": node,
+                "bus": bus,
+                "type": type,
+                "value": value,
+            },
+            deadline_s,
+        )
