@@ -237,12 +237,12 @@ async def test_from_words_to_an_armed_run_and_never_without_an_operator(running_
         assert [each["state"] for each in status["run_requests"]] == ["waiting"]
         assert status["status"]["axes"]["position"][0] == pytest.approx(0.0, abs=0.1)
         (waiting,) = await operator.run_requests()
-        assert waiting["sha256"] == hashlib.sha256(PROGRAM.encode()).hexdigest()
+        assert waiting.sha256 == hashlib.sha256(PROGRAM.encode()).hexdigest()
         # armed for a time that is over at once
-        await operator.arm(waiting["sha256"], seconds=1e-6)
+        await operator.arm(waiting.sha256, seconds=1e-6)
         assert "MC571" in refusal(await agent.call_tool("run_armed", {"text": PROGRAM}))
         answer_of(await agent.call_tool("request_run", {"text": PROGRAM}))
-        await operator.arm(waiting["sha256"][:12], seconds=60.0, override=50.0)
+        await operator.arm(waiting.sha256[:12], seconds=60.0, override=50.0)
         # what is armed is armed for who asked
         another = build_server(AgentTools(CARTESIAN, "cartesian", connect=[running_server]))
         async with Client(another) as other:
