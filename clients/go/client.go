@@ -27,7 +27,6 @@ const (
 	busyPause   = 100 * time.Millisecond
 
 	callTimeout     = 15 * time.Second
-	longTimeout     = 2 * time.Minute
 	programPatience = 30 * time.Second
 )
 
@@ -37,7 +36,8 @@ type Options struct {
 	Token string
 	// TLS is for wss:// with a certificate authority of one's own.
 	TLS *tls.Config
-	// CallTimeout is how long a call waits for its reply, lost connections included (15 s); check and simulate have 2 min.
+	// CallTimeout is how long a call waits for its reply, lost connections included (15 s); a call for which the server may take longer
+	// waits for that time.
 	CallTimeout time.Duration
 	// Patience is how long a program waits for a motion server that has gone away (30 s).
 	Patience time.Duration
@@ -85,14 +85,6 @@ type topic struct {
 	deliver       func(payload []byte)
 	resumed       func()
 	ended         func(error)
-}
-
-// what may be asked again under any circumstances, as it changes nothing
-var reading = map[string]bool{
-	"info": true, "status": true, "programs": true, "events": true, "check": true, "simulate": true, "drives": true,
-	"sdo_read": true, "run_requests": true, "run_preview": true, "machines": true, "subscribe": true,
-	// stopping twice stops
-	"estop": true, "abort": true, "hold": true,
 }
 
 // Dial connects to a gateway, such as ws://127.0.0.1:8787/v1/ws.
@@ -195,9 +187,7 @@ func (c *Client) request(ctx context.Context, frame map[string]any, method strin
 	if limit == 0 {
 		limit = callTimeout
 	}
-	if method == "check" || method == "simulate" {
-		limit = longTimeout
-	}
+	limit = max(limit, deadlines[method])
 	waiting, cancel := context.WithTimeout(ctx, limit)
 	defer cancel()
 	c.mu.Lock()

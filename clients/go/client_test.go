@@ -211,7 +211,7 @@ func TestACallWithoutAnAnswerIsSentAgainUnderItsNumber(t *testing.T) {
 	machine := gateway.machine()
 	done := make(chan error, 1)
 	go func() {
-		_, err := machine.Jog(context.Background(), 0, 5, 0)
+		_, err := machine.Jog(context.Background(), JogRequest{Axis: 0, Distance: Ptr(5.0)})
 		done <- err
 	}()
 	<-calls
@@ -234,7 +234,7 @@ func TestAMotionIsNotAskedForTwiceOfAGatewayThatHasForgottenTheClient(t *testing
 	machine := gateway.machine()
 	done := make(chan error, 1)
 	go func() {
-		_, err := machine.Jog(context.Background(), 0, 5, 0)
+		_, err := machine.Jog(context.Background(), JogRequest{Axis: 0, Distance: Ptr(5.0)})
 		done <- err
 	}()
 	<-calls
@@ -255,7 +255,7 @@ func TestTooManyCallsAtOnceWait(t *testing.T) {
 		}
 		return map[string]any{"program": "j-1"}, nil, true
 	})
-	if program, err := gateway.machine().Jog(context.Background(), 0, 5, 0); err != nil || program != "j-1" {
+	if program, err := gateway.machine().Jog(context.Background(), JogRequest{Axis: 0, Distance: Ptr(5.0)}); err != nil || program != "j-1" {
 		t.Fatal(program, err)
 	}
 }

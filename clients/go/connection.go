@@ -122,7 +122,7 @@ func (c *Client) again(lost bool) (send []map[string]any, resumed []func()) {
 		}
 	}
 	for id, each := range c.pending {
-		if lost && each.sent && !reading[each.method] {
+		if lost && each.sent && !repeatable[each.method] && each.frame["op"] == "call" {
 			delete(c.pending, id)
 			each.reply <- reply{err: unreachable(CodeNoAnswer, fmt.Sprintf("the gateway no longer knows this client: whether %s was carried out is not known", each.method), "look at the machine's status before doing it again")}
 			continue

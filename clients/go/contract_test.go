@@ -55,17 +55,6 @@ func reader[T any](payload []byte) (any, error) {
 	return asJSON(reflect.ValueOf(value).Elem()), nil
 }
 
-var readers = map[string]func([]byte) (any, error){
-	"Ack": reader[Ack], "AxesStatus": reader[AxesStatus], "AxisInfo": reader[AxisInfo], "CheckReply": reader[CheckReply],
-	"CloseReply": reader[CloseReply], "Edit": reader[Edit], "ErrorReply": reader[ErrorReply], "Event": reader[Event],
-	"EventsReply": reader[EventsReply], "Fault": reader[Fault], "Info": reader[Info], "JogReply": reader[JogReply],
-	"InputInfo": reader[InputInfo], "InputStatus": reader[InputStatus], "OutputInfo": reader[OutputInfo],
-	"OutputStatus": reader[OutputStatus], "LimitsInfo": reader[LimitsInfo], "LineReport": reader[LineReport], "MachineStatus": reader[MachineStatus],
-	"OpenReply": reader[OpenReply], "ProbeStatus": reader[ProbeStatus], "ProgramStatus": reader[ProgramStatus], "ProgramsReply": reader[ProgramsReply],
-	"SubmitReply": reader[SubmitReply], "TelemetryInfo": reader[TelemetryInfo], "ToolInfo": reader[ToolInfo],
-	"ToolPose": reader[ToolPose], "WireDiagnostic": reader[Diagnostic], "WorkOffset": reader[WorkOffset],
-}
-
 func asJSON(value reflect.Value) any {
 	switch value.Kind() {
 	case reflect.Pointer, reflect.Interface:

@@ -43,7 +43,7 @@ func (m *Machine) Events(ctx context.Context) (*Feed[*Event], error) {
 }
 
 func (m *Machine) eventsSince(ctx context.Context, since int64, limit int) (*EventsReply, error) {
-	return callFor[EventsReply](ctx, m, "events", map[string]any{"since": since, "limit": limit})
+	return m.PastEvents(ctx, EventsRequest{Since: since, Limit: Ptr(int64(limit))})
 }
 
 // eventOrder puts events in order; a gap is asked for.

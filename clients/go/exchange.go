@@ -186,7 +186,7 @@ func (p *Program) until(ctx context.Context, holds func(*stream) bool) error {
 
 // ask asks what the server has; while it is away, until the client's patience is over.
 func (p *Program) ask(ctx context.Context, away error) error {
-	reply, err := callFor[ProgramsReply](ctx, p.machine, "programs", map[string]any{"program": p.ID})
+	programs, err := p.machine.Programs(ctx, ProgramsRequest{Program: p.ID})
 	if Code(err) == "MC503" {
 		p.hear(func(s *stream) { s.asked(nil) })
 		return nil
@@ -205,9 +205,9 @@ func (p *Program) ask(ctx context.Context, away error) error {
 		return err
 	}
 	p.hear(func(s *stream) {
-		for i := range reply.Programs {
-			if reply.Programs[i].Program == p.ID {
-				s.asked(&reply.Programs[i])
+		for i := range programs {
+			if programs[i].Program == p.ID {
+				s.asked(&programs[i])
 				return
 			}
 		}

@@ -65,49 +65,6 @@ func callFor[T any](ctx context.Context, m *Machine, method string, params map[s
 	return into, nil
 }
 
-// Status is the state of the machine now.
-func (m *Machine) Status(ctx context.Context) (*MachineStatus, error) {
-	return callFor[MachineStatus](ctx, m, "status", nil)
-}
-
-// Programs lists the programs that the server knows, the newest first: those that have ended or were interrupted too.
-func (m *Machine) Programs(ctx context.Context) ([]ProgramStatus, error) {
-	reply, err := callFor[ProgramsReply](ctx, m, "programs", nil)
-	if err != nil {
-		return nil, err
-	}
-	return reply.Programs, nil
-}
-
-// Check finds every fault of a text; nothing runs.
-func (m *Machine) Check(ctx context.Context, text string) (*CheckReply, error) {
-	return callFor[CheckReply](ctx, m, "check", map[string]any{"text": text})
-}
-
-// Simulate runs a text on a virtual clock; the result is the object of `mcserver simulate --json`.
-func (m *Machine) Simulate(ctx context.Context, text string) (map[string]any, error) {
-	var result map[string]any
-	err := m.Call(ctx, "simulate", map[string]any{"text": text}, &result)
-	return result, err
-}
-
-// Hold stops all programs along their paths until Resume.
-func (m *Machine) Hold(ctx context.Context) error { return m.Call(ctx, "hold", nil, nil) }
-
-// Resume ends holds, M00 and M01.
-func (m *Machine) Resume(ctx context.Context) error { return m.Call(ctx, "resume", nil, nil) }
-
-// Abort stops all programs along their paths and drops the rest of them; axes that move by themselves stop too.
-func (m *Machine) Abort(ctx context.Context) error { return m.Call(ctx, "abort", nil, nil) }
-
-// Override sets the feed override of all programs, those to come included [%].
-func (m *Machine) Override(ctx context.Context, percent float64) error {
-	return m.Call(ctx, "override", map[string]any{"percent": percent}, nil)
-}
-
-// Reset clears a latched fault or emergency stop. Axes stay without energy until a program captures them (G1010).
-func (m *Machine) Reset(ctx context.Context) error { return m.Call(ctx, "reset", nil, nil) }
-
 // EmergencyStop stops everything, on a connection of its own beside the one that is there; it returns once the server has confirmed.
 //
 // It is no safety function: machines need a circuit of their own.
@@ -144,28 +101,15 @@ func (c *Client) stopMachine(ctx context.Context, machine, reason string) error 
 	return err
 }
 
-// Jog moves an axis by a signed distance [mm, deg]; a velocity of 0 leaves it to the server. It returns the jog's program at once.
-func (m *Machine) Jog(ctx context.Context, axis int64, distance, velocity float64) (string, error) {
-	params := map[string]any{"axis": axis, "distance": distance}
-	if velocity != 0 {
-		params["velocity"] = velocity
-	}
-	reply, err := callFor[JogReply](ctx, m, "jog", params)
-	if err != nil {
-		return "", err
-	}
-	return reply.Program, nil
-}
-
 // JogWhile moves an axis until the context is done; the velocity is signed [mm/s, deg/s]. The server's dead man's time stops the axis when
 // this process, its link or the gateway dies. A context that is done is no error.
 func (m *Machine) JogWhile(ctx context.Context, axis int64, velocity float64) error {
 	if ctx.Err() != nil {
 		return nil
 	}
-	params := map[string]any{"axis": axis, "velocity": velocity, "hold_s": holdS}
+	request := JogRequest{Axis: axis, Velocity: Ptr(velocity), HoldS: Ptr(holdS)}
 	// also when the context is done before the reply has come: only who knows the jog can stop it
-	begun, err := callFor[JogReply](context.WithoutCancel(ctx), m, "jog", params)
+	program, err := m.Jog(context.WithoutCancel(ctx), request)
 	if err != nil {
 		return err
 	}
@@ -173,7 +117,7 @@ func (m *Machine) JogWhile(ctx context.Context, axis int64, velocity float64) er
 		// it may have ended by itself: at a limit, by a fault, or for want of keeps
 		stopping, cancel := context.WithTimeout(context.WithoutCancel(ctx), stopLimit)
 		defer cancel()
-		_ = m.Call(stopping, "abort", map[string]any{"program": begun.Program}, nil)
+		_, _ = m.Abort(stopping, program)
 	}()
 	ticks := time.NewTicker(keepPeriod)
 	defer ticks.Stop()
@@ -183,8 +127,8 @@ func (m *Machine) JogWhile(ctx context.Context, axis int64, velocity float64) er
 			return nil
 		case <-ticks.C:
 		}
-		keep := map[string]any{"axis": axis, "velocity": velocity, "hold_s": holdS, "program": begun.Program}
-		if err := m.Call(ctx, "jog", keep, nil); err != nil {
+		request.Program = program
+		if _, err := m.Jog(ctx, request); err != nil {
 			if ctx.Err() != nil {
 				return nil
 			}

@@ -116,7 +116,7 @@ func (m *Machine) open(ctx context.Context, options *OpenOptions) (*OpenReply, e
 func (m *Machine) drop(ctx context.Context, program string) {
 	ending, cancel := context.WithTimeout(context.WithoutCancel(ctx), stopLimit)
 	defer cancel()
-	_ = m.Call(ending, "abort", map[string]any{"program": program}, nil)
+	_, _ = m.Abort(ending, program)
 }
 
 func (o *OpenOptions) params() map[string]any {
@@ -204,7 +204,7 @@ func (p *Program) Close(ctx context.Context) (failure error) {
 		return err
 	}
 	defer func() { p.end(failure) }()
-	reply, err := callFor[CloseReply](ctx, p.machine, "close", map[string]any{"program": p.ID, "last": p.Accepted()})
+	reply, err := p.machine.CloseProgram(ctx, CloseRequest{Program: p.ID, Last: Ptr(p.Accepted())})
 	if err != nil {
 		return p.meaning(ctx, err)
 	}
@@ -256,7 +256,7 @@ func (p *Program) WaitDone(ctx context.Context, line int64) error {
 	}
 	p.mu.Lock()
 	defer p.mu.Unlock()
-	if p.stream.done >= line || p.stream.state == Finished {
+	if p.stream.done >= line || p.stream.state == ProgramStateFinished {
 		return nil
 	}
 	return p.stream.failure

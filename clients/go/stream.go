@@ -248,16 +248,16 @@ func (s *stream) ended(state ProgramState, fault *Fault, diagnostics []Diagnosti
 	s.state = state
 	cause := &Error{Code: CodeAborted, Message: fmt.Sprintf("the program was aborted; lines through %d are done", s.done), Hint: "an operator did so, or the server saw this client go"}
 	switch {
-	case state == Finished:
+	case state == ProgramStateFinished:
 		return
-	case state == Rejected:
+	case state == ProgramStateRejected:
 		s.failure = s.faulty(s.accepted+1, diagnostics)
 		return
-	case state == Interrupted:
+	case state == ProgramStateInterrupted:
 		cause = &Error{Code: CodeInterrupted, Message: fmt.Sprintf("the server that ran the program went away; lines through %d are done, line %d may have begun", s.done, s.done+1), Hint: "move the machine where it should be, then open a program with ResumeOf and StartLine"}
 	case fault != nil:
 		cause = &Error{Code: fault.Code, Message: fault.Message, Hint: fault.Hint}
-	case state == Faulted:
+	case state == ProgramStateFaulted:
 		cause = &Error{Code: "MC400", Message: "a fault of the machine ended the program", Hint: "see the machine's faults"}
 	}
 	s.failure = &EndedError{Cause: cause, State: state, Fault: fault, Accepted: s.accepted, Done: s.done}
@@ -272,11 +272,11 @@ func (s *stream) abandon() {
 }
 
 // unknown: the server knows no such program, so that it was another start of it that ran the program.
-func (s *stream) unknown() { s.ended(Interrupted, nil, nil) }
+func (s *stream) unknown() { s.ended(ProgramStateInterrupted, nil, nil) }
 
 // leftOver raises that lines wait for a program that has finished without them.
 func (s *stream) leftOver() {
-	if s.state == Finished && s.failure == nil && len(s.waiting) > 0 {
+	if s.state == ProgramStateFinished && s.failure == nil && len(s.waiting) > 0 {
 		s.failure = s.closed()
 		s.waiting = nil
 	}
@@ -321,4 +321,13 @@ func whole(value any, otherwise int64) int64 {
 		return int64(number)
 	}
 	return otherwise
+}
+
+// Ended tells whether a program in this state is over.
+func (s ProgramState) Ended() bool {
+	switch s {
+	case ProgramStateFinished, ProgramStateAborted, ProgramStateRejected, ProgramStateFaulted, ProgramStateInterrupted:
+		return true
+	}
+	return false
 }

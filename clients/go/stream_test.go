@@ -168,7 +168,7 @@ func must(t *testing.T, err error) {
 }
 
 func opened(credit int64) *stream {
-	return newStream(&OpenReply{Program: "p-1", State: Running, Expected: 1, Credit: credit})
+	return newStream(&OpenReply{Program: "p-1", State: ProgramStateRunning, Expected: 1, Credit: credit})
 }
 
 func TestARejectionThatNobodyHasHeardOfKeepsLaterLinesBack(t *testing.T) {
@@ -177,7 +177,7 @@ func TestARejectionThatNobodyHasHeardOfKeepsLaterLinesBack(t *testing.T) {
 	s.give("GO1")
 	s.next()
 	s.answered(&SubmitReply{Program: "p-1", Accepted: 2, Credit: 8})
-	s.acknowledged(&Ack{Program: "p-1", Accepted: 1, Credit: 9, State: Running, Rejected: 2, Rejections: 1, Diagnostics: []Diagnostic{{Code: "MC101", Line: 2}}})
+	s.acknowledged(&Ack{Program: "p-1", Accepted: 1, Credit: 9, State: ProgramStateRunning, Rejected: 2, Rejections: 1, Diagnostics: []Diagnostic{{Code: "MC101", Line: 2}}})
 	s.give("G01 X3")
 	if _, lines := s.next(); lines != nil || Code(s.failure) != "MC101" {
 		t.Fatalf("%q is sent, failure %v", lines, s.failure)
@@ -205,7 +205,7 @@ func TestAfterLinesWereGivenUpOnTheirWayTheServersNumberHolds(t *testing.T) {
 	if !s.stale {
 		t.Fatal("the server is not asked")
 	}
-	s.asked(&ProgramStatus{Program: "p-1", State: Running, Accepted: 2, Credit: 8})
+	s.asked(&ProgramStatus{Program: "p-1", State: ProgramStateRunning, Accepted: 2, Credit: 8})
 	s.give("third")
 	if first, lines := s.next(); first != 3 || lines[0] != "third" {
 		t.Fatalf("%d %q is sent", first, lines)
@@ -215,15 +215,15 @@ func TestAfterLinesWereGivenUpOnTheirWayTheServersNumberHolds(t *testing.T) {
 func TestAcknowledgementsOfAnotherProgramChangeNothing(t *testing.T) {
 	s := opened(10)
 	s.give("first")
-	s.acknowledged(&Ack{Program: "p-2", Accepted: 1, Done: 1, State: Aborted})
-	if s.accepted != 0 || s.state != Running {
+	s.acknowledged(&Ack{Program: "p-2", Accepted: 1, Done: 1, State: ProgramStateAborted})
+	if s.accepted != 0 || s.state != ProgramStateRunning {
 		t.Fatalf("accepted %d, %s", s.accepted, s.state)
 	}
 }
 
 func TestALateAcknowledgementOfARejectionDoesNotRejectTheCorrectedLine(t *testing.T) {
 	s := opened(10)
-	old := &Ack{Program: "p-1", Credit: 9, State: Running, Rejected: 1, Rejections: 1, Diagnostics: []Diagnostic{{Code: "MC101", Line: 1}}}
+	old := &Ack{Program: "p-1", Credit: 9, State: ProgramStateRunning, Rejected: 1, Rejections: 1, Diagnostics: []Diagnostic{{Code: "MC101", Line: 1}}}
 	s.give("GO1")
 	s.next()
 	s.answered(&SubmitReply{Program: "p-1", Accepted: 1, Credit: 9})
@@ -235,7 +235,7 @@ func TestALateAcknowledgementOfARejectionDoesNotRejectTheCorrectedLine(t *testin
 	if s.failure != nil || s.stale {
 		t.Fatalf("failure %v, stale %v", s.failure, s.stale)
 	}
-	s.acknowledged(&Ack{Program: "p-1", Credit: 9, State: Running, Rejected: 1, Rejections: 2})
+	s.acknowledged(&Ack{Program: "p-1", Credit: 9, State: ProgramStateRunning, Rejected: 1, Rejections: 2})
 	if Code(s.failure) != "MC100" {
 		t.Fatalf("the corrected line is faulty too: %v", s.failure)
 	}
@@ -247,7 +247,7 @@ func TestARejectionAmongLinesThatWereGivenUpOnTheirWayLeavesTheServersNumber(t *
 	s.give("GO1")
 	s.next()
 	s.abandon()
-	s.acknowledged(&Ack{Program: "p-1", Accepted: 1, Credit: 9, State: Running, Rejected: 2, Rejections: 1})
+	s.acknowledged(&Ack{Program: "p-1", Accepted: 1, Credit: 9, State: ProgramStateRunning, Rejected: 2, Rejections: 1})
 	s.give("third")
 	if first, lines := s.next(); first != 2 || lines[0] != "third" || s.failure != nil {
 		t.Fatalf("%d %q is sent, failure %v", first, lines, s.failure)

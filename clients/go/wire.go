@@ -120,6 +120,15 @@ func readValue(decoder *msgpack.Decoder, into reflect.Value) error {
 		}
 		into.SetString(text)
 		return err
+	case reflect.Interface:
+		if err := decoder.DecodeValue(into); err != nil || into.Type() != reflect.TypeFor[Value]() {
+			return err
+		}
+		switch into.Interface().(type) {
+		case nil, bool, int8, int16, int32, int64, uint8, uint16, uint32, uint64, float32, float64, string:
+			return nil
+		}
+		return errors.New("neither a number nor a text nor a truth value")
 	default:
 		return decoder.DecodeValue(into)
 	}
@@ -148,4 +157,23 @@ func readSlice(decoder *msgpack.Decoder, into reflect.Value) error {
 	}
 	into.Set(values)
 	return nil
+}
+
+// Value is a bool, a number (of any of Go's types) or a string: an object of a drive.
+type Value any
+
+// Ptr gives a value where a message has a field that may be left out.
+func Ptr[T any](value T) *T { return &value }
+
+// paramsOf makes the map of a request: what may be left out and is zero or nil is left out.
+func paramsOf(request any) map[string]any {
+	params := map[string]any{}
+	value := reflect.ValueOf(request)
+	for i := range value.NumField() {
+		tag, field := value.Type().Field(i).Tag, value.Field(i)
+		if tag.Get("mc") == "required" || !field.IsZero() {
+			params[tag.Get("msgpack")] = field.Interface()
+		}
+	}
+	return params
 }

@@ -325,11 +325,11 @@ class LightMachine:
     def _reset(self, _client: str, _request: wire.ResetRequest) -> wire.Done:
         self.state, self._faults = "ready", []
         self._events.publish("reset", message="the latch is cleared")
-        return wire.Done()
+        return wire.Done([])
 
     def _estop(self, client: str, request: wire.EstopRequest) -> wire.Done:
         self.emergency_stop(client, request.reason)
-        return wire.Done()
+        return wire.Done([])
 
     def _list(self, _client: str, request: wire.ProgramsRequest) -> wire.ProgramsReply:
         self.advance()

@@ -337,10 +337,10 @@ class EventsRequest(Request, frozen=True, kw_only=True):
 # ---------------------------------------------------------------- replies and state
 
 
-class Done(msgspec.Struct, frozen=True, omit_defaults=True):
+class Done(msgspec.Struct, frozen=True):
     """Reply of methods that only do something: the programs concerned."""
 
-    programs: list[str] = []
+    programs: list[str]
 
 
 class CloseReply(msgspec.Struct, frozen=True):

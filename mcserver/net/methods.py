@@ -169,7 +169,7 @@ class ProgramMethods:
     def reset(self, client: str, request: wire.ResetRequest) -> wire.Done:
         self._service.reset(request.axes)
         self._record(client, "reset")
-        return wire.Done()
+        return wire.Done([])
 
     def set_output(self, client: str, request: wire.SetOutputRequest) -> wire.SetReply:
         value = self._service.set_output(request.output, request.value)
@@ -183,7 +183,7 @@ class ProgramMethods:
 
     def estop(self, client: str, request: wire.EstopRequest) -> wire.Done:
         self._service.latch.emergency_stop(client, request.reason)
-        return wire.Done()
+        return wire.Done([])
 
     def status(self, _client: str, _request: wire.StatusRequest) -> wire.MachineStatus:
         return machine_status(self._service, self._units)

@@ -391,7 +391,7 @@ class CloseReply:
 class Done:
     """Reply of methods that only do something: the programs concerned."""
 
-    programs: tuple[str, ...] = ()
+    programs: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,5 @@
 import { decode, encode } from "@msgpack/msgpack";
+import { METHODS } from "./calls.js";
 import { MotionError, NobodyAnswers, refusal } from "./errors.js";
 import { Machine } from "./machine.js";
 import { understand } from "./wire.js";
@@ -28,14 +29,9 @@ interface Pending { frame: Record<string, unknown>; sent: boolean; resolve: (val
 interface Listening { machine: string; topic: string; deliver: (message: any) => void; onResumed: () => void; }
 
 const RETRY_MS = [50, 100, 200, 400, 800, 1000];
-/** What may be asked again under any circumstances: it changes nothing, or stops. */
-const REPEATABLE = new Set([
-  "info", "status", "programs", "events", "check", "simulate", "drives", "drives_scan", "sdo_read", "run_requests", "run_preview", "abort", "hold", "machines", "subscribe", "estop",
-]);
 /** Too many calls at once: none of them was carried out. */
 const TOO_MUCH = "MC071";
 const BUSY_MS = 100;
-const LONG = new Set(["check", "simulate"]);
 
 /**
  * One client of a gateway. A connection that breaks is made anew: calls without an answer are sent again with the same
@@ -108,7 +104,7 @@ export class Gateway {
     if (this.#closed) return Promise.reject(new NobodyAnswers("MC539", "the client is closed"));
     const id = ++this.#numbers;
     const whole = frame["op"] === "call" ? { ...frame, id, request: id } : { ...frame, id };
-    const limit = LONG.has(String(frame["method"])) ? 120_000 : this.options.deadlineMs ?? 15_000;
+    const limit = Math.max(this.options.deadlineMs ?? 15_000, 1000 * (METHODS[String(frame["method"])]?.deadlineS ?? 0));
     return new Promise<T>((resolve, reject) => {
       const timer = setTimeout(() => {
         this.#pending.delete(id);
@@ -167,7 +163,7 @@ export class Gateway {
       for (const [id, each] of this.#listening) if (!this.#pending.has(id)) this.#send({ op: "subscribe", id, machine: each.machine, topic: each.topic });
       for (const [id, pending] of this.#pending) {
         const what = String(pending.frame["method"] ?? pending.frame["op"]);
-        if (!frame["resumed"] && pending.sent && !REPEATABLE.has(what)) {
+        if (!frame["resumed"] && pending.sent && pending.frame["op"] === "call" && !METHODS[what]?.repeatable) {
           this.#pending.delete(id);
           clearTimeout(pending.timer);
           pending.reject(new NobodyAnswers("MC532", `the gateway no longer knows this client: whether ${what} was carried out is not known`, "look at the machine's status before doing it again"));

@@ -1,81 +1,1071 @@
-/** The messages of the key space (docs/schemas), as the gateway hands them on. Positions are in mm or deg. */
+// Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.
+
+/**
+ * The messages of the key space (docs/schemas), as the gateway hands them on.
+ * Positions are in mm or deg. What may be left out has its default there; null: none.
+ */
+
+export const ENDED: ReadonlySet<string> =
+  new Set(["finished", "aborted", "rejected", "faulted", "interrupted"]);
+
+export type AxisKind =
+  | "linear" | "rotary";
+
+export type AxisState =
+  | "off" | "starting" | "standstill" | "moving" | "speed" | "torque" | "stopping" | "released" | "fault";
+
+export type AxisUnit =
+  | "mm" | "deg";
+
+export type ChannelKind =
+  | "digital" | "analog";
+
+export type DrivePhase =
+  | "booting" | "operational" | "lost" | "restarting" | "failed" | "closed";
+
+export type EventKind =
+  | "server.started" | "server.stopping" | "program.opened" | "program.started" | "program.held" | "program.resumed"
+  | "program.paused" | "program.message" | "program.closed" | "input.read" | "program.ended" | "lines.started"
+  | "lines.ended" | "line.rejected" | "fault" | "warning" | "estop" | "reset" | "override" | "command" | "client.gone"
+  | "recording" | "axis.homing" | "axis.homed" | "axis.unhomed" | "probe" | "drive.emergency" | "drive.lost"
+  | "drive.back" | "drive.rebooted" | "drive.started" | "drive.failed" | "bus.foreign_master" | "bus.lost"
+  | "bus.back";
+
+export type MachineState =
+  | "ready" | "fault" | "estop";
+
+export type OnDisconnect =
+  | "finish" | "stop";
 
 export type ProgramState =
-  | "queued" | "running" | "held" | "paused" | "ending"
-  | "finished" | "aborted" | "rejected" | "faulted" | "interrupted";
+  | "queued" | "running" | "held" | "paused" | "ending" | "finished" | "aborted" | "rejected" | "faulted"
+  | "interrupted";
 
-export const ENDED: ReadonlySet<string> = new Set(["finished", "aborted", "rejected", "faulted", "interrupted"]);
+export type RecordingKind =
+  | "recording" | "blackbox";
 
-/** One fault of a program; columns are code points from 1, the end exclusive. */
-export interface Diagnostic {
-  code: string; message: string; line?: number; column?: number; end_column?: number; hint?: string; severity?: string;
-}
+export type RecordingState =
+  | "writing" | "done" | "unfinished";
 
-export interface Fault { code: string; message: string; hint?: string; axis?: number | null; line?: number; }
+export type RunState =
+  | "waiting" | "armed" | "started" | "rejected";
 
+export type SdoType =
+  | "bool" | "i8" | "i16" | "i24" | "i32" | "i64" | "u8" | "u16" | "u24" | "u32" | "u64" | "f32" | "f64" | "str"
+  | "utf16" | "bytes";
+
+export type Severity =
+  | "error" | "warning";
+
+/** Payload of `ack/{program}`: cumulative, so that a lost one does not matter. */
 export interface Ack {
-  program: string; accepted: number; done: number; credit: number; state: ProgramState;
-  rejected?: number; diagnostics?: Diagnostic[]; fault?: Fault | null; expected?: number;
-  /** Of lines so far; an acknowledgement with a smaller count than one before is older. */
+  program: string;
+  /** lines through this number are taken and journaled. */
+  accepted: number;
+  /** this line and every one before it have ended. */
+  done: number;
+  /** how many lines after `accepted` fit now. */
+  credit: number;
+  /** the program's. */
+  state: ProgramState;
+  /** number of the line that was found faulty; it is the next one expected. 0: none. */
+  rejected?: number;
+  /** what is wrong with it. */
+  diagnostics?: Diagnostic[];
+  /** what stopped the program. */
+  fault?: Fault | null;
+  /** set where the message acknowledged held a gap: the number that is expected. */
+  expected?: number;
+  /**
+   * how many lines of the program have been rejected so far. An acknowledgement with a smaller count than one
+   * before is older: its numbers are of lines that are given up.
+   */
   rejections?: number;
 }
 
-export interface OpenReply { program: string; state: ProgramState; axes: number[]; expected: number; credit: number; instance: string; }
-
-export interface SubmitReply { program: string; accepted: number; done: number; credit: number; rejections?: number; }
-
-export interface ProgramStatus extends Ack {
-  client: string; name: string; axes: number[]; line: number; closed: boolean; progress: number; eta_s?: number | null; duration_s?: number | null; notice?: string; simulated?: number; pauses?: number;
+/** Arms a text once. */
+export interface ArmRequest {
+  /** of the text, or at least its first 8 digits. */
+  sha256: string;
+  /** how long it may be started. */
+  seconds?: number | undefined;
+  /** the greatest feed override [%]. */
+  override?: number | undefined;
+  /** of the request that was looked at: one that was made anew since is not armed; null: any. */
+  number?: number | null | undefined;
 }
 
+/** All axes, column-wise: every list has one entry for each of `index`. */
 export interface AxesStatus {
-  index: number[]; position: number[]; setpoint: number[]; velocity: number[]; torque: number[]; state: string[];
+  index: number[];
+  position: number[];
+  setpoint: number[];
+  velocity: number[];
+  torque: number[];
+  state: AxisState[];
+  /** whether the axis knows where it is; axes without `[axis.homing]` always do. */
   homed?: boolean[];
 }
 
-export interface InputStatus { name: string; value: number; holds: boolean; stops: boolean; }
+/**
+ * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference; null:
+ * its encoder's reading is its position.
+ */
+export interface AxisInfo {
+  index: number;
+  type: AxisKind;
+  unit: AxisUnit;
+  max_velocity: number;
+  max_acceleration: number;
+  drive: string;
+  max_jerk?: number | null;
+  min_position?: number | null;
+  max_position?: number | null;
+  in_position?: number;
+  homing?: string | null;
+}
 
-/** `set_by`: a program's id, "operator", or nobody (""). */
-export interface OutputStatus { name: string; value: number; set_by: string; }
+/** Where an axis ends, and its least and greatest setpoint [mm or deg]. */
+export interface AxisTravel {
+  position: number;
+  min: number;
+  max: number;
+  unit: string;
+}
 
-export interface ProbeStatus { program: string; line: number; tripped: boolean; positions: Record<string, number>; t: number; }
+/** Who is on one bus; `machine_file`: one to start from. */
+export interface BusScan {
+  bus: string;
+  address: string;
+  nodes: ScannedNode[];
+  machine_file: string;
+}
 
-/** The origin of a work coordinate system such as G54: by axis number, mm or deg. */
-export interface WorkOffset { system: string; origin: Record<string, number>; }
+/** As `mcserver check --json`. */
+export interface CheckReply {
+  ok: boolean;
+  diagnostics: Diagnostic[];
+}
 
-export interface MachineStatus {
-  t: number; wall: number; instance: string; state: "ready" | "fault" | "estop"; axes: AxesStatus;
-  programs: ProgramStatus[]; faults: Fault[]; override: number; late_cycles: number;
+/** Every fault of a program's text; nothing runs. */
+export interface CheckRequest {
+  /** the whole of it; or sha256: of one that was handed over by `put_text`. */
+  text?: string | null | undefined;
+  /** start the axes there [mm, deg]. */
+  positions?: Record<string, number> | null | undefined;
+  sha256?: string | null | undefined;
+}
+
+/** `accepted`: the last line that will run. */
+export interface CloseReply {
+  program: string;
+  accepted: number;
+  done: number;
+  state: ProgramState;
+}
+
+/**
+ * No more lines will come; what is there runs to its end. `last`: the last line that was sent; the program is
+ * only closed if it has been accepted.
+ */
+export interface CloseRequest {
+  program: string;
+  last?: number | null | undefined;
+}
+
+/** Reply of methods that only do something: the programs concerned. */
+export interface Done {
+  programs: string[];
+}
+
+/** One drive on a CAN bus. */
+export interface DriveInfo {
+  axis: number;
+  kind: string;
+  bus: string;
+  node: number;
+  /** what the server takes it for. */
+  state: DrivePhase;
+  /** what its last heartbeat said; empty: none has come. */
+  nmt?: string;
+  /** since its last sign of life [s]. */
+  heartbeat_age_s?: number | null;
+  /** 6041h, or the fault bits of a Servosila drive. */
+  statusword?: number | null;
+  /** the same in words. */
+  status?: string;
+  /** 1000h, 1018h:01, 1018h:02. */
+  device_type?: number | null;
+  /** 1000h, 1018h:01, 1018h:02. */
+  vendor_id?: number | null;
+  /** 1000h, 1018h:01, 1018h:02. */
+  product_code?: number | null;
+  /** its last emergency message in words */
+  emergency?: string;
+  /** of that. */
+  emergency_code?: number | null;
+  /** of that. */
+  emergency_age_s?: number | null;
+  /** how often it has started since the server did. */
+  boot_ups?: number;
+  /** why its configuration failed. */
+  message?: string;
+  /** what the machine file wants to see of it, newest values. */
+  monitor?: MonitoredValue[];
+}
+
+/** By axis; empty where no drive is on a CAN bus. */
+export interface DrivesReply {
+  drives: DriveInfo[];
+}
+
+/** Every drive on a CAN bus. */
+export interface DrivesRequest {
+}
+
+/** By bus; each with a machine file to start from. */
+export interface DrivesScanReply {
+  buses: BusScan[];
+}
+
+/** Asks every node number of a bus who is there; `bus` empty: of all buses. */
+export interface DrivesScanRequest {
+  bus?: string | undefined;
+}
+
+/** A certain remedy: characters of the diagnostic's line and what replaces them. */
+export interface Edit {
+  /** code points from 1, end exclusive. */
+  column: number;
+  /** code points from 1, end exclusive. */
+  end_column: number;
+  /** the replacement. */
+  text: string;
+}
+
+/** Payload of every `reply_err`. */
+export interface ErrorReply {
+  code: string;
+  message: string;
+  hint?: string;
+  /** what the code's entry in docs/wire/errors.md lists, such as `expected`. */
+  details?: Record<string, unknown>;
+  /** faults of G-code, where the error is about lines. */
+  diagnostics?: Diagnostic[];
+}
+
+/** Emergency stop by rpc, and payload of the key `estop` (where it may be empty). */
+export interface EstopRequest {
+  /** for people. */
+  reason?: string | undefined;
+  /** on the key `estop`, who stops, as it says itself; a call has it in its key. */
+  client?: string | undefined;
+}
+
+/** Payload of `event`; `seq` has no gap within one `instance`. */
+export interface MotionEvent {
+  seq: number;
+  t: number;
+  instance: string;
+  /** says which of the others are set (docs/wire/events.md). */
+  kind: EventKind;
+  program?: string | null;
+  client?: string | null;
+  state?: ProgramState | null;
+  /** the last line started for `lines.started`; the line of a fault. */
+  line?: number;
+  /** for `lines.ended`. */
+  lines?: LineReport[];
+  fault?: Fault | null;
+  diagnostics?: Diagnostic[];
+  /** why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code. */
+  reason?: string;
+  message?: string;
+  percent?: number | null;
+  /** of a drive's event, or of homing. */
+  axis?: number | null;
+  /** for `probe`. */
   probe?: ProbeStatus | null;
-  inputs: InputStatus[]; outputs: OutputStatus[];
+}
+
+/** `oldest` is the first number that the server still has; `newest` the last one published. */
+export interface EventsReply {
+  instance: string;
+  oldest: number;
+  newest: number;
+  events: MotionEvent[];
+}
+
+/** Events that the server still has, from number `since` on, oldest first. */
+export interface EventsRequest {
+  since?: number | undefined;
+  limit?: number | undefined;
+}
+
+/** Least and greatest setpoint of an axis [mm or deg], and its greatest speed [mm/s or deg/s]. */
+export interface Extent {
+  axis: number;
+  low: number;
+  high: number;
+  unit: string;
+  speed?: number;
+  /** it turns on at a speed (G1030): its positions are not bounded. */
+  turns?: boolean;
+}
+
+/** What stopped motion: a stable code, the axis and the line where they apply. */
+export interface Fault {
+  code: string;
+  message: string;
+  hint?: string;
+  axis?: number | null;
+  line?: number;
+  program?: string | null;
+  t?: number;
+}
+
+/** The program that homes, for `abort`, and its axes in the order of their homing. */
+export interface HomeReply {
+  program: string;
+  axes: number[];
+}
+
+/** Finds the references of axes, those with the lowest order first; null: of all that have a method. */
+export interface HomeRequest {
+  axes?: number[] | null | undefined;
+}
+
+/** Reply of `info`. */
+export interface Info {
+  machine: string;
+  server: string;
+  /** versions of this key space that the server speaks. */
+  protocol: number[];
+  /** one start of the server; another one means that programs before it were interrupted. */
+  instance: string;
+  /** Unix time of executor time 0 [s]. */
+  epoch: number;
+  cycle_s: number;
+  axes: AxisInfo[];
+  tools: ToolInfo[];
+  telemetry: TelemetryInfo;
+  limits: LimitsInfo;
+  methods: string[];
+  inputs?: InputInfo[];
+  outputs?: OutputInfo[];
+}
+
+/** What the machine and its service are: an `Info`. */
+export interface InfoRequest {
+}
+
+/** One input. */
+export interface InputInfo {
+  name: string;
+  /** of its kind, as M66 names it. */
+  number: number;
+  kind: ChannelKind;
+  unit?: string;
+  /** where a real one comes from; empty: it is simulated. */
+  source?: string;
+  /** it can hold the programs, or stop the machine. */
+  hold?: boolean;
+  /** it can hold the programs, or stop the machine. */
+  stop?: boolean;
+}
+
+/** An input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now. */
+export interface InputStatus {
+  name: string;
+  value: number;
+  holds?: boolean;
+  stops?: boolean;
+}
+
+/** The jog's program id: for `abort`, and for keeping it alive. */
+export interface JogReply {
+  program: string;
+}
+
+/** Moves one axis by hand. */
+export interface JogRequest {
+  axis: number;
+  /** from where it is, signed [mm, deg]; null: on until stopped or the limit, sign of `velocity`. */
+  distance?: number | null | undefined;
+  /** [mm/s, deg/s]; null: a tenth of the axis's limit. */
+  velocity?: number | null | undefined;
+  /**
+   * dead man's time: the axis stops unless the same jog is asked for again within it; null: no such watch. A jog
+   * without distance always has one (default 0.5 s).
+   */
+  hold_s?: number | null | undefined;
+  /** id of the jog under way that this request keeps alive. */
+  program?: string | null | undefined;
+  /**
+   * the person, where a client serves several: steps of one person follow each other, those of another one are
+   * refused (MC512) while the axis moves.
+   */
+  by?: string | undefined;
+}
+
+/** Bounds of the service. */
+export interface LimitsInfo {
+  max_line_length: number;
+  max_lines_a_message: number;
+  queue_lines: number;
+  programs_at_once: number;
+  open_programs: number;
+  remembered_answers: number;
+  remembered_answer_s: number;
+}
+
+/** Time of one line that has ended. */
+export interface LineReport {
+  line: number;
+  /** executor time [s]. */
+  start_s: number;
+  /** executor time [s]. */
+  end_s: number;
+  /** null for what asks for no time. */
+  requested_s?: number | null;
+  /** actual / requested; null without a requested time. */
+  stretched_by?: number | null;
+  /** the limit that stretched it, such as `axis 2 acceleration`. */
+  bound_by?: string | null;
+}
+
+/** Payload of `tele/state` and reply of `status`. */
+export interface MachineStatus {
+  /** executor time [s]. */
+  t: number;
+  /** Unix time of `t` [s]. */
+  wall: number;
+  instance: string;
+  state: MachineState;
+  axes: AxesStatus;
+  programs: ProgramStatus[];
+  faults: Fault[];
+  /** machine-wide feed override [%]. */
+  override?: number;
+  /** cycles that began too late, since the start. */
+  late_cycles?: number;
+  tools?: ToolPose[];
+  /** those of the machine file, in the order of `info`. */
+  inputs?: InputStatus[];
+  /** those of the machine file, in the order of `info`. */
+  outputs?: OutputStatus[];
+  probe?: ProbeStatus | null;
+  /** systems that were set, in which the next program starts (G54 is in force then). */
   work_offsets?: WorkOffset[];
 }
 
-export interface MotionEvent {
-  seq: number; t: number; instance: string; kind: string;
-  program?: string | null; client?: string | null; state?: string | null; message?: string; fault?: Fault | null;
-  probe?: ProbeStatus | null;
+/** A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had. */
+export interface MeshInfo {
+  name: string;
+  size: number;
 }
 
-export interface EventPage { instance: string; oldest: number; newest: number; events: MotionEvent[]; }
-
-/** An input (`source`) or output (`target`, `min`, `max`, `safe`); what is left out has its default. */
-export interface ChannelInfo {
-  name: string; number: number; kind: "digital" | "analog"; unit?: string; source?: string; target?: string;
-  hold?: boolean; stop?: boolean; min?: number; max?: number; safe?: number | null;
+/** Part of a mesh's file: `mesh` counts from 0 in `ModelReply.meshes`. */
+export interface ModelMeshRequest {
+  mesh: number;
+  offset?: number | undefined;
+  size?: number | undefined;
 }
 
-export interface Info {
-  machine: string; server: string; protocol: number[]; instance: string; epoch: number; cycle_s: number;
-  axes: { index: number; type: string; unit: string; max_velocity: number; homing?: string | null }[];
-  telemetry: { axes: number[]; fields: string[]; cycles_a_message: number };
-  limits: { max_line_length: number; max_lines_a_message: number; queue_lines: number };
-  methods: string[]; inputs: ChannelInfo[]; outputs: ChannelInfo[];
+/** `data` from `offset` on; `size` of the whole file. */
+export interface ModelPart {
+  offset: number;
+  size: number;
+  data: Uint8Array;
 }
 
-export interface CheckResult { ok: boolean; diagnostics: Diagnostic[]; }
+/** A robot's URDF. */
+export interface ModelReply {
+  /** its text; empty: the machine has none. */
+  urdf: string;
+  /** of the text and the meshes. */
+  digest: string;
+  /** the joint that each axis moves, by axis number. */
+  joints: Record<string, string>;
+  /** of the visuals, in the order of `ModelMeshRequest.mesh`. */
+  meshes: MeshInfo[];
+}
 
-/** Some cycles of every axis: `fields` by name, each with `rows` x `axes.length` numbers, row by row. */
-export interface Samples {
-  seq: number; t: number; cycleS: number; rows: number; axes: number[]; fields: Record<string, Float32Array>;
+/** What the machine looks like: a `ModelReply`. */
+export interface ModelRequest {
+}
+
+/** One object that the machine file shows in telemetry (`monitor`); value null: none has come. */
+export interface MonitoredValue {
+  name: string;
+  value: boolean | number | string | null;
+  index?: number;
+  subindex?: number;
+}
+
+/** The program's id; `expected` is the next line number, `credit` how many lines fit now. */
+export interface OpenReply {
+  program: string;
+  state: ProgramState;
+  axes: number[];
+  expected: number;
+  credit: number;
+  instance: string;
+}
+
+/** Opens a program. */
+export interface OpenRequest {
+  /** for people: a file's name. */
+  name?: string | undefined;
+  /** the axes to lease; null: all of the machine. */
+  axes?: number[] | null | undefined;
+  /** what happens when the client's liveliness token goes. */
+  on_disconnect?: OnDisconnect | undefined;
+  /** number of the first line that will run. */
+  start_line?: number | undefined;
+  /** lines 1 … start_line - 1, read for their modal state only; nothing of them moves. */
+  before?: string[] | undefined;
+  /** id of an earlier program; its journaled lines before `start_line` serve as `before`. */
+  resume_of?: string | null | undefined;
+  /** single line mode: a line starts only when `step` asks for it. */
+  step?: boolean | undefined;
+  /** begin held; `resume` starts it. */
+  hold?: boolean | undefined;
+  /** of the whole text; its times, of `simulate` or `put_text`, are those of the program. */
+  sha256?: string | null | undefined;
+}
+
+/** One output. */
+export interface OutputInfo {
+  name: string;
+  /** of its kind, as M62 to M68 name it. */
+  number: number;
+  kind: ChannelKind;
+  unit?: string;
+  /** where a real one goes; empty: it is simulated. */
+  target?: string;
+  /** least and greatest value. */
+  min?: number;
+  /** least and greatest value. */
+  max?: number;
+  /** its value once what has set it is lost; null: it stays. */
+  safe?: number | null;
+}
+
+/** An output: its value (digital: 0, 1), and who has set it last: a program's id, `operator` or nobody (empty). */
+export interface OutputStatus {
+  name: string;
+  value: number;
+  set_by?: string;
+}
+
+/** The override now in force [%]. */
+export interface OverrideReply {
+  percent: number;
+  programs: string[];
+}
+
+/** Feed override of one program or of all, those to come included; 100 is as programmed. */
+export interface OverrideRequest {
+  percent: number;
+  program?: string | null | undefined;
+}
+
+/** The last probing move that has ended (G38.2 to G38.5). */
+export interface ProbeStatus {
+  program: string;
+  line: number;
+  /** the probe changed. */
+  tripped: boolean;
+  /**
+   * where the axes were then, else where the move ended, by number [mm, deg]: positions of axes, whatever offsets
+   * the program had.
+   */
+  positions: Record<string, number>;
+  /** executor time [s]. */
+  t: number;
+}
+
+/** hold, resume, abort: one program, or every one (null). */
+export interface ProgramRequest {
+  program?: string | null | undefined;
+}
+
+/** One program. */
+export interface ProgramStatus {
+  program: string;
+  state: ProgramState;
+  client: string;
+  name: string;
+  axes: number[];
+  start_line: number;
+  /** the line under way; 0: none yet. */
+  line: number;
+  accepted: number;
+  done: number;
+  credit: number;
+  closed: boolean;
+  override: number;
+  /** share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines. */
+  progress: number;
+  /** Unix time [s]. */
+  opened_at: number;
+  /** until its end at its override [s]; where `duration_s` is not known, until the end of what is planned. */
+  eta_s?: number | null;
+  fault?: Fault | null;
+  rejected?: number;
+  diagnostics?: Diagnostic[];
+  resume_of?: string | null;
+  /** Unix time [s]. */
+  ended_at?: number | null;
+  /** of the whole program at 100 %, as its text was simulated [s]; null: it was not. */
+  duration_s?: number | null;
+  /** what it said last to the operator; while it is paused, what to do before it is resumed. */
+  notice?: string;
+  /** share of its lines that the simulation has reached; below 1 `duration_s` is an estimate by the lines so far. */
+  simulated?: number;
+  /** how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without these waits. */
+  pauses?: number;
+  /** as in `Ack`; 0 in programs of an earlier start of the server. */
+  rejections?: number;
+}
+
+/** Newest first. */
+export interface ProgramsReply {
+  programs: ProgramStatus[];
+}
+
+/** The programs that the server knows, the newest first. */
+export interface ProgramsRequest {
+  /** only this one. */
+  program?: string | null | undefined;
+  /** those that have ended too. */
+  ended?: boolean | undefined;
+  limit?: number | undefined;
+}
+
+/** How much of the text is there: the next part begins at `received`. */
+export interface PutTextReply {
+  /** of the text [bytes]. */
+  received: number;
+  /** in what is there. */
+  lines: number;
+  /** all of it is. */
+  complete: boolean;
+}
+
+/** The next part of a program's text, for `check`, and for the times of programs that run it. */
+export interface PutTextRequest {
+  /** of the whole text in UTF-8. */
+  sha256: string;
+  /** of the whole text [bytes]. */
+  size: number;
+  /** where the part begins [bytes]. */
+  offset: number;
+  /** its bytes; characters may be cut. */
+  part: Uint8Array;
+}
+
+/** The recording's name. */
+export interface RecordReply {
+  name: string;
+}
+
+/** Writes out the black box, the last minutes. `reason` stands in the file and in its name. */
+export interface RecordSaveRequest {
+  reason?: string | undefined;
+}
+
+/** Records every cycle into a file on the server from now on. */
+export interface RecordStartRequest {
+  /** of the recording; empty: the time. */
+  name?: string | undefined;
+  /** when it ends by itself; null: when it is stopped. */
+  max_s?: number | null | undefined;
+}
+
+/** Ends a recording; without a name the only one. The reply comes once the file is whole. */
+export interface RecordStopRequest {
+  name?: string | undefined;
+}
+
+/** The recorder. */
+export interface RecorderStatus {
+  /** of the black box in memory. */
+  held_s: number;
+  /** of the black box in memory. */
+  held_bytes: number;
+  /** since the start; the recorder came too late for them. */
+  missed_cycles: number;
+  /** names of the recordings under way. */
+  writing: string[];
+}
+
+/** A recording on the server's disk. */
+export interface RecordingInfo {
+  /** without a suffix. */
+  name: string;
+  /** `blackbox` was written by itself or by `record_save`. */
+  kind: RecordingKind;
+  /** `unfinished` was left by a recorder that was killed, and is repaired at the next start. */
+  state: RecordingState;
+  /** bytes. */
+  size: number;
+  /** Unix time [s]. */
+  modified_at: number;
+}
+
+/** Bytes of a recording from `offset` on; `size` is the whole file's. */
+export interface RecordingPart {
+  name: string;
+  offset: number;
+  size: number;
+  data: Uint8Array;
+}
+
+/** Part of a recording's file, for taking it over piece by piece; answered with a `RecordingPart`. */
+export interface RecordingReadRequest {
+  name: string;
+  offset?: number | undefined;
+  size?: number | undefined;
+}
+
+/** The newest first; `recorder` null: it does not run. `folder`: on the server's disk. */
+export interface RecordingsReply {
+  recordings: RecordingInfo[];
+  recorder: RecorderStatus | null;
+  folder: string;
+}
+
+/** The recordings that are there. */
+export interface RecordingsRequest {
+}
+
+/** Says where axes are, by number as text [mm, deg]; nothing moves. */
+export interface ReferenceRequest {
+  positions: Record<string, number>;
+}
+
+/** Says no to a run; who asked for it is shown the reason. */
+export interface RejectRequest {
+  /** of the text, or at least its first 8 digits. */
+  sha256: string;
+  reason?: string | undefined;
+  /** as of `ArmRequest`. */
+  number?: number | null | undefined;
+}
+
+/** Clears a latched fault or emergency stop; axes stay without energy until captured (G1010). */
+export interface ResetRequest {
+  axes?: number[] | null | undefined;
+}
+
+/** The program that was started. */
+export interface RunArmedReply {
+  program: string;
+  override: number;
+}
+
+/** Starts an armed program; the text is that of the request, to the last character. */
+export interface RunArmedRequest {
+  text: string;
+}
+
+/** The simulated path of a request, at some moments evenly in time, for a picture. */
+export interface RunPath {
+  /** n moments from the run's begin. */
+  time_s: number[];
+  /** for each axis of the request n setpoints [mm or deg]. */
+  positions: number[][];
+  /** those that these axes move. */
+  tools: ToolPath[];
+}
+
+/** A request with its text and the path of its simulation. */
+export interface RunPreviewReply {
+  run: RunRequestStatus;
+  text: string;
+  path: RunPath;
+}
+
+/** What an operator looks at before arming: the text and its simulated path. */
+export interface RunPreviewRequest {
+  /** of the text, or at least its first 8 digits. */
+  sha256: string;
+}
+
+/** `ok` false: the text has faults, and nothing waits. `run`: what an operator is shown. */
+export interface RunRequestReply {
+  ok: boolean;
+  diagnostics: Diagnostic[];
+  run?: RunRequestStatus | null;
+}
+
+/** Asks for a run of a text. It is checked and simulated, and moves nothing. */
+export interface RunRequestRequest {
+  /** the program. */
+  text: string;
+  /** for people. */
+  name?: string | undefined;
+  /** the only axes that it may move; null: those that the text names. */
+  axes?: number[] | null | undefined;
+}
+
+/** A request: what would move, how far, how long; `remaining_s` until it or its arming is over. */
+export interface RunRequestStatus {
+  sha256: string;
+  client: string;
+  name: string;
+  state: RunState;
+  axes: number[];
+  duration_s: number;
+  extents: Extent[];
+  remaining_s: number;
+  override: number;
+  /** who armed or rejected it. */
+  operator: string;
+  /** another one each time that the run is asked for, even with the same text. */
+  number?: number;
+  /** why it was rejected. */
+  reason?: string;
+  /** what the run leaves changed for those that come after it, a sentence each. */
+  effects?: string[];
+  /** extents of the tools' tips. */
+  tools?: ToolExtent[];
+  /** SHA-256 of all that the simulation read. */
+  digest?: string;
+}
+
+/** The oldest first. */
+export interface RunRequestsReply {
+  requests: RunRequestStatus[];
+}
+
+/** What waits for an operator, is armed, or was started lately. */
+export interface RunRequestsRequest {
+}
+
+/** One node that answers on a bus. */
+export interface ScannedNode {
+  node: number;
+  /** of 1000h */
+  profile: number;
+  /** the same in words. */
+  what: string;
+  vendor_id?: number | null;
+  product_code?: number | null;
+  revision?: number | null;
+  serial?: number | null;
+  /** of 6502h. vendor_id … serial: 1018h; null: it does not say. */
+  modes?: string[];
+  /** of the running machine, whose drive it is. */
+  axis?: number | null;
+  /** a file that is its by vendor and product. */
+  eds?: string;
+  /**
+   * what else it says of itself, by object, such as `"6091:1"`: encoder (608Fh), gear (6091h), feed (6092h),
+   * rated torque (6076h [mN·m]), greatest speed of the motor (6080h [1/min]), travel (607Dh).
+   */
+  objects?: Record<string, number>;
+}
+
+/** Reads an object of a drive's dictionary (CiA 301). */
+export interface SdoReadRequest {
+  /** of the object. */
+  index: number;
+  /** of the object. */
+  subindex?: number | undefined;
+  /** whose drive; or `node`, with `bus` where several buses have that number. */
+  axis?: number | null | undefined;
+  node?: number | null | undefined;
+  bus?: string | undefined;
+  /** how the bytes are to be read; null: by the drive's EDS, or the standard's objects. */
+  type?: SdoType | null | undefined;
+}
+
+/** An object's value, read or written; `raw`: the bytes, little endian. `bytes` are shown as text. */
+export interface SdoReply {
+  axis: number;
+  bus: string;
+  node: number;
+  index: number;
+  subindex: number;
+  type: SdoType;
+  value: boolean | number | string;
+  raw: Uint8Array;
+}
+
+/** Writes an object; `value` may be text: a number such as `0x10`, or hexadecimal for `bytes`. */
+export interface SdoWriteRequest {
+  index: number;
+  subindex?: number | undefined;
+  axis?: number | null | undefined;
+  node?: number | null | undefined;
+  bus?: string | undefined;
+  type?: SdoType | null | undefined;
+  value: boolean | number | string;
+}
+
+/** Sets a simulated input by its name, as `SetOutputRequest`; its script ends. */
+export interface SetInputRequest {
+  input: string;
+  value: boolean | number;
+}
+
+/** Sets an output by its name; digital: true and false, or 1 and 0. */
+export interface SetOutputRequest {
+  output: string;
+  value: boolean | number;
+}
+
+/** The value that an input or output has from the next cycle on. */
+export interface SetReply {
+  name: string;
+  value: number;
+}
+
+/** What `mcserver simulate --json` prints. */
+export interface SimulateReply {
+  ok: boolean;
+  duration_s: number;
+  feed_length_mm: number;
+  /** those that took time, by start. */
+  lines: LineReport[];
+  /** by number as text. */
+  axes: Record<string, AxisTravel>;
+  diagnostics: Diagnostic[];
+  /** of the systems used or set. */
+  work_offsets?: WorkOffset[];
+  /** their values at the end, by name. */
+  inputs?: Record<string, number>;
+  /** their values at the end, by name. */
+  outputs?: Record<string, number>;
+  /** where it was asked for. */
+  path?: SimulatedPath | null;
+}
+
+/** Runs a program's text on a virtual clock and simulated drives. */
+export interface SimulateRequest {
+  text: string;
+  /** start the axes there [mm, deg]; null: where the machine file lets simulated drives start. */
+  positions?: Record<string, number> | null | undefined;
+  /** the reply's `path` has so many points at most; 0: no path. */
+  path_points?: number | undefined;
+  /** whether the reply has the times of every line. */
+  lines?: boolean | undefined;
+}
+
+/** Points at even distances along the axes' travel. */
+export interface SimulatedPath {
+  /** the program's line at each point. */
+  lines: number[];
+  /** the points of each tool. */
+  tips: TipPath[];
+}
+
+/** The whole machine's state now: a `MachineStatus`. */
+export interface StatusRequest {
+}
+
+/** The next line of a program in single line mode. */
+export interface StepRequest {
+  program: string;
+}
+
+/**
+ * Cumulative: lines through `accepted` are taken, through `done` have ended; `credit` more fit. `rejections`: how
+ * many the program has had.
+ */
+export interface SubmitReply {
+  program: string;
+  accepted: number;
+  done: number;
+  credit: number;
+  rejections?: number;
+}
+
+/**
+ * Lines `first`, `first + 1`, …; without `judge` the reply does not wait for the verdict. `rejections`: how many
+ * the client has heard of; lines of before a rejection are refused. null: not said, they are taken for lines of
+ * now.
+ */
+export interface SubmitRequest {
+  program: string;
+  first: number;
+  lines: string[];
+  judge?: boolean | undefined;
+  rejections?: number | null | undefined;
+}
+
+/** How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most. */
+export interface TelemetryInfo {
+  axes: number[];
+  fields: string[];
+  cycles_a_message: number;
+  state_hz: number;
+}
+
+/** Where a tool goes [mm]; `tool` null: the axes 0, 1 and 2 themselves. */
+export interface TipPath {
+  tool: number | null;
+  points: number[][];
+}
+
+/** Least and greatest X, Y and Z of a tool's tip in the base frame [mm], and its greatest speed [mm/s]. */
+export interface ToolExtent {
+  tool: number;
+  low: number[];
+  high: number[];
+  speed: number;
+}
+
+/** One tool of G01 … Tn. */
+export interface ToolInfo {
+  number: number;
+  frame: string;
+  axes: number[];
+  orientation: boolean;
+  euler: string;
+}
+
+/** Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment [mm]. */
+export interface ToolPath {
+  tool: number;
+  position: number[][];
+}
+
+/** Where a tool's frame is: `[x, y, z]` in mm, `[a, b, c]` in deg. */
+export interface ToolPose {
+  number: number;
+  position: number[];
+  orientation: number[];
+}
+
+/** One fault of a program, placed in its text; `line` is the client's line number. */
+export interface Diagnostic {
+  code: string;
+  message: string;
+  line?: number;
+  column?: number;
+  end_column?: number;
+  hint?: string;
+  severity?: Severity;
+  tool?: number | null;
+  residual_mm?: number | null;
+  axis?: number | null;
+  edit?: Edit | null;
+}
+
+/** Takes a request back; only the user who asked may. */
+export interface WithdrawRequest {
+  /** of the text, or at least its first 8 digits. */
+  sha256: string;
+}
+
+/** The origin of a work coordinate system. */
+export interface WorkOffset {
+  /** such as `G54`. */
+  system: string;
+  /** where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine does. */
+  origin: Record<string, number>;
 }

@@ -1,7 +1,7 @@
 import { NobodyAnswers, ProgramRejected, RequestRefused } from "./errors.js";
 import type { Gateway } from "./gateway.js";
 import type { Machine } from "./machine.js";
-import type { Ack, OpenReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
+import type { Ack, OpenReply, OverrideReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
 import { LineWindow } from "./window.js";
 import { understand } from "./wire.js";
 
@@ -42,7 +42,7 @@ export class Program {
   }
 
   static async open(gateway: Gateway, machine: Machine, options: OpenOptions): Promise<Program> {
-    const opened = understand<OpenReply>("OpenReply", await machine.call("open", {
+    const opened = understand<OpenReply>("OpenReply", await machine.openProgram({
       name: options.name ?? "", axes: options.axes ?? null, on_disconnect: options.onDisconnect ?? "stop",
       start_line: options.startLine ?? 1, before: options.before ?? [], resume_of: options.resumeOf ?? null, hold: options.hold ?? false,
     }));
@@ -91,7 +91,7 @@ export class Program {
   close(): Promise<void> {
     return this.#inTurn(async () => {
       try {
-        const reply = await this.machine.call<{ state: ProgramState }>("close", { program: this.id, last: this.accepted });
+        const reply = await this.machine.closeProgram({ program: this.id, last: this.accepted });
         // why it has ended is not in this reply
         this.#hear((window) => { window.stale ||= reply.state !== "running"; });
       } catch (error) {
@@ -118,10 +118,10 @@ export class Program {
     if (rejection) throw rejection;
   }
 
-  hold(): Promise<unknown> { return this.machine.hold(this.id); }
-  resume(): Promise<unknown> { return this.machine.resume(this.id); }
-  abort(): Promise<unknown> { return this.machine.abort(this.id); }
-  override(percent: number): Promise<unknown> { return this.machine.override(percent, this.id); }
+  hold(): Promise<string[]> { return this.machine.hold(this.id); }
+  resume(): Promise<string[]> { return this.machine.resume(this.id); }
+  abort(): Promise<string[]> { return this.machine.abort(this.id); }
+  override(percent: number): Promise<OverrideReply> { return this.machine.override({ percent, program: this.id }); }
 
   /** One call after the other; what a call gave and is not accepted at its end is given up. */
   #inTurn<T>(send: () => Promise<T>): Promise<T> {
@@ -155,7 +155,7 @@ export class Program {
 
   async #submit(message: { first: number; lines: string[]; rejections: number }, judge: boolean): Promise<void> {
     try {
-      const reply = understand<SubmitReply>("SubmitReply", await this.machine.call("submit", { program: this.id, ...message, judge }));
+      const reply = understand<SubmitReply>("SubmitReply", await this.machine.submitLines({ program: this.id, ...message, judge }));
       this.#hear((window) => window.answered(reply));
     } catch (error) {
       if (error instanceof NobodyAnswers && error.code !== "MC539") { await this.#ask(error); return; }
@@ -170,7 +170,7 @@ export class Program {
   /** Asks what the server has; while it is away, until the patience is over. */
   async #ask(away?: unknown): Promise<void> {
     try {
-      const found = (await this.machine.programs(this.id)).map((each) => understand<ProgramStatus>("ProgramStatus", each));
+      const found = (await this.machine.programs({ program: this.id })).map((each) => understand<ProgramStatus>("ProgramStatus", each));
       const mine = found.find((each) => each.program === this.id) ?? null;
       this.#hear((window) => window.asked(mine));
     } catch (error) {

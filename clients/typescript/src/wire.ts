@@ -1,5 +1,10 @@
 import { MotionError } from "./errors.js";
 
+/** Some cycles of every axis: `fields` by name, each with `rows` x `axes.length` numbers, row by row. */
+export interface Samples {
+  seq: number; t: number; cycleS: number; rows: number; axes: number[]; fields: Record<string, Float32Array>;
+}
+
 type Kind = "string" | "number" | "boolean" | "array" | "object";
 
 /** Fields of the messages that decide about lines and places; `?` marks those that may be left out or nil. */

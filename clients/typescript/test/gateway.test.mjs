@@ -33,19 +33,19 @@ test("a call without an answer is sent again under its number", async (t) => {
     setImmediate(made.cut);
     return undefined;
   });
-  assert.deepEqual(await machine.jog(0, 5), { program: "j-1" });
+  assert.deepEqual(await machine.jog({ axis: 0, distance: 5 }), "j-1");
   assert.equal(fake.frames[0].request, fake.frames[1].request);
 });
 
 test("a motion is not asked for twice of a gateway that has forgotten the client", async (t) => {
   const [machine, fake] = await fakeGateway(t, (frame, made) => { made.resumed = false; setImmediate(made.cut); return undefined; });
-  await assert.rejects(machine.jog(0, 5), { code: "MC532" });
+  await assert.rejects(machine.jog({ axis: 0, distance: 5 }), { code: "MC532" });
   assert.equal(fake.frames.length, 1);
 });
 
 test("too many calls at once wait", async (t) => {
   const [machine] = await fakeGateway(t, (frame, made) => (made.frames.length > 2 ? { program: "j-1" } : { code: "MC071", message: "too many calls" }));
-  assert.deepEqual(await machine.jog(0, 5), { program: "j-1" });
+  assert.deepEqual(await machine.jog({ axis: 0, distance: 5 }), "j-1");
 });
 
 test("an emergency stop goes over a connection of its own where the first one says nothing", async (t) => {

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mcserver.contract.sdk import python
+from mcserver.contract.sdk import golang, python, typescript
 from mcserver.contract.sdk.model import model
 
-LANGUAGES = {"python": python.files}
+LANGUAGES = {"go": golang.files, "python": python.files, "typescript": typescript.files}
 
 
 def files() -> dict[str, str]:

@@ -28,6 +28,8 @@ METHOD_NAMES = {
     "estop": "call_estop",
     "put_text": "put_text_part",
 }
+# these change something, and never more than once asked
+STOPPING = frozenset({"hold", "abort", "estop"})
 TYPE_NAMES = {"WireDiagnostic": "Diagnostic"}
 
 
@@ -87,6 +89,7 @@ class Field(NamedTuple):
 class Message(NamedTuple):
     """A message that is a map. ``sent``: by clients."""
 
+    wire_name: str
     name: str
     doc: str
     fields: tuple[Field, ...]
@@ -143,6 +146,16 @@ def pascal(text: str) -> str:
     return "".join(part.capitalize() for part in parts(text))
 
 
+def is_repeatable(call: Call) -> bool:
+    """Return whether a call may be sent again under any circumstances: it changes nothing, or stops."""
+    return not call.method.changes or call.method.name in STOPPING
+
+
+def plain_doc(text: str, nothing: str) -> str:
+    """Return a description for a language that is not Python: ``nothing`` is its None."""
+    return re.sub(r"\bNone\b", nothing, text.replace("``", "`")).replace("*/", "* /")
+
+
 def _words_in(kind: Type) -> list[str]:
     match kind:
         case Named(name, words=True):
@@ -174,7 +187,7 @@ def _message(kind: type[msgspec.Struct], names: dict[frozenset[str], Words]) -> 
         if each.name != "request"
     )
     name = TYPE_NAMES.get(kind.__name__, kind.__name__)
-    return Message(name, summary, fields, kind.__name__.endswith("Request"))
+    return Message(kind.__name__, name, summary, fields, kind.__name__.endswith("Request"))
 
 
 def _default(field: inspect.Field) -> Any:

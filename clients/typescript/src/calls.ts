@@ -1,0 +1,313 @@
+// Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.
+
+import type {
+  ArmRequest,
+  BusScan,
+  CheckReply,
+  CheckRequest,
+  CloseReply,
+  CloseRequest,
+  Done,
+  DriveInfo,
+  DrivesReply,
+  DrivesScanReply,
+  EstopRequest,
+  EventsReply,
+  EventsRequest,
+  HomeReply,
+  Info,
+  JogReply,
+  JogRequest,
+  MachineStatus,
+  ModelMeshRequest,
+  ModelPart,
+  ModelReply,
+  OpenReply,
+  OpenRequest,
+  OverrideReply,
+  OverrideRequest,
+  ProgramStatus,
+  ProgramsReply,
+  ProgramsRequest,
+  PutTextReply,
+  PutTextRequest,
+  RecordReply,
+  RecordStartRequest,
+  RecordingPart,
+  RecordingReadRequest,
+  RecordingsReply,
+  RejectRequest,
+  RunArmedReply,
+  RunPreviewReply,
+  RunRequestReply,
+  RunRequestRequest,
+  RunRequestStatus,
+  RunRequestsReply,
+  SdoReadRequest,
+  SdoReply,
+  SdoWriteRequest,
+  SetInputRequest,
+  SetOutputRequest,
+  SetReply,
+  SimulateReply,
+  SimulateRequest,
+  SubmitReply,
+  SubmitRequest,
+} from "./messages.js";
+
+/** How long a server may take for an answer [s], and whether a call may be sent again under any
+ * circumstances: it changes nothing, or stops. */
+export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: boolean }>> = {
+  info: { deadlineS: 5, repeatable: true },
+  status: { deadlineS: 5, repeatable: true },
+  programs: { deadlineS: 5, repeatable: true },
+  events: { deadlineS: 5, repeatable: true },
+  open: { deadlineS: 5, repeatable: false },
+  submit: { deadlineS: 5, repeatable: false },
+  close: { deadlineS: 5, repeatable: false },
+  hold: { deadlineS: 5, repeatable: true },
+  resume: { deadlineS: 5, repeatable: false },
+  step: { deadlineS: 5, repeatable: false },
+  abort: { deadlineS: 5, repeatable: true },
+  override: { deadlineS: 5, repeatable: false },
+  jog: { deadlineS: 5, repeatable: false },
+  home: { deadlineS: 5, repeatable: false },
+  reference: { deadlineS: 5, repeatable: false },
+  reset: { deadlineS: 5, repeatable: false },
+  set_output: { deadlineS: 5, repeatable: false },
+  set_simulated_input: { deadlineS: 5, repeatable: false },
+  estop: { deadlineS: 5, repeatable: true },
+  check: { deadlineS: 300, repeatable: true },
+  simulate: { deadlineS: 300, repeatable: true },
+  put_text: { deadlineS: 60, repeatable: false },
+  request_run: { deadlineS: 300, repeatable: false },
+  run_requests: { deadlineS: 5, repeatable: true },
+  run_preview: { deadlineS: 5, repeatable: true },
+  arm: { deadlineS: 5, repeatable: false },
+  reject: { deadlineS: 5, repeatable: false },
+  withdraw: { deadlineS: 5, repeatable: false },
+  run_armed: { deadlineS: 15, repeatable: false },
+  record_start: { deadlineS: 5, repeatable: false },
+  record_stop: { deadlineS: 90, repeatable: false },
+  record_save: { deadlineS: 90, repeatable: false },
+  recordings: { deadlineS: 5, repeatable: true },
+  recording_read: { deadlineS: 15, repeatable: true },
+  model: { deadlineS: 15, repeatable: true },
+  model_mesh: { deadlineS: 15, repeatable: true },
+  drives: { deadlineS: 5, repeatable: true },
+  drives_scan: { deadlineS: 15, repeatable: true },
+  sdo_read: { deadlineS: 15, repeatable: true },
+  sdo_write: { deadlineS: 15, repeatable: false },
+};
+
+/** Every remote method of a machine (docs/wire/calls.md). */
+export abstract class MachineCalls {
+  /** Any remote method by its name. */
+  abstract call<T>(method: string, params?: object): Promise<T>;
+
+  /** Describe the machine and the service. */
+  askInfo(): Promise<Info> {
+    return this.call("info");
+  }
+
+  /** Tell the state of the machine now. */
+  status(): Promise<MachineStatus> {
+    return this.call("status");
+  }
+
+  /** List the programs that the server knows: running, queued, ended and interrupted, the newest first. */
+  async programs(request: ProgramsRequest = {}): Promise<ProgramStatus[]> {
+    return (await this.call<ProgramsReply>("programs", request)).programs;
+  }
+
+  /** Repeat events by number, the oldest first. */
+  pastEvents(request: EventsRequest = {}): Promise<EventsReply> {
+    return this.call("events", request);
+  }
+
+  /** Open a program, queued for its axes. */
+  openProgram(request: OpenRequest = {}): Promise<OpenReply> {
+    return this.call("open", request);
+  }
+
+  /** Send lines, and get the verdict on their words. */
+  submitLines(request: SubmitRequest): Promise<SubmitReply> {
+    return this.call("submit", request);
+  }
+
+  /** Say that no more lines will come. */
+  closeProgram(request: CloseRequest): Promise<CloseReply> {
+    return this.call("close", request);
+  }
+
+  /** Hold the feed along the path, of one program or all. */
+  async hold(program?: string | null): Promise<string[]> {
+    return (await this.call<Done>("hold", { program })).programs;
+  }
+
+  /** End a hold, M00 or M01, of one program or all. */
+  async resume(program?: string | null): Promise<string[]> {
+    return (await this.call<Done>("resume", { program })).programs;
+  }
+
+  /** Start the next line of a program opened with `step`. */
+  async step(program: string): Promise<string[]> {
+    return (await this.call<Done>("step", { program })).programs;
+  }
+
+  /** Stop along the path, then drop the rest of the program, of one or all. */
+  async abort(program?: string | null): Promise<string[]> {
+    return (await this.call<Done>("abort", { program })).programs;
+  }
+
+  /** Set the feed override of one program, or of all and those to come. */
+  override(request: OverrideRequest): Promise<OverrideReply> {
+    return this.call("override", request);
+  }
+
+  /** Move one axis by hand. */
+  async jog(request: JogRequest): Promise<string> {
+    return (await this.call<JogReply>("jog", request)).program;
+  }
+
+  /**
+   * Let axes find their references. It goes on after the reply: the events `axis.homing`, `axis.homed` and
+   * `program.ended` say how.
+   */
+  home(axes?: number[] | null): Promise<HomeReply> {
+    return this.call("home", { axes });
+  }
+
+  /** Say where axes are; nothing moves. */
+  async reference(positions: Record<string, number>): Promise<string[]> {
+    return (await this.call<Done>("reference", { positions })).programs;
+  }
+
+  /** Clear a latched fault or emergency stop. Axes stay without energy until captured (G1010). */
+  async reset(axes?: number[] | null): Promise<string[]> {
+    return (await this.call<Done>("reset", { axes })).programs;
+  }
+
+  /** Set an output by hand. */
+  setOutput(request: SetOutputRequest): Promise<SetReply> {
+    return this.call("set_output", request);
+  }
+
+  /** Set a simulated input. */
+  setSimulatedInput(request: SetInputRequest): Promise<SetReply> {
+    return this.call("set_simulated_input", request);
+  }
+
+  /** Stop everything at once: emergency stop. No safety function; the key `estop` is the faster way. */
+  async callEstop(request: EstopRequest = {}): Promise<string[]> {
+    return (await this.call<Done>("estop", request)).programs;
+  }
+
+  /** Find every fault of a program's text; nothing runs. */
+  check(request: CheckRequest = {}): Promise<CheckReply> {
+    return this.call("check", request);
+  }
+
+  /** Run a program's text on a virtual clock: its times, travels and faults. */
+  simulate(request: SimulateRequest): Promise<SimulateReply> {
+    return this.call("simulate", request);
+  }
+
+  /** Hand a long text over by parts. */
+  putTextPart(request: PutTextRequest): Promise<PutTextReply> {
+    return this.call("put_text", request);
+  }
+
+  /**
+   * Ask for a run that an operator has to arm. The text is checked and simulated from where the axes stand, and
+   * nothing moves.
+   */
+  requestRun(request: RunRequestRequest): Promise<RunRequestReply> {
+    return this.call("request_run", request);
+  }
+
+  /** List what waits for an operator, is armed, or was started lately. */
+  async runRequests(): Promise<RunRequestStatus[]> {
+    return (await this.call<RunRequestsReply>("run_requests")).requests;
+  }
+
+  /** Show what an operator looks at before arming: the text and its simulated path. */
+  runPreview(sha256: string): Promise<RunPreviewReply> {
+    return this.call("run_preview", { sha256 });
+  }
+
+  /** Allow a requested run to be started once. */
+  arm(request: ArmRequest): Promise<RunRequestStatus> {
+    return this.call("arm", request);
+  }
+
+  /** Say no to a requested run, and why. */
+  reject(request: RejectRequest): Promise<RunRequestStatus> {
+    return this.call("reject", request);
+  }
+
+  /** Take a requested run back; only the user who asked may. */
+  async withdraw(sha256: string): Promise<RunRequestStatus[]> {
+    return (await this.call<RunRequestsReply>("withdraw", { sha256 })).requests;
+  }
+
+  /** Start a program that is armed. */
+  runArmed(text: string): Promise<RunArmedReply> {
+    return this.call("run_armed", { text });
+  }
+
+  /** Record every cycle into a file on the server from now on. */
+  async recordStart(request: RecordStartRequest = {}): Promise<string> {
+    return (await this.call<RecordReply>("record_start", request)).name;
+  }
+
+  /** End a recording; answered once the file is whole. */
+  async recordStop(name?: string): Promise<string> {
+    return (await this.call<RecordReply>("record_stop", { name })).name;
+  }
+
+  /** Write out the black box, the last minutes. */
+  async recordSave(reason?: string): Promise<string> {
+    return (await this.call<RecordReply>("record_save", { reason })).name;
+  }
+
+  /** List the recordings on the server's disk. */
+  recordings(): Promise<RecordingsReply> {
+    return this.call("recordings");
+  }
+
+  /** Read part of a recording's file. */
+  recordingRead(request: RecordingReadRequest): Promise<RecordingPart> {
+    return this.call("recording_read", request);
+  }
+
+  /** Tell what the machine looks like: its URDF. */
+  model(): Promise<ModelReply> {
+    return this.call("model");
+  }
+
+  /** Read part of a mesh's file. */
+  modelMesh(request: ModelMeshRequest): Promise<ModelPart> {
+    return this.call("model_mesh", request);
+  }
+
+  /** List every drive on a CAN bus, by axis. */
+  async drives(): Promise<DriveInfo[]> {
+    return (await this.call<DrivesReply>("drives")).drives;
+  }
+
+  /** Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started. */
+  async drivesScan(bus?: string): Promise<BusScan[]> {
+    return (await this.call<DrivesScanReply>("drives_scan", { bus })).buses;
+  }
+
+  /** Read an object of a drive's dictionary. */
+  sdoRead(request: SdoReadRequest): Promise<SdoReply> {
+    return this.call("sdo_read", request);
+  }
+
+  /** Write an object of a drive's dictionary, unless that would fight the cycle. */
+  sdoWrite(request: SdoWriteRequest): Promise<SdoReply> {
+    return this.call("sdo_write", request);
+  }
+}
