@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 
@@ -15,7 +16,7 @@ POSITION_TOLERANCES = 10.0
 SPEED_SHARE, SPEED_FLOOR = 0.05, 0.01
 # It may take longer by this share and time [s]: drives settle, and planning waits for a computer.
 TIME_SHARE, TIME_FLOOR_S = 0.1, 2.0
-# The tip of a tool may be further from its box than joints explain [m], and faster [m/s].
+# The tip of a tool may be further from its box than the joints' other start explains [m], and faster [m/s].
 TIP_TOLERANCE, TIP_SPEED_FLOOR = 1e-3, 0.01
 
 
@@ -58,8 +59,12 @@ class Envelope(msgspec.Struct, frozen=True):
     override: float = 1.0
 
 
-def enforced(shown: Envelope, machine: Machine, override: float) -> Envelope:
-    """Return what is enforced of a run that was shown to do this: with tolerances, at an override."""
+def enforced(shown: Envelope, machine: Machine, override: float, drift: Sequence[float]) -> Envelope:
+    """Return what is enforced of a run that was shown to do this: with tolerances, at an override.
+
+    Args:
+        drift: how far each column stands from where the simulation began [m or rad].
+    """
     axes = machine.axes
     tolerance = [POSITION_TOLERANCES * axis.in_position for axis in axes]
     # where an axis stands that has turned at a speed nobody can say beforehand
@@ -73,14 +78,14 @@ def enforced(shown: Envelope, machine: Machine, override: float) -> Envelope:
         ),
         seconds=(1.0 + TIME_SHARE) * shown.seconds + TIME_FLOOR_S,
         turning=shown.turning,
-        tips=tuple(_enforced_tip(tip, tolerance) for tip in shown.tips),
+        tips=tuple(_enforced_tip(tip, drift) for tip in shown.tips),
         override=override,
     )
 
 
-def _enforced_tip(tip: TipEnvelope, tolerance: list[float]) -> TipEnvelope:
+def _enforced_tip(tip: TipEnvelope, drift: Sequence[float]) -> TipEnvelope:
     joints = zip(tip.columns, tip.turning, strict=True)
-    aside = TIP_TOLERANCE + sum(tolerance[column] * (tip.reach if turns else 1.0) for column, turns in joints)
+    aside = TIP_TOLERANCE + sum(drift[column] * (tip.reach if turns else 1.0) for column, turns in joints)
     return msgspec.structs.replace(
         tip,
         low=tuple(each - aside for each in tip.low),

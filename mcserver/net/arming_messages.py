@@ -94,6 +94,7 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     Attributes:
         effects: what the run leaves changed for those that come after it, a sentence each.
         tools: extents of the tools' tips. digest: SHA-256 of all that the simulation read.
+        changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
         operator: who armed or rejected it. reason: why it was rejected.
         number: another one each time that the run is asked for, even with the same text.
     """
@@ -113,6 +114,7 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     effects: list[str] = []
     tools: list[ToolExtent] = []
     digest: str = ""
+    changed: list[str] = []
 
 
 class RunRequestReply(msgspec.Struct, frozen=True):

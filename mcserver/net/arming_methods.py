@@ -10,13 +10,12 @@ from typing import Any
 import msgspec
 
 from mcserver.errors import Diagnostic, Refused, ServiceError
-from mcserver.executor.envelope_bounds import enforced
 from mcserver.gcode.axes_used import axes_used
 from mcserver.gcode.text.source import split_lines
 from mcserver.net import arming_messages as wire
 from mcserver.planning.start_state import StartState, axis_word
 from mcserver.service.approval_basis import ApprovalBasis, extents_of, tools_of
-from mcserver.service.arming import OPEN, Arming, RunPath, RunRequest, hash_of
+from mcserver.service.arming import OPEN, Arming, Changes, RunPath, RunRequest, hash_of
 from mcserver.service.reports import wire_diagnostic
 from mcserver.service.service import MachineService
 from mcserver.simulation.preview import Preview
@@ -109,6 +108,7 @@ class ArmingMethods:
             seconds=request.seconds,
             override=request.override / 100.0,
             number=request.number,
+            changes=self._changes_now(),
         )
         self._publish("run.armed", client, armed)
         return self._status(armed)
@@ -137,7 +137,7 @@ class ArmingMethods:
         now = service.start_state()
         run = self._arming.start(client, request.text, busy, lambda each: self._basis.changes(each, now))
         # from here on the arming is used up, whatever happens; nothing is awaited until the program has begun
-        envelope = None if run.envelope is None else enforced(run.envelope, service.machine, run.override)
+        envelope = self._basis.envelope(run, now)
         program = await service.open(
             client,
             name=run.name,
@@ -163,6 +163,10 @@ class ArmingMethods:
             raise
         self._publish("run.started", client, run, program.program)
         return wire.RunArmedReply(program.program, 100.0 * program.override)
+
+    def _changes_now(self) -> Changes:
+        now = self._service.start_state()
+        return lambda run: self._basis.changes(run, now)
 
     def _refuse_unsettled(self, start: StartState, axes: tuple[int, ...]) -> None:
         """Refuse to simulate from a state that is about to be another one."""
@@ -210,6 +214,7 @@ class ArmingMethods:
             effects=list(run.effects),
             tools=list(run.tools),
             digest=run.digest,
+            changed=self._changes_now()(run) if run.state in OPEN else [],
         )
 
     def _publish(self, kind: Any, client: str, run: RunRequest, program: str | None = None) -> None:

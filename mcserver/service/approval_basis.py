@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from importlib import metadata
 
-from mcserver.executor.envelope_bounds import POSITION_TOLERANCES, Envelope
+from mcserver.executor.envelope_bounds import POSITION_TOLERANCES, Envelope, enforced
 from mcserver.machine.machine_digest import canonical_bytes, machine_digest
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.start_state import StartState, changes_between
@@ -35,6 +35,14 @@ class ApprovalBasis:
         return changes_between(
             self._machine, run.start, now, axes=run.axes, inputs=run.inputs, tolerance=self._tolerance
         )
+
+    def envelope(self, run: RunRequest, now: StartState) -> Envelope | None:
+        """Return what the executor holds a run within that begins now."""
+        if run.envelope is None:
+            return None
+        axes = [axis.index for axis in self._machine.axes]
+        drift = [abs(now.positions[axis] - run.start.positions[axis]) for axis in axes]
+        return enforced(run.envelope, self._machine, run.override, drift)
 
 
 def server_version() -> str:

@@ -130,6 +130,10 @@ class RunRequest(msgspec.Struct, frozen=True):
     reason: str = ""
 
 
+# names what is no longer as it was when a run was simulated
+Changes = Callable[[RunRequest], list[str]]
+
+
 def hash_of(text: str) -> str:
     """Return the SHA-256 of a text in UTF-8, hexadecimal."""
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
@@ -207,7 +211,14 @@ class Arming:
         return _only(self._matching(sha256), sha256)
 
     def arm(
-        self, operator: str, sha256: str, *, seconds: float, override: float, number: int | None = None
+        self,
+        operator: str,
+        sha256: str,
+        *,
+        seconds: float,
+        override: float,
+        number: int | None = None,
+        changes: Changes = lambda _run: [],
     ) -> RunRequest:
         """Allow a text to be started once.
 
@@ -216,9 +227,11 @@ class Arming:
             seconds: how long it may be started.
             override: the greatest feed override, 1 as programmed.
             number: of the request that the operator has looked at; None: whichever waits.
+            changes: names what is no longer as it was when the simulation began.
 
         Raises:
-            ServiceError: MC570 nothing waits with this hash, or it was asked for anew; MC575 who asked may
+            ServiceError: MC570 nothing waits with this hash, or it was asked for anew; MC572 what it rests on
+                has changed; MC575 who asked may
             not arm.
         """
         self._forget()
@@ -226,6 +239,7 @@ class Arming:
         _refuse_other(request, number)
         if user_of(request.client) == user_of(operator):
             raise Refused("MC575", "who asks for a run may not arm it", "another person has to look at it")
+        _refuse_changed(changes(request))
         armed = msgspec.structs.replace(
             request,
             state=RunState.ARMED,
@@ -283,7 +297,7 @@ class Arming:
         client: str,
         text: str,
         busy: AbstractSet[int],
-        changes: Callable[[RunRequest], list[str]],
+        changes: Changes,
     ) -> RunRequest:
         """Use an arming up and return it.
 
@@ -317,13 +331,7 @@ class Arming:
             raise Refused(
                 "MC572", f"the axes {', '.join(map(str, taken))} are in use", "wait for their program"
             )
-        changed = changes(request)
-        if changed:
-            raise Refused(
-                "MC572",
-                f"since it was looked at, {'; '.join(changed[:MOST_NAMED])}",
-                "request the run again, so that it is looked at as it would be now",
-            )
+        _refuse_changed(changes(request))
         started = msgspec.structs.replace(request, state=RunState.STARTED)
         self._requests[request.sha256] = started
         return started
@@ -346,6 +354,15 @@ class Arming:
         now = self._clock()
         for sha in [sha for sha, request in self._requests.items() if now >= request.until]:
             del self._requests[sha]
+
+
+def _refuse_changed(changed: list[str]) -> None:
+    if changed:
+        raise Refused(
+            "MC572",
+            f"since it was simulated, {'; '.join(changed[:MOST_NAMED])}",
+            "request the run again, so that it is looked at as it would be now",
+        )
 
 
 def _refuse_other(request: RunRequest, number: int | None) -> None:

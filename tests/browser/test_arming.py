@@ -47,3 +47,20 @@ def test_an_operator_sees_a_run_that_is_asked_for_and_arms_it_once(
         expect(part).to_contain_text("started")
         with pytest.raises(RequestRefused, match="started already"):
             agent.run_armed(TEXT)
+
+
+@pytest.mark.usefixtures("machine")
+def test_an_operator_rejects_a_run_and_who_asked_reads_why(
+    page: Page, site: PageProcess, server: ServerProcess
+) -> None:
+    opened(page, site)
+    with sync.Machine.connect("bench", server.endpoint) as agent:
+        run = agent.request_run(TEXT, "again")["run"]
+        part = page.locator(f'[data-run="{run["sha256"][:12]}"]')
+        expect(part).to_contain_text("leaves X, Y energized" if run["effects"] else "waits")
+        expect(part.locator("table")).to_contain_text("mm/s")
+        part.get_by_label("Reason").fill("the <b>vice</b> is open")
+        part.get_by_role("button", name="Reject").click()
+        expect(part).to_contain_text(": the <b>vice</b> is open")
+        with pytest.raises(RequestRefused, match="the <b>vice</b> is open"):
+            agent.run_armed(TEXT)

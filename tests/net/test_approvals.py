@@ -143,6 +143,17 @@ async def test_another_armed_program_that_moves_the_work_zero_voids_the_approval
     assert site.extent()[1] <= 300.1
 
 
+async def test_what_is_no_longer_as_it_was_simulated_is_shown_and_not_armed(site: Site) -> None:
+    run = await site.ask()
+    await site.by_hand(SHIFT, "G0 X0 Y0 Z0", "G10 L2 P1 X0")
+    await site.by_hand("G0 X0 Y0 Z0", "G10 L2 P1 X300")
+    (shown,) = site.arming.run_requests(ANNA, wire.RunRequestsRequest()).requests
+    assert "G54 X moved by 300 mm" in shown.changed
+    with pytest.raises(ServiceError) as refused:
+        site.arming.arm(ANNA, wire.ArmRequest(sha256=run.sha256))
+    assert refused.value.code == "MC572"
+
+
 async def test_what_a_program_shifts_is_named_though_it_moves_nothing(site: Site) -> None:
     run = await site.ask(SHIFT + "\nG0 Y0")
     assert run.effects[0] == "moves G54 X by 300 mm"

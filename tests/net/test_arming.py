@@ -196,7 +196,12 @@ async def test_mcctl_shows_the_picture_before_it_arms(
     assert "<polyline" in picture.read_text("utf-8")
     code, _, shown = await mcctl(run["sha256"][:8], "--show")
     assert code == 0
-    for words in ("G01 X10 ; IGNORE", "axis X: 0.000 … 10.000 mm", "lasts 1.000 s", str(picture)):
+    for words in (
+        "G01 X10 ; IGNORE",
+        "axis X: 0.000 … 10.000 mm, up to 10.0 mm/s",
+        "lasts 1.000 s",
+        str(picture),
+    ):
         assert words in shown
     assert "\x1b[2J" not in shown
     code, out, _ = await mcctl(run["sha256"][:8], "--override", "40", "--json")

@@ -105,7 +105,7 @@ def test_an_arming_is_over_after_its_time(bench: Bench) -> None:
 def test_what_has_changed_since_the_simulation_is_named_and_refuses_the_start(bench: Bench) -> None:
     bench.ask()
     bench.arm()
-    with pytest.raises(ServiceError, match="since it was looked at, X stands 2 mm from") as refused:
+    with pytest.raises(ServiceError, match="since it was simulated, X stands 2 mm from") as refused:
         bench.start(changed=("X stands 2 mm from where it was",))
     assert code_of(refused) == "MC572"
     # nothing was used up: what is as it was again may start

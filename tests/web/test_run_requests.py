@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from mcclient import MotionError, RequestRefused
 
-from mcserver.web.panels.arming import _extents, _heading, _listing
+from mcserver.web.panels.arming import _effects, _extents, _heading, _listing, _state_text
 from mcserver.web.run_requests import RunRequests, RunToArm
 
 NASTY = '"><script>alert(1)</script>\x1b[2J'
@@ -97,6 +97,24 @@ async def test_words_of_who_asks_never_become_part_of_the_page() -> None:
     assert "&lt;script&gt;" in shown
     # the picture has no word of theirs at all
     assert "script" not in each.picture
+
+
+def test_what_a_run_leaves_changed_and_how_fast_it_is_stands_on_its_card() -> None:
+    tool = {"tool": 1, "low": [0.0, 1.0, 2.0], "high": [10.0, 11.0, 12.0], "speed": 55.0}
+    turning = {"axis": 3, "low": 0.0, "high": 720.0, "unit": "deg", "speed": 360.0, "turns": True}
+    run = request(effects=[f"moves G54 X by 300 mm{NASTY}"], tools=[tool])
+    run["extents"] = [{**run["extents"][0], "speed": 100.0}, turning]
+    each = RunToArm(run, "", "")
+    assert "moves G54 X by 300 mm" in _effects(each)
+    assert "<script" not in _effects(each)
+    for words in ("100.0 mm/s", "turns", "360.0 deg/s", "tool 1 Z", "12.000 mm", "55.0 mm/s"):
+        assert words in _extents(each)
+    assert _effects(RunToArm(request(), "", "")) == ""
+
+
+def test_a_run_that_can_no_longer_start_says_why() -> None:
+    each = RunToArm(request(changed=["G54 X moved by 300 mm"]), "", "")
+    assert _state_text(each).startswith("cannot start as it was simulated: G54 X moved by 300 mm")
 
 
 def test_a_listing_has_every_line_with_its_number() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import math
 from functools import partial
+from typing import Any
 
 from nicegui import ui
 
@@ -40,7 +41,7 @@ class ArmingPanel:
         for each in shown:
             self._states[each.key].set_text(_state_text(each))
             arm, reject = self._buttons[each.key]
-            arm.set_enabled(each.run["state"] == "waiting")
+            arm.set_enabled(each.run["state"] == "waiting" and not each.run.get("changed"))
             reject.set_enabled(each.run["state"] in ("waiting", "armed"))
 
     def _build(self, shown: tuple[RunToArm, ...]) -> None:
@@ -57,7 +58,7 @@ class ArmingPanel:
             ui.html(_heading(each), sanitize=False)
             # numbers alone: the picture has no word of whoever wrote the program
             ui.html(f'<div class="overflow-x-auto">{each.picture}</div>', sanitize=False).classes("w-full")
-            ui.html(_extents(each), sanitize=False).classes("w-full")
+            ui.html(_extents(each) + _effects(each), sanitize=False).classes("w-full")
             with ui.expansion(f"Program, {len(each.text.splitlines())} lines").classes("w-full"):
                 ui.html(_listing(each.text), sanitize=False).classes("w-full max-h-80 overflow-auto")
             with ui.row().classes("w-full items-center gap-2"):
@@ -109,13 +110,38 @@ def _heading(each: RunToArm) -> str:
 
 def _extents(each: RunToArm) -> str:
     """HTML: how far each axis goes, over every cycle of the simulation."""
-    rows = "".join(
-        f"<tr><td>{axis_name(part['axis'])}</td><td class=n>{position_text(part['low'])}</td>"
-        f"<td class=n>{position_text(part['high'])} {html.escape(part['unit'])}</td></tr>"
-        for part in each.run["extents"]
-    )
-    head = "<tr><th>Axis</th><th class=n>from</th><th class=n>to</th></tr>"
+    rows = "".join(_axis_row(part) for part in each.run["extents"])
+    for tool in each.run.get("tools", []):
+        for letter, low, high in zip("XYZ", tool["low"], tool["high"], strict=True):
+            speed = f"{tool['speed']:.1f} mm/s" if letter == "X" else ""
+            rows += _row(f"tool {tool['tool']} {letter}", low, f"{position_text(high)} mm", speed)
+    head = "<tr><th>Axis</th><th class=n>from</th><th class=n>to</th><th class=n>up to</th></tr>"
     return f'<table class="mc-positions">{head}{rows}</table>'
+
+
+def _axis_row(part: dict[str, Any]) -> str:
+    unit = html.escape(part["unit"])
+    speed = f"{part.get('speed', 0.0):.1f} {unit}/s"
+    if part.get("turns"):
+        name = axis_name(part["axis"])
+        return f"<tr><td>{name}</td><td class=n colspan=2>turns</td><td class=n>{speed}</td></tr>"
+    return _row(axis_name(part["axis"]), part["low"], f"{position_text(part['high'])} {unit}", speed)
+
+
+def _row(name: str, low: float, high: str, speed: str) -> str:
+    return (
+        f"<tr><td>{name}</td><td class=n>{position_text(low)}</td><td class=n>{high}</td>"
+        f"<td class=n>{speed}</td></tr>"
+    )
+
+
+def _effects(each: RunToArm) -> str:
+    """HTML: what the run leaves changed for those that come after it."""
+    effects = each.run.get("effects", [])
+    if not effects:
+        return ""
+    items = "".join(f"<li>{html.escape(effect)}</li>" for effect in effects)
+    return f"<p>Afterwards, for every later program, this run</p><ul class='mc-effects'>{items}</ul>"
 
 
 def _listing(text: str) -> str:
@@ -129,6 +155,9 @@ def _listing(text: str) -> str:
 def _state_text(each: RunToArm) -> str:
     run = each.run
     left = f"{math.ceil(run['remaining_s'])} s"
+    changed = run.get("changed", [])
+    if changed:
+        return f"cannot start as it was simulated: {'; '.join(changed)}. It has to be asked for again"
     if run["state"] == "waiting":
         return f"waits for an operator, for another {left}"
     if run["state"] == "armed":

@@ -180,8 +180,12 @@ def print_run(run: dict[str, Any]) -> None:
     console.print(Text(f"{run['client']} asks for{name} ({which})"))
     for number, line in enumerate(run["text"].splitlines(), 1):
         console.print(Text(f"{number:6} | {line}"))
-    for extent in _extents(run):
+    for extent in (*_extents(run), *_tools(run)):
         console.print(Text(f"  {extent}"))
+    for effect in run.get("effects", []):
+        console.print(Text(f"  afterwards, for every later program, it {effect}"))
+    for change in run.get("changed", []):
+        console.print(Text(f"  cannot start as it was simulated: {change}"))
     console.print(Text(f"  lasts {run['duration_s']:.3f} s"))
     if run["picture"]:
         console.print(Text(f"  picture: {run['picture']}"))
@@ -189,6 +193,20 @@ def print_run(run: dict[str, Any]) -> None:
 
 def _extents(run: dict[str, Any]) -> list[str]:
     return [
-        f"axis {axis_label(part['axis'])}: {part['low']:.3f} … {part['high']:.3f} {part['unit']}"
+        f"axis {axis_label(part['axis'])}: "
+        + ("turns" if part.get("turns") else f"{part['low']:.3f} … {part['high']:.3f} {part['unit']}")
+        + (f", up to {part['speed']:.1f} {part['unit']}/s" if "speed" in part else "")
         for part in run["extents"]
+    ]
+
+
+def _tools(run: dict[str, Any]) -> list[str]:
+    return [
+        f"tool {tool['tool']}: "
+        + ", ".join(
+            f"{letter} {low:.3f} … {high:.3f}"
+            for letter, low, high in zip("XYZ", tool["low"], tool["high"], strict=True)
+        )
+        + f" mm, up to {tool['speed']:.1f} mm/s"
+        for tool in run.get("tools", [])
     ]
