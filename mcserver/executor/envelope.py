@@ -217,7 +217,9 @@ class EnvelopeGuard:
             excess, went = tip.step(row.setpoint)
             if excess > 0.0 or went > factor * tip.speed * cycle.cycle_s:
                 breach = breach or Breach(FaultCode.ENVELOPE_TIP, -1, line, excess, tip.tool)
-        if slot.state is SlotState.RUNNING:
+        # a program that neither moves nor stands at an entry waits for its planner
+        works = slot.barrier is not None or slot.playback.active
+        if works and slot.state is SlotState.RUNNING:
             # at a lower override the same takes longer
             self._left -= cycle.cycle_s * min(1.0, slot.override)
             if self._left < 0.0:

@@ -128,7 +128,7 @@ async def test_a_run_that_was_armed_stays_as_it_was_shown(site: Site) -> None:
     assert (armed.extents[0].low, armed.extents[0].high) == pytest.approx((0.0, 50.0))
     assert armed.extents[0].speed == pytest.approx(100.0, rel=1e-3)
     program = await site.run()
-    assert program.state == "finished"
+    assert program.state == "finished", program.fault
     assert site.extent() == pytest.approx((0.0, 50.0))
 
 
@@ -184,7 +184,7 @@ async def test_another_override_than_was_allowed_does_not_count(site: Site) -> N
     site.cell.service.set_override(2.0, program.program)
     site.cell.service.set_override(1.5, None)
     await site.cell.ended(program)
-    assert program.state == "finished"
+    assert program.state == "finished", program.fault
     speed = np.abs(np.diff(np.array(site.rows)[:, 0])).max() / 1e-3
     assert speed <= 0.0101
 
