@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import datetime
 import logging
-import os
 import secrets
 import signal
 import sys
@@ -39,7 +38,7 @@ from mcserver.service.motion_port import MotionPort
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
-from mcserver.service.service_options import ServiceOptions
+from mcserver.service.service_options import ServiceOptions, state_folder
 from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)
@@ -71,12 +70,8 @@ class ServerOptions(msgspec.Struct, frozen=True):
 
 
 def default_journal(machine: str) -> Path:
-    """The machine's journal in systemd's ``$STATE_DIRECTORY``, else in the user's state folder (XDG)."""
-    service_folder = os.environ.get("STATE_DIRECTORY")
-    if service_folder:
-        return Path(service_folder.partition(":")[0]) / f"{machine}.db"
-    state = os.environ.get("XDG_STATE_HOME")
-    return (Path(state) if state else Path.home() / ".local" / "state") / "mcserver" / f"{machine}.db"
+    """The machine's journal in the state folder."""
+    return state_folder() / f"{machine}.db"
 
 
 def publish_drive_event(events: EventLog, event: CanopenEvent) -> None:

@@ -308,6 +308,18 @@ type CloseRequest struct {
 	Last    *int64 `msgpack:"last"`
 }
 
+// DiskStatus: How slow the disk under the journal is.
+type DiskStatus struct {
+	// Since: Unix time from which on it is slow [s].
+	Since float64 `msgpack:"since" mc:"required"`
+	// CommitS: for how long what is to be said has waited for the journal's commit [s].
+	CommitS float64 `msgpack:"commit_s" mc:"required"`
+	// SyncS: how long the sync under way has taken [s]; a power cut loses what was committed in that time.
+	SyncS float64 `msgpack:"sync_s" mc:"required"`
+	// WorstS: the longest of these since then [s].
+	WorstS float64 `msgpack:"worst_s" mc:"required"`
+}
+
 // Done: Reply of methods that only do something: the programs concerned.
 type Done struct {
 	Programs []string `msgpack:"programs" mc:"required"`
@@ -586,6 +598,8 @@ type MachineStatus struct {
 	Probe   *ProbeStatus   `msgpack:"probe"`
 	// WorkOffsets: systems that were set, in which the next program starts (G54 is in force then).
 	WorkOffsets []WorkOffset `msgpack:"work_offsets"`
+	// Disk: how slow the disk under the journal is; nil: it keeps up.
+	Disk *DiskStatus `msgpack:"disk"`
 }
 
 // MeshInfo: A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had.
@@ -963,6 +977,8 @@ type RunRequestStatus struct {
 	Tools []ToolExtent `msgpack:"tools"`
 	// Digest: SHA-256 of all that the simulation read.
 	Digest string `msgpack:"digest"`
+	// Changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
+	Changed []string `msgpack:"changed"`
 }
 
 // RunRequestsReply: The oldest first.

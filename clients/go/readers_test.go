@@ -11,6 +11,7 @@ var readers = map[string]func([]byte) (any, error){
 	"BusScan":          reader[BusScan],
 	"CheckReply":       reader[CheckReply],
 	"CloseReply":       reader[CloseReply],
+	"DiskStatus":       reader[DiskStatus],
 	"Done":             reader[Done],
 	"DriveInfo":        reader[DriveInfo],
 	"DrivesReply":      reader[DrivesReply],

@@ -12,6 +12,7 @@ from mcserver.doctor.python import judge_python, probe_python
 from mcserver.doctor.realtime import judge_realtime, probe_realtime
 from mcserver.doctor.service import judge_service, probe_service
 from mcserver.machine.machine_file import Machine
+from mcserver.service.service_options import state_folder
 
 __all__ = ["Finding", "State", "examine", "worst"]
 
@@ -24,5 +25,5 @@ def examine(machine: Machine | None = None) -> list[Finding]:
         *judge_realtime(probe_realtime()),
         *judge_can(can),
         *([] if machine is None else judge_buses(machine, probe_buses(machine), can)),
-        *judge_service(probe_service()),
+        *judge_service(probe_service(state_folder())),
     ]

@@ -1,10 +1,14 @@
-"""What the service needs besides: shared memory and a port to listen on."""
+"""What the service needs besides: shared memory, a port to listen on, and a disk that syncs."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import socket
+import tempfile
+import threading
+import time
+from pathlib import Path
 
 import msgspec
 
@@ -13,25 +17,59 @@ from mcserver.doctor.finding import Finding, advice, good, missing
 AREA = "service"
 ZENOH_PORT = 7447
 NEEDED_SHARED_MEMORY = 64 * 1024 * 1024
+SYNCS = 10
+# Longer than that is no answer [s]; what is above `SLOW_SYNC_S` shows in the server as MC524 when it is busy.
+SYNC_LIMIT_S = 3.0
+SLOW_SYNC_S = 0.25
 
 
 class ServiceFacts(msgspec.Struct, frozen=True):
     """Free shared memory [bytes] (None: no ``/dev/shm``, or not writable), and Zenoh's usual port.
 
     ``port`` is ``free``, ``answers`` (somebody listens there already) or the operating system's refusal.
+    ``sync_s`` is the longest of some syncs in the journals' folder [s]; None: nothing can be written there.
     """
 
     shared_memory: int | None
     port: str
+    sync_s: float | None = None
 
 
-def probe_service() -> ServiceFacts:
-    """Look at ``/dev/shm`` and at the loopback port."""
+def probe_service(journals: Path) -> ServiceFacts:
+    """Look at ``/dev/shm``, at the loopback port, and at the disk of the journals' folder."""
     shared = "/dev/shm"
     writable = os.path.isdir(shared) and os.access(shared, os.W_OK)
     return ServiceFacts(
-        shared_memory=shutil.disk_usage(shared).free if writable else None, port=_port_state()
+        shared_memory=shutil.disk_usage(shared).free if writable else None,
+        port=_port_state(),
+        sync_s=longest_sync_s(journals),
     )
+
+
+def longest_sync_s(folder: Path) -> float | None:
+    """Write a page and sync it, some times; return the longest [s], `SYNC_LIMIT_S` where it takes longer."""
+    while not folder.exists() and folder != folder.parent:
+        # nothing has run here yet: the folder will be made on the same disk
+        folder = folder.parent
+    taken: list[float] = []
+
+    def write() -> None:
+        try:
+            with tempfile.TemporaryFile(dir=folder) as file:
+                for _ in range(SYNCS):
+                    start = time.monotonic()
+                    file.write(bytes(4096))
+                    file.flush()
+                    os.fdatasync(file.fileno())
+                    taken.append(time.monotonic() - start)
+        except OSError:
+            taken.clear()
+
+    # a disk that hangs must not hang whoever asks about it
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    thread.join(SYNC_LIMIT_S)
+    return SYNC_LIMIT_S if thread.is_alive() else max(taken, default=None)
 
 
 def _port_state() -> str:
@@ -49,8 +87,19 @@ def _port_state() -> str:
 
 
 def judge_service(facts: ServiceFacts) -> list[Finding]:
-    """Findings about shared memory and the port."""
-    return [_judge_memory(facts.shared_memory), _judge_port(facts.port)]
+    """Findings about shared memory, the port and the disk."""
+    return [_judge_memory(facts.shared_memory), _judge_port(facts.port), _judge_disk(facts.sync_s)]
+
+
+def _judge_disk(sync_s: float | None) -> Finding:
+    title = "disk of the journals"
+    if sync_s is None:
+        return advice(AREA, title, "the state folder cannot be written", "give another file with --journal")
+    shown = f"a sync takes up to {1000.0 * sync_s:.0f} ms"
+    if sync_s < SLOW_SYNC_S:
+        return good(AREA, title, shown)
+    fix = "keep journals on another disk (--journal), or find what keeps this one busy (iostat -x 1)"
+    return advice(AREA, title, shown, fix)
 
 
 def _judge_memory(free: int | None) -> Finding:

@@ -25,6 +25,9 @@ from mcserver.service.reports import (
     AxesStatus as AxesStatus,
 )
 from mcserver.service.reports import (
+    DiskStatus as DiskStatus,
+)
+from mcserver.service.reports import (
     Event as Event,
 )
 from mcserver.service.reports import (

@@ -126,6 +126,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         work_offsets=units.work_offsets(service.work_systems),
         inputs=service.channels.inputs(snapshot),
         outputs=service.channels.outputs(snapshot),
+        disk=service.disk,
     )
 
 

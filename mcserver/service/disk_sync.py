@@ -23,16 +23,13 @@ class DiskSync:
         path: the database, which is open in WAL mode.
         on_sync: called before each sync in this thread; what it returns is called after one that succeeded.
 
-    Attributes:
-        since: when the work under way began [s of `time.monotonic`]; None: there is none.
-
     Raises:
         ServiceError: MC520 it cannot be opened a second time.
     """
 
     def __init__(self, path: Path, on_sync: Callable[[], Callable[[], None]]) -> None:
         self._on_sync = on_sync
-        self.since: float | None = None
+        self._since: float | None = None
         self._wanted = threading.Event()
         self._closing = threading.Event()
         try:
@@ -48,6 +45,12 @@ class DiskSync:
             ) from error
         self._thread = threading.Thread(target=self._run, name="journal-sync", daemon=True)
         self._thread.start()
+
+    @property
+    def lasts_s(self) -> float:
+        """For how long the work under way has lasted [s]; 0: there is none."""
+        since = self._since
+        return 0.0 if since is None else time.monotonic() - since
 
     def committed(self) -> None:
         """Sync within `SYNC_PERIOD_S`; from any thread."""
@@ -67,15 +70,15 @@ class DiskSync:
                 self._wanted.wait()
                 self._wanted.clear()
                 closing = self._closing.is_set()
-                self.since = time.monotonic()
+                self._since = now = time.monotonic()
                 synced = self._on_sync()
                 with contextlib.suppress(OSError):
                     os.fdatasync(self._log)
                     synced()
-                if self.since - checkpoint >= CHECKPOINT_PERIOD_S:
-                    checkpoint = self.since
+                if now - checkpoint >= CHECKPOINT_PERIOD_S:
+                    checkpoint = now
                     with contextlib.suppress(sqlite3.Error):
                         self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
-                self.since = None
+                self._since = None
                 self._closing.wait(SYNC_PERIOD_S)
         os.close(self._log)

@@ -40,6 +40,8 @@ log = logging.getLogger(__name__)
 BATCH = 2000
 RETRY_S = 0.5
 PRUNE_PERIOD_S = 30.0
+# Entries that wait for the thread, above which commands are not recorded.
+MOST_WAITING = 10_000
 
 OnCommitted = Callable[[], None]
 
@@ -78,6 +80,8 @@ class Journal:
         self._on_failure = on_failure
         self._bounds = bounds or JournalBounds()
         self._inbox: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
+        # when what is being committed was begun [s of `time.monotonic`]
+        self._committing_since: float | None = None
         self._stopping = threading.Event()
         self._connection = connect(path)
         self._commits = count_commits(self._connection)
@@ -179,7 +183,12 @@ class Journal:
         self._append("faults", at=at, program=fault.program, line=fault.line, blob=blob)
 
     def command(self, at: float, client: str, method: str, program: str | None, detail: str) -> None:
-        """Record who ordered what; ``program`` is None where the whole machine was meant."""
+        """Record who ordered what; ``program`` is None where the whole machine was meant.
+
+        Behind a disk that is very slow it is left out, so that what waits is bounded.
+        """
+        if self._inbox.qsize() >= MOST_WAITING:
+            return
         self._append("commands", at=at, client=client, method=method, program=program, detail=detail)
 
     def program_ended(
@@ -196,6 +205,17 @@ class Journal:
             (state, done, None if fault is None else msgspec.msgpack.encode(fault), at, program),
             on_committed,
         )
+
+    @property
+    def commit_s(self) -> float:
+        """For how long the commit under way has been tried [s]; 0: there is none."""
+        since = self._committing_since
+        return 0.0 if since is None else time.monotonic() - since
+
+    @property
+    def sync_s(self) -> float:
+        """For how long the sync or checkpoint under way has lasted [s]; 0: there is none."""
+        return 0.0 if self._sync is None else self._sync.lasts_s
 
     def after(self, on_committed: OnCommitted) -> None:
         """Calls back behind all that was written before."""
@@ -241,8 +261,10 @@ class Journal:
             while not closing:
                 batch, closing = self._gather(PRUNE_PERIOD_S)
                 if batch:
+                    self._committing_since = time.monotonic()
                     if not self._write(batch):
                         break
+                    self._committing_since = None
                     self._call_soon(partial(_settle, batch))
                     self._sync.committed()
                 now = time.monotonic()

@@ -38,6 +38,7 @@ from mcserver.planning.planner_messages import (
 from mcserver.planning.start_state import StartState
 from mcserver.service.acknowledgements import AckSender
 from mcserver.service.axis_reports import AxisReports
+from mcserver.service.disk_watch import DiskWatch
 from mcserver.service.event_log import EventLog
 from mcserver.service.fault_latch import FaultLatch, fault_of
 from mcserver.service.heartbeat import Heartbeat
@@ -113,6 +114,7 @@ class ProgramTable:
         self.offsets = WorkOffsets(options.journal.with_name(f"{options.journal.name}.offsets.json"))
         self.references = References(references_file(options.journal), machine)
         self.axis_reports = AxisReports(machine.axes, self.references, self.events)
+        self.disk = DiskWatch(self._loop, self.journal, self.events, options.clock)
         self.planner = planner(self._planner_events)
         # called for a stop that the executor has latched by itself
         self.on_machine_stop: Callable[[Fault], None] = self.faults.latch

@@ -81,6 +81,8 @@ class LineProgress:
             )
         )
         self.ended_at = time_s
+        # also where the event of its beginning was lost, with a planner that was killed
+        self.passed(line - 1)
 
     def passed(self, through: int) -> None:
         """Note that this line and every one before it have ended."""

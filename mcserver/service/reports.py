@@ -227,6 +227,22 @@ class WorkOffset(msgspec.Struct, frozen=True):
     origin: dict[str, float]
 
 
+class DiskStatus(msgspec.Struct, frozen=True):
+    """How slow the disk under the journal is.
+
+    Attributes:
+        since: Unix time from which on it is slow [s].
+        commit_s: for how long what is to be said has waited for the journal's commit [s].
+        sync_s: how long the sync under way has taken [s]; a power cut loses what was committed in that time.
+        worst_s: the longest of these since then [s].
+    """
+
+    since: float
+    commit_s: float
+    sync_s: float
+    worst_s: float
+
+
 class MachineStatus(msgspec.Struct, frozen=True):
     """Payload of ``tele/state`` and reply of ``status``.
 
@@ -236,6 +252,7 @@ class MachineStatus(msgspec.Struct, frozen=True):
         late_cycles: cycles that began too late, since the start.
         inputs, outputs: those of the machine file, in the order of ``info``.
         work_offsets: systems that were set, in which the next program starts (G54 is in force then).
+        disk: how slow the disk under the journal is; None: it keeps up.
     """
 
     t: float
@@ -252,6 +269,7 @@ class MachineStatus(msgspec.Struct, frozen=True):
     outputs: list[OutputStatus] = []
     probe: ProbeStatus | None = None
     work_offsets: list[WorkOffset] = []
+    disk: DiskStatus | None = None
 
 
 class LineReport(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -33,6 +33,7 @@ from mcserver.service.program_table import ProgramTable
 from mcserver.service.progress_reports import TICK_S
 from mcserver.service.reports import (
     Ack,
+    DiskStatus,
     Event,
     Fault,
     OnDisconnect,
@@ -116,6 +117,7 @@ class MachineService:
         self._table.journal.server_started(self.options.instance, self.options.clock())
         self._table.planner.start()
         self._table.heartbeat.start()
+        self._table.disk.start()
         self.events.publish("server.started", message=f"machine {self.machine.name}")
         self._say_lost_references()
         damage = self._table.journal_damage
@@ -143,6 +145,7 @@ class MachineService:
             self._table.references.stand(dict(zip(axes_of(self.machine, None), positions, strict=True)))
         await asyncio.to_thread(self.port.close)
         self._table.heartbeat.stop()
+        self._table.disk.stop()
         self._table.journal.server_stopped(self.options.instance, self.options.clock())
         await asyncio.to_thread(self._table.close_journal)
         await asyncio.to_thread(self.texts.close)
@@ -150,6 +153,11 @@ class MachineService:
     @property
     def events(self) -> EventLog:
         return self._table.events
+
+    @property
+    def disk(self) -> DiskStatus | None:
+        """How slow the disk under the journal is; None: it keeps up."""
+        return self._table.disk.status
 
     @property
     def work_systems(self) -> Mapping[int, Mapping[int, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,15 @@ from pathlib import Path
 import msgspec
 
 from mcserver.service.journal_file import JournalConnection, open_journal
+
+
+def state_folder() -> Path:
+    """Where journals are: systemd's ``$STATE_DIRECTORY``, else in the user's state folder (XDG)."""
+    service_folder = os.environ.get("STATE_DIRECTORY")
+    if service_folder:
+        return Path(service_folder.partition(":")[0])
+    state = os.environ.get("XDG_STATE_HOME")
+    return (Path(state) if state else Path.home() / ".local" / "state") / "mcserver"
 
 
 class ServiceOptions(msgspec.Struct, frozen=True):

@@ -21,6 +21,9 @@ def metrics_text(fleet: Fleet) -> bytes:
     state = gauge("mc_machine_state", "1 for the state that the machine is in", "state")
     faults = gauge("mc_machine_faults", "Latched faults")
     late = gauge("mc_machine_late_cycles", "Late cycles since the server's start")
+    delay = gauge(
+        "mc_machine_journal_delay_seconds", "How long the journal waits for a slow disk; 0: it keeps up"
+    )
     override = gauge("mc_machine_override_percent", "Feed override")
     programs = gauge("mc_machine_programs", "Programs that have not ended")
     progress = gauge("mc_program_progress_ratio", "Share of the program that is done")
@@ -36,6 +39,8 @@ def metrics_text(fleet: Fleet) -> bytes:
             state.labels(seen.name, each).set(status.state == each)
         faults.labels(seen.name).set(len(status.faults))
         late.labels(seen.name).set(status.late_cycles)
+        disk = status.disk
+        delay.labels(seen.name).set(0.0 if disk is None else max(disk.commit_s, disk.sync_s))
         override.labels(seen.name).set(status.override)
         programs.labels(seen.name).set(sum(is_live(program) for program in status.programs))
         program = current_program(status)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import threading
+from pathlib import Path
+
 import msgspec
 import pytest
 
-from mcserver.doctor import State, examine, worst
+from mcserver.doctor import State, examine, service, worst
 from mcserver.doctor.can import CanFacts, CanInterface, judge_can
 from mcserver.doctor.finding import advice, good, missing
 from mcserver.doctor.python import PACKAGES, PythonFacts, judge_python
@@ -116,6 +120,28 @@ def test_a_port_that_cannot_be_listened_on_is_advised_with_another() -> None:
     finding = judge_service(ServiceFacts(10**9, "Permission denied"))[1]
     assert finding.state is State.ADVICE
     assert "--listen" in finding.fix
+
+
+@pytest.mark.parametrize(
+    ("sync_s", "state"), [(0.004, State.OK), (0.4, State.ADVICE), (3.0, State.ADVICE), (None, State.ADVICE)]
+)
+def test_a_disk_that_takes_long_to_sync_is_advised_against(sync_s: float | None, state: State) -> None:
+    finding = judge_service(ServiceFacts(10**9, "free", sync_s))[2]
+    assert finding.state is state
+    assert state is State.OK or "--journal" in finding.fix
+
+
+def test_a_disk_that_hangs_does_not_hang_the_doctor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    released = threading.Event()
+    monkeypatch.setattr(service, "SYNC_LIMIT_S", 0.01)
+    monkeypatch.setattr(os, "fdatasync", lambda _file: released.wait(10.0))
+    assert service.longest_sync_s(tmp_path / "not" / "made") == 0.01
+    released.set()
+
+
+def test_a_folder_that_cannot_be_written_takes_no_sync(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    assert service.longest_sync_s(tmp_path / "file") is None
 
 
 def test_the_gravest_state_counts() -> None:

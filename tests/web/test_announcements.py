@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 from mcclient import Fault, MachineStatus
-from mcclient.types import AxesStatus, AxisTravel, ProgramStatus, SimulateReply
+from mcclient.types import AxesStatus, AxisTravel, DiskStatus, ProgramStatus, SimulateReply
 
 from mcserver.web.announcements import Announcer, title_of
 from mcserver.web.panels.notices import notices_of
@@ -100,6 +102,14 @@ def test_what_a_running_program_says_is_a_note_and_an_ended_one_says_nothing() -
     ((kind, text),) = notices_of(state(part("running", notice="roughing")), online=True, failure="")
     assert (kind, text) == ("mc-note", "part.gcode: roughing")
     assert notices_of(state(part("finished", lasted=1.0, notice="roughing")), online=True, failure="") == ()
+
+
+def test_a_slow_disk_is_said_with_the_time_since_when_it_is() -> None:
+    slow = dataclasses.replace(state(), disk=DiskStatus(since=3661.0, commit_s=2.0, sync_s=0.0, worst_s=2.0))
+    ((kind, text),) = notices_of(slow, online=True, failure="")
+    assert kind == "mc-note"
+    assert "01:01:01 UTC" in text
+    assert "MC524" in text
 
 
 @pytest.mark.parametrize(

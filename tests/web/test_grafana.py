@@ -50,7 +50,7 @@ def test_every_metric_and_label_of_the_dashboard_exists(tmp_path: Path) -> None:
     known = exported(tmp_path)
     dashboard = json.loads(DASHBOARD.read_text("utf-8"))
     expressions = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
-    assert len(expressions) == 10
+    assert len(expressions) == 11
     for expression in expressions:
         (name, matchers), *others = re.findall(r"(mc_\w+)(?:\{([^}]*)\})?", expression)
         assert others == []

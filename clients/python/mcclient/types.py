@@ -388,6 +388,24 @@ class CloseReply:
 
 
 @dataclass(frozen=True, slots=True)
+class DiskStatus:
+    """How slow the disk under the journal is.
+
+    Attributes:
+        since: Unix time from which on it is slow [s].
+        commit_s: for how long what is to be said has waited for the journal's commit [s].
+        sync_s: how long the sync under way has taken [s]; a power cut loses what was committed in that
+            time.
+        worst_s: the longest of these since then [s].
+    """
+
+    since: float
+    commit_s: float
+    sync_s: float
+    worst_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Done:
     """Reply of methods that only do something: the programs concerned."""
 
@@ -790,6 +808,7 @@ class MachineStatus:
         inputs: those of the machine file, in the order of ``info``.
         outputs: those of the machine file, in the order of ``info``.
         work_offsets: systems that were set, in which the next program starts (G54 is in force then).
+        disk: how slow the disk under the journal is; None: it keeps up.
     """
 
     t: float
@@ -806,6 +825,7 @@ class MachineStatus:
     outputs: tuple[OutputStatus, ...] = ()
     probe: ProbeStatus | None = None
     work_offsets: tuple[WorkOffset, ...] = ()
+    disk: DiskStatus | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -1001,6 +1021,7 @@ class RunRequestStatus:
         effects: what the run leaves changed for those that come after it, a sentence each.
         tools: extents of the tools' tips.
         digest: SHA-256 of all that the simulation read.
+        changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
     """
 
     sha256: str
@@ -1018,6 +1039,7 @@ class RunRequestStatus:
     effects: tuple[str, ...] = ()
     tools: tuple[ToolExtent, ...] = ()
     digest: str = ""
+    changed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

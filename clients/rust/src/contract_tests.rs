@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::core::{Core, Step};
 use crate::error::Error;
 use crate::messages::{
-    Ack, AxesStatus, AxisInfo, CheckResult, CloseReply, Diagnostic, Done, DriveInfo, DrivesReply, Edit,
+    Ack, AxesStatus, AxisInfo, CheckResult, CloseReply, Diagnostic, DiskStatus, Done, DriveInfo, DrivesReply, Edit,
     ErrorReply, Event, EventPage, Extent, Fault, Info, InputInfo, InputStatus, JogReply, LimitsInfo,
     LineReport, MachineStatus, MonitoredValue, OpenReply, OutputInfo, OutputStatus, OverrideReply,
     ProbeStatus, ProgramStatus, ProgramsReply, RunArmedReply, RunPath, RunPreviewReply, RunRequestReply,
@@ -131,6 +131,7 @@ fn reader_of(message: &str) -> Option<Read> {
         "MonitoredValue" => reader::<MonitoredValue>,
         "OpenReply" => reader::<OpenReply>,
         "OverrideReply" => reader::<OverrideReply>,
+        "DiskStatus" => reader::<DiskStatus>,
         "ProbeStatus" => reader::<ProbeStatus>,
         "ProgramStatus" => reader::<ProgramStatus>,
         "ProgramsReply" => reader::<ProgramsReply>,

@@ -173,6 +173,18 @@ export interface CloseRequest {
   last?: number | null | undefined;
 }
 
+/** How slow the disk under the journal is. */
+export interface DiskStatus {
+  /** Unix time from which on it is slow [s]. */
+  since: number;
+  /** for how long what is to be said has waited for the journal's commit [s]. */
+  commit_s: number;
+  /** how long the sync under way has taken [s]; a power cut loses what was committed in that time. */
+  sync_s: number;
+  /** the longest of these since then [s]. */
+  worst_s: number;
+}
+
 /** Reply of methods that only do something: the programs concerned. */
 export interface Done {
   programs: string[];
@@ -457,6 +469,8 @@ export interface MachineStatus {
   probe?: ProbeStatus | null;
   /** systems that were set, in which the next program starts (G54 is in force then). */
   work_offsets?: WorkOffset[];
+  /** how slow the disk under the journal is; null: it keeps up. */
+  disk?: DiskStatus | null;
 }
 
 /** A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had. */
@@ -834,6 +848,8 @@ export interface RunRequestStatus {
   tools?: ToolExtent[];
   /** SHA-256 of all that the simulation read. */
   digest?: string;
+  /** what of that is no longer as it was, a sentence each; while there is any it cannot start. */
+  changed?: string[];
 }
 
 /** The oldest first. */

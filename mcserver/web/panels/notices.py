@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from mcclient import MachineStatus
 from nicegui import ui
 
@@ -47,4 +49,9 @@ def notices_of(status: MachineStatus | None, *, online: bool, failure: str) -> t
             found.append(("mc-notice", f"{name} waits at line {program.line}: {what}. Then press Resume."))
         elif program.notice:
             found.append(("mc-note", f"{name}: {program.notice}"))
+    if status.disk is not None:
+        # the time of day, so that the sentence stays as it is
+        since = time.strftime("%H:%M:%S", time.gmtime(status.disk.since))
+        text = f"The disk of the journal is slow since {since} UTC: what has ended is shown later (MC524)."
+        found.append(("mc-note", text))
     return tuple(found)

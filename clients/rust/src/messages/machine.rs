@@ -86,6 +86,22 @@ pub struct MachineStatus {
     /// Work coordinate systems that were set.
     #[serde(default)]
     pub work_offsets: Vec<WorkOffset>,
+    /// How slow the disk under the journal is; none: it keeps up.
+    #[serde(default)]
+    pub disk: Option<DiskStatus>,
+}
+
+/// How slow the disk under the journal is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiskStatus {
+    /// Unix time from which on it is slow [s].
+    pub since: f64,
+    /// For how long what is to be said has waited for the journal's commit [s].
+    pub commit_s: f64,
+    /// How long the sync under way has taken [s].
+    pub sync_s: f64,
+    /// The longest of these since then [s].
+    pub worst_s: f64,
 }
 
 /// The origin of a work coordinate system.

@@ -19,7 +19,7 @@ pub use binary::{Bytes, TelemetryBlock};
 pub use channels::{InputInfo, InputStatus, OutputInfo, OutputStatus};
 pub use drives::{DriveInfo, DrivesReply, MonitoredValue, SdoReply, SdoValue};
 pub use machine::{
-    AxesStatus, AxisInfo, CheckResult, Event, EventPage, Info, LimitsInfo, LineReport, MachineStatus,
+    AxesStatus, AxisInfo, CheckResult, DiskStatus, Event, EventPage, Info, LimitsInfo, LineReport, MachineStatus,
     ProbeStatus, TelemetryInfo, ToolInfo, ToolPose, WorkOffset,
 };
 pub use program::{

@@ -63,7 +63,11 @@ public final class Messages {
             double t, double wall, String instance, String state, AxesStatus axes, @Sparse List<ProgramStatus> programs,
             @Sparse List<Fault> faults,
             @Sparse("100") double override, @Sparse long lateCycles, @Sparse List<ToolPose> tools, @Sparse List<InputStatus> inputs,
-            @Sparse List<OutputStatus> outputs, @Sparse ProbeStatus probe, @Sparse List<WorkOffset> workOffsets) {}
+            @Sparse List<OutputStatus> outputs, @Sparse ProbeStatus probe, @Sparse List<WorkOffset> workOffsets,
+            @Sparse DiskStatus disk) {}
+
+    /** How slow the disk under the journal is, since a Unix time [s]; null in a status: it keeps up. */
+    public record DiskStatus(double since, double commitS, double syncS, double worstS) {}
 
     /** The origin of a work coordinate system such as G54, by axis number [mm, deg]. */
     public record WorkOffset(String system, Map<String, Double> origin) {}

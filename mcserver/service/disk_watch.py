@@ -1,0 +1,85 @@
+"""Says when the disk under the journal is slow.
+
+What programs have done is said later then, or a power cut would take more.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from mcserver.service.event_log import EventLog
+from mcserver.service.journal import Journal
+from mcserver.service.reports import DiskStatus
+
+log = logging.getLogger(__name__)
+
+LOOK_S = 0.25
+# A commit takes milliseconds, a sync of a disk that is not busy some tens [s].
+SLOW_S = 1.0
+# A disk that was slow keeps up again when it has not been slow for so long [s].
+KEEPS_UP_S = 10.0
+
+
+class DiskWatch:
+    """Look at the journal's disk now and then.
+
+    Args:
+        loop: in which it looks. clock: Unix time [s].
+        events: take a warning MC524 when the disk becomes slow, and one when it keeps up again.
+
+    Attributes:
+        status: how slow it is; None: it keeps up.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        journal: Journal,
+        events: EventLog,
+        clock: Callable[[], float],
+    ) -> None:
+        self.status: DiskStatus | None = None
+        self._loop = loop
+        self._journal = journal
+        self._events = events
+        self._clock = clock
+        self._slow_at = 0.0
+        self._timer: asyncio.TimerHandle | None = None
+
+    def start(self) -> None:
+        """Look from now on, until `stop`."""
+        self.look()
+        self._timer = self._loop.call_later(LOOK_S, self.start)
+
+    def stop(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def look(self) -> None:
+        """Look once."""
+        now, before = self._clock(), self.status
+        commit_s, sync_s = self._journal.commit_s, self._journal.sync_s
+        slowest = max(commit_s, sync_s)
+        if slowest >= SLOW_S:
+            self._slow_at = now
+        if before is None:
+            if slowest >= SLOW_S:
+                self.status = DiskStatus(now - slowest, commit_s, sync_s, slowest)
+                what = (
+                    "what programs have done is said later"
+                    if commit_s >= SLOW_S
+                    else "a power cut takes more"
+                )
+                self._warn(f"the disk of the journal is slow, {slowest:.1f} s so far: {what}")
+        elif now - self._slow_at < KEEPS_UP_S:
+            self.status = DiskStatus(before.since, commit_s, sync_s, max(before.worst_s, slowest))
+        else:
+            self.status = None
+            slow = f"it was slow for {self._slow_at - before.since:.0f} s, took up to {before.worst_s:.1f} s"
+            self._warn(f"the disk of the journal keeps up again; {slow}")
+
+    def _warn(self, message: str) -> None:
+        log.warning("MC524: %s", message)
+        self._events.publish("warning", reason="MC524", message=message)
