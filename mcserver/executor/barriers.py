@@ -243,7 +243,7 @@ class InputWait:
 
 
 class Paused:
-    """M00 and M01: until the counter of resumptions grows."""
+    """M00 and M01: until the counter of confirmations grows."""
 
     def __init__(self, seen: int) -> None:
         self.seen = seen

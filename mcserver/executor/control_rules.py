@@ -300,7 +300,7 @@ def _pause(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
     if waited or slot.orders is None:
         return None
     slot.cycle.emit(EventKind.PAUSED, slot.index, control.line, left)
-    return Paused(slot.orders.resume)
+    return Paused(slot.orders.confirm)
 
 
 def _home(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:

@@ -145,7 +145,7 @@ class ProgramSlot:
         if orders.abort != (seen.abort if seen else 0):
             self.stop(SlotState.STOPPED)
         barrier = self.barrier
-        if isinstance(barrier, Paused) and orders.resume != barrier.seen:
+        if isinstance(barrier, Paused) and orders.confirm != barrier.seen:
             barrier.passed = True
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from mcserver.errors import Diagnostic, Edit, ProgramRejected
+from mcserver.errors import Diagnostic, Edit, ProgramRejected, Severity
 
 Span = tuple[int, int]
 
@@ -34,6 +34,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC120": "the feed rate must be above zero",
         "MC121": "no feed rate is in force",
         "MC122": "G94 has no speed for these axes",
+        "MC123": "the feed is per revolution",
         "MC130": "the arc is not defined",
         "MC131": "the offset lies outside the arc's plane",
         "MC132": "the arc's plane is not clear",
@@ -43,6 +44,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC136": "the number of turns does not fit",
         "MC137": "an arc needs linear axes",
         "MC138": "the axis follows no path",
+        "MC139": "the arc all but closes",
         "MC140": "the program computes",
         "MC141": "this is not done here",
         "MC142": "codes without effect",
@@ -51,6 +53,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC145": "a macro of another controller",
         "MC146": "the canned cycle cannot be drilled",
         "MC154": "the first tool counts as fitted",
+        "MC147": "the program is for a lathe",
         "MC150": "there is no such input or output",
         "MC151": "the output cannot have this value",
         "MC152": "M66 does not say what it waits for",
@@ -90,8 +93,9 @@ class FaultList:
         tool: int | None = None,
         residual_mm: float | None = None,
         edit: Edit | None = None,
+        severity: Severity = "error",
     ) -> None:
-        """Report a fault; ``span`` is (column, end column), from 1, end exclusive.
+        """Report a fault; ``span`` is (column, end column), from 1, end exclusive. A warning stops nothing.
 
         ``edit`` is given only where one remedy is certain: the line then means what its writer meant.
         """
@@ -107,6 +111,7 @@ class FaultList:
                 tool=tool,
                 residual_mm=residual_mm,
                 edit=edit,
+                severity=severity,
             )
         )
 
@@ -120,5 +125,6 @@ class FaultList:
         Raises:
             ProgramRejected: with every fault of the line.
         """
-        if self.found:
-            raise ProgramRejected(self.in_reading_order())
+        errors = tuple(fault for fault in self.in_reading_order() if fault.severity == "error")
+        if errors:
+            raise ProgramRejected(errors)

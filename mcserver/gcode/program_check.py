@@ -10,7 +10,7 @@ from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.fast_path.kept_runs import KeptRuns
-from mcserver.gcode.profiles.codes import SPINDLE
+from mcserver.gcode.profiles.codes import LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.line_window import BLOCK, LineWindow
@@ -30,6 +30,8 @@ from mcserver.motion.canonical import (
     ProbeLine,
 )
 
+# codes and macros that are not done here: each is said once, with the count of its lines
+_OF_CODES = frozenset({"MC110", "MC141", "MC145"})
 Progress = Callable[[int, int], None]
 PROGRESS_STEP = 1000  # lines between two reports
 MOST_FAULTS = 20_000  # a file with more is not one for this machine, and its faults must not fill the memory
@@ -140,6 +142,10 @@ class _Survey:
         self.empty = False
         self._dialect = machine.dialect
         self._found: list[Diagnostic] = []
+        self._warnings: list[Diagnostic] = []
+        # by message: index of its first fault, and how many lines have it
+        self._refusals: dict[str, tuple[int, int]] = {}
+        self._turning = False
         self._computes = 0
         # by code: its first line, and how many it has
         self._without_effect: dict[str, tuple[int, int]] = {}
@@ -161,8 +167,33 @@ class _Survey:
                 self._computes += 1
                 if self._computes == 1:
                     self._found = [fault]
+            elif fault.code in _OF_CODES and not (self._computes or self._dialect.reference):
+                self._refused(fault)
+            elif fault.severity == "warning":
+                if len(self._warnings) < MOST_FAULTS:
+                    self._warnings.append(fault)
             elif not self._computes:
                 self._found.append(fault)
+
+    def _refused(self, fault: Diagnostic) -> None:
+        """Note a code that is refused: once for the program, where it stands first."""
+        first, count = self._refusals.get(fault.message, (len(self._found), 0))
+        self._refusals[fault.message] = first, count + 1
+        if count:
+            return
+        if fault.message.partition(":")[0] in LATHE and not self._turning:
+            self._turning = True
+            self._found.append(
+                Diagnostic(
+                    code="MC147",
+                    line=fault.line,
+                    message="this is a program for a lathe, which this machine's profile does not read",
+                    hint="G50, G71, G96, X in diameters and F per revolution mean something else on a mill",
+                )
+            )
+            first += 1
+            self._refusals[fault.message] = first, 1
+        self._found.append(fault)
 
     def profile_words(self, words: ProfileWords, line: int) -> None:
         """Note the codes of a line that have no effect on this machine."""
@@ -178,10 +209,8 @@ class _Survey:
             mapped = (
                 bool(same & outputs.keys()) if code != "S" else any(map(_follows_speed, outputs.values()))
             )
-            idle = (
-                (code in ("M3", "M4", "M5", "S") and self._dialect.spindle is None and not mapped)
-                or (action.code == "M6" and self._dialect.tool_change == "ignore")
-                or (action.code == "G43" and not self._dialect.cutters)
+            idle = (code in ("M3", "M4", "M5", "S") and self._dialect.spindle is None and not mapped) or (
+                action.code == "M6" and self._dialect.tool_change == "ignore"
             )
             if idle:
                 codes.append(action.code)
@@ -226,7 +255,11 @@ class _Survey:
             (fault,) = self._found
             lines = "a line of it" if self._computes == 1 else f"{self._computes} lines of it"
             return [msgspec.structs.replace(fault, message=f"{fault.message} ({lines})")]
-        said: list[Diagnostic] = []
+        for message, (index, count) in self._refusals.items():
+            if count > 1:
+                fault = self._found[index]
+                self._found[index] = msgspec.structs.replace(fault, message=f"{message} ({count} lines)")
+        said = list(self._warnings)
         if not self.room:
             said.append(
                 Diagnostic(

@@ -39,6 +39,7 @@ class Dialect(msgspec.Struct, frozen=True):
         tool_change: what M6 does where the tool differs from the one before; "ask": at the first too.
         outputs: what codes do to outputs, such as ``M8``. channels: the machine has inputs or outputs.
         systems: work coordinate systems that programs start with, number → axis → [m or rad].
+        straight_rapids: G00 goes on a straight line, as fast as its slowest axis; else every axis by itself.
         probes: G38.2 … G38.5 act: the machine has a probe.
         cutters: length of each tool of the tool table, for G43 [m].
     """
@@ -52,6 +53,7 @@ class Dialect(msgspec.Struct, frozen=True):
     tool_change: Literal["pause", "ask", "ignore"] = "pause"
     cutters: Mapping[int, float] = {}
     systems: Mapping[int, Mapping[int, float]] = {}
+    straight_rapids: bool = False
     probes: bool = False
     outputs: Mapping[str, tuple[CodeOutput, ...]] = {}
     channels: bool = False
@@ -113,6 +115,12 @@ def read_dialect(
             f"the machine has no axis {section.spindle_axis}",
             "name an axis of this file",
         )
+    if section.rapids == "straight" and section.profile == "reference":
+        mistakes.add(
+            ("dialect", "rapids"),
+            "the reference's G00 moves every axis by itself (D-20)",
+            'straight rapids are for the profiles: profile = "cnc"',
+        )
     capture = section.capture or ("program" if section.profile == "reference" else "auto")
     unit = section.dwell or ("ms" if section.profile == "printer" else "s")
     return Dialect(
@@ -124,6 +132,7 @@ def read_dialect(
         dwell_unit=1e-3 if unit == "ms" else 1.0,
         tool_change=section.tool_change,
         cutters=lengths,
+        straight_rapids=section.rapids == "straight",
         outputs=_read_code_outputs(section, outputs, mistakes),
         channels=channels,
     )

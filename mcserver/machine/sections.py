@@ -274,6 +274,7 @@ class DialectSection(msgspec.Struct, frozen=True):
     spindle_axis: AxisNumber | None = None
     dwell: Literal["s", "ms"] | None = None
     tool_change: Literal["pause", "ask", "ignore"] = "pause"
+    rapids: Literal["independent", "straight"] = "independent"
     outputs: dict[str, dict[str, bool | float | Literal["S"]]] = {}
 
 

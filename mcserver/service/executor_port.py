@@ -103,6 +103,9 @@ class ExecutorPort:
     def resume(self, slot: int) -> None:
         self._executor.mailbox.resume(slot)
 
+    def confirm(self, slot: int) -> None:
+        self._executor.mailbox.confirm(slot)
+
     def override(self, slot: int, ratio: float) -> None:
         self._executor.mailbox.set_override(ratio, slot)
 

@@ -94,7 +94,10 @@ class MotionPort(Protocol):
         """Ramps the slot's rate to 0 along the path."""
 
     def resume(self, slot: int) -> None:
-        """Ramps the rate back; ends M00 and M01."""
+        """Ramps the rate back."""
+
+    def confirm(self, slot: int) -> None:
+        """Ends M00 and M01."""
 
     def override(self, slot: int, ratio: float) -> None:
         """Feed override, 1 as programmed."""

@@ -93,6 +93,8 @@ class Program:
         self.notice = ""
         self.closed = False
         self.held = False
+        # it waits at M00, M01 or a tool change, held or not
+        self.paused = False
         self.override = 1.0
         # what an approved run has to stay within
         self.envelope: Envelope | None = None

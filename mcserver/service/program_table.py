@@ -417,6 +417,7 @@ class ProgramTable:
             self.publish("input.read", program, line=event.line, message=message)
         elif event.kind is EventKind.PAUSED:
             self._say(program, event.line)
+            program.paused = True
             self.enter(program, "paused")
             self.publish("program.paused", program, line=event.line, message=program.notice)
         elif event.kind is EventKind.FINISHED:

@@ -308,7 +308,9 @@ class MachineService:
         return chosen
 
     def resume(self, program_id: str | None) -> list[Program]:
-        """Ends a hold, M00 or M01.
+        """Ends a hold; where there is none, M00, M01 or a tool change.
+
+        A program that is held at a pause waits on there: whoever ends a hold has not changed the tool.
 
         Raises:
             ServiceError: MC443 an input holds the programs; MC503, MC509, MC515, MC517.
@@ -318,13 +320,17 @@ class MachineService:
         chosen = [
             program
             for program in open_programs(self._table.programs, program_id)
-            if program.held or program.state == "paused"
+            if program.held or program.paused
         ]
         for program in chosen:
-            program.held = False
-            if program.slot is not None:
+            held, program.held = program.held, False
+            if program.slot is not None and held:
                 self.port.resume(program.slot)
-                self._table.enter(program, "running")
+            elif program.slot is not None:
+                self.port.confirm(program.slot)
+                program.paused = False
+            if program.slot is not None:
+                self._table.enter(program, "paused" if program.paused else "running")
             self._table.publish("program.resumed", program)
         return chosen
 

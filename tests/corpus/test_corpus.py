@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from mcserver.errors import Diagnostic
+from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.gcode.program_check import check_program
+from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
+from mcserver.motion.canonical import PauseLine
 from mcserver.simulation.simulation import simulate
 
 FOLDER = Path(__file__).parent
@@ -203,7 +206,7 @@ def test_the_reference_s_own_codes_are_read_with_any_spacing(code: str) -> None:
 def test_g5_1_without_a_curve_and_units_by_din_66025_are_read() -> None:
     assert ends("G05.1 Q1\nG70\nG0 X1\nG71\nG0 Y1\nG5.1 Q0") == [25.4, 1.0, 0.0]
     assert [each.code for each in errors("G5.1 X1 Y1 I1 J1", "cnc")] == ["MC141"]
-    assert [each.code for each in errors("G71 Q100 X5 Z-3 D1 I1 R1", "cnc")] == ["MC141"]
+    assert [each.code for each in errors("G71 Q100 X5 Z-3 D1 I1 R1", "cnc")] == ["MC147", "MC141"]
 
 
 def test_codes_of_printers_makers_go_without_effect() -> None:
@@ -270,3 +273,100 @@ def test_an_offset_of_0_outside_the_plane_of_an_arc_says_nothing() -> None:
 def test_printers_probing_and_priming_have_no_effect(line: str) -> None:
     (said,) = check_program(f"G28\n{line}\nG1 X10 F1000", machine_of("printer"))
     assert (said.code, said.severity) == ("MC142", "warning")
+
+
+def test_g0_of_a_printer_is_g1_with_its_feed_and_all_axes_in_step() -> None:
+    found = run("G28\nG0 X110 E5 F600", "printer")
+    (line,) = [each for each in found["lines"] if each["line"] == 2]
+    assert line["end_s"] - line["start_s"] == pytest.approx(11.0, rel=0.01)
+    assert found["axes"]["6"]["position"] == pytest.approx(5.0)
+
+
+def straight() -> Machine:
+    described = (FOLDER / "cnc.toml").read_text("utf-8")
+    return parse_machine(described.replace("[dialect]", '[dialect]\nrapids = "straight"'))
+
+
+def test_a_straight_rapid_is_as_fast_as_its_slowest_axis_and_asks_for_no_time() -> None:
+    text = "G0 X300 Y100 Z50\nM30"
+    done = simulate(text, straight(), record=True)
+    line = done.report["lines"][0]
+    # X needs 1.5 s at its 200 mm/s and is at its limit all the way; Z, at its own, would need 0.5 s
+    assert line["end_s"] - line["start_s"] == pytest.approx(1.6, abs=0.05)
+    assert line["requested_s"] is None
+    assert done.recording is not None
+    moved = done.recording.setpoint[:, :3] / np.array([300.0, 100.0, 50.0])
+    assert np.abs(moved - moved[:, :1]).max() < 1e-9
+
+
+def test_the_reference_has_no_straight_rapids() -> None:
+    with pytest.raises(ConfigurationError, match="D-20"):
+        parse_machine(
+            '[machine]\nname = "m"\n[dialect]\nrapids = "straight"\n[[axis]]\nindex = 0\ntype = "linear"\n'
+            "max_velocity = 1.0\nmax_acceleration = 1.0"
+        )
+
+
+@pytest.mark.parametrize("code", ["M601", "M25", "M226", "M600", "M125"])
+def test_a_printer_s_program_pauses_where_its_firmware_would(code: str) -> None:
+    values = Interpreter(machine_of("printer")).interpret_text(code, 1)
+    assert [type(each) for each in values] == [PauseLine]
+
+
+def test_m112_ends_the_program_of_a_printer() -> None:
+    assert ends("G28\nG1 X10 F6000\nM112\nG1 X50", "printer")[0] == 10.0
+
+
+@pytest.mark.parametrize(
+    ("line", "profile", "code"),
+    [
+        ("G50 X100 Z200", "cnc", "MC141"),
+        ("G50 S3000", "cnc", "MC141"),
+        ("M206 X5", "printer", "MC141"),
+        ("M290 Z0.1", "printer", "MC141"),
+        ("G43.4 H1", "cnc", "MC110"),
+        ("G12.1", "cnc", "MC110"),
+        ("G0 G43 H9 Z5", "cnc", "MC143"),
+        ("G99 G1 X5 F0.2", "cnc", "MC123"),
+    ],
+)
+def test_what_would_move_elsewhere_is_refused(line: str, profile: str, code: str) -> None:
+    fault = errors(line, profile)[-1]
+    assert fault.code == code
+    assert "ignore" not in fault.hint
+
+
+def test_g43_of_a_tool_without_a_length_is_refused_on_a_machine_without_a_table_too() -> None:
+    described = (FOLDER / "cnc.toml").read_text("utf-8").partition("[[cutter]]")[0]
+    found = check_program("T2 M6\nG43 H2\nG0 Z5", parse_machine(described))
+    assert [(each.code, each.line) for each in found if each.severity == "error"] == [("MC143", 2)]
+    assert "number = 2" in found[-1].hint
+
+
+def test_a_refused_code_is_said_once_with_its_lines_and_a_lathe_is_named() -> None:
+    text = "\n".join(["G50 S2000", *["G71 U1 R1"] * 60, "G96 S200 M3"])
+    found = [each for each in errors(text, "cnc") if each.code in ("MC141", "MC147")]
+    assert [(each.code, each.line) for each in found] == [
+        ("MC147", 1),
+        ("MC141", 1),
+        ("MC141", 2),
+        ("MC141", 62),
+    ]
+    assert "lathe" in found[0].message
+    assert "(60 lines)" in found[2].message
+
+
+def test_offsets_alone_repeat_an_arc() -> None:
+    assert ends("G17 G0 X0 Y0\nG2 X10 Y0 I5 J0 F6000\nI5 J0\nG1 X3") == [3.0, 0.0, 0.0]
+    assert [each.code for each in errors("G1 X0 F60\nI5 J0", "cnc")] == ["MC112", "MC112"]
+
+
+def test_words_beside_a_code_without_effect_are_named() -> None:
+    (said,) = [each for each in check_program("G40 D3 X1", machine_of("cnc")) if each.code == "MC142"]
+    assert "D beside G40 (1)" in said.message
+
+
+def test_outputs_that_the_machine_lacks_are_warned_of_once() -> None:
+    found = check_program("M68 E0 Q1\nG0 X1\nM68 E0 Q2\nG40.1", machine_of("cnc"))
+    assert [each.code for each in found] == ["MC142"]
+    assert "M68 (2)" in found[0].message

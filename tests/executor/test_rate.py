@@ -306,7 +306,25 @@ def test_a_pause_waits_for_resume() -> None:
     rig.run_until(EventKind.PAUSED)
     rig.step(100)
     assert not rig.of(EventKind.LINE_END)
+    rig.executor.mailbox.confirm(0)
+    rig.run()
+    assert rig.of(EventKind.FINISHED)
+
+
+def test_the_end_of_a_hold_ends_no_pause() -> None:
+    rig = Rig(machine())
+    program = rig.program
+    program.start_line(5)
+    program.control(ControlKind.PAUSE)
+    program.end_line()
+    program.finish()
+    rig.run_until(EventKind.PAUSED)
+    rig.executor.mailbox.set_hold(True, 0)
+    rig.step(20)
     rig.executor.mailbox.resume(0)
+    rig.step(100)
+    assert not rig.of(EventKind.LINE_END)
+    rig.executor.mailbox.confirm(0)
     rig.run()
     assert rig.of(EventKind.FINISHED)
 

@@ -2,13 +2,16 @@
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.arc_geometry import arc_by_centre, arc_by_radius, plane_extrema
-from tests.gcode.support import Program, feeding, machine_of
+from mcserver.machine.dialect_section import Dialect
+from tests.gcode.support import CARTESIAN, Program, feeding, machine_of
 
 QUARTER = math.pi / 2.0
 FOUR_LINEAR = machine_of("0:linear 1:linear 2:linear 3:rotary 6:linear 7:linear")
@@ -105,7 +108,7 @@ def test_clockwise_is_seen_from_the_positive_normal() -> None:
         ("G02 X10 Y10 Z1 K10", ["MC132"]),
         ("G17 G02 R10", ["MC134"]),
         ("G02 X0 Y0 R10", ["MC134"]),
-        ("G02 X0.0009 Y0 R10", ["MC134"]),
+        ("G02 X0.000009 Y0 R10", ["MC134"]),
         ("G02 X0 Y0 Z5 R10", ["MC134"]),
         ("G02 X10 Y10 R0", ["MC135"]),
         ("G02 X10 Y10 I0 J0", ["MC135"]),
@@ -235,6 +238,46 @@ def test_an_arc_ends_where_it_was_programmed_and_its_extrema_are_its_bounds(
     curve = arc.curve((0, 1), start, end)
     low, high = curve.bounds()
     assert np.allclose(np.array(plane_extrema(curve)), np.array([low, high]), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "sweep"),
+    [
+        # from public files: ends that lie less than a micrometre from the start
+        ("G03 X0.0008 Y0 I0 J0.05", 0.016),
+        ("G03 X0.0005 Y0 I0 J2", 0.00025),
+        ("G02 X0.0009 Y0 R10", 0.00009),
+    ],
+)
+def test_an_arc_of_less_than_a_micrometre_is_no_full_circle(text: str, sweep: float) -> None:
+    assert abs(at().arc(text).sweep) == pytest.approx(sweep, rel=0.01)
+
+
+def test_a_sweep_that_cannot_be_told_from_none_is_a_full_circle() -> None:
+    assert abs(at().arc("G02 X0.000009 Y0 I0 J10").sweep) == pytest.approx(2.0 * math.pi, abs=2e-6)
+    assert abs(at().arc("G02 X0.000011 Y0 I0 J-10").sweep) == pytest.approx(1.1e-6, rel=0.01)
+
+
+def test_an_arc_that_all_but_closes_is_warned_of_and_driven() -> None:
+    (fault,) = check_program("G94 F600 G17\nG02 X-0.0005 Y0 I0 J-5", CARTESIAN)
+    assert (fault.code, fault.severity, fault.line) == ("MC139", "warning", 2)
+    assert "0.0005 mm apart" in fault.message
+    many = "\n".join(
+        ["G94 F600 G17", *[f"G01 X{step} Y0" for step in range(30, -1, -1)], "G02 X-0.0005 Y0 I0 J-5"]
+    )
+    assert [(fault.code, fault.line) for fault in check_program(many, CARTESIAN)] == [("MC139", 33)]
+    assert abs(at().arc("G02 X-0.0005 Y0 I0 J-5").sweep) > 6.28
+
+
+def test_linuxcnc_s_tolerance_of_radii_holds_in_the_profile_cnc_alone() -> None:
+    text = "G17 F600\nG02 X10 Y10.02 I10 J0"
+    assert [fault.code for fault in check_program(text, CARTESIAN)] == ["MC133"]
+    machine = msgspec.structs.replace(CARTESIAN, dialect=Dialect(profile="cnc", auto_capture=True))
+    assert check_program(text, machine) == []
+    beyond = "G17 F600\nG02 X10 Y10.03 I10 J0"
+    assert [fault.code for fault in check_program(beyond, machine)] == ["MC133"]
+    inches = "G20 G17 F60\nG02 X1 Y1.0025 I1 J0"
+    assert check_program(inches, machine) == []
 
 
 def test_an_arc_counts_its_unnamed_plane_axis_as_moved() -> None:

@@ -116,6 +116,9 @@ class FakePort:
     def resume(self, slot: int) -> None:
         self.calls.append(("resume", slot))
 
+    def confirm(self, slot: int) -> None:
+        self.calls.append(("confirm", slot))
+
     def override(self, slot: int, ratio: float) -> None:
         self.calls.append(("override", slot, ratio))
 

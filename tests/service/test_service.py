@@ -318,6 +318,20 @@ async def test_a_pause_is_resumed(bench: Bench) -> None:
     await bench.until_acked(program.program, state="paused")
     bench.service.resume(program.program)
     assert program.state == "running"
+    assert bench.port.calls[-1] == ("confirm", 0)
+
+
+async def test_the_resume_of_a_hold_leaves_the_pause_to_its_own_confirmation(bench: Bench) -> None:
+    program = await bench.service.open("hmi")
+    bench.service.hold(program.program)
+    bench.port.happen(EventKind.PAUSED, 0, 4)
+    await bench.until_acked(program.program, state="paused")
+    bench.service.resume(program.program)
+    assert ("confirm", 0) not in bench.port.calls
+    assert program.state == "paused"
+    bench.service.resume(program.program)
+    assert bench.port.calls[-1] == ("confirm", 0)
+    assert program.state == "running"
 
 
 async def test_line_reports_say_how_long_and_how_much_longer(bench: Bench) -> None:

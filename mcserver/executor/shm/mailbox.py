@@ -21,7 +21,7 @@ _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _E
 _EXECUTOR_STATE, _QUIT, _EPOCH, _RESET_ESTOP, _IO_ORDERS, _RESUME = 9, 10, 11, 12, 13, 14
 _HEAD = 16
 _S_OVERRIDE, _S_HOLD, _S_ABORT, _S_RESUME, _S_GENERATION, _S_AXES, _S_ROWS, _S_CONTROLS = range(8)
-_S_UNHOMED, _S_ENVELOPE = 8, 9
+_S_UNHOMED, _S_ENVELOPE, _S_CONFIRM = 8, 9, 10
 _SLOT = 16
 # bytes for the envelope of a slot's program, behind all words
 _ENVELOPE_BYTES = 32 * 1024
@@ -37,6 +37,7 @@ class SlotOrders:
     """The orders for one slot; counters are compared with those seen before.
 
     Attributes:
+        resume: ends of feed hold. confirm: confirmations of a pause (M00, M01), which no resume gives.
         unhomed: the program may move axes that are not homed.
         envelope: what an approved run has to stay within; None: it is no such run.
     """
@@ -45,6 +46,7 @@ class SlotOrders:
     hold: bool
     abort: int
     resume: int
+    confirm: int
     generation: int
     axes: int
     rows_base: int
@@ -173,7 +175,7 @@ class CommandMailbox:
             words[at + _S_UNHOMED] = int(unhomed)
             # requests count from the program's beginning, so that none made for another one is taken for its
             # own
-            words[at + _S_ABORT] = words[at + _S_RESUME] = 0
+            words[at + _S_ABORT] = words[at + _S_RESUME] = words[at + _S_CONFIRM] = 0
             self._numbers[at + _S_OVERRIDE] = _bounded(override)
             words[at + _S_GENERATION] += 1
             words[_CHANGES] += 1
@@ -195,9 +197,13 @@ class CommandMailbox:
         self._count(self._of(slot) + _S_ABORT)
 
     def resume(self, slot: int) -> None:
-        """Ends feed hold of a slot, M00 and M01."""
+        """Ends feed hold of a slot; a pause goes on waiting."""
         self.set_hold(False, slot)
         self._count(self._of(slot) + _S_RESUME)
+
+    def confirm(self, slot: int) -> None:
+        """Ends the pause at which the slot's program waits (M00, M01, a tool change)."""
+        self._count(self._of(slot) + _S_CONFIRM)
 
     def stop(self) -> None:
         """Aborts every program and stops every axis within its limits; axes stay energized."""
@@ -336,6 +342,7 @@ class CommandMailbox:
             hold=words[at + _S_HOLD] != 0,
             abort=words[at + _S_ABORT],
             resume=words[at + _S_RESUME],
+            confirm=words[at + _S_CONFIRM],
             generation=generation,
             axes=words[at + _S_AXES] & _ALL,
             rows_base=words[at + _S_ROWS],

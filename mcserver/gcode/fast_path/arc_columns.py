@@ -13,7 +13,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.gcode.semantics.arc_geometry import RADIUS_TOLERANCE, RADIUS_TOLERANCE_SHARE, SAME_POINT
+from mcserver.gcode.semantics.arc_geometry import (
+    NEARLY_CLOSED,
+    SMALLEST_RADIUS,
+    SMALLEST_SWEEP,
+    RadiusTolerance,
+)
 from mcserver.motion.geometry.curves import Array
 from mcserver.units import TURN
 
@@ -26,7 +31,8 @@ class ArcColumns(msgspec.Struct, frozen=True, eq=False):
     Attributes:
         centres: shape (n, 2) [m]. sweeps: signed, shape (n,) [rad].
         radii, growths: mean radius, and end radius less start radius, shape (n,) [m].
-        defined: shape (n,), whether `arc_by_radius` or `arc_by_centre` finds no fault.
+        defined: shape (n,), whether `arc_by_radius` or `arc_by_centre` finds no fault, and
+            nothing is to be said of it (`Arc.nearly_closed`).
     """
 
     centres: Array
@@ -49,7 +55,9 @@ def _atan2(y: Array, x: Array) -> Array:
     return np.array(list(map(math.atan2, y.tolist(), x.tolist())), np.float64)
 
 
-def arcs_of(starts: Array, ends: Array, centres: Array, radii: Array, clockwise: Mask) -> ArcColumns:
+def arcs_of(
+    starts: Array, ends: Array, centres: Array, radii: Array, clockwise: Mask, tolerance: RadiusTolerance
+) -> ArcColumns:
     """Compute arcs, some of the R form and some of the I J K form (D-22).
 
     Args:
@@ -63,47 +71,38 @@ def arcs_of(starts: Array, ends: Array, centres: Array, radii: Array, clockwise:
         by_radius = np.flatnonzero(~given)
         centres = centres.copy()
         centres[by_radius], defined[by_radius] = _centres(
-            starts[by_radius], ends[by_radius], radii[by_radius], clockwise[by_radius]
+            starts[by_radius], ends[by_radius], radii[by_radius], clockwise[by_radius], tolerance
         )
     x0, y0 = (starts - centres).T
     x1, y1 = (ends - centres).T
     start_radius, end_radius = hypot(x0, y0), hypot(x1, y1)
-    allowed = _tolerance(start_radius) * (1.0 + 1e-9) + 1e-12
-    zero = (start_radius < SAME_POINT) | (end_radius < SAME_POINT)
+    allowed = _allowed(tolerance, start_radius) * (1.0 + 1e-9) + 1e-12
+    zero = (start_radius < SMALLEST_RADIUS) | (end_radius < SMALLEST_RADIUS)
     defined &= ~(given & (zero | (np.abs(start_radius - end_radius) > allowed)))
-    turned = _atan2(y1, x1) - _atan2(y0, x0)
     sign = np.where(clockwise, -1.0, 1.0)
-    forward = np.mod(sign * turned, TURN)
-    forward = np.where(forward * start_radius <= SAME_POINT, forward + TURN, forward)
-    sweeps = sign * forward
-    closed = np.flatnonzero(given & _same(starts, ends))
-    if len(closed):
-        rest = turned[closed]
-        sweeps[closed] = sign[closed] * TURN + (rest - TURN * np.rint(rest / TURN))
-    return ArcColumns(centres, sweeps, (start_radius + end_radius) / 2.0, end_radius - start_radius, defined)
+    forward = np.mod(sign * (_atan2(y1, x1) - _atan2(y0, x0)), TURN)
+    sweeps = sign * np.where(forward < SMALLEST_SWEEP, forward + TURN, forward)
+    # those that all but close have a warning
+    radii = (start_radius + end_radius) / 2.0
+    around = np.flatnonzero(np.abs(sweeps) > NEARLY_CLOSED)
+    apart = hypot(*(ends[around] - starts[around]).T)
+    defined[around] &= apart < SMALLEST_SWEEP * radii[around]
+    return ArcColumns(centres, sweeps, radii, end_radius - start_radius, defined)
 
 
-def _same(starts: Array, ends: Array) -> Mask:
-    """Return which arcs start and end at the same point."""
-    across = np.abs(ends - starts)
-    same: Mask = (across[:, 0] <= SAME_POINT) & (across[:, 1] <= SAME_POINT)
-    near = np.flatnonzero(same)
-    if len(near):
-        same[near] = hypot(*(ends[near] - starts[near]).T) <= SAME_POINT
-    return same
+def _allowed(tolerance: RadiusTolerance, radii: Array) -> Array:
+    """Return how far start and end radius may differ [m]."""
+    return np.minimum(tolerance.most, np.maximum(tolerance.least, tolerance.share * np.abs(radii)))
 
 
-def _tolerance(radii: Array) -> Array:
-    """Return how far start and end radius may differ [m] (D-22)."""
-    return np.maximum(RADIUS_TOLERANCE, RADIUS_TOLERANCE_SHARE * np.abs(radii))
-
-
-def _centres(starts: Array, ends: Array, radii: Array, clockwise: Mask) -> tuple[Array, Mask]:
+def _centres(
+    starts: Array, ends: Array, radii: Array, clockwise: Mask, tolerance: RadiusTolerance
+) -> tuple[Array, Mask]:
     """Return the centres of arcs of the R form, shape (n, 2) [m], and which of them are defined."""
     across = ends - starts
     chord = hypot(*across.T)
-    fits = (np.abs(radii) >= SAME_POINT) & (chord > SAME_POINT)
-    fits &= ~(chord > 2.0 * np.abs(radii) + _tolerance(radii))
+    fits = (np.abs(radii) >= SMALLEST_RADIUS) & (chord >= SMALLEST_SWEEP * np.abs(radii))
+    fits &= ~(chord > 2.0 * np.abs(radii) + _allowed(tolerance, radii))
     half = chord / 2.0
     square = radii * radii - half * half
     height = np.sqrt(np.where(square > 0.0, square, 0.0))

@@ -11,13 +11,19 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from mcserver.gcode.fast_path.short_form import SimpleBlock
-from mcserver.gcode.semantics.arc_geometry import Arc, ArcFault, arc_by_centre, arc_by_radius, plane_extrema
+from mcserver.gcode.semantics.arc_geometry import (
+    Arc,
+    ArcFault,
+    arc_by_centre,
+    arc_by_radius,
+    plane_extrema,
+    radius_tolerance,
+)
 from mcserver.gcode.semantics.arc_plane import PLANES, NoPlane, choose_plane
-from mcserver.gcode.semantics.axis_words import SMALLEST_FEED
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.feed_time import FeedBasis, feed_basis
-from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed
+from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed, smallest_feed
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale, move_duration, turning_speed
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.motion.canonical import FeedGroup, MotionLine
@@ -110,10 +116,11 @@ def arc_frame(
 class SimpleBlockInterpreter:
     """Interprets simple blocks with tables of the usable axes and of the arc planes by their words."""
 
-    __slots__ = ("_frames", "_rows", "_tolerance")
+    __slots__ = ("_frames", "_profile", "_rows", "_tolerance")
 
     def __init__(self, setup: Setup) -> None:
         self._tolerance = setup.machine.path_tolerance
+        self._profile = setup.machine.dialect.profile
         self._rows = axis_rows(setup)
         # bounded: one entry for each choice and order of X Y Z, I J K and plane, some hundreds
         self._frames: dict[tuple[int | None, tuple[int, ...], tuple[int, ...]], ArcFrame | None] = {}
@@ -127,7 +134,7 @@ class SimpleBlockInterpreter:
             return None
         feed = modal.feed
         if move.feed is not None:
-            if move.feed < SMALLEST_FEED:
+            if move.feed < smallest_feed(modal):
                 return None
             feed = read_feed(move.feed, modal)
         if feed is None or move.curved != (motion != 1):
@@ -203,15 +210,18 @@ class SimpleBlockInterpreter:
                 ends[column] += shift.get(frame.axes[column], 0.0)
         finish = tuple(ends)
         begin, end_point = (starts[0], starts[1]), (finish[0], finish[1])
+        tolerance = radius_tolerance(self._profile, inch=modal.inch)
         try:
             if move.radius is not None:
-                shape = arc_by_radius(begin, end_point, move.radius * scale, motion == 2, 1)
+                shape = arc_by_radius(begin, end_point, move.radius * scale, motion == 2, 1, tolerance)
             else:
                 centre = [starts[0], starts[1]]
                 for column, (_, value) in zip(frame.offsets, move.offsets, strict=True):
                     centre[column] += value * scale
-                shape = arc_by_centre(begin, end_point, (centre[0], centre[1]), motion == 2, 1)
+                shape = arc_by_centre(begin, end_point, (centre[0], centre[1]), motion == 2, 1, tolerance)
         except ArcFault:
+            return None
+        if shape.nearly_closed(begin, end_point):
             return None
         curve = shape.curve(frame.axes, starts, finish)
         if not _surely_inside(curve, shape, frame.rows) and not inside_travels(curve, frame.rows):

@@ -21,10 +21,10 @@ from mcserver.gcode.fast_path.run_state import (
     state_after,
 )
 from mcserver.gcode.fast_path.word_columns import Shape, WordReader, WordTable
-from mcserver.gcode.semantics.axis_words import SMALLEST_FEED
+from mcserver.gcode.semantics.arc_geometry import radius_tolerance
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.feed_time import FeedBasis, feed_basis
-from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.semantics.modal import ModalState, smallest_feed
 from mcserver.gcode.semantics.program_units import length_scale, move_duration, turning_speed
 from mcserver.motion.canonical import PathRun
 from mcserver.motion.geometry.curves import ArcCurve, Array
@@ -67,10 +67,11 @@ class _Lines(NamedTuple):
 class PathRunInterpreter:
     """Interprets lines with a table of the usable axes."""
 
-    __slots__ = ("_reader", "_rows", "_tolerance")
+    __slots__ = ("_profile", "_reader", "_rows", "_tolerance")
 
-    def __init__(self, rows: dict[int, AxisRow], tolerance: float) -> None:
+    def __init__(self, rows: dict[int, AxisRow], tolerance: float, profile: str) -> None:
         self._rows = rows
+        self._profile = profile
         self._tolerance = tolerance
         self._reader = WordReader()
 
@@ -134,7 +135,7 @@ class PathRunInterpreter:
         sound &= (motion > 0) & (curved == (motion != 1))
         numbers, speeds = feeds_in_force(len(table.lines), table.feeds, modal)
         if table.feeds is not None:
-            sound &= ~(table.feeds < SMALLEST_FEED)
+            sound &= ~(table.feeds < smallest_feed(modal))
         sound &= numbers > 0.0
         count = leading(sound)
         used = np.flatnonzero(np.bincount(table.shape[:count])).tolist()
@@ -216,7 +217,14 @@ class PathRunInterpreter:
                     centres[of_kind, column] += table.offsets[rows, axis] * scale
                 least[of_kind, column] = self._rows[axis].least
                 greatest[of_kind, column] = self._rows[axis].greatest
-        found = arcs_of(starts, ends, centres, table.radii[curved] * scale, lines.motion[curved] == 2)
+        found = arcs_of(
+            starts,
+            ends,
+            centres,
+            table.radii[curved] * scale,
+            lines.motion[curved] == 2,
+            radius_tolerance(self._profile, inch=modal.inch),
+        )
         reach = (found.radii + np.abs(found.growths))[:, None]
         sure = ((found.centres - reach >= least) & (found.centres + reach <= greatest)).all(axis=1)
         sound = found.defined.copy()

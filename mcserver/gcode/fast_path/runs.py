@@ -21,11 +21,10 @@ from mcserver.gcode.fast_path.columns import LineColumns, read_columns
 from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.fast_path.path_runs import PathRunInterpreter
 from mcserver.gcode.fast_path.run_state import MIN_LINES, feeds_in_force, leading, state_after
-from mcserver.gcode.semantics.axis_words import SMALLEST_FEED
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.feed_time import FeedBasis, feed_basis
-from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.semantics.modal import ModalState, smallest_feed
 from mcserver.gcode.semantics.program_units import move_duration, turning_speed
 from mcserver.motion.canonical import PathRun, PlainRun
 from mcserver.motion.geometry.curves import Array
@@ -55,7 +54,7 @@ class RunInterpreter:
         self._kept = kept
         self._tolerance = setup.machine.path_tolerance
         self._rows = axis_rows(setup)
-        self._paths = PathRunInterpreter(self._rows, self._tolerance)
+        self._paths = PathRunInterpreter(self._rows, self._tolerance, setup.machine.dialect.profile)
         self._window = _FIRST_WINDOW
         self._backoff = 1
         self._retry_at = 0
@@ -124,7 +123,7 @@ class RunInterpreter:
         if measure is FeedBasis.NONE and not modal.inverse_time:
             return None
         if columns.feeds is not None:
-            columns = columns.first(leading(~(columns.feeds < SMALLEST_FEED)))
+            columns = columns.first(leading(~(columns.feeds < smallest_feed(modal))))
         points = _points(columns, rows, modal, commanded.positions)
         columns = columns.first(max(0, leading(_inside(points, rows)) - 1))
         count = len(columns.lines)

@@ -6,7 +6,15 @@ import math
 
 import msgspec
 
-from mcserver.gcode.profiles.codes import DRILLING, IO_WORDS, PROBING, SPINDLE, SYSTEM_NUMBERS, TAKES_AXES
+from mcserver.gcode.profiles.codes import (
+    DRILLING,
+    IO_WORDS,
+    PRINTER_STOPS,
+    PROBING,
+    SPINDLE,
+    SYSTEM_NUMBERS,
+    TAKES_AXES,
+)
 from mcserver.gcode.profiles.drilling import drill
 from mcserver.gcode.profiles.frame import Offsets
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
@@ -19,15 +27,16 @@ from mcserver.gcode.semantics.program_units import (
     shown_number,
     shown_position,
 )
+from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,
+    EndLine,
     Group,
     MotionLine,
     PauseLine,
-    RapidGroup,
     SpeedGroup,
 )
 from mcserver.units import AxisType
@@ -73,8 +82,11 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             _choose_tool(block, action)
         elif code == "M6":
             _change_tool(block, effects)
-        elif code == "M600":
-            effects.before.append(PauseLine(block.parsed.number, "change the filament, then resume"))
+        elif code in PRINTER_STOPS:
+            notice = PRINTER_STOPS[code]
+            effects.before.append(
+                PauseLine(block.parsed.number, notice) if notice else EndLine(block.parsed.number)
+            )
         elif code == "G4":
             _dwell(block, action, effects)
         elif code in SYSTEM_NUMBERS:
@@ -241,8 +253,6 @@ def _tool_length(block: BlockState, action: Action) -> None:
     cutters = block.setup.machine.dialect.cutters
     word = action.words.get("H")
     number = frame.tool if word is None else int(word.value)
-    if not cutters:
-        return  # no tool table: lengths are set by touching off; the check says that G43 has no effect
     if number and number not in cutters:
         _unknown_tool(block, number, action if word is None else word)
     block.frame = msgspec.structs.replace(frame, tool_length=cutters.get(number, 0.0))
@@ -257,12 +267,12 @@ def _choose_tool(block: BlockState, action: Action) -> None:
 
 
 def _unknown_tool(block: BlockState, number: int, word: ProfileWord | Action) -> None:
-    known = ", ".join(str(each) for each in sorted(block.setup.machine.dialect.cutters))
+    known = ", ".join(str(each) for each in sorted(block.setup.machine.dialect.cutters)) or "none"
     block.faults.add(
         "MC143",
-        f"the tool table has no tool {number}",
+        f"the tool table has no tool {number}: its length is not known",
         word.span,
-        f"add a [[cutter]] with its length to the machine file, which has {known}",
+        f"add [[cutter]] with number = {number} and its length_mm to the machine file, which has {known}",
     )
 
 
@@ -351,6 +361,7 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
 def _rapid(block: BlockState, action: Action, targets: dict[int, float], effects: Effects) -> None:
     positions = block.commanded.positions
     targets = {axis: end for axis, end in targets.items() if abs(end - positions[axis]) > ROUNDING}
+    starts = {index: block.commanded.start(index) for index in targets}
     for index, end in targets.items():
         axis = block.setup.axes[index]
         if not axis.min_position - ROUNDING <= end <= axis.max_position + ROUNDING:
@@ -366,5 +377,5 @@ def _rapid(block: BlockState, action: Action, targets: dict[int, float], effects
             return
         block.end_at(index, end)
     if targets:
-        group = RapidGroup(tuple(targets), tuple(targets.values()), True)
+        group = rapid_group(block, starts, targets)
         effects.after.append(MotionLine(block.parsed.number, (group,), exact_stop=True))

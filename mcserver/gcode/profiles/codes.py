@@ -24,13 +24,28 @@ _MACHINING = {"G4", "G43", "G49", "M3", "M4", "M5", "M6"}
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
+# codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
+PRINTER_STOPS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "M25": "the program pauses itself (M25)",
+        "M112": "",
+        "M125": "the program pauses itself (M125); the head is not parked",
+        "M226": "the program waits for you (M226)",
+        "M524": "",
+        "M600": "change the filament, then resume",
+        "M601": "the program pauses itself (M601)",
+    }
+)
+# of printers: would shift where the parts lie
+_SHIFTS_OF_PRINTERS: Final = ("M206", "M218", "M290", "M428")
+
 # codes that act, by profile
 ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
         "reference": frozenset(_MACHINING - {"G43", "G49", "M6"}),
         "cnc": frozenset(_FRAME | _MACHINING | DRILLING | _CYCLE_MODES),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
-        "printer": frozenset({"G4", "G28", "G92", "M82", "M83", "M600"}),
+        "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS}),
     }
 )
 # act in every profile of a machine that has a probe
@@ -43,7 +58,13 @@ TAKES_AXES: Final = (
 # actions that move axes
 MOVING: Final = frozenset({"G28", "G30", "REPEAT"}) | PROBING | DRILLING
 
-_NO_COMPENSATION = {"G40", "G50", "G69"}
+_NO_COMPENSATION = {"G40", "G40.1", "G50", "G69"}
+# analog outputs: a machine without any leaves them alone
+SET_OUTPUTS: Final = frozenset({"M67", "M68"})
+# refused codes that only programs of a lathe have
+LATHE: Final = frozenset({"G7", "G50", "G70", "G71", "G72", "G96"})
+# a feed below it under G99 is one per revolution: a lathe's [mm/min]
+LEAST_FEED_UNDER_G99: Final = 5.0
 IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
         "reference": frozenset(),
@@ -59,7 +80,8 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             {"G29", "G80", "G31", "G32", "G34", "G280", "G392"}
             | {
                 f"M{n}"
-                for n in (*range(3, 30), *range(31, 60), *range(61, 82), *range(84, 600), *range(601, 1000))
+                for n in (*range(3, 30), *range(31, 60), *range(61, 82), *range(84, 1000))
+                if f"M{n}" not in {*PRINTER_STOPS, *_SHIFTS_OF_PRINTERS}
             }
         ),
     }
@@ -87,7 +109,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "G49": "H",
         "G64": "Q",
         "M6": "H",
-        "M600": "*",
+        **dict.fromkeys(PRINTER_STOPS, "*"),
         "REPEAT": "PQL",
         **dict.fromkeys(DRILLING, "PQL"),
         **IO_WORDS,
@@ -110,6 +132,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G33": "threads need a spindle whose turning is followed; none is",
         "G41": "there is no cutter compensation here; let the CAM compute the tool's own path",
         "G42": "there is no cutter compensation here; let the CAM compute the tool's own path",
+        "G50": "with words it sets coordinates or the spindle's limit on a lathe; let the post write G92",
         "G50.1": "mirroring is not done here; let the CAM mirror the part",
         "G51": "scaling is not done here; let the CAM scale the part",
         "G51.1": "mirroring is not done here; let the CAM mirror the part",
@@ -122,14 +145,9 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",
         "M19": "the spindle is not turned to an angle here; let the post leave it out",
         "G95": "feed per revolution needs a spindle whose turning is followed; use G94",
-        "G96": "constant surface speed is not kept here; use G97",
-        "M62": "this machine has no outputs",
-        "M63": "this machine has no outputs",
-        "M64": "this machine has no outputs",
-        "M65": "this machine has no outputs",
+        "G96": "constant surface speed of a lathe is not kept here; use G97",
+        **dict.fromkeys(("M62", "M63", "M64", "M65", "M67", "M68"), "this machine has no outputs"),
         "M66": "this machine has no inputs",
-        "M67": "this machine has no outputs",
-        "M68": "this machine has no outputs",
         "M97": "subprograms are not read here; let the post write the moves out",
         "M98": "subprograms are not read here; let the post write the moves out",
         "M99": "subprograms are not read here; let the post write the moves out",
@@ -154,6 +172,9 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
             f"M{number}": "modal state is not saved and restored here; let the post write it out"
             for number in range(70, 74)
         },
+        **dict.fromkeys(
+            _SHIFTS_OF_PRINTERS, "offsets of the head or the bed are not shifted here; let the slicer do it"
+        ),
         "G65": "macros are not called here; let the post write the moves out",
         **{f"G38.{n}": "this machine cannot probe; add [probe] to the machine file" for n in range(2, 6)},
     }

@@ -11,10 +11,11 @@ import msgspec
 from mcserver.gcode.profiles.frame import DrillCycle, Level
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale, shown_position
+from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS
-from mcserver.motion.canonical import Canonical, DwellGroup, FeedGroup, MotionLine, RapidGroup
+from mcserver.motion.canonical import Canonical, DwellGroup, FeedGroup, MotionLine
 from mcserver.motion.geometry.curves import LineCurve
 from mcserver.units import MM, AxisType
 
@@ -88,7 +89,7 @@ class _Motion:
         far = {axis: end for axis, end in targets.items() if abs(end - self.at(axis)) > ROUNDING}
         if not far:
             return
-        group = RapidGroup(tuple(far), tuple(far.values()), True)
+        group = rapid_group(self._block, {axis: self._block.commanded.start(axis) for axis in far}, far)
         self.lines.append(MotionLine(self._block.parsed.number, (group,), exact_stop=True))
         for axis, end in far.items():
             self._block.end_at(axis, end)

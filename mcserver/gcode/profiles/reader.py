@@ -23,6 +23,7 @@ from mcserver.gcode.profiles.codes import (
     PROBING,
     PROGRAM,
     REFUSED,
+    SET_OUTPUTS,
     SETTINGS,
     SILENT,
     SPINDLE,
@@ -53,6 +54,7 @@ _EXPONENT = re.compile(r"E[-+]?[0-9]+")
 # take words E of their own
 _IO_CODE = re.compile(r"M[ \t]*0*6[678](?![0-9])")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
+_GEOMETRY_OR_SPEED = re.compile(r"[XYZUWS]")
 _GEOMETRY = re.compile(r"[XYZIJK]")
 _CYCLE_WORDS = re.compile(r"[PQUWDIR]")
 # inches and millimetres in DIN 66025, where no words of a turning cycle stand beside them
@@ -74,6 +76,8 @@ class ProfileReader:
             self._acting |= PROBING
         self._incremental = dialect.profile in ("reference", "robot")  # U V W are X Y Z as increments
         self._ignored = IGNORED[dialect.profile] | dialect.ignore
+        if dialect.profile != "reference" and not dialect.channels:
+            self._ignored |= SET_OUTPUTS
         self._axes = {**AXIS_LETTERS, **dialect.letters}
         self._tools = dialect.profile in ("reference", "robot")  # T means the reference's tool
 
@@ -171,6 +175,9 @@ class ProfileReader:
                     settings.append(word if name != "G61.1" else msgspec.structs.replace(word, text="61"))
                 elif name in _DIN_UNITS and self._dialect.profile == "cnc" and not _CYCLE_WORDS.search(code):
                     settings.append(msgspec.structs.replace(word, text=_DIN_UNITS[name]))
+                elif name == "G0" and self._dialect.profile == "printer":
+                    # firmware of printers moves both alike (D-61)
+                    motions.append(msgspec.structs.replace(word, text="1", value=1.0))
                 elif name in MOTIONS:
                     motions.append(word)
                 elif name in PROGRAM:
@@ -179,6 +186,8 @@ class ProfileReader:
                     machine_frame = True
                 elif name in self._acting or (name in SILENT and self._dialect.profile != "reference"):
                     codes.append(word)
+                elif name == "G50" and self._dialect.profile == "cnc" and _GEOMETRY_OR_SPEED.search(code):
+                    self._refuse(word, name, faults)
                 elif name in self._ignored or (name == "G5.1" and not _GEOMETRY.search(code)):
                     # G5.1 Q1 is lookahead on Fanuc's controllers; with X and Y it is a spline
                     ignored.append(name)
@@ -224,6 +233,8 @@ class ProfileReader:
             own = [word for word in own if word.letter != "P"]
         if not ignored:
             self._unused(own, names, ignored, faults)
+        else:
+            ignored += _strays(own, names | set(ignored), ignored[0])
         actions = self._actions(codes, own, loose, faults, bool(ignored or motions or tolerances))
         ordered: list[Word] = []
         for word in settings:
@@ -412,8 +423,19 @@ class ProfileReader:
                 "MC110",
                 f"{name} is not a code of the profile {self._dialect.profile}",
                 word.span,
-                f'if it may go without effect, list it in the machine file: [dialect] ignore = ["{name}"]',
+                # a G-code may move, or say where the tool's point is: nobody is told to leave it out
+                f'if it may go without effect, list it in the machine file: [dialect] ignore = ["{name}"]'
+                if word.letter == "M"
+                else "let the post write what the profile reads",
             )
+
+
+def _strays(own: list[Word], names: set[str], beside: str) -> list[str]:
+    """Name words that a code without effect does not explain: they could have meant something."""
+    taken = "".join(OWN_WORDS.get(name, "") for name in names)
+    return [
+        f"{word.letter} beside {beside}" for word in own if word.letter in "DHQL" and word.letter not in taken
+    ]
 
 
 def _precedence(word: Word) -> int:

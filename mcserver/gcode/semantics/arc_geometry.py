@@ -6,17 +6,46 @@ Points are (first, second) of the plane, in right-handed order seen from its pos
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import msgspec
 
 from mcserver.motion.geometry.curves import ArcCurve
-from mcserver.units import MM, TURN
+from mcserver.units import DEGREE, INCH, MM, TURN
 
 Point = tuple[float, float]
 
-SAME_POINT = 0.001 * MM
-RADIUS_TOLERANCE = 0.005 * MM
-RADIUS_TOLERANCE_SHARE = 0.001
+# A smaller sweep is a full circle; LinuxCNC has 1e-6, Grbl 5e-7 [rad].
+SMALLEST_SWEEP = 1e-6
+# An arc beyond it is a full circle to the eye: D-22 warns of one between two different points [rad].
+NEARLY_CLOSED = 359.99 * DEGREE
+SMALLEST_RADIUS = 0.001 * MM
+
+
+class RadiusTolerance(NamedTuple):
+    """How far start and end radius may differ: ``share`` of the radius, within ``least`` … ``most`` [m]."""
+
+    least: float
+    share: float
+    most: float
+
+    def at(self, radius: float) -> float:
+        """Return the tolerance at a radius [m]."""
+        return min(self.most, max(self.least, self.share * abs(radius)))
+
+
+D22_TOLERANCE = RadiusTolerance(0.005 * MM, 0.001, math.inf)
+
+
+def radius_tolerance(profile: str, *, inch: bool) -> RadiusTolerance:
+    """Return D-22's tolerance; in ``cnc`` LinuxCNC's, for ends and centres rounded to 0.01 mm or 0.001 in.
+
+    Source: LinuxCNC's defaults of CENTER_ARC_RADIUS_TOLERANCE_MM and _INCH, and its arc_data_ijk.
+    """
+    if profile != "cnc":
+        return D22_TOLERANCE
+    least = 2.0 * math.sqrt(2.0) * (0.001 * INCH if inch else 0.01 * MM)
+    return RadiusTolerance(least, 0.001, 100.0 * least)
 
 
 class ArcFault(Exception):
@@ -32,7 +61,7 @@ class ChordTooLong(ArcFault):
 
 
 class SamePoint(ArcFault):
-    """Start and end are within 0.001 mm, so that R fixes no centre."""
+    """Start and end are seen from the centre within `SMALLEST_SWEEP`, so that R fixes no centre."""
 
 
 class RadiusMismatch(ArcFault):
@@ -56,6 +85,11 @@ class Arc(msgspec.Struct, frozen=True):
     radius: float
     growth: float
 
+    def nearly_closed(self, start: Point, end: Point) -> bool:
+        """Return True if it goes all the way round and ends at another point: most likely a mistake."""
+        apart = math.hypot(end[0] - start[0], end[1] - start[1])
+        return abs(self.sweep) > NEARLY_CLOSED and apart >= SMALLEST_SWEEP * self.radius
+
     def curve(self, axes: tuple[int, ...], start: tuple[float, ...], end: tuple[float, ...]) -> ArcCurve:
         """Return the arc as a path of axes; displacements of the further axes add to its length (D-30).
 
@@ -69,12 +103,14 @@ class Arc(msgspec.Struct, frozen=True):
         return ArcCurve(axes, start, end, self.centre, self.sweep, length)
 
 
-def radius_tolerance(radius: float) -> float:
-    """Return how far start and end radius may differ [m] (D-22)."""
-    return max(RADIUS_TOLERANCE, RADIUS_TOLERANCE_SHARE * abs(radius))
-
-
-def arc_by_radius(start: Point, end: Point, radius: float, clockwise: bool, turns: int) -> Arc:
+def arc_by_radius(
+    start: Point,
+    end: Point,
+    radius: float,
+    clockwise: bool,
+    turns: int,
+    tolerance: RadiusTolerance = D22_TOLERANCE,
+) -> Arc:
     """Compute the arc of the R form: minor for R > 0, major for R < 0 (D-22).
 
     Args:
@@ -85,14 +121,14 @@ def arc_by_radius(start: Point, end: Point, radius: float, clockwise: bool, turn
     Raises:
         ZeroRadius, SamePoint, ChordTooLong.
     """
-    if abs(radius) < SAME_POINT:
+    if abs(radius) < SMALLEST_RADIUS:
         raise ZeroRadius
     across = (end[0] - start[0], end[1] - start[1])
     chord = math.hypot(*across)
-    if chord <= SAME_POINT:
+    if chord < SMALLEST_SWEEP * abs(radius):
         raise SamePoint
     half = chord / 2.0
-    if chord > 2.0 * abs(radius) + radius_tolerance(radius):
+    if chord > 2.0 * abs(radius) + tolerance.at(radius):
         raise ChordTooLong(chord)
     height = math.sqrt(max(0.0, radius * radius - half * half))
     # a clockwise minor arc has its centre to the right of the chord, a major one to the left
@@ -102,45 +138,44 @@ def arc_by_radius(start: Point, end: Point, radius: float, clockwise: bool, turn
         (start[0] + end[0]) / 2.0 + side * height * left[0],
         (start[1] + end[1]) / 2.0 + side * height * left[1],
     )
-    return _arc(start, end, centre, clockwise, turns, full_circle=False)
+    return _arc(start, end, centre, clockwise, turns)
 
 
-def arc_by_centre(start: Point, end: Point, centre: Point, clockwise: bool, turns: int) -> Arc:
-    """Compute the arc of the I J K form; same start and end is a full circle (D-22).
+def arc_by_centre(
+    start: Point,
+    end: Point,
+    centre: Point,
+    clockwise: bool,
+    turns: int,
+    tolerance: RadiusTolerance = D22_TOLERANCE,
+) -> Arc:
+    """Compute the arc of the I J K form; a sweep below `SMALLEST_SWEEP` is a full circle (D-22).
 
     Raises:
         ZeroRadius, RadiusMismatch.
     """
     start_radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
     end_radius = math.hypot(end[0] - centre[0], end[1] - centre[1])
-    if start_radius < SAME_POINT:
+    if start_radius < SMALLEST_RADIUS:
         raise ZeroRadius
     # a hair above the rule's value, so that a difference of exactly the tolerance passes in floating point
-    if abs(start_radius - end_radius) > radius_tolerance(start_radius) * (1.0 + 1e-9) + 1e-12:
+    if abs(start_radius - end_radius) > tolerance.at(start_radius) * (1.0 + 1e-9) + 1e-12:
         raise RadiusMismatch(start_radius, end_radius)
-    if end_radius < SAME_POINT:
+    if end_radius < SMALLEST_RADIUS:
         raise ZeroRadius
-    same = math.hypot(end[0] - start[0], end[1] - start[1]) <= SAME_POINT
-    return _arc(start, end, centre, clockwise, turns, full_circle=same)
+    return _arc(start, end, centre, clockwise, turns)
 
 
-def _arc(start: Point, end: Point, centre: Point, clockwise: bool, turns: int, *, full_circle: bool) -> Arc:
+def _arc(start: Point, end: Point, centre: Point, clockwise: bool, turns: int) -> Arc:
     start_radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
     end_radius = math.hypot(end[0] - centre[0], end[1] - centre[1])
     start_angle = math.atan2(start[1] - centre[1], start[0] - centre[0])
     end_angle = math.atan2(end[1] - centre[1], end[0] - centre[0])
-    turned = end_angle - start_angle
     sign = -1.0 if clockwise else 1.0
-    if full_circle:
-        # the two points may differ by a micrometre: the sweep ends at the programmed one
-        turned -= TURN * round(turned / TURN)
-        sweep = sign * TURN * turns + turned
-    else:
-        forward = (sign * turned) % TURN
-        if forward * start_radius <= SAME_POINT:
-            # the points differ along the radius alone, by less than its tolerance: a full turn is meant
-            forward += TURN
-        sweep = sign * (forward + TURN * (turns - 1))
+    forward = (sign * (end_angle - start_angle)) % TURN
+    if forward < SMALLEST_SWEEP:
+        forward += TURN
+    sweep = sign * (forward + TURN * (turns - 1))
     return Arc(centre, sweep, (start_radius + end_radius) / 2.0, end_radius - start_radius)
 
 

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from mcserver.gcode.semantics.arc_geometry import (
     Arc,
     ChordTooLong,
+    Point,
     RadiusMismatch,
     SamePoint,
     ZeroRadius,
     arc_by_centre,
     arc_by_radius,
-    radius_tolerance,
 )
 from mcserver.gcode.semantics.arc_plane import OFFSET_LETTERS, PLANES, NoPlane, choose_plane
 from mcserver.gcode.semantics.axis_words import Words
@@ -109,7 +109,13 @@ def find_arc(
             return None
         radius = word.value * length_scale(words.radius.inch)
         try:
-            return arc_by_radius(begin, finish, radius, clockwise, turns)
+            return _noticed(
+                block,
+                command,
+                arc_by_radius(begin, finish, radius, clockwise, turns, block.arc_tolerance),
+                begin,
+                finish,
+            )
         except ZeroRadius:
             block.faults.add("MC135", f"{word.shown} is a radius of zero", block.span(word))
         except SamePoint:
@@ -141,7 +147,8 @@ def find_arc(
             continue
         centre[plane.index(coordinate)] += offset.word.value * length_scale(offset.inch)
     try:
-        return arc_by_centre(begin, finish, (centre[0], centre[1]), clockwise, turns)
+        shape = arc_by_centre(begin, finish, (centre[0], centre[1]), clockwise, turns, block.arc_tolerance)
+        return _noticed(block, command, shape, begin, finish)
     except ZeroRadius:
         offsets = list(words.offsets.values())
         block.faults.add(
@@ -151,7 +158,7 @@ def find_arc(
             "I J K go from the start point to the centre",
         )
     except RadiusMismatch as fault:
-        allowed = radius_tolerance(fault.start_radius)
+        allowed = block.arc_tolerance.at(fault.start_radius)
         block.faults.add(
             "MC133",
             f"the start lies {shown_length(fault.start_radius, inch)} from the centre and the end "
@@ -160,6 +167,21 @@ def find_arc(
             "I J K are increments from the start point, absolute mode or not; check them and the endpoint",
         )
     return None
+
+
+def _noticed(block: BlockState, command: Command, shape: Arc, start: Point, end: Point) -> Arc:
+    """Warn of an arc that all but closes and ends elsewhere (D-22)."""
+    if shape.nearly_closed(start, end):
+        apart = math.hypot(end[0] - start[0], end[1] - start[1])
+        block.faults.add(
+            "MC139",
+            f"the arc goes {math.degrees(abs(shape.sweep)):.3f}° round, between points that lie "
+            f"{shown_length(apart, block.modal.inch)} apart",
+            block.span(command),
+            "is G03 meant where G02 stands, or the other way round? A short arc with a rounded end looks so",
+            severity="warning",
+        )
+    return shape
 
 
 def command_number(block: BlockState, command: Command) -> int:

@@ -7,13 +7,11 @@ from collections.abc import Mapping
 import msgspec
 
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, ASSUMED_TOOL, BlockState
-from mcserver.gcode.semantics.modal import apply_setting, read_feed
+from mcserver.gcode.semantics.modal import SMALLEST_FEED, apply_setting, read_feed, smallest_feed
 from mcserver.gcode.semantics.program_units import axis_scale
 from mcserver.gcode.text.syntax import Command, Setting
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 from mcserver.machine.machine_file import Axis
-
-SMALLEST_FEED = 1e-6
 
 
 class ModalWord(msgspec.Struct, frozen=True, gc=False):
@@ -94,10 +92,19 @@ def apply_setting_item(block: BlockState, setting: Setting) -> None:
 
 def apply_feed_word(block: BlockState, word: Word) -> None:
     """Put F in force from where it stands; F <= 0 is a fault (D-11)."""
-    if word.value >= SMALLEST_FEED:
+    least = smallest_feed(block.modal)
+    if word.value >= least:
         block.change(feed=read_feed(word.value, block.modal))
         return
-    if word.value == word.value:
+    if SMALLEST_FEED <= word.value < least:
+        block.faults.add(
+            "MC123",
+            f"{word.shown} under G99 is a feed per revolution, as programs for a lathe have it; "
+            f"here it would be {'in' if block.modal.inch else 'mm'} per minute",
+            block.span(word),
+            "let the post write F per minute; without a canned cycle G99 has no meaning on a mill",
+        )
+    elif word.value == word.value:
         message = f"{word.shown} is not above zero"
         if word.value > 0.0:
             message = f"{word.shown} is below {SMALLEST_FEED:.6f}, the slowest feed rate"

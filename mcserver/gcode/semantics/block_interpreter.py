@@ -32,6 +32,7 @@ from mcserver.motion.canonical import (
     EndLine,
     MotionLine,
     PauseLine,
+    RapidGroup,
 )
 from mcserver.motion.geometry.curves import LineCurve
 
@@ -64,6 +65,10 @@ class BlockInterpreter:
         effects = Effects()
         act_before(block, profile.actions, effects)
         self.groups += effects.groups
+        if any(isinstance(each, EndLine) for each in effects.before):
+            self.ended = True
+            self.before = effects.before
+            return
         frame = block.modal.shift, block.modal.incremental
         if profile.machine_frame:
             block.change(shift=None, incremental=False)
@@ -176,9 +181,12 @@ class BlockInterpreter:
             group = (
                 rapid(block, command, words, wait=True) if tool is None else tool_rapid(block, command, words)
             )
-            if group is not None:
+            if isinstance(group, RapidGroup):
                 begin = tuple(start[axis] for axis in group.axes)
                 check_holding(block, command, [LineCurve(group.axes, begin, group.targets)], start)
+            elif group is not None:
+                check_holding(block, command, group.curves, start)
+            if group is not None:
                 self.groups.append(group)
             return
         if tool is not None:
@@ -195,7 +203,10 @@ class BlockInterpreter:
         block = self.block
         motion = block.modal.motion
         if motion is None:
-            first, last = words.axes[0].word, words.axes[-1].word
+            given = sorted(
+                (entry.word for entry in (*words.axes, *words.offsets.values())), key=lambda word: word.index
+            )
+            first, last = given[0], given[-1]
             block.faults.add(
                 "MC113",
                 f"{first.shown} has no motion code, and no G00-G03 came before to be repeated",

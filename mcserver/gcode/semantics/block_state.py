@@ -11,6 +11,7 @@ from mckinematics.pose import Kinematics
 
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.semantics.arc_geometry import RadiusTolerance, radius_tolerance
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import Feed, ModalState
 from mcserver.gcode.text.parser import ParsedLine
@@ -95,6 +96,11 @@ class BlockState:
         """The path tolerance in force [m]."""
         tolerance = self.modal.tolerance
         return self.setup.machine.path_tolerance if tolerance is None else tolerance
+
+    @property
+    def arc_tolerance(self) -> RadiusTolerance:
+        """How far start and end radius of an arc may differ (D-22)."""
+        return radius_tolerance(self.setup.machine.dialect.profile, inch=self.modal.inch)
 
     def change(self, **fields: object) -> None:
         """Replace fields of the modal state."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import msgspec
 
+from mcserver.gcode.profiles.codes import LEAST_FEED_UNDER_G99
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.program_units import length_scale, path_speed
 from mcserver.machine.machine_file import Machine
+from mcserver.units import MM
 
 
 class Feed(msgspec.Struct, frozen=True, gc=False):
@@ -56,6 +58,7 @@ class ModalState(msgspec.Struct, frozen=True):
 
 INITIAL = ModalState()
 PRINTER_FEED = 1500.0  # mm/min
+SMALLEST_FEED = 1e-6
 
 
 def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
@@ -70,6 +73,16 @@ def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
     if frame is None or profile not in ("cnc", "robot"):
         return start
     return msgspec.structs.replace(start, frame=frame, shift=frame.shift())
+
+
+def smallest_feed(modal: ModalState) -> float:
+    """Return the least F that is read, as written.
+
+    Under G99 without a canned cycle, F of a few hundredths is one per revolution, in a program for a lathe.
+    """
+    frame = modal.frame
+    turning = frame is not None and not frame.to_initial and frame.cycle is None and not modal.inverse_time
+    return LEAST_FEED_UNDER_G99 * MM / length_scale(modal.inch) if turning else SMALLEST_FEED
 
 
 def read_feed(number: float, modal: ModalState) -> Feed:
@@ -108,4 +121,4 @@ def apply_setting(code: int, modal: ModalState, tolerance: float | None = None) 
     raise ValueError(f"G{code} is not a modal code")
 
 
-__all__ = ["INITIAL", "Feed", "ModalState", "apply_setting", "initial_modal", "read_feed"]
+__all__ = ["INITIAL", "Feed", "ModalState", "apply_setting", "initial_modal", "read_feed", "smallest_feed"]

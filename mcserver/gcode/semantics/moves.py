@@ -10,15 +10,16 @@ from mcserver.gcode.semantics.axis_words import Target, Words, resolve_targets
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove, feed_basis, profile_feed_basis
 from mcserver.gcode.semantics.program_units import motor_rpm, motor_speed, shown_number
+from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.travel_limits import check_travel
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
-from mcserver.motion.canonical import RapidGroup, SpeedGroup, TorqueGroup
+from mcserver.motion.canonical import FeedGroup, RapidGroup, SpeedGroup, TorqueGroup
 from mcserver.motion.geometry.curves import ArcCurve, LineCurve
 from mcserver.units import AxisType
 
 
-def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> RapidGroup | None:
+def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> FeedGroup | RapidGroup | None:
     """Interpret G00 (waited for) or G1020: each axis goes to its target by itself."""
     targets = resolve_targets(block, words.axes)
     for target in targets:
@@ -26,14 +27,17 @@ def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> R
         low, high = min(start, target.end), max(start, target.end)
         check_travel(block, target.axis, start, low, high, target.end, target.word)
     block.claim((target.axis.index for target in targets), command, _words(targets))
+    starts = {target.axis.index: block.commanded.start(target.axis.index) for target in targets}
     for target in targets:
         block.end_at(target.axis.index, target.end)
         if not wait:
             block.commanded.send_to(target.axis.index, target.end)
     if not targets:
         return None
-    axes = tuple(target.axis.index for target in targets)
-    return RapidGroup(axes, tuple(target.end for target in targets), wait, block.modal.carried)
+    ends = {target.axis.index: target.end for target in targets}
+    if wait:
+        return rapid_group(block, starts, ends)
+    return RapidGroup(tuple(ends), tuple(ends.values()), wait, block.modal.carried)
 
 
 def follow_paths(block: BlockState, targets: list[Target]) -> bool:

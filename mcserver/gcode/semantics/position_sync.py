@@ -38,7 +38,8 @@ def find_axes_to_sync(
             )
             if not acts:
                 continue
-            rapid = motion == 0
+            # a straight rapid starts where its axes are, as G01 does
+            rapid = motion == 0 and not setup.machine.dialect.straight_rapids
             if tool is not None:
                 chain = setup.chains.get(tool, ())
                 # a rapid is solved from the commanded joints: where they were stopped does not matter

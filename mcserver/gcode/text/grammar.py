@@ -17,6 +17,7 @@ _ACTING: Final = frozenset((Kind.MOVE, Kind.DIRECT, Kind.DWELL))
 _FEED_CODES: Final = frozenset((1, 2, 3))
 # letters that words without a code may have: F and T stand alone; the rest only with axis words (D-03)
 _LOOSE: Final = frozenset("FT")
+_OFFSETS: Final = "IJK"
 _LOOSE_MOVE: Final = frozenset("FTIJKRP")
 
 
@@ -43,19 +44,23 @@ class _OpenCommand:
         return Command(self.spec, tuple(self.items), self.moves, self.first, self.last)
 
 
-def group_commands(groups: list[list[Word]], faults: FaultList, span: SpanOf) -> tuple[Group, ...]:
+def group_commands(
+    groups: list[list[Word]], faults: FaultList, span: SpanOf, *, offsets_move: bool = False
+) -> tuple[Group, ...]:
     """Build the commands of each comma group; report faults of grammar to ``faults``.
 
     Args:
         groups: words of each group, in reading order.
         span: gives the columns of a token, or from one token to another.
+        offsets_move: I J K without a code repeat G02 or G03 as axis words do: the profiles (D-61).
     """
-    found = tuple(_group(words, faults, span) for words in groups if words)
+    moving = _OFFSETS if offsets_move else ""
+    found = tuple(_group(words, faults, span, moving) for words in groups if words)
     _check_line(found, faults, span)
     return found
 
 
-def _group(words: list[Word], faults: FaultList, span: SpanOf) -> Group:
+def _group(words: list[Word], faults: FaultList, span: SpanOf, moving: str) -> Group:
     opened: list[_OpenCommand] = []
     current: _OpenCommand | None = None
     for word in words:
@@ -76,7 +81,7 @@ def _group(words: list[Word], faults: FaultList, span: SpanOf) -> Group:
         if word.letter == "P" and _give_to_g64(current, word):
             continue
         current.add(word)
-        if word.axis >= 0 or word.letter == "[":
+        if word.axis >= 0 or word.letter == "[" or (word.letter in moving and current.spec is None):
             current.moves = True
     commands = tuple(command.finish() for command in opened)
     _check_group(commands, faults, span)
@@ -152,7 +157,11 @@ def _check_group(commands: Group, faults: FaultList, span: SpanOf) -> None:
 
 
 def _report_orphan_axes(command: Command, other: Command | None, faults: FaultList, span: SpanOf) -> None:
-    words = [item for item in command.items if isinstance(item, Word) and _is_axis(item)]
+    words = [
+        item
+        for item in command.items
+        if isinstance(item, Word) and (_is_axis(item) or item.letter in _OFFSETS)
+    ]
     before = other is not None and command.first < other.first
     faults.add(
         "MC113",

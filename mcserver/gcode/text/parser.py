@@ -67,7 +67,7 @@ class ParsedLine:
         self.faults = faults.in_reading_order()
 
     def _structure(self, faults: FaultList) -> tuple[Group, ...]:
-        return group_commands(self._split(faults), faults, self.span)
+        return group_commands(self._split(faults), faults, self.span, offsets_move=self.profile is not None)
 
     def _split(self, faults: FaultList) -> list[list[Word]]:
         """Split the tokens into the words of each comma group, without the line number."""

@@ -26,7 +26,7 @@ class Command(msgspec.Struct, frozen=True):
         spec: the code; None for words that no code leads: settings, F or T alone, or axis words that
             repeat the last of G00-G03 (D-03).
         items: words and settings in reading order.
-        moves: True if it has axis words.
+        moves: True if it has axis words, or such as repeat a motion code.
         first, last: the tokens that it spans.
     """
 

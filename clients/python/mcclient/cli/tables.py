@@ -48,6 +48,8 @@ def machine_view(
     living = [program for program in status.programs if program.ended_at is None]
     shown = living or list(status.programs)[:3]
     parts.append(programs_table(shown) if shown else Text("no programs", style="dim"))
+    waiting = [program for program in living if program.state == "paused" and program.notice]
+    parts += [Text(f"{program.program} waits: {program.notice}", style="yellow") for program in waiting]
     # a latched emergency stop comes before what it made of others
     for fault in sorted(status.faults, key=lambda fault: fault.code != "MC400"):
         parts += fault_texts(fault)
