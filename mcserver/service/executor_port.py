@@ -103,8 +103,8 @@ class ExecutorPort:
     def resume(self, slot: int) -> None:
         self._executor.mailbox.resume(slot)
 
-    def confirm(self, slot: int) -> None:
-        self._executor.mailbox.confirm(slot)
+    def end_pause(self, slot: int) -> None:
+        self._executor.mailbox.end_pause(slot)
 
     def override(self, slot: int, ratio: float) -> None:
         self._executor.mailbox.set_override(ratio, slot)

@@ -96,7 +96,7 @@ class MotionPort(Protocol):
     def resume(self, slot: int) -> None:
         """Ramps the rate back."""
 
-    def confirm(self, slot: int) -> None:
+    def end_pause(self, slot: int) -> None:
         """Ends M00 and M01."""
 
     def override(self, slot: int, ratio: float) -> None:

@@ -327,7 +327,7 @@ class MachineService:
             if program.slot is not None and held:
                 self.port.resume(program.slot)
             elif program.slot is not None:
-                self.port.confirm(program.slot)
+                self.port.end_pause(program.slot)
                 program.paused = False
             if program.slot is not None:
                 self._table.enter(program, "paused" if program.paused else "running")

@@ -353,7 +353,7 @@ class _Run:
             self._end = max(self._end, event.time)
         elif event.kind is EventKind.PAUSED:
             self._times.paused(event.line)
-            self._executor.mailbox.confirm(SLOT)
+            self._executor.mailbox.end_pause(SLOT)
         elif event.kind is EventKind.FAULT:
             message, hint = remedy_of(event.code, event.axis, event.values, self._input_names)
             self._faults.append(

@@ -306,7 +306,7 @@ def test_a_pause_waits_for_resume() -> None:
     rig.run_until(EventKind.PAUSED)
     rig.step(100)
     assert not rig.of(EventKind.LINE_END)
-    rig.executor.mailbox.confirm(0)
+    rig.executor.mailbox.end_pause(0)
     rig.run()
     assert rig.of(EventKind.FINISHED)
 
@@ -324,7 +324,7 @@ def test_the_end_of_a_hold_ends_no_pause() -> None:
     rig.executor.mailbox.resume(0)
     rig.step(100)
     assert not rig.of(EventKind.LINE_END)
-    rig.executor.mailbox.confirm(0)
+    rig.executor.mailbox.end_pause(0)
     rig.run()
     assert rig.of(EventKind.FINISHED)
 

@@ -116,8 +116,8 @@ class FakePort:
     def resume(self, slot: int) -> None:
         self.calls.append(("resume", slot))
 
-    def confirm(self, slot: int) -> None:
-        self.calls.append(("confirm", slot))
+    def end_pause(self, slot: int) -> None:
+        self.calls.append(("end_pause", slot))
 
     def override(self, slot: int, ratio: float) -> None:
         self.calls.append(("override", slot, ratio))

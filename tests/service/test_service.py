@@ -318,7 +318,7 @@ async def test_a_pause_is_resumed(bench: Bench) -> None:
     await bench.until_acked(program.program, state="paused")
     bench.service.resume(program.program)
     assert program.state == "running"
-    assert bench.port.calls[-1] == ("confirm", 0)
+    assert bench.port.calls[-1] == ("end_pause", 0)
 
 
 async def test_the_resume_of_a_hold_leaves_the_pause_to_its_own_confirmation(bench: Bench) -> None:
@@ -327,10 +327,10 @@ async def test_the_resume_of_a_hold_leaves_the_pause_to_its_own_confirmation(ben
     bench.port.happen(EventKind.PAUSED, 0, 4)
     await bench.until_acked(program.program, state="paused")
     bench.service.resume(program.program)
-    assert ("confirm", 0) not in bench.port.calls
+    assert ("end_pause", 0) not in bench.port.calls
     assert program.state == "paused"
     bench.service.resume(program.program)
-    assert bench.port.calls[-1] == ("confirm", 0)
+    assert bench.port.calls[-1] == ("end_pause", 0)
     assert program.state == "running"
 
 

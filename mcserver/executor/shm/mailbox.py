@@ -201,7 +201,7 @@ class CommandMailbox:
         self.set_hold(False, slot)
         self._count(self._of(slot) + _S_RESUME)
 
-    def confirm(self, slot: int) -> None:
+    def end_pause(self, slot: int) -> None:
         """Ends the pause at which the slot's program waits (M00, M01, a tool change)."""
         self._count(self._of(slot) + _S_CONFIRM)
 
