@@ -408,9 +408,10 @@ type EstopRequest struct {
 	Client string `msgpack:"client"`
 }
 
-// Event: Payload of `event`; `seq` has no gap within one `instance`.
+// Event: Payload of `event`; `seq` has no gap within one `instance`. Times `t` of two instances cannot be compared.
 type Event struct {
-	Seq      int64   `msgpack:"seq" mc:"required"`
+	Seq int64 `msgpack:"seq" mc:"required"`
+	// T: executor time [s].
 	T        float64 `msgpack:"t" mc:"required"`
 	Instance string  `msgpack:"instance" mc:"required"`
 	// Kind: says which of the others are set (docs/wire/events.md).
@@ -432,6 +433,8 @@ type Event struct {
 	Axis *int64 `msgpack:"axis"`
 	// Probe: for `probe`.
 	Probe *ProbeStatus `msgpack:"probe"`
+	// Wall: Unix time of `t`, by the clock as it went then [s].
+	Wall float64 `msgpack:"wall"`
 }
 
 // EventsReply: `oldest` is the first number that the server still has; `newest` the last one published.
@@ -489,7 +492,7 @@ type Info struct {
 	Protocol []int64 `msgpack:"protocol" mc:"required"`
 	// Instance: one start of the server; another one means that programs before it were interrupted.
 	Instance string `msgpack:"instance" mc:"required"`
-	// Epoch: Unix time of executor time 0 [s].
+	// Epoch: Unix time of executor time 0, by the clock as it goes now [s].
 	Epoch     float64       `msgpack:"epoch" mc:"required"`
 	CycleS    float64       `msgpack:"cycle_s" mc:"required"`
 	Axes      []AxisInfo    `msgpack:"axes" mc:"required"`

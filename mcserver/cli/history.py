@@ -74,21 +74,17 @@ async def _collect(kept: HistoryFolder, link: FleetLink, states_hz: float) -> No
     from mcserver.web.history import event_rows, state_row
 
     events = FleetEvents(link, history=True)
-    epochs: dict[tuple[str, str], float] = {}
     period_s = 1.0 / states_hz if states_hz else EVENTS_PERIOD_S
     asked_at = float("-inf")
     while True:
         begun = time.monotonic()
         found = await link.states(timeout_s=EVENTS_PERIOD_S)
-        for name, status in found.items():
-            epochs[name, status.instance] = status.wall - status.t
         if states_hz:
             kept.append(state_row(name, status) for name, status in found.items())
         if begun - asked_at >= EVENTS_PERIOD_S:
             asked_at = begun
             for name, event in await events.poll(EVENTS_PERIOD_S):
-                epoch = epochs.get((name, event.instance), time.time() - event.t)
-                kept.append(event_rows(name, event, epoch))
+                kept.append(event_rows(name, event))
         await asyncio.sleep(max(0.0, period_s - (time.monotonic() - begun)))
 
 

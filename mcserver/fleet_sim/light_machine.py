@@ -22,6 +22,7 @@ from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS
 from mcserver.service.event_log import EventLog
 from mcserver.service.line_queue import QUEUE_LINES, Gap, LineQueue
 from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState, ProgramStatus
+from mcserver.service.timebase import Timebase
 
 CYCLE_S = 0.001
 OPEN_PROGRAMS = 4
@@ -139,7 +140,7 @@ class LightMachine:
         self._faults: list[Fault] = []
         self._override = 100.0
         self._moved_s = 0.0
-        self._events = EventLog(instance, lambda: self._clock() - self._epoch, on_event)
+        self._events = EventLog(instance, Timebase(self._epoch, clock, clock), on_event)
         self._events.publish("server.started", message=f"machine {name} (light)")
 
     def methods(self) -> dict[str, Method]:

@@ -102,7 +102,7 @@ class Info(msgspec.Struct, frozen=True):
     Attributes:
         protocol: versions of this key space that the server speaks.
         instance: one start of the server; another one means that programs before it were interrupted.
-        epoch: Unix time of executor time 0 [s].
+        epoch: Unix time of executor time 0, by the clock as it goes now [s].
     """
 
     machine: str

@@ -113,7 +113,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
     )
     return MachineStatus(
         t=snapshot.time,
-        wall=service.port.epoch + snapshot.time,
+        wall=service.epoch + snapshot.time,
         instance=service.options.instance,
         state=service.latch.state,
         axes=axes,
@@ -138,7 +138,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
         server=server_version(),
         protocol=[PROTOCOL_VERSION],
         instance=service.options.instance,
-        epoch=service.port.epoch,
+        epoch=service.epoch,
         cycle_s=machine.cycle_s,
         axes=[_axis_info(axis) for axis in machine.axes],
         tools=[

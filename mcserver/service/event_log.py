@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from mcserver.service.reports import Event, EventKind
+from mcserver.service.timebase import Timebase
+
+log = logging.getLogger(__name__)
 
 KEPT = 2000
 
@@ -16,21 +20,24 @@ class EventLog:
 
     Args:
         instance: this start of the server.
-        now: executor time [s].
+        time: executor time, and UTC.
         publish: takes each event at once.
     """
 
-    def __init__(self, instance: str, now: Callable[[], float], publish: Callable[[Event], None]) -> None:
+    def __init__(self, instance: str, time: Timebase, publish: Callable[[Event], None]) -> None:
         self.newest = 0
         self._instance = instance
-        self._now = now
+        self._time = time
+        time.on_step = self._clock_was_set
         self._publish = publish
         self._kept: deque[Event] = deque(maxlen=KEPT)
 
     def publish(self, kind: EventKind, **values: Any) -> Event:
         """Numbers, keeps and publishes an event; ``values`` are the fields of `Event`."""
+        # a clock that was set says so by an event of its own, before this one is numbered
+        epoch, t = self._time.epoch, self._time.now()
         self.newest += 1
-        event = Event(seq=self.newest, t=self._now(), instance=self._instance, kind=kind, **values)
+        event = Event(seq=self.newest, t=t, wall=epoch + t, instance=self._instance, kind=kind, **values)
         self._kept.append(event)
         self._publish(event)
         return event
@@ -38,6 +45,11 @@ class EventLog:
     def repeat(self, event: Event) -> None:
         """Publish an event again under its number; who has had it knows that by the number."""
         self._publish(event)
+
+    def _clock_was_set(self, step_s: float) -> None:
+        message = f"the computer's clock was set by {step_s:+.1f} s: times shown before are by the old one"
+        log.warning("MC564: %s", message)
+        self.publish("warning", reason="MC564", message=message)
 
     @property
     def oldest(self) -> int:

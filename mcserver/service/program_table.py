@@ -53,6 +53,7 @@ from mcserver.service.reports import Ack, Event, Fault, ProgramState, wire_diagn
 from mcserver.service.reports import EventKind as Kind
 from mcserver.service.service_options import ServiceOptions
 from mcserver.service.start_of_programs import start_state
+from mcserver.service.timebase import Timebase
 from mcserver.service.work_offsets import WorkOffsets
 
 log = logging.getLogger(__name__)
@@ -67,7 +68,7 @@ class ProgramTable:
 
     Attributes:
         programs: open ones and the last `ENDED_PROGRAMS` that have ended, oldest first.
-        faults: latched until a reset.
+        faults: latched until a reset. time: of this start.
         offsets: work coordinate systems, which outlive programs and the server.
         references: of axes, which outlive the server. axis_reports: of homing and probing.
         journal_damage: of the journal as it was found at this start; None: it is sound.
@@ -92,9 +93,10 @@ class ProgramTable:
         self.options = options
         self.programs: dict[str, Program] = {}
         self.leases = LeaseTable()
-        self.faults = FaultLatch(self.now, self._record)
+        self.time = Timebase(port.epoch, options.clock, options.monotonic)
+        self.faults = FaultLatch(self.time.now, self._record)
         self.journal_failure = ""
-        self.events = EventLog(options.instance, self.now, on_event)
+        self.events = EventLog(options.instance, self.time, on_event)
         self.acks = AckSender(on_ack)
         self._loop = asyncio.get_running_loop()
         self._lock = JournalLock(options.journal)
@@ -123,10 +125,6 @@ class ProgramTable:
         # inputs that hold the programs now, by column
         self._holding: set[int] = set()
         self.heartbeat = Heartbeat(port.beat, lambda: self.planner.last_seen)
-
-    def now(self) -> float:
-        """Executor time [s]."""
-        return self.options.clock() - self.port.epoch
 
     def start_state(self, modal: ModalState | None = None) -> StartState:
         """Return what a program that begins now starts from."""
@@ -344,7 +342,7 @@ class ProgramTable:
                 hint="this is a defect of the server; its log tells more. Open the program again",
                 program=program.program,
                 line=program.progress.started,
-                t=self.now(),
+                t=self.time.now(),
             )
             self.stop(program, "faulted", fault.message, fault)
         if not event.program:

@@ -293,7 +293,10 @@ class LineReport(msgspec.Struct, frozen=True, omit_defaults=True):
 class Event(msgspec.Struct, frozen=True, omit_defaults=True):
     """Payload of ``event``; ``seq`` has no gap within one ``instance``.
 
+    Times ``t`` of two instances cannot be compared.
+
     Attributes:
+        t: executor time [s]. wall: Unix time of ``t``, by the clock as it went then [s].
         kind: says which of the others are set (docs/wire/events.md).
         lines: for ``lines.ended``. line: the last line started for ``lines.started``; the line of a fault.
         reason: why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code.
@@ -316,3 +319,4 @@ class Event(msgspec.Struct, frozen=True, omit_defaults=True):
     percent: float | None = None
     axis: int | None = None
     probe: ProbeStatus | None = None
+    wall: float = 0.0

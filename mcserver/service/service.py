@@ -180,7 +180,12 @@ class MachineService:
 
     def now(self) -> float:
         """Executor time [s]."""
-        return self._table.now()
+        return self._table.time.now()
+
+    @property
+    def epoch(self) -> float:
+        """Unix time of executor time 0, by the clock as it goes now [s]."""
+        return self._table.time.epoch
 
     # ------------------------------------------------------------ a client and its programs
 

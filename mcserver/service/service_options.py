@@ -27,12 +27,13 @@ class ServiceOptions(msgspec.Struct, frozen=True):
     Attributes:
         journal: the journal's file.
         instance: id of this start.
-        clock: Unix time [s].
+        clock: Unix time [s]. monotonic: a clock that never steps [s].
         connect: opens the journal's file. journal_thread: the journal has threads of its own.
     """
 
     journal: Path
     instance: str
     clock: Callable[[], float] = time.time
+    monotonic: Callable[[], float] = time.monotonic
     connect: Callable[[Path], JournalConnection] = open_journal
     journal_thread: bool = True

@@ -67,7 +67,7 @@ class StopLatch:
             code="MC400",
             message="emergency stop" + (f": {reason}" if reason else ""),
             hint="remove the cause, then reset",
-            t=self._table.now(),
+            t=self._table.time.now(),
         )
         self._table.faults.latch(fault)
         self._latch(self._table.events.publish("estop", reason=reason, client=client or None))

@@ -76,12 +76,8 @@ TABLES: Mapping[str, Mapping[str, str]] = {
 Row = dict[str, Any]
 
 
-def event_rows(machine: str, event: Event, epoch: float) -> Iterable[tuple[str, Row]]:
-    """Table and row of an event, or of each line that it reports.
-
-    Args:
-        epoch: Unix time of the server's time 0 [s].
-    """
+def event_rows(machine: str, event: Event) -> Iterable[tuple[str, Row]]:
+    """Table and row of an event, or of each line that it reports."""
     if event.kind == "lines.started":
         return
     if event.kind == "lines.ended":
@@ -89,7 +85,7 @@ def event_rows(machine: str, event: Event, epoch: float) -> Iterable[tuple[str, 
             yield (
                 "lines",
                 {
-                    "time": _time(epoch + line.end_s),
+                    "time": _time(event.wall - event.t + line.end_s),
                     "machine": machine,
                     "instance": event.instance,
                     "program": event.program,
@@ -106,7 +102,7 @@ def event_rows(machine: str, event: Event, epoch: float) -> Iterable[tuple[str, 
     yield (
         "events",
         {
-            "time": _time(epoch + event.t),
+            "time": _time(event.wall),
             "machine": machine,
             "instance": event.instance,
             "seq": event.seq,

@@ -217,8 +217,8 @@ class MachinePage:
             self._arming.update()
             self._chart.update(status, machine.info)
             self._homing.update(status, machine.info)
-            self._people.update(machine.info.epoch)
-            self._events.update(machine.info.epoch)
+            self._people.update()
+            self._events.update()
         self._turn += 1
 
     def _say(self, status: MachineStatus | None, word: str) -> None:

@@ -123,14 +123,14 @@ def event_name(event: Event) -> EventName | None:
     return None
 
 
-def body_of(machine: str, name: EventName, event: Event, now: float) -> bytes:
+def body_of(machine: str, name: EventName, event: Event) -> bytes:
     """The message as JSON."""
     fault = event.fault
     message: dict[str, Any] = {
         "id": f"{event.instance}-{event.seq}",
         "event": name,
         "machine": machine,
-        "time": now,
+        "time": event.wall,
         "t": event.t,
         "program": event.program,
         "state": event.state,
@@ -192,7 +192,7 @@ class Receiver:
             log.warning("MC068: %s is too slow: %d messages dropped", self._hook.name, self.dropped)
             return
         identifier = f"{event.instance}-{event.seq}"
-        self._waiting.append((identifier, name, body_of(machine, name, event, self._clock())))
+        self._waiting.append((identifier, name, body_of(machine, name, event)))
         self._arrived.set()
 
     async def run(self) -> None:

@@ -463,6 +463,7 @@ class Cell:
                 journal=self._journal,
                 instance=f"i{start}",
                 clock=self.loop.time,
+                monotonic=self.loop.time,
                 connect=self._connect,
                 journal_thread=False,
             ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -34,7 +35,7 @@ from mcserver.web.link import MachineLink
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.dry_run import report_html
 from mcserver.web.panels.homing import phase_of
-from mcserver.web.panels.messages import black_box_of
+from mcserver.web.panels.messages import black_box_of, event_row
 from mcserver.web.panels.people import people_html
 from mcserver.web.panels.picture import tips_of
 from mcserver.web.panels.positions import WHY, offsets_html, positions_html, system_name
@@ -92,7 +93,8 @@ def link(**values: Any) -> MachineLink:
 
 
 def event(kind: str, **values: Any) -> Event:
-    return Event(seq=1, t=values.pop("t", 5.0), instance="one", kind=kind, **values)
+    t = values.pop("t", 5.0)
+    return Event(**{"seq": 1, "t": t, "wall": t, "instance": "one", "kind": kind, **values})
 
 
 def test_every_signal_of_a_machine_has_a_name_a_unit_and_a_value() -> None:
@@ -177,6 +179,28 @@ def test_a_fault_leads_to_the_black_box_that_was_written_after_it() -> None:
     assert black_box_of(link(events=[newer]), STATUS) == ""
 
 
+def test_a_fault_leads_to_no_black_box_of_an_earlier_start() -> None:
+    status = MachineStatus(
+        t=9.0,
+        wall=0.0,
+        instance="two",
+        state="fault",
+        axes=AXES,
+        programs=(),
+        faults=(Fault("MC407", "late", t=6.0),),
+    )
+    before = event("recording", t=3600.0, message="blackbox-1-MC407")
+    own = event("recording", t=8.0, instance="two", message="blackbox-2-MC407")
+    assert black_box_of(link(events=[before]), status) == ""
+    assert black_box_of(link(events=[before, own]), status) == "blackbox-2-MC407"
+
+
+def test_an_event_of_before_a_restart_is_shown_at_the_time_when_it_happened() -> None:
+    resumed = event("program.resumed", t=3600.0, wall=1_773_489_600.0)
+    shown = time.strftime("%H:%M:%S", time.localtime(1_773_489_600.0))
+    assert f"<div>{shown} <b>program.resumed</b>" in event_row(resumed)
+
+
 def test_people_are_listed_with_what_they_hold_and_nobody_s_name_is_markup() -> None:
     program = told(ProgramStatus, "p1", "running", client="<b>eve</b>", name="a.nc", axes=(0, 7))
     status = told(
@@ -193,7 +217,7 @@ def test_people_are_listed_with_what_they_hold_and_nobody_s_name_is_markup() -> 
         acts=[(4.0, "ada", "hold")],
         events=commands,
     )
-    text = people_html(shown, status, epoch=0.0)
+    text = people_html(shown, status)
     assert "<b>&lt;b&gt;eve&lt;/b&gt;</b>: a.nc holds X, [7] (running)" in text
     assert "<b>web-1</b> (this page): holds no axis" in text
     assert "ada (2)" in text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,12 +20,18 @@ from tests.told import told
 DAY_S = 86_400.0
 NOON = 1_773_489_600.0  # 2026-03-14 12:00 UTC
 FAULT = Event(
-    seq=4, t=2.5, instance="i", kind="fault", fault=Fault(code="MC407", message="err", axis=2, line=9)
+    seq=4,
+    t=2.5,
+    wall=NOON + 2.5,
+    instance="i",
+    kind="fault",
+    fault=Fault(code="MC407", message="err", axis=2, line=9),
 )
-ENDED = Event(seq=5, t=3.0, instance="i", kind="program.ended", program="p", state="faulted")
+ENDED = Event(seq=5, t=3.0, wall=NOON + 3.0, instance="i", kind="program.ended", program="p", state="faulted")
 LINES = Event(
     seq=6,
     t=3.5,
+    wall=NOON + 3.5,
     instance="i",
     kind="lines.ended",
     program="p",
@@ -52,7 +59,7 @@ def folder_of(path: Path, clock: Callable[[], float] | None = None) -> HistoryFo
 def filled(path: Path) -> None:
     kept = folder_of(path)
     for event in (FAULT, ENDED, LINES):
-        kept.append(event_rows("cell-1", event, NOON))
+        kept.append(event_rows("cell-1", event))
     kept.append([state_row("cell-1", status(0.1 * number)) for number in range(20)])
     kept.close()
 
@@ -70,7 +77,7 @@ def test_files_lie_by_machine_and_day_and_any_engine_reads_them(tmp_path: Path) 
 def test_a_day_s_end_begins_another_folder(tmp_path: Path) -> None:
     kept = folder_of(tmp_path)
     for day in (0.0, DAY_S):
-        kept.append(event_rows("m", FAULT, NOON + day))
+        kept.append(event_rows("m", dataclasses.replace(FAULT, wall=FAULT.wall + day)))
     kept.close()
     assert len(list(tmp_path.glob("events/machine=m/day=*"))) == 2
 
@@ -106,7 +113,7 @@ def test_what_is_read_twice_counts_once(tmp_path: Path) -> None:
 
 def test_what_a_kill_left_behind_is_written_at_the_next_start(tmp_path: Path) -> None:
     kept = folder_of(tmp_path)
-    kept.append(event_rows("m", FAULT, NOON))
+    kept.append(event_rows("m", FAULT))
     (spool,) = (tmp_path / SPOOL).glob("*.ndjson")
     # a kill takes the lock and the open files with it
     kept._spools["events"].close()
@@ -128,10 +135,10 @@ def test_two_cannot_write_into_one_folder(tmp_path: Path) -> None:
 def test_rows_become_parquet_after_a_while_by_themselves(tmp_path: Path) -> None:
     clock = Clock()
     kept = folder_of(tmp_path, clock)
-    kept.append(event_rows("m", FAULT, NOON))
+    kept.append(event_rows("m", FAULT))
     assert list(tmp_path.rglob("*.parquet")) == []
     clock.now += 301.0
-    kept.append(event_rows("m", ENDED, NOON))
+    kept.append(event_rows("m", ENDED))
     assert len(list(tmp_path.rglob("*.parquet"))) == 1
     kept.close()
 

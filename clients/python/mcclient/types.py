@@ -535,7 +535,10 @@ class ProbeStatus:
 class Event:
     """Payload of ``event``; ``seq`` has no gap within one ``instance``.
 
+    Times ``t`` of two instances cannot be compared.
+
     Attributes:
+        t: executor time [s].
         kind: says which of the others are set (docs/wire/events.md).
         line: the last line started for ``lines.started``; the line of a fault.
         lines: for ``lines.ended``.
@@ -543,6 +546,7 @@ class Event:
             code.
         axis: of a drive's event, or of homing.
         probe: for ``probe``.
+        wall: Unix time of ``t``, by the clock as it went then [s].
     """
 
     seq: int
@@ -561,6 +565,7 @@ class Event:
     percent: float | None = None
     axis: int | None = None
     probe: ProbeStatus | None = None
+    wall: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -680,7 +685,7 @@ class Info:
     Attributes:
         protocol: versions of this key space that the server speaks.
         instance: one start of the server; another one means that programs before it were interrupted.
-        epoch: Unix time of executor time 0 [s].
+        epoch: Unix time of executor time 0, by the clock as it goes now [s].
     """
 
     machine: str

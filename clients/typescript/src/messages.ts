@@ -274,9 +274,10 @@ export interface EstopRequest {
   client?: string | undefined;
 }
 
-/** Payload of `event`; `seq` has no gap within one `instance`. */
+/** Payload of `event`; `seq` has no gap within one `instance`. Times `t` of two instances cannot be compared. */
 export interface MotionEvent {
   seq: number;
+  /** executor time [s]. */
   t: number;
   instance: string;
   /** says which of the others are set (docs/wire/events.md). */
@@ -298,6 +299,8 @@ export interface MotionEvent {
   axis?: number | null;
   /** for `probe`. */
   probe?: ProbeStatus | null;
+  /** Unix time of `t`, by the clock as it went then [s]. */
+  wall?: number;
 }
 
 /** `oldest` is the first number that the server still has; `newest` the last one published. */
@@ -355,7 +358,7 @@ export interface Info {
   protocol: number[];
   /** one start of the server; another one means that programs before it were interrupted. */
   instance: string;
-  /** Unix time of executor time 0 [s]. */
+  /** Unix time of executor time 0, by the clock as it goes now [s]. */
   epoch: number;
   cycle_s: number;
   axes: AxisInfo[];

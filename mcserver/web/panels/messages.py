@@ -65,7 +65,11 @@ def black_box_of(link: MachineLink, status: MachineStatus) -> str:
         (
             event.message
             for event in link.events
-            if event.kind == "recording" and event.t >= since and event.message.startswith("blackbox-")
+            # times of an earlier start are by a clock of its own
+            if event.kind == "recording"
+            and event.instance == status.instance
+            and event.t >= since
+            and event.message.startswith("blackbox-")
         ),
         "",
     )
@@ -83,20 +87,21 @@ class EventPanel:
                 ui.html("", sanitize=False).classes("mc-events").props('tabindex=0 aria-label="Events"')
             )
 
-    def update(self, epoch: float) -> None:
+    def update(self) -> None:
         if self._link.event_count == self._count:
             return
         self._count = self._link.event_count
-        rows = [_row(event, epoch) for event in list(self._link.events)[-SHOWN:]]
+        rows = [event_row(event) for event in list(self._link.events)[-SHOWN:]]
         self._list.set_content("".join(reversed(rows)))
 
 
-def _row(event: Event, epoch: float) -> str:
+def event_row(event: Event) -> str:
+    """Return an event as HTML, at the time of the server's clock when it happened."""
     parts = [event.program, event.client, event.state, event.reason, event.message]
     if event.fault is not None:
         parts.append(f"{event.fault.code} {event.fault.message}")
     if event.percent is not None:
         parts.append(f"{event.percent:g} %")
-    when = time.strftime("%H:%M:%S", time.localtime(epoch + event.t))
+    when = time.strftime("%H:%M:%S", time.localtime(event.wall))
     rest = html.escape(" · ".join(part for part in parts if part))
     return f"<div>{when} <b>{html.escape(event.kind)}</b> {rest}</div>"

@@ -24,14 +24,14 @@ class PeoplePanel:
             ui.html("<h2>Who is here</h2>", sanitize=False)
             self._content = ui.html("", sanitize=False).classes("w-full mc-people")
 
-    def update(self, epoch: float) -> None:
-        content = self._link.once("people", lambda status: people_html(self._link, status, epoch))
+    def update(self) -> None:
+        content = self._link.once("people", lambda status: people_html(self._link, status))
         if content != self._shown:
             self._shown = content
             self._content.set_content(content)
 
 
-def people_html(link: MachineLink, status: MachineStatus, epoch: float) -> str:
+def people_html(link: MachineLink, status: MachineStatus) -> str:
     """Return the lists as HTML."""
     holding: dict[str, list[str]] = {}
     for program in status.programs:
@@ -55,7 +55,7 @@ def people_html(link: MachineLink, status: MachineStatus, epoch: float) -> str:
     done = [(when, name, what) for when, name, what in link.acts]
     # those that this page has given are named by who sat there
     done += [
-        (epoch + event.t, event.client or "", _command(event))
+        (event.wall, event.client or "", _command(event))
         for event in link.events
         if event.kind == "command" and event.client != own
     ]

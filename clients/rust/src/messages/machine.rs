@@ -195,6 +195,9 @@ pub struct Event {
     /// Of a probing move that has ended.
     #[serde(default)]
     pub probe: Option<ProbeStatus>,
+    /// Unix time of `t`, by the server's clock as it went then [s].
+    #[serde(default)]
+    pub wall: f64,
 }
 
 /// One axis; limits in mm or deg and seconds, none where not limited.

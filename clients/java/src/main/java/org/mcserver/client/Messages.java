@@ -87,7 +87,7 @@ public final class Messages {
             long seq, double t, String instance, String kind, @Sparse("null") String program, @Sparse("null") String client,
             @Sparse("null") String state,
             @Sparse long line, @Sparse List<LineReport> lines, @Sparse Fault fault, @Sparse List<Diagnostic> diagnostics,
-            @Sparse String reason, @Sparse String message, @Sparse Double percent, @Sparse Long axis, @Sparse ProbeStatus probe) {}
+            @Sparse String reason, @Sparse String message, @Sparse Double percent, @Sparse Long axis, @Sparse ProbeStatus probe, @Sparse double wall) {}
 
     /** The last probing move that has ended (G38.2 to G38.5): where the axes were when the probe changed, else at the end, by number. */
     public record ProbeStatus(String program, long line, boolean tripped, Map<String, Double> positions, double t) {}
