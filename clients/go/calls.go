@@ -13,6 +13,7 @@ var repeatable = map[string]bool{
 	"status":         true,
 	"programs":       true,
 	"events":         true,
+	"continuation":   true,
 	"hold":           true,
 	"abort":          true,
 	"estop":          true,
@@ -36,6 +37,8 @@ var deadlines = map[string]time.Duration{
 	"programs":            5 * time.Second,
 	"events":              5 * time.Second,
 	"open":                5 * time.Second,
+	"continuation":        15 * time.Second,
+	"continue_program":    15 * time.Second,
 	"submit":              5 * time.Second,
 	"close":               5 * time.Second,
 	"hold":                5 * time.Second,
@@ -100,6 +103,18 @@ func (m *Machine) PastEvents(ctx context.Context, request EventsRequest) (*Event
 // OpenProgram: Open a program, queued for its axes.
 func (m *Machine) OpenProgram(ctx context.Context, request OpenRequest) (*OpenReply, error) {
 	return callFor[OpenReply](ctx, m, "open", paramsOf(request))
+}
+
+// Continuation: Tell how a program would go on in its middle: what is certain, where the axes are and where it has
+// them, and the way between.
+func (m *Machine) Continuation(ctx context.Context, request ContinuationRequest) (*Continuation, error) {
+	return callFor[Continuation](ctx, m, "continuation", paramsOf(request))
+}
+
+// OpenContinuation: Go on with a program that has ended: energize what it had, bring the axes to where the line
+// starts, and run it to its end from the lines that the journal has.
+func (m *Machine) OpenContinuation(ctx context.Context, request ContinueRequest) (*ContinueReply, error) {
+	return callFor[ContinueReply](ctx, m, "continue_program", paramsOf(request))
 }
 
 // SubmitLines: Send lines, and get the verdict on their words.

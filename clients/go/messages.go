@@ -119,6 +119,15 @@ const (
 	OnDisconnectStop   OnDisconnect = "stop"
 )
 
+// Outputs is a word of the wire. A later server may know further ones.
+type Outputs string
+
+// The words that this version knows.
+const (
+	OutputsSet   Outputs = "set"
+	OutputsLeave Outputs = "leave"
+)
+
 // ProgramState is a word of the wire. A later server may know further ones.
 type ProgramState string
 
@@ -262,6 +271,20 @@ type AxisInfo struct {
 	Homing          *string  `msgpack:"homing"`
 }
 
+// AxisStart: An axis of the program at the line.
+type AxisStart struct {
+	Axis int64  `msgpack:"axis" mc:"required"`
+	Unit string `msgpack:"unit" mc:"required"`
+	// Now: where it is [mm, deg].
+	Now float64 `msgpack:"now" mc:"required"`
+	// There: where the program has it before the line; nil: not known.
+	There *float64 `msgpack:"there" mc:"required"`
+	// Energized: the program had it energized there.
+	Energized bool `msgpack:"energized" mc:"required"`
+	// Away: farther from there than the axis's in-position tolerance, or there is not known.
+	Away bool `msgpack:"away" mc:"required"`
+}
+
 // AxisTravel: Where an axis ends, and its least and greatest setpoint [mm or deg].
 type AxisTravel struct {
 	Position float64 `msgpack:"position" mc:"required"`
@@ -306,6 +329,86 @@ type CloseReply struct {
 type CloseRequest struct {
 	Program string `msgpack:"program" mc:"required"`
 	Last    *int64 `msgpack:"last"`
+}
+
+// Continuation: How a program would go on.
+type Continuation struct {
+	// Program: its id, empty for a text.
+	Program string `msgpack:"program" mc:"required"`
+	// Name: as it ended; lines through `done` are certain.
+	Name string `msgpack:"name" mc:"required"`
+	// State: as it ended; lines through `done` are certain.
+	State *ProgramState `msgpack:"state" mc:"required"`
+	// Done: as it ended; lines through `done` are certain.
+	Done int64 `msgpack:"done" mc:"required"`
+	// Accepted: as it ended; lines through `done` are certain.
+	Accepted int64 `msgpack:"accepted" mc:"required"`
+	// Whole: its text is known to its end, so that nothing has to be sent.
+	Whole bool `msgpack:"whole" mc:"required"`
+	// Sha256: of its whole text.
+	Sha256 *string `msgpack:"sha256" mc:"required"`
+	// Line: the first that would run.
+	Line int64 `msgpack:"line" mc:"required"`
+	// First: of the text about that line.
+	First int64 `msgpack:"first" mc:"required"`
+	// Lines: of the text about that line.
+	Lines []string `msgpack:"lines" mc:"required"`
+	// Modal: codes in force there.
+	Modal []string `msgpack:"modal" mc:"required"`
+	// Energize: axes that are energized first.
+	Energize []int64 `msgpack:"energize" mc:"required"`
+	// Axes: where each is, and where the program has it there.
+	Axes []AxisStart `msgpack:"axes" mc:"required"`
+	// Way: the moves that bring them there, in order.
+	Way []WayStep `msgpack:"way" mc:"required"`
+	// Switched: what the program had switched otherwise than it is now.
+	Switched []Switched `msgpack:"switched" mc:"required"`
+	// Needs: what stands in the way; one that has `confirm` passes with that field of the request.
+	Needs []Need `msgpack:"needs" mc:"required"`
+}
+
+// ContinuationRequest: What a start in the middle of a program would do; nothing moves.
+type ContinuationRequest struct {
+	// Program: one that has ended; where others have gone on with it, the last of these is meant.
+	Program string `msgpack:"program"`
+	// Line: the first that would run; nil: the one behind the last that is done.
+	Line *int64 `msgpack:"line"`
+	// Before: lines 1 … line - 1 of a text, instead of `program`.
+	Before []string `msgpack:"before"`
+	// Axes: of it; nil: all of the machine.
+	Axes []int64 `msgpack:"axes"`
+}
+
+// ContinueReply: The program that goes on, as `OpenReply`.
+type ContinueReply struct {
+	Program  string       `msgpack:"program" mc:"required"`
+	State    ProgramState `msgpack:"state" mc:"required"`
+	Axes     []int64      `msgpack:"axes" mc:"required"`
+	Expected int64        `msgpack:"expected" mc:"required"`
+	Credit   int64        `msgpack:"credit" mc:"required"`
+	Instance string       `msgpack:"instance" mc:"required"`
+	// Line: the first that runs.
+	Line int64 `msgpack:"line" mc:"required"`
+	// ResumeOf: the program that it goes on with.
+	ResumeOf string `msgpack:"resume_of" mc:"required"`
+	// Whole: all of its lines are there; else the client sends those from `expected` on.
+	Whole bool `msgpack:"whole" mc:"required"`
+}
+
+// ContinueRequest: Goes on with a program that has ended.
+type ContinueRequest struct {
+	// Program: as in `ContinuationRequest`.
+	Program string `msgpack:"program" mc:"required"`
+	// Line: as in `ContinuationRequest`.
+	Line *int64 `msgpack:"line"`
+	// Way: axes may go the way that `continuation` shows, where the machine file names no safe one.
+	Way bool `msgpack:"way"`
+	// Outputs: set what the program had switched, or leave it as it is; nil: nothing was said.
+	Outputs *Outputs `msgpack:"outputs"`
+	// OnDisconnect: what happens when the client's liveliness token goes.
+	OnDisconnect *OnDisconnect `msgpack:"on_disconnect"`
+	// Hold: begin held.
+	Hold bool `msgpack:"hold"`
 }
 
 // DiskStatus: How slow the disk under the journal is.
@@ -648,6 +751,15 @@ type MonitoredValue struct {
 	Subindex int64  `msgpack:"subindex"`
 }
 
+// Need: What stands in the way of going on.
+type Need struct {
+	Code    string `msgpack:"code" mc:"required"`
+	Message string `msgpack:"message" mc:"required"`
+	Hint    string `msgpack:"hint" mc:"required"`
+	// Confirm: the field of the request that lets it pass, `way` or `outputs`; empty: none does.
+	Confirm string `msgpack:"confirm"`
+}
+
 // OpenReply: The program's id; `expected` is the next line number, `credit` how many lines fit now.
 type OpenReply struct {
 	Program  string       `msgpack:"program" mc:"required"`
@@ -678,6 +790,10 @@ type OpenRequest struct {
 	Hold bool `msgpack:"hold"`
 	// Sha256: of the whole text; its times, of `simulate` or `put_text`, are those of the program.
 	Sha256 string `msgpack:"sha256"`
+	// Way: of a start in the middle, as in `ContinueRequest`.
+	Way bool `msgpack:"way"`
+	// Outputs: of a start in the middle, as in `ContinueRequest`.
+	Outputs *Outputs `msgpack:"outputs"`
 }
 
 // OutputInfo: One output.
@@ -1137,6 +1253,18 @@ type SubmitRequest struct {
 	Rejections *int64   `msgpack:"rejections"`
 }
 
+// Switched: An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+type Switched struct {
+	// Name: of the output, or such as `axis 3`.
+	Name string `msgpack:"name" mc:"required"`
+	// There: as the program had it.
+	There float64 `msgpack:"there" mc:"required"`
+	// Now: as it is.
+	Now float64 `msgpack:"now" mc:"required"`
+	// Unit: of both.
+	Unit string `msgpack:"unit"`
+}
+
 // TelemetryInfo: How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most.
 type TelemetryInfo struct {
 	Axes           []int64  `msgpack:"axes" mc:"required"`
@@ -1179,6 +1307,16 @@ type ToolPose struct {
 	Number      int64     `msgpack:"number" mc:"required"`
 	Position    []float64 `msgpack:"position" mc:"required"`
 	Orientation []float64 `msgpack:"orientation" mc:"required"`
+}
+
+// WayStep: One move of the way, or what is switched on it.
+type WayStep struct {
+	// Text: for people.
+	Text string `msgpack:"text" mc:"required"`
+	// Targets: ends, by axis number as text [mm, deg]; empty: nothing moves.
+	Targets map[string]float64 `msgpack:"targets"`
+	// Rapid: each axis at its own limits; else slowly.
+	Rapid bool `msgpack:"rapid"`
 }
 
 // Diagnostic: One fault of a program, placed in its text; `line` is the client's line number.

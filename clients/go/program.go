@@ -24,6 +24,10 @@ type OpenOptions struct {
 	StartLine int64
 	Before    []string
 	ResumeOf  string
+	// Way, of a start in the middle: axes may go the way that continuation shows, where the machine file names no safe one. Outputs: "set" what
+	// the program had switched, or "leave" it.
+	Way     bool
+	Outputs string
 	// Hold begins held; Resume starts it.
 	Hold bool
 }
@@ -135,6 +139,12 @@ func (o *OpenOptions) params() map[string]any {
 	}
 	if o.ResumeOf != "" {
 		params["resume_of"] = o.ResumeOf
+	}
+	if o.Way {
+		params["way"] = true
+	}
+	if o.Outputs != "" {
+		params["outputs"] = o.Outputs
 	}
 	return params
 }

@@ -30,6 +30,7 @@ from mcserver.machine.homing_section import (
 )
 from mcserver.machine.io_process_data import check_nodes
 from mcserver.machine.io_section import Input, Output, read_inputs, read_outputs
+from mcserver.machine.recovery_section import Recovery, read_recovery
 from mcserver.machine.section_reader import Mistakes, read_keys
 from mcserver.machine.sections import (
     MAX_AXES,
@@ -96,7 +97,7 @@ class Machine(msgspec.Struct, frozen=True):
         dialect: what its programs may say.
         inputs, outputs: digital ones first, each kind by number.
         probe: what trips G38.2 … G38.5; None: it cannot probe.
-        recorder: how its cycles are recorded.
+        recorder: how its cycles are recorded. recovery: the way to a line in a program's middle.
         gravity: in the URDF's base frame [m/s²].
         setpoint_timeout: longest time that drives bridge without a setpoint [s]; see `stall_limit_s`.
     """
@@ -120,6 +121,7 @@ class Machine(msgspec.Struct, frozen=True):
     gravity: tuple[float, float, float] = EARTH
     joint_tolerance: float = 0.0
     joint_tolerance_angle: float = 0.0
+    recovery: Recovery | None = None
     setpoint_timeout: float = 0.05
 
     @property
@@ -304,6 +306,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         probe=probe,
         recorder=file.get("recorder") or RecorderSection(),
         gravity=EARTH if kinematics is None else kinematics.gravity,
+        recovery=read_recovery(file.get("recovery"), axes, mistakes) if sound else None,
         setpoint_timeout=section.setpoint_timeout_s,
     )
 

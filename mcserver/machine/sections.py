@@ -14,6 +14,7 @@ from msgspec import Meta
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
 from mcserver.machine.homing_section import HomingSection, ProbeSection
 from mcserver.machine.io_section import InputSection, OutputSection
+from mcserver.machine.recovery_section import RecoverySection
 
 MAX_AXES = 64
 
@@ -314,3 +315,4 @@ class MachineFile(msgspec.Struct, frozen=True):
     output: list[OutputSection] = []
     probe: ProbeSection | None = None
     recorder: RecorderSection = RecorderSection()
+    recovery: RecoverySection | None = None

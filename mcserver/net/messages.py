@@ -18,6 +18,7 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.errors import Edit as Edit
+from mcserver.service.approach import Outputs
 from mcserver.service.reports import (
     Ack as Ack,
 )
@@ -124,6 +125,7 @@ class OpenRequest(Request, frozen=True, kw_only=True):
         step: single line mode: a line starts only when ``step`` asks for it.
         hold: begin held; ``resume`` starts it.
         sha256: of the whole text; its times, of ``simulate`` or ``put_text``, are those of the program.
+        way, outputs: of a start in the middle, as in `ContinueRequest`.
     """
 
     name: Annotated[str, Meta(max_length=200)] = ""
@@ -135,6 +137,8 @@ class OpenRequest(Request, frozen=True, kw_only=True):
     step: bool = False
     hold: bool = False
     sha256: Sha256 | None = None
+    way: bool = False
+    outputs: Outputs | None = None
 
 
 class OpenReply(msgspec.Struct, frozen=True):

@@ -15,6 +15,7 @@ from mcserver.net import info_messages as machine
 from mcserver.net import messages as wire
 from mcserver.net import model_messages as model
 from mcserver.net import recording_messages as recording
+from mcserver.net import recovery_messages as recovery
 from mcserver.net import text_messages as text
 from mcserver.net.roles import ASKERS, CONFIGURERS, EVERYBODY, MOVERS, Role, Roles
 
@@ -80,6 +81,26 @@ METHODS: tuple[Method, ...] = (
         "Open a program, queued for its axes.",
         changes=True,
         held=True,
+    ),
+    Method(
+        "continuation",
+        recovery.ContinuationRequest,
+        recovery.Continuation,
+        EVERYBODY,
+        "Tell how a program would go on in its middle: what is certain, where the axes are and where it has "
+        "them, and the way between.",
+        deadline_s=SLOW_S,
+    ),
+    Method(
+        "continue_program",
+        recovery.ContinueRequest,
+        recovery.ContinueReply,
+        MOVERS,
+        "Go on with a program that has ended: energize what it had, bring the axes to where the line starts, "
+        "and run it to its end from the lines that the journal has.",
+        changes=True,
+        held=True,
+        deadline_s=SLOW_S,
     ),
     Method(
         "submit",

@@ -16,11 +16,13 @@ from mcserver.net.method_binding import bound_methods
 from mcserver.net.method_table import METHODS
 from mcserver.net.model_methods import ModelMethods
 from mcserver.net.recording_methods import RecordingMethods
+from mcserver.net.recovery_methods import RecoveryMethods
 from mcserver.net.rpc import Method
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
 from mcserver.net.text_forecast import TextForecast
 from mcserver.net.text_methods import TextMethods
 from mcserver.recorder.views import NoRecorder, RecordingAccess
+from mcserver.service.approach import Confirmed
 from mcserver.service.axes_of_requests import positions_in_si
 from mcserver.service.deferred import Deferred
 from mcserver.service.homing import HomingService
@@ -61,6 +63,7 @@ def machine_methods(
                 lambda client, method, detail: _record(service, client, method, None, detail),
             ),
             ModelMethods(service.machine),
+            RecoveryMethods(service, forecast.begin, lambda *what: _record(service, *what)),
         )
     )
 
@@ -90,6 +93,7 @@ class ProgramMethods:
             step=request.step,
             hold=request.hold,
             sha256=request.sha256,
+            confirmed=Confirmed(request.way, request.outputs),
         )
         self._forecast.begin(request.sha256)
         return wire.OpenReply(

@@ -19,6 +19,7 @@ from mcserver.net import (
     messages,
     model_messages,
     recording_messages,
+    recovery_messages,
     text_messages,
 )
 from mcserver.net.keys import VERSION_CHUNK
@@ -32,6 +33,7 @@ MODULES = (
     drive_messages,
     arming_messages,
     recording_messages,
+    recovery_messages,
     model_messages,
     text_messages,
 )

@@ -23,7 +23,6 @@ import msgspec
 
 from mcserver.errors import RuntimeFault
 from mcserver.executor.client import ExecutorProcess
-from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.compiling import PATIENCE_S
 from mcserver.planning.message_pipe import MessagePipe, WatchedPipe
@@ -34,7 +33,7 @@ from mcserver.planning.planner_messages import (
     PlannerFailed,
     PlannerStart,
 )
-from mcserver.planning.start_state import StartState
+from mcserver.planning.start_state import StartState, StateBefore
 from mcserver.processes import start_child
 
 log = logging.getLogger(__name__)
@@ -264,27 +263,21 @@ class ProcessPlanning:
         """Make the planner's client, in the loop; `wait` comes before."""
         return PlannerProcess(self._child, self._launch, on_events)
 
-    def modal_before(self, lines: Sequence[str], start: StartState) -> ModalState:
-        """Read lines without moving anything, for the modal state behind them; from any thread.
+    def state_before(self, lines: Sequence[str], origin: StartState, axes: frozenset[int]) -> StateBefore:
+        """Read lines without moving anything, for the state behind them; from any thread.
 
         Args:
-            start: what the program starts from.
+            origin: the machine as the program begins. axes: that it may name.
 
         Raises:
             ProgramRejected: one of them has a fault.
         """
         # the interpreter and its solver are loaded where they are asked for: a start need not wait for them
-        from mcserver.gcode.semantics.interpreter import modal_before
         from mcserver.machine.machine_kinematics import build_kinematics
+        from mcserver.planning.state_before import state_before
 
-        return modal_before(
-            lines,
-            len(lines) + 1,
-            self._machine,
-            kinematics=build_kinematics(self._machine),
-            positions=start.positions,
-            frame=start.frame,
-        ).modal
+        kinematics = build_kinematics(self._machine)
+        return state_before(lines, len(lines) + 1, self._machine, origin, kinematics=kinematics, lease=axes)
 
     def close(self) -> None:
         """End the process that was started first, where no planner has taken it over and ended it."""

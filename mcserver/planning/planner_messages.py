@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.gcode.profiles.frame import Frame
-from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
-from mcserver.planning.start_state import StartState
+from mcserver.planning.start_state import StartState, StateBefore
 
 
 class PlannerStart(msgspec.Struct, frozen=True):
@@ -267,8 +266,8 @@ class PlannerClient(Protocol):
 class Planning(Protocol):
     """What plans a machine's programs: `mcserver.planning.client.ProcessPlanning`."""
 
-    def modal_before(self, lines: Sequence[str], start: StartState) -> ModalState:
-        """Modal state after lines that are only read, from a program's start on; from any thread.
+    def state_before(self, lines: Sequence[str], origin: StartState, axes: frozenset[int]) -> StateBefore:
+        """State after lines of a program over ``axes`` that are only read; from any thread.
 
         Raises ProgramRejected."""
 

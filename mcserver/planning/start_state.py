@@ -57,6 +57,29 @@ class StartState(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, positions={**self.positions, **positions})
 
 
+class StateBefore(msgspec.Struct, frozen=True):
+    """The state before a line of a program.
+
+    Attributes:
+        modal: the modal state. positions: commanded ends [m or rad], by axis number.
+        unknown: axes whose place only the encoder gave as the program ran: after a probe, a speed or a torque
+            command, or without energy.
+        energized: axes that hold a position or follow a command. speeds: of axes under G1030 or the spindle,
+            0 where it was stopped [m/s or rad/s]. torques: of axes under G1040 [N·m].
+        outputs: values by column.
+        ended: an M02 or M30 stands before the line.
+    """
+
+    modal: ModalState
+    positions: Mapping[int, float]
+    unknown: frozenset[int]
+    energized: frozenset[int]
+    speeds: Mapping[int, float]
+    torques: Mapping[int, float]
+    outputs: Mapping[int, float]
+    ended: bool
+
+
 def changes_between(
     machine: Machine,
     before: StartState,

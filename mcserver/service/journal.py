@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from mcserver.planning.start_state import StartState
 from mcserver.service.commit_record import open_commit_record
 from mcserver.service.disk_sync import DiskSync
 from mcserver.service.journal_file import (
@@ -119,8 +120,14 @@ class Journal:
         resume_of: str | None,
         at: float,
         before: Sequence[str] = (),
+        sha256: str | None = None,
     ) -> None:
-        """Records a program; ``before`` are its lines 1 … start_line - 1, for a later resumption."""
+        """Records a program.
+
+        Args:
+            before: its lines from 1 on that are known already, through start_line - 1 at least, for a later
+                resumption. sha256: of its whole text.
+        """
         self._record.program_opened(program)
         self._append(
             "programs",
@@ -136,9 +143,18 @@ class Journal:
             started=0,
             done=start_line - 1,
             opened_at=at,
+            sha256=sha256,
         )
         if before:
             self.lines(program, 1, before)
+
+    def program_begun(self, program: str, origin: StartState) -> None:
+        """Records the machine as a program begins to run."""
+        self._put("UPDATE programs SET origin=? WHERE program=?", (msgspec.msgpack.encode(origin), program))
+
+    def program_closed(self, program: str) -> None:
+        """Records that a program's text is whole: its client gives no more lines."""
+        self._put("UPDATE programs SET whole=1 WHERE program=?", (program,))
 
     def lines(
         self,
@@ -154,6 +170,7 @@ class Journal:
 
     def rejected(self, program: str, line: int) -> None:
         """Lines from ``line`` on do not count."""
+        self._put("UPDATE programs SET whole=0 WHERE program=?", (program,))
         self._put("DELETE FROM chunks WHERE program=? AND first>=?", (program, line))
         shorten = "UPDATE chunks SET last=? WHERE program=? AND last>=?"
         self._put(shorten, (line - 1, program, line))

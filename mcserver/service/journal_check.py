@@ -38,7 +38,7 @@ _OLD_CHECKED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 _OLD_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {**NAMES, "programs": NAMES["programs"][:-4], "sums": ()}
+    {**NAMES, "programs": NAMES["programs"][:-7], "sums": ()}
 )
 
 

@@ -41,6 +41,11 @@ COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "fault BLOB",
             "opened_at REAL NOT NULL",
             "ended_at REAL",
+            # the machine as it began (`mcserver.gcode.program_state.ProgramOrigin`), whether all of its text
+            # is known, and the hash of that
+            "origin BLOB",
+            "whole INTEGER NOT NULL DEFAULT 0",
+            "sha256 TEXT",
             "chunk_rows INTEGER NOT NULL DEFAULT 0",
             "chunk_sum INTEGER NOT NULL DEFAULT 0",
             "report_rows INTEGER NOT NULL DEFAULT 0",

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import Refused, ServiceError
+from mcserver.planning.start_state import StartState
 from mcserver.service.reports import Fault, LineReport, ProgramStatus
 
 _COLUMNS = (
@@ -110,6 +111,52 @@ def read_programs(path: Path, *, limit: int, program: str | None = None) -> list
 
 def _share(done: int, lines: int) -> float:
     return min(1.0, max(0.0, done / lines)) if lines > 0 else 0.0
+
+
+class RecordedProgram(msgspec.Struct, frozen=True):
+    """A program as it can be gone on with.
+
+    Attributes:
+        whole: its client had given all of its lines. sha256: of the whole text, where that was said.
+        origin: the machine as it began; None: it never did.
+    """
+
+    status: ProgramStatus
+    whole: bool
+    sha256: str | None
+    origin: StartState | None
+
+
+def read_recorded(path: Path, program: str, *, last: bool = True) -> RecordedProgram:
+    """Read a program, or, with ``last``, the one that has gone on with it last.
+
+    Raises:
+        ServiceError: MC503 there is no such program.
+    """
+    check_known(path, program)
+    seen = {program}
+    with _reading(path) as connection:
+        while last:
+            # one whose lines never came to the journal has not begun either
+            row = connection.execute(
+                "SELECT program FROM programs WHERE resume_of=? AND EXISTS(SELECT 1 FROM chunks WHERE"
+                " chunks.program=programs.program AND last>=start_line) ORDER BY id DESC LIMIT 1",
+                (program,),
+            ).fetchone()
+            if row is None or row[0] in seen:
+                break
+            program = row[0]
+            seen.add(program)
+        whole, sha256, origin = connection.execute(
+            "SELECT whole, sha256, origin FROM programs WHERE program=?", (program,)
+        ).fetchone()
+    (status,) = read_programs(path, limit=1, program=program)
+    return RecordedProgram(
+        status,
+        bool(whole),
+        sha256,
+        None if origin is None else msgspec.msgpack.decode(origin, type=StartState),
+    )
 
 
 def check_known(path: Path, program: str) -> None:

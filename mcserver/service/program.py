@@ -75,6 +75,8 @@ class Program:
         self.unhomed = False
         # moved by hand: a jog, homing; in machine coordinates, at its own speed whatever the override
         self.by_hand = False
+        # lines in machine coordinates that bring the axes to where its first line starts
+        self.approach: Sequence[str] = ()
         # executor time of the newest cycle before it began [s]
         self.begun = 0.0
         # counts rejections: what the planner says about lines of an earlier epoch no longer matters, and what

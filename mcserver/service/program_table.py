@@ -45,6 +45,7 @@ from mcserver.service.heartbeat import Heartbeat
 from mcserver.service.journal import Journal
 from mcserver.service.journal_repair import JournalLock, prepare_journal
 from mcserver.service.leases import Grant, LeaseTable
+from mcserver.service.line_queue import Taken
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program, Verdict
 from mcserver.service.progress_reports import ProgressReports
@@ -59,6 +60,8 @@ from mcserver.service.work_offsets import WorkOffsets
 log = logging.getLogger(__name__)
 
 ENDED_PROGRAMS = 100
+# Lines that the journal had already, in one message to the planner.
+KNOWN_LINES = 10_000
 # Between two looks whether the programs of a planner that has ended are at rest.
 AT_REST_S = 0.02
 
@@ -137,8 +140,12 @@ class ProgramTable:
 
     # ------------------------------------------------------------ life of a program
 
-    def add(self, program: Program, before: Sequence[str]) -> None:
-        """Journals a new program and queues it for its axes."""
+    def add(self, program: Program, before: Sequence[str], known: Sequence[str] = ()) -> None:
+        """Journals a new program and queues it for its axes.
+
+        Args:
+            before: its lines before the first one that runs. known: lines from that one on.
+        """
         self.programs[program.program] = program
         self._forget_ended()
         self.journal.program_opened(
@@ -151,9 +158,15 @@ class ProgramTable:
             on_disconnect=program.on_disconnect,
             resume_of=program.resume_of,
             at=program.opened_at,
-            before=before,
+            before=[*before, *known],
+            sha256=program.sha256,
         )
         self.publish("program.opened", program)
+        for at in range(0, len(known), KNOWN_LINES):
+            taken = program.queue.take(program.start_line + at, known[at : at + KNOWN_LINES])
+            assert isinstance(taken, Taken)
+            command = Lines(program.program, program.epoch, taken.first, taken.lines)
+            self.journal.after(partial(self._lines_committed, program, command))
         self._start(self.leases.request(program.program, program.axes))
 
     def lines(self, program: Program, first: int, lines: Sequence[str]) -> None:
@@ -165,11 +178,17 @@ class ProgramTable:
         committed = partial(self._lines_committed, program, command)
         self.journal.lines(program.program, first, lines, committed)
 
-    def close(self, program: Program) -> None:
-        """No more lines; what is there runs to its end."""
+    def close(self, program: Program, *, whole: bool = True) -> None:
+        """No more lines; what is there runs to its end.
+
+        Args:
+            whole: its client has given all of its text.
+        """
         if program.closed:
             return
         program.closed = True
+        if whole:
+            self.journal.program_closed(program.program)
         # through the journal, so that it comes to the planner behind the lines accepted
         self.journal.after(partial(self._close_planned, program))
         self.publish("program.closed", program)
@@ -227,7 +246,9 @@ class ProgramTable:
                     self.start_state(program.modal),
                     program.unhomed,
                     machine_coordinates=program.by_hand,
+                    approach=tuple(program.approach),
                 )
+                self.journal.program_begun(program.program, self.start_state())
                 self.planner.send(Begin(request, grant.slot, program.step, program.begun))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
@@ -398,7 +419,12 @@ class ProgramTable:
         if program is None or event.time < program.begun:
             # of the program that was in the slot before, whose end was seen without this
             return
+        if event.line == 0 and event.kind in (EventKind.LINE_START, EventKind.LINE_END, EventKind.AXIS_DONE):
+            # on the way to the first line
+            return
         if event.kind is EventKind.LINE_START:
+            if program.approach and not program.progress.started:
+                program.notice = ""
             program.progress.line_started(event.line, event.time)
             self._say(program, event.line)
             self._progress.moved(program)

@@ -14,23 +14,26 @@ from collections.abc import Callable, Mapping, Sequence
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
+from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.planner_messages import Planning, StepLine
 from mcserver.planning.start_state import StartState
+from mcserver.service.approach import NOTHING_CONFIRMED, Approach, Confirmed, refuse_needs
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.channels import Channels
 from mcserver.service.event_log import EventLog
 from mcserver.service.forecasts import Forecasts
-from mcserver.service.journal_reader import check_known, read_lines_before, read_programs
+from mcserver.service.journal_reader import read_programs
 from mcserver.service.kept_texts import KeptTexts
 from mcserver.service.line_intake import LineIntake
-from mcserver.service.line_queue import LineQueue
+from mcserver.service.line_queue import QUEUE_LINES, LineQueue
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, open_programs, owned_program
 from mcserver.service.program_table import ProgramTable
 from mcserver.service.progress_reports import TICK_S
+from mcserver.service.recovering import Recovering
 from mcserver.service.reports import (
     Ack,
     DiskStatus,
@@ -107,6 +110,7 @@ class MachineService:
         self.forecasts = Forecasts(port, machine.cycle_s)
         self.texts = KeptTexts(options.journal.with_suffix(".texts"))
         self.when_gone: list[Callable[[str], None]] = []
+        self.recovery = Recovering(machine, planning, self._table, self._journal_written)
         self._counter = 0
         self._stopping = False
 
@@ -207,6 +211,8 @@ class MachineService:
         by_hand: bool = False,
         override_limit: float = math.inf,
         envelope: Envelope | None = None,
+        confirmed: Confirmed = NOTHING_CONFIRMED,
+        known: Sequence[str] = (),
     ) -> Program:
         """Opens a program and queues it for its axes.
 
@@ -215,35 +221,31 @@ class MachineService:
             sha256: of its whole text, so that a simulation of the text tells how long it takes.
             by_hand: a jog or a search: in machine coordinates, and no override applies.
             override_limit: the greatest override. envelope: what an approved run has to stay within.
+            confirmed: what a person has agreed to of the way to ``start_line``.
+            known: lines from ``start_line`` on that are taken as if the client had sent them.
 
         Raises:
             ServiceError: MC503 no program ``resume_of``, MC507 no such axis, MC508 too many programs, MC509 a
-                latched fault, MC511, MC514 the journal lacks the lines before, MC515 stopping, MC519.
+                latched fault, MC511, MC514 the journal lacks the lines before, MC515 stopping, MC519; of a
+                start in the middle also MC450, MC512, MC592, MC593, MC594.
         """
         self._ready()
         if self._table.journal_failure:
             raise self.lines.unjournaled()
         wanted = axes_of(self.machine, axes)
         self._check_limits(client)
-        if resume_of is not None:
-            await self._journal_written()
-            earlier = self._table.programs.get(resume_of)
-            if earlier is None:
-                await asyncio.to_thread(check_known, self.options.journal, resume_of)
-            elif not earlier.ended:
-                raise Refused("MC517", f"{resume_of} has not ended", "abort it first", state=earlier.state)
-            if start_line > 1 and not before:
-                before = await asyncio.to_thread(
-                    read_lines_before, self.options.journal, resume_of, start_line
-                )
-        if before and len(before) != start_line - 1:
-            raise Refused(
-                "MC511",
-                f"{len(before)} lines before line {start_line}: lines 1 … {start_line - 1} are meant",
-                "give all of them, or none",
-            )
-        start = self.start_state()
-        modal = await asyncio.to_thread(self._planning.modal_before, before, start) if before else None
+        approach: Approach | None = None
+        modal: ModalState | None = None
+        if resume_of is not None or before:
+            start = await self.recovery.start_of(wanted, start_line, before=before, program=resume_of)
+            before = start.before
+            if start_line > 1 and before:
+                approach = self.recovery.plan(start, wanted)
+                refuse_needs(approach, way=confirmed.way, outputs=confirmed.outputs)
+                modal = self.recovery.modal_from(start)
+                for axis in wanted:
+                    # the way is from where the axes are now
+                    self.refuse_leased(axis)
         self._check_limits(client)
         self._ready()
         self._counter += 1
@@ -257,7 +259,7 @@ class MachineService:
             step=step,
             resume_of=resume_of,
             opened_at=self.options.clock(),
-            queue=LineQueue(start_line),
+            queue=LineQueue(start_line, limit_lines=max(QUEUE_LINES, len(known))),
             sha256=sha256,
         )
         self.forecasts.begin(program)
@@ -269,7 +271,54 @@ class MachineService:
         program.by_hand = by_hand
         program.envelope, program.override_limit = envelope, override_limit
         program.override = 1.0 if by_hand else min(self.override, override_limit)
-        self._table.add(program, before)
+        if approach is not None:
+            program.approach = approach.lines_with_outputs if confirmed.outputs == "set" else approach.lines
+            program.notice = f"on the way to line {start_line}" if approach.way else ""
+        self._table.add(program, before, known)
+        if approach is not None and program.state == "queued":
+            self.abort(program.program, "the axes are in use")
+            raise Refused("MC512", "the axes are in use", "wait until they are free")
+        return program
+
+    async def continue_program(
+        self,
+        client: str,
+        program_id: str,
+        line: int | None = None,
+        *,
+        confirmed: Confirmed = NOTHING_CONFIRMED,
+        on_disconnect: OnDisconnect = "stop",
+        hold: bool = False,
+    ) -> Program:
+        """Go on with a program that has ended, or with the last one that has gone on with it.
+
+        Its lines are those that the journal has; where they were not all, the client gives the rest.
+
+        Args:
+            line: the first that runs; None: the one behind the last that is done.
+
+        Raises:
+            ServiceError: as `open`; MC514 the journal lacks lines, MC517 it has not ended, or has finished.
+        """
+        found = await self.recovery.recorded(program_id)
+        status = found.status
+        start = status.done + 1 if line is None else line
+        if line is None and (status.state == "finished" or (found.whole and status.done >= status.accepted)):
+            raise Refused("MC517", f"{status.program} is done", "choose a line", state=status.state)
+        program = await self.open(
+            client,
+            name=status.name,
+            axes=status.axes,
+            on_disconnect=on_disconnect,
+            start_line=start,
+            resume_of=status.program,
+            hold=hold,
+            sha256=found.sha256,
+            confirmed=confirmed,
+            known=await self.recovery.lines(status.program, start, status.accepted),
+        )
+        if found.whole:
+            self._table.close(program)
         return program
 
     async def command(
@@ -374,7 +423,7 @@ class MachineService:
             self.events.publish("client.gone", client=client)
         for program in left:
             if program.on_disconnect == "finish":
-                self._table.close(program)
+                self._table.close(program, whole=False)
             else:
                 self._table.stop(program, "aborted", f"client {client} is gone")
         for tell in self.when_gone:

@@ -115,6 +115,11 @@ class FakeMethods:
             "methods": ["open"],
         }
 
+    def _do_continue_program(self, request: dict[str, Any]) -> dict[str, Any]:
+        line = request["line"]
+        opened = self._do_open({**request, "start_line": line, "resume_of": request["program"]})
+        return {**opened, "line": line, "resume_of": request["program"], "whole": False}
+
     def _do_open(self, request: dict[str, Any]) -> dict[str, Any]:
         start = request.get("start_line", 1)
         axes = request.get("axes")

@@ -256,11 +256,12 @@ async def test_a_line_with_a_line_end_is_refused_before_it_is_sent(server: FakeS
     assert [text for _, _, text in server.executed] == ["G01 X1"]
 
 
-async def test_a_program_is_resumed_from_a_line_with_the_numbers_of_the_file(server: FakeServer) -> None:
+async def test_a_program_goes_on_with_the_numbers_of_the_file(server: FakeServer) -> None:
     async with (
         Machine.connect(connect=server.endpoint) as machine,
-        machine.resume_program("p0", start_line=7) as program,
+        machine.continue_program("p0", line=7) as program,
     ):
+        assert (program.done_through, program.given_through) == (6, 6)
         assert (await program.send("G01 X7")).number == 7
     assert server.programs["p1"].resume_of == "p0"
 

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic
 from mcserver.gcode.program_check import check_program
-from mcserver.gcode.semantics.interpreter import Interpreter, modal_before
+from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.motion.canonical import Canonical, DwellGroup, EndLine, FeedGroup, MotionLine, RapidGroup
+from mcserver.planning.start_state import StartState
+from mcserver.planning.state_before import state_before
 from mcserver.simulation.simulation import simulate
 from tests.corpus.test_corpus import ends, machine_of
 
@@ -140,7 +142,7 @@ def test_the_program_ends_behind_the_cycle_of_its_last_line() -> None:
 
 def test_a_program_goes_on_within_a_cycle() -> None:
     lines = ["G0 Z10", "G99 G81 X5 Z-3 R2 F300", "X7", "X9"]
-    before = modal_before(lines, 4, machine_of("cnc"))
+    before = state_before(lines, 4, machine_of("cnc"), StartState.of(machine_of("cnc")))
     interpreter = Interpreter(machine_of("cnc"), modal=before.modal, positions=before.positions)
     assert len(interpreter.interpret_text(lines[3], 4)) == 3
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcclient import Machine, MotionError, Program, ProgramInterrupted
+from mcclient import Machine, MotionError, Program, ProgramInterrupted, RequestRefused
 
 from tests.e2e.conftest import connected
 from tests.e2e.observing import (
@@ -80,7 +80,7 @@ async def test_a_killed_server_shows_the_program_interrupted_and_moves_nothing(
     async with connected(own_server) as machine:
         program, error = await killed_in_the_slow_line(machine, own_server)
         assert (error.program, error.accepted, error.done) == (program.id, len(MODAL), SLOW - 1)
-        assert f"resume_program({program.id!r}, start_line={SLOW})" in error.hint
+        assert f"continue_program({program.id!r})" in error.hint
         assert f"line {SLOW} may have begun" in error.message
 
         found = await known(machine, program.id)
@@ -92,47 +92,57 @@ async def test_a_killed_server_shows_the_program_interrupted_and_moves_nothing(
         assert abs(recording.velocity).max() == 0.0
 
 
-async def test_a_client_resumes_with_the_modal_state_rebuilt_and_ends_where_the_program_ends(
+async def test_a_program_goes_on_by_one_call_with_its_modal_state_and_ends_where_it_ends(
     own_server: ServerProcess,
 ) -> None:
     async with connected(own_server) as machine:
-        program, error = await killed_in_the_slow_line(machine, own_server)
-        start = error.done + 1
-        # to where the interrupted line begins
-        await run(machine, ["G1010", f"G00 X{SLOW_MM}"])
+        program, _ = await killed_in_the_slow_line(machine, own_server)
+        shown = await machine.continuation(program.id)
+        assert (shown.line, shown.done, shown.whole, shown.energize) == (SLOW, SLOW - 1, False, (0,))
+        assert "G20" in shown.modal
+        assert "G91" in shown.modal
+        # the drives are simulated and began at 0 again
+        (x,) = shown.axes
+        assert (x.now, x.there) == (pytest.approx(0.0, abs=0.01), pytest.approx(SLOW_MM))
+        assert [need.confirm for need in shown.needs] == ["way"]
+        with pytest.raises(RequestRefused) as refused:
+            await machine.continue_program(program.id)
+        assert refused.value.code == "MC592"
+        assert (await machine.status()).axes.state == ("off",) * len(machine.info.axes)
         async with asyncio.timeout(LIMIT_S):
-            resumed = await machine.resume_program(program.id, start_line=start + 1, axes=[0])
-            await resumed.abort()
-            resumed = await machine.resume_program(program.id, start_line=start, axes=[0])
-            reports = await listening(machine, resumed)
-            assert await resumed.send_lines(MODAL[start - 1 :]) == len(MODAL)
-            await resumed.finish()
+            goes_on = await machine.continue_program(program.id, way=True)
+            assert (goes_on.given_through, goes_on.done_through) == (len(MODAL), SLOW - 1)
+            reports = await listening(machine, goes_on)
+            await goes_on.finish()
             timings = [each.timing async for each in reports if each.timing is not None]
         assert [each.line for each in timings] == [7, 8, 9]
         # an inch at 60 and at 300 inches a minute
         assert [each.requested_s for each in timings] == pytest.approx([1.0, 0.2, 0.2])
         assert (await machine.status()).axes.setpoint[0] == pytest.approx(END_MM, abs=0.01)
-        assert (await known(machine, resumed.id)).resume_of == program.id
+        assert (await known(machine, goes_on.id)).resume_of == program.id
+        with pytest.raises(RequestRefused) as done:
+            await machine.continue_program(program.id, way=True)
+        assert done.value.code == "MC517"
 
 
-async def test_f_of_an_earlier_line_is_in_force_after_a_resume(own_server: ServerProcess) -> None:
+async def test_f_of_an_earlier_line_is_in_force_where_a_program_goes_on(own_server: ServerProcess) -> None:
     async with connected(own_server) as machine:
+        # increments go on from where the program began, wherever the drives begin again
+        begun = (await machine.status()).axes.setpoint[0]
         program = await machine.program("part", [0])
         await program.send_lines(["G1010", "G20 G91", "G94 F300", "G01 X1", "G04 P30", "G01 X1"])
         await program.wait_done(4)
         own_server.end(signal.SIGKILL)
         own_server.start()
         await machine.refresh_info(deadline_s=LIMIT_S)
-        await run(machine, ["G1010"])
         async with asyncio.timeout(LIMIT_S):
-            resumed = await machine.resume_program(program.id, start_line=6, axes=[0])
-            reports = await listening(machine, resumed)
-            await resumed.send_lines(["G01 X1"])
-            await resumed.finish()
-            (timing,) = [each.timing async for each in reports if each.timing is not None]
-        assert timing.requested_s == pytest.approx(0.2)
-        # the drives are simulated and began at 0 again: one inch from there
-        assert (await machine.status()).axes.setpoint[0] == pytest.approx(25.4, abs=0.01)
+            goes_on = await machine.continue_program(program.id, line=6, way=True)
+            reports = await listening(machine, goes_on)
+            await goes_on.send("G01 X1")
+            await goes_on.finish()
+            timings = [each.timing async for each in reports if each.timing is not None]
+        assert [each.requested_s for each in timings] == pytest.approx([0.2, 0.2])
+        assert (await machine.status()).axes.setpoint[0] == pytest.approx(begun + 3 * 25.4, abs=0.01)
 
 
 async def test_a_killed_executor_is_reported_and_ends_the_server(own_server: ServerProcess) -> None:

@@ -2,9 +2,11 @@
 
 import pytest
 
-from mcserver.gcode.semantics.interpreter import Interpreter, modal_before
+from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.modal import INITIAL
 from mcserver.motion.canonical import EndLine, FeedGroup, MotionLine, PauseLine
+from mcserver.planning.start_state import StartState
+from mcserver.planning.state_before import state_before
 from tests.gcode.support import CARTESIAN, Program, feeding, machine_of
 
 ROUNDING = machine_of("0:linear 1:linear", motion="[motion]\npath_tolerance_mm = 0.25\n")
@@ -271,7 +273,7 @@ def test_an_axis_outside_the_lease_is_an_error() -> None:
 
 def test_modal_state_can_be_rebuilt_before_any_line() -> None:
     lines = ["G20 G91 F60", "G01 X1", "G61", "G01 X1 Y1", "G01 X1"]
-    resumption = modal_before(lines, 5, CARTESIAN)
+    resumption = state_before(lines, 5, CARTESIAN, StartState.of(CARTESIAN))
     whole = Interpreter(CARTESIAN)
     for number, text in enumerate(lines[:4], start=1):
         whole.interpret_text(text, number)

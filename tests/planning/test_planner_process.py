@@ -115,10 +115,11 @@ def test_modal_state_before_a_line_is_read_without_the_process(executor: Executo
     executor.wait()
     planning = ProcessPlanning(executor.machine, executor)
     try:
-        found = planning.modal_before(["G20 G91", "G94 F60"], StartState.of(executor.machine))
+        start, axes = StartState.of(executor.machine), frozenset({0})
+        found = planning.state_before(["G20 G91", "G94 F60"], start, axes).modal
         assert (found.inch, found.incremental) == (True, True)
         with pytest.raises(ProgramRejected):
-            planning.modal_before(["G01 XO"], StartState.of(executor.machine))
+            planning.state_before(["G01 XO"], start, axes)
     finally:
         planning.close()
     assert planning.closed

@@ -26,7 +26,7 @@ from mcserver.planning.planner_messages import (
     Report,
     ReportKind,
 )
-from mcserver.planning.start_state import StartState
+from mcserver.planning.start_state import StartState, StateBefore
 from mcserver.service.journal import Journal
 from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
@@ -308,10 +308,12 @@ class FakePipelines:
     def planner(self, on_events: OnPlannerEvents) -> LoopPlanner:
         return LoopPlanner(Planner(self.port, self, time.monotonic), on_events)
 
-    def modal_before(self, lines: Sequence[str], start: StartState) -> ModalState:
+    def state_before(self, lines: Sequence[str], start: StartState, axes: frozenset[int]) -> StateBefore:
         if "bad" in lines:
             raise ProgramRejected([Diagnostic(code="MC101", message="bad line", line=lines.index("bad") + 1)])
-        return ModalState(inch="G20" in lines, incremental="G91" in lines, frame=start.frame)
+        modal = ModalState(inch="G20" in lines, incremental="G91" in lines, frame=start.frame)
+        nothing = frozenset[int]()
+        return StateBefore(modal, start.positions, nothing, nothing, {}, {}, {}, ended=not axes)
 
     def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> FakePipeline:
         if self.failure is not None:

@@ -22,7 +22,6 @@ import msgspec
 from mcserver.errors import Diagnostic, ProgramRejected, ServiceError
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.gcode.semantics.modal import ModalState
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.planner import Planner
 from mcserver.planning.planner_messages import (
@@ -34,7 +33,7 @@ from mcserver.planning.planner_messages import (
     Report,
     ReportKind,
 )
-from mcserver.planning.start_state import StartState
+from mcserver.planning.start_state import StartState, StateBefore
 from mcserver.service.journal_file import open_journal
 from mcserver.service.motion_port import Snapshot
 from mcserver.service.reports import Ack, Event
@@ -285,7 +284,7 @@ class SimulatedPlanning:
     def __init__(self, cell: Cell) -> None:
         self._cell = cell
 
-    def modal_before(self, lines: object, start: StartState) -> ModalState:
+    def state_before(self, lines: object, start: StartState, axes: object) -> StateBefore:
         raise NotImplementedError
 
     def planner(self, on_events: OnPlannerEvents) -> SimulatedPlanner:

@@ -9,10 +9,11 @@ import pytest
 from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_program
-from mcserver.gcode.semantics.interpreter import Interpreter, modal_before
+from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import load_machine
 from mcserver.motion.canonical import MotionLine, RapidGroup
 from mcserver.planning.start_state import StartState
+from mcserver.planning.state_before import state_before
 from mcserver.service.work_offsets import WorkOffsets
 from mcserver.simulation.program_checker import check_text
 from mcserver.simulation.simulation import simulate
@@ -67,7 +68,8 @@ def test_the_reference_s_dialect_knows_no_systems() -> None:
 
 def test_a_program_that_goes_on_in_its_middle_has_the_systems_that_it_began_with() -> None:
     frame = Frame(systems={1: {0: 0.1}})
-    modal = modal_before(["G55", "G0 X1", "G10 L2 P3 Y5", "G54"], 5, MILL, frame=frame).modal
+    lines = ["G55", "G0 X1", "G10 L2 P3 Y5", "G54"]
+    modal = state_before(lines, 5, MILL, StartState.of(MILL, frame)).modal
     assert target(Interpreter(MILL, modal=modal), "G0 X10") == pytest.approx((0.11,))
 
 

@@ -13,13 +13,12 @@ from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.view import SlotView
-from mcserver.gcode.semantics.interpreter import modal_before
-from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner import Planner
 from mcserver.planning.planner_messages import OnPlannerEvents
 from mcserver.planning.process import PipelineFactory
-from mcserver.planning.start_state import StartState
+from mcserver.planning.start_state import StartState, StateBefore
+from mcserver.planning.state_before import state_before
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
@@ -81,16 +80,15 @@ class _Planning:
     """Plans in this loop."""
 
     def __init__(self, machine: Machine, executor: VirtualExecutor) -> None:
-        self._executor = executor
         self._machine = machine
+        self._executor = executor
         self._pipelines = PipelineFactory(machine)
 
     def planner(self, on_events: OnPlannerEvents) -> LoopPlanner:
         return LoopPlanner(Planner(self, self._pipelines, time.monotonic), on_events)
 
-    def modal_before(self, lines: Sequence[str], start: StartState) -> ModalState:
-        positions, frame = start.positions, start.frame
-        return modal_before(lines, len(lines) + 1, self._machine, positions=positions, frame=frame).modal
+    def state_before(self, lines: Sequence[str], start: StartState, axes: frozenset[int]) -> StateBefore:
+        return state_before(lines, len(lines) + 1, self._machine, start, lease=axes)
 
     def poll_events(self) -> list[ExecutorEvent]:
         return self._executor.events()

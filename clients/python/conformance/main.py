@@ -43,14 +43,15 @@ def lines_of(file: str, start: int = 1) -> Iterator[str]:
 async def stream(machine: Machine, file: str, resume_of: str = "", start_line: str = "1") -> None:
     start = int(start_line)
     opened = (
-        machine.resume_program(resume_of, start_line=start, on_disconnect="finish")
+        machine.continue_program(resume_of, line=start, way=True, on_disconnect="finish")
         if resume_of
         else machine.program(file, on_disconnect="finish")
     )
     program = await opened
     try:
         say(program=program.id)
-        await program.send_lines(lines_of(file, start))
+        # where it goes on, the server has the first of them already
+        await program.send_lines(lines_of(file, program.given_through + 1))
         result = await program.finish()
     finally:
         await program.leave()

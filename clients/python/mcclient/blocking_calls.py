@@ -15,6 +15,8 @@ class BlockingCalls(Blocking[T]):
     programs = waited(MachineCalls.programs)
     past_events = waited(MachineCalls.past_events)
     open_program = waited(MachineCalls.open_program)
+    continuation = waited(MachineCalls.continuation)
+    open_continuation = waited(MachineCalls.open_continuation)
     submit_lines = waited(MachineCalls.submit_lines)
     close_program = waited(MachineCalls.close_program)
     hold = waited(MachineCalls.hold)

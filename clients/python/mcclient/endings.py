@@ -71,8 +71,7 @@ def interrupted(extent: Extent) -> ProgramInterrupted:
         "MC534",
         f"the server that ran the program went away; lines through {extent.done} are done, "
         f"line {following} may have begun",
-        "move the machine where it should be, then "
-        f"machine.resume_program({extent.program!r}, start_line={following})",
+        f"once the machine is clear, machine.continue_program({extent.program!r}), or mcctl continue",
         program=extent.program,
         accepted=extent.accepted,
         done=extent.done,

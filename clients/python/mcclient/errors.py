@@ -163,8 +163,8 @@ class ProgramAborted(ProgramError):
 class ProgramInterrupted(ProgramError):
     """The server that ran the program went away.
 
-    Lines through ``done`` have surely ended, the one after may have begun. Axes have no energy. Move the
-    machine where it should be, then ``machine.resume_program(error.program, start_line=…)``.
+    Lines through ``done`` have surely ended, the one after may have begun. Axes have no energy. To go on:
+    ``machine.continue_program(error.program)``.
     """
 
 

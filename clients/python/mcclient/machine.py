@@ -28,7 +28,16 @@ from mcclient.stream import LineStream
 from mcclient.telemetry import InfoHolder, Samples, open_samples, open_states
 from mcclient.texts import put_text
 from mcclient.transport import Link, Subscription, endpoints_of, user_of
-from mcclient.types import Event, EventsReply, Info, MachineStatus, OnDisconnectWord
+from mcclient.types import (
+    ContinueReply,
+    Event,
+    EventsReply,
+    Info,
+    MachineStatus,
+    OnDisconnectWord,
+    OpenReply,
+    OutputsWord,
+)
 
 PATIENCE_S = 10.0
 EVENTS_A_PAGE = 1000
@@ -202,6 +211,8 @@ class Machine(MachineCalls):
         hold: bool = False,
         text: str | None = None,
         sha256: str | None = None,
+        way: bool = False,
+        outputs: OutputsWord | None = None,
     ) -> Starting[Program]:
         """Opens a program: ``async with machine.program() as program``.
 
@@ -213,12 +224,14 @@ class Machine(MachineCalls):
             axes: the axes to lease; None: all of the machine. It waits in order for axes that others have.
             on_disconnect: ``stop`` or ``finish`` what is accepted, when this client's link goes.
             start_line: number of the first line.
-            before: the lines 1 … start_line - 1, read for their modal state only.
+            before: the lines 1 … start_line - 1. They do not run: what they energize is energized, modal
+                state is as behind them, and the axes go to where they end, as `continue_program` says.
             step: a line starts only when `Program.step` asks for it.
             hold: begin held.
             text: all of it, if known: once `simulate` was called with it, before or after, the program's
                 status tells how long it takes. It has to be sent all the same.
             sha256: of all of it, instead of ``text``; for one that `put_text` hands over, before or after.
+            way, outputs: as of `continue_program`.
         """
         request: dict[str, Any] = {
             "name": name[:200],
@@ -228,6 +241,8 @@ class Machine(MachineCalls):
             "before": list(before),
             "step": step,
             "hold": hold,
+            "way": way,
+            "outputs": outputs,
         }
         if text is not None:
             request["sha256"] = self.hash_of(text)
@@ -235,31 +250,44 @@ class Machine(MachineCalls):
             request["sha256"] = sha256
         return Starting(lambda: self._open_program(request))
 
-    def resume_program(
+    def continue_program(
         self,
         program: str,
         *,
-        start_line: int,
-        axes: Sequence[int] | None = None,
+        line: int | None = None,
+        way: bool = False,
+        outputs: OutputsWord | None = None,
         on_disconnect: OnDisconnectWord = "stop",
         hold: bool = False,
     ) -> Starting[Program]:
-        """Goes on with an interrupted program from ``start_line``, its modal state rebuilt by the server.
+        """Goes on with a program that has ended: ``async with machine.continue_program(id) as program``.
 
-        The lines from ``start_line`` on have to be sent; the first one has that number. Otherwise as
-        `program`.
+        The server energizes what the program had energized, brings the axes to where the line starts (to a
+        safe height, over, down, where its machine file names one), and runs the lines that its journal has.
+        Where its text was not whole, send the lines behind ``program.given_through``.
+
+        Args:
+            line: the first that runs; None: the one behind the last that is done.
+            way: axes may go the way that `continuation` shows, where the machine file names none.
+            outputs: ``set`` what the program had switched (spindle, coolant), or ``leave`` it.
+
+        Raises (when awaited or entered):
+            RequestRefused: MC450, MC592, MC593, MC594: what has to be done or said first; nothing has moved.
         """
-        request = {
-            "resume_of": program,
-            "axes": None if axes is None else list(axes),
-            "on_disconnect": on_disconnect,
-            "start_line": start_line,
-            "hold": hold,
-        }
-        return Starting(lambda: self._open_program(request))
+
+        async def opened() -> Program:
+            return self._followed(
+                await self.open_continuation(
+                    program, line=line, way=way, outputs=outputs, on_disconnect=on_disconnect, hold=hold
+                )
+            )
+
+        return Starting(opened)
 
     async def _open_program(self, request: dict[str, Any]) -> Program:
-        opened = await self.open_program(**request)
+        return self._followed(await self.open_program(**request))
+
+    def _followed(self, opened: OpenReply | ContinueReply) -> Program:
         stream = LineStream(
             opened, link=self._link, keys=self._keys, caller=self._caller, patience_s=self._patience_s
         )

@@ -67,6 +67,8 @@ class MachineCalls:
         step: bool = False,
         hold: bool = False,
         sha256: str | None = None,
+        way: bool = False,
+        outputs: wire.OutputsWord | None = None,
         deadline_s: float = 5.0,
     ) -> wire.OpenReply:
         """Open a program, queued for its axes.
@@ -82,6 +84,8 @@ class MachineCalls:
             step: single line mode: a line starts only when ``step`` asks for it.
             hold: begin held; ``resume`` starts it.
             sha256: of the whole text; its times, of ``simulate`` or ``put_text``, are those of the program.
+            way: of a start in the middle, as in `ContinueRequest`.
+            outputs: of a start in the middle, as in `ContinueRequest`.
         """
         self._declare_token()
         return await self._caller.ask(
@@ -97,6 +101,75 @@ class MachineCalls:
                 "step": step,
                 "hold": hold,
                 "sha256": sha256,
+                "way": way,
+                "outputs": outputs,
+            },
+            deadline_s,
+        )
+
+    async def continuation(
+        self,
+        program: str | None = None,
+        *,
+        line: int | None = None,
+        before: Sequence[str] = (),
+        axes: Sequence[int] | None = None,
+        deadline_s: float = 15.0,
+    ) -> wire.Continuation:
+        """Tell how a program would go on in its middle: what is certain, where the axes are and where it has
+        them, and the way between.
+
+        Args:
+            program: one that has ended; where others have gone on with it, the last of these is meant.
+            line: the first that would run; None: the one behind the last that is done.
+            before: lines 1 … line - 1 of a text, instead of ``program``.
+            axes: of it; None: all of the machine.
+        """
+        return await self._caller.ask(
+            wire.Continuation,
+            "continuation",
+            {
+                "program": program,
+                "line": line,
+                "before": list(before),
+                "axes": None if axes is None else list(axes),
+            },
+            deadline_s,
+        )
+
+    async def open_continuation(
+        self,
+        program: str,
+        line: int | None = None,
+        *,
+        way: bool = False,
+        outputs: wire.OutputsWord | None = None,
+        on_disconnect: wire.OnDisconnectWord = "stop",
+        hold: bool = False,
+        deadline_s: float = 15.0,
+    ) -> wire.ContinueReply:
+        """Go on with a program that has ended: energize what it had, bring the axes to where the line starts,
+        and run it to its end from the lines that the journal has.
+
+        Args:
+            program: as in `ContinuationRequest`.
+            line: as in `ContinuationRequest`.
+            way: axes may go the way that `continuation` shows, where the machine file names no safe one.
+            outputs: set what the program had switched, or leave it as it is; None: nothing was said.
+            on_disconnect: what happens when the client's liveliness token goes.
+            hold: begin held.
+        """
+        self._declare_token()
+        return await self._caller.ask(
+            wire.ContinueReply,
+            "continue_program",
+            {
+                "program": program,
+                "line": line,
+                "way": way,
+                "outputs": outputs,
+                "on_disconnect": on_disconnect,
+                "hold": hold,
             },
             deadline_s,
         )

@@ -17,7 +17,17 @@ from mcclient.endings import Extent
 from mcclient.errors import MotionError, NobodyAnswers, ProgramRejected, RequestRefused
 from mcclient.keys import Keys
 from mcclient.transport import Arrived, Link
-from mcclient.types import ENDED, Ack, Diagnostic, Fault, OpenReply, ProgramState, ProgramStatus, SubmitReply
+from mcclient.types import (
+    ENDED,
+    Ack,
+    ContinueReply,
+    Diagnostic,
+    Fault,
+    OpenReply,
+    ProgramState,
+    ProgramStatus,
+    SubmitReply,
+)
 from mcclient.window import LineWindow
 from mcclient.wire import decode, encode, from_wire, unpack
 
@@ -47,13 +57,16 @@ class LineStream:
     """
 
     def __init__(
-        self, opened: OpenReply, *, link: Link, keys: Keys, caller: Caller, patience_s: float
+        self, opened: OpenReply | ContinueReply, *, link: Link, keys: Keys, caller: Caller, patience_s: float
     ) -> None:
         self.program = opened.program
         self.window = LineWindow(opened.expected, opened.credit)
         self.state = opened.state
         self.done = opened.expected - 1
         self.closed = False
+        if isinstance(opened, ContinueReply):
+            # lines that the server had already are not done
+            self.done, self.closed = opened.line - 1, opened.whole
         self.failure: MotionError | None = None
         self.rejections = 0
         self._reported = False

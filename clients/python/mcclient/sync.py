@@ -180,7 +180,7 @@ class Machine(BlockingCalls[asynchronous.Machine]):
         return self._inner.info
 
     program = _opened(asynchronous.Machine.program)
-    resume_program = _opened(asynchronous.Machine.resume_program)
+    continue_program = _opened(asynchronous.Machine.continue_program)
 
     refresh_info = waited(asynchronous.Machine.refresh_info)
     clients = waited(asynchronous.Machine.clients)

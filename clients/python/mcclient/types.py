@@ -120,6 +120,16 @@ class OnDisconnect(Word):
 OnDisconnectWord = OnDisconnect | Literal["finish", "stop"]
 
 
+class Outputs(Word):
+    """One of the words of the wire."""
+
+    SET = "set"
+    LEAVE = "leave"
+
+
+OutputsWord = Outputs | Literal["set", "leave"]
+
+
 class ProgramState(Word):
     """One of the words of the wire."""
 
@@ -322,6 +332,25 @@ class AxisInfo:
 
 
 @dataclass(frozen=True, slots=True)
+class AxisStart:
+    """An axis of the program at the line.
+
+    Attributes:
+        now: where it is [mm, deg].
+        there: where the program has it before the line; None: not known.
+        energized: the program had it energized there.
+        away: farther from there than the axis's in-position tolerance, or there is not known.
+    """
+
+    axis: int
+    unit: str
+    now: float
+    there: float | None
+    energized: bool
+    away: bool
+
+
+@dataclass(frozen=True, slots=True)
 class AxisTravel:
     """Where an axis ends, and its least and greatest setpoint [mm or deg]."""
 
@@ -385,6 +414,114 @@ class CloseReply:
     accepted: int
     done: int
     state: ProgramState
+
+
+@dataclass(frozen=True, slots=True)
+class WayStep:
+    """One move of the way, or what is switched on it.
+
+    Attributes:
+        text: for people.
+        targets: ends, by axis number as text [mm, deg]; empty: nothing moves.
+        rapid: each axis at its own limits; else slowly.
+    """
+
+    text: str
+    targets: dict[str, float] = field(default_factory=dict)
+    rapid: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Switched:
+    """An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+
+    Attributes:
+        name: of the output, or such as ``axis 3``.
+        there: as the program had it.
+        now: as it is.
+        unit: of both.
+    """
+
+    name: str
+    there: float
+    now: float
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Need:
+    """What stands in the way of going on.
+
+    Attributes:
+        confirm: the field of the request that lets it pass, ``way`` or ``outputs``; empty: none does.
+    """
+
+    code: str
+    message: str
+    hint: str
+    confirm: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Continuation:
+    """How a program would go on.
+
+    Attributes:
+        program: its id, empty for a text.
+        name: as it ended; lines through ``done`` are certain.
+        state: as it ended; lines through ``done`` are certain.
+        done: as it ended; lines through ``done`` are certain.
+        accepted: as it ended; lines through ``done`` are certain.
+        whole: its text is known to its end, so that nothing has to be sent.
+        sha256: of its whole text.
+        line: the first that would run.
+        first: of the text about that line.
+        lines: of the text about that line.
+        modal: codes in force there.
+        energize: axes that are energized first.
+        axes: where each is, and where the program has it there.
+        way: the moves that bring them there, in order.
+        switched: what the program had switched otherwise than it is now.
+        needs: what stands in the way; one that has `confirm` passes with that field of the request.
+    """
+
+    program: str
+    name: str
+    state: ProgramState | None
+    done: int
+    accepted: int
+    whole: bool
+    sha256: str | None
+    line: int
+    first: int
+    lines: tuple[str, ...]
+    modal: tuple[str, ...]
+    energize: tuple[int, ...]
+    axes: tuple[AxisStart, ...]
+    way: tuple[WayStep, ...]
+    switched: tuple[Switched, ...]
+    needs: tuple[Need, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ContinueReply:
+    """The program that goes on, as `OpenReply`.
+
+    Attributes:
+        line: the first that runs.
+        resume_of: the program that it goes on with.
+        whole: all of its lines are there; else the client sends those from ``expected`` on.
+    """
+
+    program: str
+    state: ProgramState
+    axes: tuple[int, ...]
+    expected: int
+    credit: int
+    instance: str
+    line: int
+    resume_of: str
+    whole: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,7 +77,7 @@ async fn stream(machine: &Machine, file: &str, resume: Option<(&str, u64)>) -> R
     let text = std::fs::read_to_string(file).expect("a file that can be read");
     let options = ProgramOptions::new().name(file).on_disconnect(OnDisconnect::Finish);
     let (program, first) = match resume {
-        Some((former, line)) => (machine.resume_program(former, line, options).await?, line),
+        Some((former, line)) => (machine.resume_program(former, line, options.way()).await?, line),
         None => (machine.program(options).await?, 1),
     };
     say(&json!({"program": program.id()}));

@@ -46,6 +46,8 @@ pub struct ProgramOptions {
     resume_of: Option<String>,
     step: bool,
     hold: bool,
+    way: bool,
+    outputs: Option<String>,
 }
 
 impl Default for ProgramOptions {
@@ -67,6 +69,8 @@ impl ProgramOptions {
             resume_of: None,
             step: false,
             hold: false,
+            way: false,
+            outputs: None,
         }
     }
 
@@ -110,6 +114,21 @@ impl ProgramOptions {
     #[must_use]
     pub fn hold(mut self) -> Self {
         self.hold = true;
+        self
+    }
+
+    /// Of a start in the middle: axes may go the way that `continuation` shows, where the machine
+    /// file names no safe one.
+    #[must_use]
+    pub fn way(mut self) -> Self {
+        self.way = true;
+        self
+    }
+
+    /// Of a start in the middle: `set` what the program had switched, or `leave` it.
+    #[must_use]
+    pub fn outputs(mut self, what: &str) -> Self {
+        self.outputs = Some(what.to_owned());
         self
     }
 

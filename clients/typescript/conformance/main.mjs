@@ -15,7 +15,7 @@ try {
   const machine = await gateway.machine();
   if (task === "stream") {
     const startLine = Number(rest[2] ?? 1);
-    const program = await machine.program({ name: rest[0], onDisconnect: "finish", startLine, resumeOf: rest[1], patienceMs: PATIENCE_MS });
+    const program = await machine.program({ name: rest[0], onDisconnect: "finish", startLine, resumeOf: rest[1], way: rest.length > 1, patienceMs: PATIENCE_MS });
     say({ program: program.id });
     await program.sendLines(linesOf(rest[0]).slice(startLine - 1));
     await program.finish();

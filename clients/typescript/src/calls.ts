@@ -7,6 +7,10 @@ import type {
   CheckRequest,
   CloseReply,
   CloseRequest,
+  Continuation,
+  ContinuationRequest,
+  ContinueReply,
+  ContinueRequest,
   Done,
   DriveInfo,
   DrivesReply,
@@ -63,6 +67,8 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   programs: { deadlineS: 5, repeatable: true },
   events: { deadlineS: 5, repeatable: true },
   open: { deadlineS: 5, repeatable: false },
+  continuation: { deadlineS: 15, repeatable: true },
+  continue_program: { deadlineS: 15, repeatable: false },
   submit: { deadlineS: 5, repeatable: false },
   close: { deadlineS: 5, repeatable: false },
   hold: { deadlineS: 5, repeatable: true },
@@ -128,6 +134,22 @@ export abstract class MachineCalls {
   /** Open a program, queued for its axes. */
   openProgram(request: OpenRequest = {}): Promise<OpenReply> {
     return this.call("open", request);
+  }
+
+  /**
+   * Tell how a program would go on in its middle: what is certain, where the axes are and where it has them, and
+   * the way between.
+   */
+  continuation(request: ContinuationRequest = {}): Promise<Continuation> {
+    return this.call("continuation", request);
+  }
+
+  /**
+   * Go on with a program that has ended: energize what it had, bring the axes to where the line starts, and run
+   * it to its end from the lines that the journal has.
+   */
+  openContinuation(request: ContinueRequest): Promise<ContinueReply> {
+    return this.call("continue_program", request);
   }
 
   /** Send lines, and get the verdict on their words. */

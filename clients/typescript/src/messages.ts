@@ -37,6 +37,9 @@ export type MachineState =
 export type OnDisconnect =
   | "finish" | "stop";
 
+export type Outputs =
+  | "set" | "leave";
+
 export type ProgramState =
   | "queued" | "running" | "held" | "paused" | "ending" | "finished" | "aborted" | "rejected" | "faulted"
   | "interrupted";
@@ -125,6 +128,20 @@ export interface AxisInfo {
   homing?: string | null;
 }
 
+/** An axis of the program at the line. */
+export interface AxisStart {
+  axis: number;
+  unit: string;
+  /** where it is [mm, deg]. */
+  now: number;
+  /** where the program has it before the line; null: not known. */
+  there: number | null;
+  /** the program had it energized there. */
+  energized: boolean;
+  /** farther from there than the axis's in-position tolerance, or there is not known. */
+  away: boolean;
+}
+
 /** Where an axis ends, and its least and greatest setpoint [mm or deg]. */
 export interface AxisTravel {
   position: number;
@@ -171,6 +188,86 @@ export interface CloseReply {
 export interface CloseRequest {
   program: string;
   last?: number | null | undefined;
+}
+
+/** How a program would go on. */
+export interface Continuation {
+  /** its id, empty for a text. */
+  program: string;
+  /** as it ended; lines through `done` are certain. */
+  name: string;
+  /** as it ended; lines through `done` are certain. */
+  state: ProgramState | null;
+  /** as it ended; lines through `done` are certain. */
+  done: number;
+  /** as it ended; lines through `done` are certain. */
+  accepted: number;
+  /** its text is known to its end, so that nothing has to be sent. */
+  whole: boolean;
+  /** of its whole text. */
+  sha256: string | null;
+  /** the first that would run. */
+  line: number;
+  /** of the text about that line. */
+  first: number;
+  /** of the text about that line. */
+  lines: string[];
+  /** codes in force there. */
+  modal: string[];
+  /** axes that are energized first. */
+  energize: number[];
+  /** where each is, and where the program has it there. */
+  axes: AxisStart[];
+  /** the moves that bring them there, in order. */
+  way: WayStep[];
+  /** what the program had switched otherwise than it is now. */
+  switched: Switched[];
+  /** what stands in the way; one that has `confirm` passes with that field of the request. */
+  needs: Need[];
+}
+
+/** What a start in the middle of a program would do; nothing moves. */
+export interface ContinuationRequest {
+  /** one that has ended; where others have gone on with it, the last of these is meant. */
+  program?: string | null | undefined;
+  /** the first that would run; null: the one behind the last that is done. */
+  line?: number | null | undefined;
+  /** lines 1 … line - 1 of a text, instead of `program`. */
+  before?: string[] | undefined;
+  /** of it; null: all of the machine. */
+  axes?: number[] | null | undefined;
+}
+
+/** The program that goes on, as `OpenReply`. */
+export interface ContinueReply {
+  program: string;
+  state: ProgramState;
+  axes: number[];
+  expected: number;
+  credit: number;
+  instance: string;
+  /** the first that runs. */
+  line: number;
+  /** the program that it goes on with. */
+  resume_of: string;
+  /** all of its lines are there; else the client sends those from `expected` on. */
+  whole: boolean;
+}
+
+/** Goes on with a program that has ended. */
+export interface ContinueRequest {
+  /** as in `ContinuationRequest`. */
+  program: string;
+  /** as in `ContinuationRequest`. */
+  line?: number | null | undefined;
+  /** axes may go the way that `continuation` shows, where the machine file names no safe one. */
+  way?: boolean | undefined;
+  /** set what the program had switched, or leave it as it is; null: nothing was said. */
+  outputs?: Outputs | null | undefined;
+  /** what happens when the client's liveliness token goes. */
+  on_disconnect?: OnDisconnect | undefined;
+  /** begin held. */
+  hold?: boolean | undefined;
 }
 
 /** How slow the disk under the journal is. */
@@ -520,6 +617,15 @@ export interface MonitoredValue {
   subindex?: number;
 }
 
+/** What stands in the way of going on. */
+export interface Need {
+  code: string;
+  message: string;
+  hint: string;
+  /** the field of the request that lets it pass, `way` or `outputs`; empty: none does. */
+  confirm?: string;
+}
+
 /** The program's id; `expected` is the next line number, `credit` how many lines fit now. */
 export interface OpenReply {
   program: string;
@@ -550,6 +656,10 @@ export interface OpenRequest {
   hold?: boolean | undefined;
   /** of the whole text; its times, of `simulate` or `put_text`, are those of the program. */
   sha256?: string | null | undefined;
+  /** of a start in the middle, as in `ContinueRequest`. */
+  way?: boolean | undefined;
+  /** of a start in the middle, as in `ContinueRequest`. */
+  outputs?: Outputs | null | undefined;
 }
 
 /** One output. */
@@ -1016,6 +1126,18 @@ export interface SubmitRequest {
   rejections?: number | null | undefined;
 }
 
+/** An output, or an axis that turns by itself, which the program had switched otherwise than it is now. */
+export interface Switched {
+  /** of the output, or such as `axis 3`. */
+  name: string;
+  /** as the program had it. */
+  there: number;
+  /** as it is. */
+  now: number;
+  /** of both. */
+  unit?: string;
+}
+
 /** How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most. */
 export interface TelemetryInfo {
   axes: number[];
@@ -1058,6 +1180,16 @@ export interface ToolPose {
   number: number;
   position: number[];
   orientation: number[];
+}
+
+/** One move of the way, or what is switched on it. */
+export interface WayStep {
+  /** for people. */
+  text: string;
+  /** ends, by axis number as text [mm, deg]; empty: nothing moves. */
+  targets?: Record<string, number>;
+  /** each axis at its own limits; else slowly. */
+  rapid?: boolean;
 }
 
 /** One fault of a program, placed in its text; `line` is the client's line number. */

@@ -16,6 +16,10 @@ export interface OpenOptions {
   startLine?: number;
   before?: string[];
   resumeOf?: string;
+  /** Of a start in the middle: axes may go the way that `continuation` shows, where the machine file names no safe one. */
+  way?: boolean;
+  /** Of a start in the middle: set what the program had switched, or leave it. */
+  outputs?: "set" | "leave";
   hold?: boolean;
   /** How long the motion server may be away before NobodyAnswers [ms]; default 30 s. */
   patienceMs?: number;
@@ -45,6 +49,7 @@ export class Program {
     const opened = understand<OpenReply>("OpenReply", await machine.openProgram({
       name: options.name ?? "", axes: options.axes ?? null, on_disconnect: options.onDisconnect ?? "stop",
       start_line: options.startLine ?? 1, before: options.before ?? [], resume_of: options.resumeOf ?? null, hold: options.hold ?? false,
+      way: options.way ?? false, outputs: options.outputs ?? null,
     }));
     const program = new Program(machine, opened.program, opened, options.patienceMs ?? PATIENCE_MS);
     try {

@@ -22,6 +22,7 @@ from mcserver.service import reports
 METHOD_NAMES = {
     "info": "ask_info",
     "open": "open_program",
+    "continue_program": "open_continuation",
     "submit": "submit_lines",
     "close": "close_program",
     "events": "past_events",

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 from mckinematics.pose import Kinematics
 
@@ -255,43 +254,3 @@ def _moves(parsed: ParsedLine) -> bool:
         for command in group
         for item in command.items
     )
-
-
-class Resumption(NamedTuple):
-    """The state before a line of a program.
-
-    Attributes:
-        modal: the modal state.
-        positions: commanded ends [m or rad], by axis number.
-    """
-
-    modal: ModalState
-    positions: Mapping[int, float]
-
-
-def modal_before(
-    lines: Iterable[str],
-    number: int,
-    machine: Machine,
-    *,
-    kinematics: Kinematics | None = None,
-    positions: Mapping[int, float] | None = None,
-    frame: Frame | None = None,
-) -> Resumption:
-    """Rebuild the state before line ``number`` of a program from the lines before it; nothing moves.
-
-    Args:
-        lines: the whole program, or at least the lines before ``number``.
-        number: from 1.
-        positions: where the program started; the drives' initial positions by default.
-        frame: work offsets that it started with.
-
-    Raises:
-        ProgramRejected: a line before it has a fault.
-    """
-    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, frame=frame)
-    for at, text in enumerate(lines, start=1):
-        if at >= number:
-            break
-        interpreter.interpret_text(text, at)
-    return Resumption(interpreter.modal, interpreter.positions)

@@ -70,6 +70,7 @@ func stream(t task) error {
 	options := &mcclient.OpenOptions{Name: t.args[0], FinishOnDisconnect: true}
 	if len(t.args) > 1 {
 		options.ResumeOf = t.args[1]
+		options.Way = true
 		options.StartLine = number(t.args[2])
 	}
 	program, err := t.machine.Program(t.ctx, options)

@@ -14,27 +14,40 @@ import java.util.Map;
  * @param before the lines before it, read for their modal state only
  * @param hold begins held
  * @param step a line starts only when {@link Program#step} asks for it
+ * @param way of a start in the middle: axes may go the way that {@code continuation} shows, where the machine file names no safe one
+ * @param outputs of a start in the middle: {@code set} what the program had switched, or {@code leave} it; null: nothing is said
  */
 public record ProgramOptions(
-        String name, List<Integer> axes, boolean finishOnDisconnect, long startLine, List<String> before, boolean hold, boolean step) {
+        String name, List<Integer> axes, boolean finishOnDisconnect, long startLine, List<String> before, boolean hold, boolean step,
+        boolean way, String outputs) {
     /** All axes, from line 1, stopped when this client goes. */
     public static ProgramOptions named(String name) {
-        return new ProgramOptions(name, null, false, 1, List.of(), false, false);
+        return new ProgramOptions(name, null, false, 1, List.of(), false, false, false, null);
     }
 
     /** Leases these axes only; it waits in order for axes that other programs have. */
     public ProgramOptions withAxes(Integer... axes) {
-        return new ProgramOptions(name, List.of(axes), finishOnDisconnect, startLine, before, hold, step);
+        return new ProgramOptions(name, List.of(axes), finishOnDisconnect, startLine, before, hold, step, way, outputs);
     }
 
     /** Runs what was accepted to its end when this client goes. */
     public ProgramOptions finishingOnDisconnect() {
-        return new ProgramOptions(name, axes, true, startLine, before, hold, step);
+        return new ProgramOptions(name, axes, true, startLine, before, hold, step, way, outputs);
     }
 
     /** Begins at this line; those before it are read for their modal state only. */
     public ProgramOptions startingAt(long line, List<String> before) {
-        return new ProgramOptions(name, axes, finishOnDisconnect, line, List.copyOf(before), hold, step);
+        return new ProgramOptions(name, axes, finishOnDisconnect, line, List.copyOf(before), hold, step, way, outputs);
+    }
+
+    /** Lets axes go the way that {@code continuation} shows, where the machine file names no safe one. */
+    public ProgramOptions withWay() {
+        return new ProgramOptions(name, axes, finishOnDisconnect, startLine, before, hold, step, true, outputs);
+    }
+
+    /** Sets what the program had switched, or leaves it. */
+    public ProgramOptions withOutputs(String what) {
+        return new ProgramOptions(name, axes, finishOnDisconnect, startLine, before, hold, step, way, what);
     }
 
     Map<String, Object> request() {
@@ -46,6 +59,8 @@ public record ProgramOptions(
         request.put("before", before);
         request.put("hold", hold);
         request.put("step", step);
+        request.put("way", way);
+        request.put("outputs", outputs);
         return request;
     }
 }

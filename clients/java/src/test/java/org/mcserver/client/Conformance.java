@@ -80,7 +80,7 @@ public final class Conformance {
         ProgramOptions options = ProgramOptions.named(arguments[3]).finishingOnDisconnect();
         long first = arguments.length > 5 ? Long.parseLong(arguments[5]) : 1;
         try (Program program = arguments.length > 5
-                        ? machine.resumeProgram(arguments[4], first, options).join()
+                        ? machine.resumeProgram(arguments[4], first, options.withWay()).join()
                         : machine.program(options).join()) {
             say(Map.of("program", program.id()));
             List<String> lines = Files.readAllLines(Path.of(arguments[3])).stream().filter(line -> !line.isEmpty()).skip(first - 1).toList();

@@ -1,0 +1,32 @@
+"""A modal state as the codes that would bring it about, for people."""
+
+from __future__ import annotations
+
+from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
+from mcserver.gcode.semantics.modal import ModalState
+
+
+def modal_codes(modal: ModalState) -> list[str]:
+    """Return the codes in force, units first, such as ``G21 G90 G94 F600 G64 G54``; a tool as ``T3``."""
+    codes = [
+        "G20" if modal.inch else "G21",
+        "G91" if modal.incremental else "G90",
+        "G93" if modal.inverse_time else "G94",
+    ]
+    if modal.feed is not None:
+        codes.append(f"F{modal.feed.number:g}")
+    codes.append("G61" if modal.exact_stop else "G64")
+    if modal.plane is not None:
+        codes.append(f"G{modal.plane}")
+    frame = modal.frame
+    if frame is not None:
+        codes.append({number: name for name, number in SYSTEM_NUMBERS.items()}[frame.system])
+        if frame.tool_length:
+            codes.append("G43")
+        if frame.tool:
+            codes.append(f"T{frame.tool}")
+        if frame.spindle_rpm:
+            codes.append(f"S{frame.spindle_rpm:g}")
+    if modal.tool is not None:
+        codes.append(f"T{modal.tool}")
+    return codes

@@ -1,0 +1,100 @@
+"""The remote methods ``continuation`` and ``continue_program``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from mcserver.errors import Refused
+from mcserver.gcode.modal_codes import modal_codes
+from mcserver.net import recovery_messages as wire
+from mcserver.service.approach import Confirmed
+from mcserver.service.axes_of_requests import axes_of
+from mcserver.service.journal_reader import RecordedProgram
+from mcserver.service.recovering import Start
+from mcserver.service.service import MachineService
+
+
+class RecoveryMethods:
+    """Binds the messages to one machine's service.
+
+    Args:
+        forecast: called with the hash of a text whose program begins.
+        record: keeps who did what: client, method, program, detail.
+    """
+
+    def __init__(
+        self,
+        service: MachineService,
+        forecast: Callable[[str | None], None],
+        record: Callable[[str, str, str, str], None],
+    ) -> None:
+        self._service = service
+        self._forecast = forecast
+        self._record = record
+
+    async def continuation(self, _client: str, request: wire.ContinuationRequest) -> wire.Continuation:
+        recovery = self._service.recovery
+        if request.program is None:
+            if not request.before:
+                raise Refused("MC511", "neither a program nor lines before are given", "give one of them")
+            axes, line = axes_of(self._service.machine, request.axes), len(request.before) + 1
+            start = await recovery.start_of(axes, line, before=request.before)
+            return self._shown(None, line, (1, []), start, axes)
+        found = await recovery.recorded(request.program)
+        status = found.status
+        line = status.done + 1 if request.line is None else request.line
+        start = await recovery.start_of(status.axes, line, program=status.program)
+        return self._shown(found, line, await recovery.excerpt(status.program, line), start, status.axes)
+
+    async def continue_program(self, client: str, request: wire.ContinueRequest) -> wire.ContinueReply:
+        program = await self._service.continue_program(
+            client,
+            request.program,
+            request.line,
+            confirmed=Confirmed(request.way, request.outputs),
+            on_disconnect=request.on_disconnect,
+            hold=request.hold,
+        )
+        self._forecast(program.sha256)
+        self._record(client, "continue_program", program.program, f"line {program.start_line}")
+        return wire.ContinueReply(
+            program=program.program,
+            state=program.state,
+            axes=list(program.axes),
+            expected=program.queue.expected,
+            credit=program.credit,
+            instance=self._service.options.instance,
+            line=program.start_line,
+            resume_of=program.resume_of or "",
+            whole=program.closed,
+        )
+
+    def _shown(
+        self,
+        found: RecordedProgram | None,
+        line: int,
+        excerpt: tuple[int, list[str]],
+        start: Start,
+        axes: Sequence[int],
+    ) -> wire.Continuation:
+        approach = None if start.state is None else self._service.recovery.plan(start, axes)
+        status = None if found is None else found.status
+        first, lines = excerpt
+        return wire.Continuation(
+            program="" if status is None else status.program,
+            name="" if status is None else status.name,
+            state=None if status is None else status.state,
+            done=line - 1 if status is None else status.done,
+            accepted=line - 1 if status is None else status.accepted,
+            whole=found is not None and found.whole,
+            sha256=None if found is None else found.sha256,
+            line=line,
+            first=first,
+            lines=lines,
+            modal=[] if start.state is None else modal_codes(start.state.modal),
+            energize=[] if approach is None else list(approach.energize),
+            axes=[] if approach is None else list(approach.axes),
+            way=[] if approach is None else list(approach.way),
+            switched=[] if approach is None else list(approach.switched),
+            needs=[] if approach is None else list(approach.needs),
+        )

@@ -1,0 +1,133 @@
+"""What a program has done to the machine before one of its lines, from its text alone; nothing moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import islice
+
+from mckinematics.pose import Kinematics
+
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.text.line_window import LineWindow
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.canonical import (
+    AxisLine,
+    AxisOperation,
+    Canonical,
+    DwellGroup,
+    Group,
+    MotionLine,
+    OutputLine,
+    PathRun,
+    PlainRun,
+    ProbeLine,
+    SpeedGroup,
+    TorqueGroup,
+)
+from mcserver.planning.start_state import StartState, StateBefore
+
+
+class _Effects:
+    """What lines do to axes and outputs, followed from value to value."""
+
+    def __init__(self, origin: StartState) -> None:
+        self.energized = set(origin.energized)
+        self.unknown: set[int] = set()
+        self.speeds: dict[int, float] = {}
+        self.torques: dict[int, float] = {}
+        self.outputs = dict(enumerate(origin.outputs))
+
+    def take(self, value: Canonical | PlainRun | PathRun, *, incremental: bool) -> None:
+        """Follow a value; ``incremental``: the ends of its moves are increments."""
+        if isinstance(value, AxisLine):
+            if value.operation is AxisOperation.CAPTURE:
+                self.energized.update(value.axes)
+            else:
+                self.energized.difference_update(value.axes)
+                self._lose(value.axes)
+        elif isinstance(value, PlainRun | PathRun):
+            self._place(value.axes, incremental=incremental)
+        elif isinstance(value, MotionLine):
+            for group in value.groups:
+                self._group(group, incremental=incremental)
+        elif isinstance(value, ProbeLine):
+            self._lose(value.axes)
+        elif isinstance(value, OutputLine):
+            for each in value.settings:
+                self.outputs[each.column] = each.value
+
+    def _group(self, group: Group, *, incremental: bool) -> None:
+        if isinstance(group, DwellGroup):
+            return
+        self.energized.update(group.axes)
+        if not isinstance(group, SpeedGroup | TorqueGroup):
+            self._place(group.axes, incremental=incremental)
+            return
+        self._lose(group.axes)
+        if isinstance(group, SpeedGroup):
+            self.speeds.update(zip(group.axes, group.velocities, strict=True))
+        else:
+            self.torques.update(zip(group.axes, group.torques, strict=True))
+
+    def _place(self, axes: tuple[int, ...], *, incremental: bool) -> None:
+        for axis in axes:
+            self.speeds.pop(axis, None)
+            self.torques.pop(axis, None)
+        if not incremental:
+            self.unknown.difference_update(axes)
+
+    def _lose(self, axes: tuple[int, ...]) -> None:
+        self.unknown.update(axes)
+        for axis in axes:
+            self.speeds.pop(axis, None)
+            self.torques.pop(axis, None)
+
+
+def state_before(
+    lines: Iterable[str],
+    number: int,
+    machine: Machine,
+    origin: StartState,
+    *,
+    kinematics: Kinematics | None = None,
+    lease: frozenset[int] | None = None,
+) -> StateBefore:
+    """Rebuild the state before line ``number`` of a program from the lines before it.
+
+    Args:
+        lines: the whole program, or at least the lines before ``number``. number: from 1.
+        origin: the machine as the program began. lease: its axes; None: all.
+
+    Raises:
+        ProgramRejected: a line before it has a fault.
+    """
+    interpreter = Interpreter(
+        machine, kinematics=kinematics, positions=origin.positions, lease=lease, frame=origin.frame
+    )
+    effects = _Effects(origin)
+    window = LineWindow(islice(lines, number - 1))
+    while not window.ended and not interpreter.ended:
+        at = window.done + 1
+        most = interpreter.run_window(at)
+        run = interpreter.interpret_run(window.peek(most), at) if most else None
+        if run is not None:
+            effects.take(run[0], incremental=interpreter.modal.incremental)
+            window.drop(run[1])
+            continue
+        parsed = interpreter.parse(window.peek(1)[0], at)
+        window.drop(1)
+        capture = interpreter.capture_before(parsed)
+        if capture is not None:
+            effects.take(capture, incremental=False)
+        for value in interpreter.interpret(parsed):
+            effects.take(value, incremental=interpreter.modal.incremental)
+    return StateBefore(
+        modal=interpreter.modal,
+        positions=interpreter.positions,
+        unknown=frozenset(effects.unknown),
+        energized=frozenset(effects.energized),
+        speeds=effects.speeds,
+        torques=effects.torques,
+        outputs=effects.outputs,
+        ended=interpreter.ended,
+    )

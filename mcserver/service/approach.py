@@ -1,0 +1,343 @@
+"""The way to where a line of a program starts: to a safe height, over, down; computed, not driven."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Literal
+
+import msgspec
+
+from mcserver.errors import ServiceError
+from mcserver.gcode.semantics.program_units import motor_rpm
+from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.recovery_section import Recovery
+from mcserver.planning.start_state import StartState, StateBefore
+
+# Share of an axis's velocity where the machine file gives none.
+SHARE = 0.1
+# Below this an axis is where it is to be [m or rad].
+SAME = 1e-9
+
+Outputs = Literal["set", "leave"]
+
+
+class Confirmed(msgspec.Struct, frozen=True):
+    """What a person has agreed to.
+
+    Attributes:
+        way: that axes go the way that was shown. outputs: to set what the program had switched, or to leave
+            it; None: nothing was said.
+    """
+
+    way: bool = False
+    outputs: Outputs | None = None
+
+
+NOTHING_CONFIRMED = Confirmed()
+
+
+class WayStep(msgspec.Struct, frozen=True):
+    """One move of the way, or what is switched on it.
+
+    Attributes:
+        text: for people. targets: ends, by axis number as text [mm, deg]; empty: nothing moves.
+        rapid: each axis at its own limits; else slowly.
+    """
+
+    text: str
+    targets: dict[str, float] = {}
+    rapid: bool = False
+
+
+class AxisStart(msgspec.Struct, frozen=True):
+    """An axis of the program at the line.
+
+    Attributes:
+        now: where it is [mm, deg]. there: where the program has it before the line; None: not known.
+        energized: the program had it energized there. away: farther from there than the axis's in-position
+            tolerance, or there is not known.
+    """
+
+    axis: int
+    unit: str
+    now: float
+    there: float | None
+    energized: bool
+    away: bool
+
+
+class Switched(msgspec.Struct, frozen=True):
+    """An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+
+    Attributes:
+        name: of the output, or such as ``axis 3``. there: as the program had it. now: as it is. unit: of
+            both.
+    """
+
+    name: str
+    there: float
+    now: float
+    unit: str = ""
+
+
+class Need(msgspec.Struct, frozen=True):
+    """What stands in the way of going on.
+
+    Attributes:
+        confirm: the field of the request that lets it pass, ``way`` or ``outputs``; empty: none does.
+    """
+
+    code: str
+    message: str
+    hint: str
+    confirm: str = ""
+
+
+class Approach(msgspec.Struct, frozen=True):
+    """How a program comes to its first line.
+
+    Attributes:
+        energize: axes that are energized first. axes: all of the program. way: in order; without one the
+            axes are there. switched: what the program had switched otherwise. needs: what has to be answered
+            first.
+        lines: the way as text in machine coordinates. lines_with_outputs: with what is switched too.
+    """
+
+    energize: tuple[int, ...]
+    axes: tuple[AxisStart, ...]
+    way: tuple[WayStep, ...]
+    switched: tuple[Switched, ...]
+    needs: tuple[Need, ...]
+    lines: tuple[str, ...]
+    lines_with_outputs: tuple[str, ...]
+
+
+def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: Iterable[int]) -> Approach:
+    """Plan the way from where the axes are to where they are before a line.
+
+    Args:
+        state: before the line. now: the machine as it is. lease: axes of the program.
+    """
+    leased = set(lease)
+    moved = state.energized & leased
+    # what turns by itself is not where it was, and G1030 and G1040 energize
+    energize = tuple(sorted(moved - state.torques.keys() - state.speeds.keys()))
+    free = free_axes(machine)
+    known = {axis: state.positions[axis] for axis in energize if axis not in state.unknown | free}
+    starts = []
+    for axis in machine.axes:
+        if axis.index not in leased:
+            continue
+        there = known.get(axis.index)
+        scale = axis.type.si_per_unit
+        held = axis.index in energize and axis.index not in free
+        away = held and (there is None or abs(there - now.positions[axis.index]) > axis.in_position)
+        starts.append(
+            AxisStart(
+                axis.index,
+                axis.type.unit,
+                now.positions[axis.index] / scale,
+                None if there is None else there / scale,
+                axis.index in moved,
+                away,
+            )
+        )
+    away_known = {each.axis for each in starts if each.away and each.there is not None}
+    recovery = machine.recovery
+    if recovery is not None and recovery.safe_axis is not None and recovery.safe_axis not in known:
+        # the machine's way leads over an axis that this program does not hold
+        recovery = None
+    moves = _moves(recovery, away_known, known)
+    switched, switching = _switched(machine, state, now, leased)
+    settle = 2.0 if recovery is None else recovery.settle_s
+    # what turns has to turn before the axes go down to the work
+    at = len(moves) - 1 if moves and recovery is not None and recovery.safe_axis is not None else 0
+    codes, with_outputs, place = [], [], dict(now.positions)
+    for number, move in enumerate(moves):
+        if number == at and switching:
+            with_outputs += [*switching, f"G04 P{settle:g}"]
+        code = move.code(machine, recovery, place)
+        place.update(move.targets)
+        codes.append(code)
+        with_outputs.append(code)
+    if switching and not moves:
+        with_outputs += [*switching, f"G04 P{settle:g}"]
+    # within tolerance, yet increments start from the very place
+    rest = {axis: end for axis, end in known.items() if abs(end - place[axis]) > SAME}
+    if rest:
+        trim = _Move("", rest, rapid=False).code(machine, recovery, place)
+        codes.append(trim)
+        with_outputs.append(trim)
+    capture = [" ".join(f"G1010 P{axis}" for axis in energize)] if energize else []
+    return Approach(
+        energize=energize,
+        axes=tuple(starts),
+        way=tuple(move.step(machine) for move in moves),
+        switched=tuple(switched),
+        needs=tuple(_needs(machine, state, now, starts, switched, by_machine=recovery is not None)),
+        lines=(*capture, *codes),
+        lines_with_outputs=(*capture, *with_outputs),
+    )
+
+
+class _Move(msgspec.Struct):
+    """A move of the way, in SI."""
+
+    verb: str
+    targets: dict[int, float]
+    rapid: bool
+
+    def step(self, machine: Machine) -> WayStep:
+        ends = {}
+        for axis, end in self.targets.items():
+            ends[axis] = end / _axis(machine, axis).type.si_per_unit
+        places = ", ".join(
+            f"{axis_name(axis)} to {end:.3f} {_axis(machine, axis).type.unit}" for axis, end in ends.items()
+        )
+        text = f"{self.verb}: {places}" + ("" if self.rapid else ", slowly")
+        return WayStep(text, {str(axis): end for axis, end in ends.items()}, self.rapid)
+
+    def code(self, machine: Machine, recovery: Recovery | None, place: Mapping[int, float]) -> str:
+        """Return the move as a line in machine coordinates; ``place``: where the axes are before it."""
+        words = " ".join(
+            f"[{axis}]{end / _axis(machine, axis).type.si_per_unit:.9f}" for axis, end in self.targets.items()
+        )
+        axes = [_axis(machine, axis) for axis in self.targets]
+        if self.rapid or any(axis.profiled for axis in axes):
+            return f"G00 {words}"
+        duration = max(
+            abs(self.targets[axis.index] - place[axis.index]) / _velocity(axis, recovery) for axis in axes
+        )
+        return f"G61 G93 F{60.0 / max(duration, machine.cycle_s):.9f} G01 {words}"
+
+
+def _moves(recovery: Recovery | None, away: set[int], known: Mapping[int, float]) -> list[_Move]:
+    if not away:
+        return []
+    safe = None if recovery is None else recovery.safe_axis
+    groups = [set(group) & away for group in recovery.order] if recovery is not None else []
+    rest = away - {axis for group in groups for axis in group} - {safe}
+    # without a safe height nothing says what is clear of the work: one at a time, never a diagonal
+    groups += [rest] if safe is not None else [{axis} for axis in sorted(rest)]
+    over = [{axis: known[axis] for axis in sorted(group)} for group in groups if group]
+    if safe is None or recovery is None:
+        return [_Move("move", targets, rapid=False) for targets in over]
+    if not over:
+        return [_Move("down", {safe: known[safe]}, rapid=False)]
+    lift = _Move("lift", {safe: recovery.safe_position}, rapid=False)
+    down = _Move("down", {safe: known[safe]}, rapid=False)
+    return [lift, *(_Move("over", targets, rapid=True) for targets in over), down]
+
+
+def _switched(
+    machine: Machine, state: StateBefore, now: StartState, leased: set[int]
+) -> tuple[list[Switched], list[str]]:
+    """Return what the program had switched on and is not now, and the lines that switch it."""
+    found: list[Switched] = []
+    codes: list[str] = []
+    for column, output in enumerate(machine.outputs):
+        there, at = state.outputs.get(column), now.outputs[column]
+        if there is None or there == at:
+            continue
+        found.append(Switched(output.name, there, at, output.unit))
+        if output.digital:
+            codes.append(f"M{64 if there else 65} P{output.number}")
+        else:
+            codes.append(f"M68 E{output.number} Q{there:.9f}")
+    for index, speed in sorted(state.speeds.items()):
+        if index in leased and speed:
+            rpm = motor_rpm(speed, _axis(machine, index).travel_per_motor_turn)
+            found.append(Switched(f"axis {index}", rpm, 0.0, "RPM"))
+            codes.append(f"G1030 [{index}]{rpm:.9f}")
+    for index, torque in sorted(state.torques.items()):
+        if index in leased and torque:
+            found.append(Switched(f"axis {index}", torque, 0.0, "N·m"))
+            codes.append(f"G1040 [{index}]{torque:.9f}")
+    return found, codes
+
+
+def _needs(
+    machine: Machine,
+    state: StateBefore,
+    now: StartState,
+    starts: list[AxisStart],
+    switched: list[Switched],
+    *,
+    by_machine: bool,
+) -> list[Need]:
+    needs = []
+    lost = [
+        each.axis
+        for each in starts
+        if each.energized and _axis(machine, each.axis).homing is not None and each.axis not in now.homed
+    ]
+    if lost:
+        names = " ".join(axis_name(axis) for axis in lost)
+        needs.append(
+            Need(
+                "MC450",
+                f"axes that do not know where they are: {names}",
+                f"home them first: mcctl home {names}",
+            )
+        )
+    unknown = [axis_name(each.axis) for each in starts if each.away and each.there is None]
+    away = [axis_name(each.axis) for each in starts if each.away and each.there is not None]
+    if unknown:
+        message = (
+            f"where the program had {', '.join(unknown)} is not known: a probe, a speed or a command moved it"
+        )
+        needs.append(Need("MC592", message, "jog there, then confirm the way", "way"))
+    if away and not by_machine:
+        message = f"{', '.join(away)} stand elsewhere than where the program has them before this line"
+        hint = "jog them there, or confirm the way; [recovery] of the machine file names a safe one"
+        needs.append(Need("MC592", message, hint, "way"))
+    if switched:
+        names = ", ".join(f"{each.name} {each.there:g} {each.unit}".rstrip() for each in switched)
+        needs.append(
+            Need(
+                "MC593", f"the program had switched {names}", "say whether to set or to leave them", "outputs"
+            )
+        )
+    if state.ended:
+        needs.append(Need("MC517", "the program has ended before this line", "choose an earlier line"))
+    return needs
+
+
+def refuse_needs(approach: Approach, *, way: bool, outputs: Outputs | None) -> None:
+    """Refuse what nobody has confirmed yet.
+
+    Raises:
+        ServiceError: MC450, MC517, MC592, MC593.
+    """
+    for need in approach.needs:
+        if need.confirm == "way" and way:
+            continue
+        if need.confirm == "outputs" and outputs is not None:
+            continue
+        raise ServiceError(need.code, need.message, need.hint)
+
+
+def free_axes(machine: Machine) -> frozenset[int]:
+    """Return axes whose place means nothing beyond a program, such as a printer's extruders."""
+    dialect = machine.dialect
+    if dialect.profile != "printer":
+        return frozenset()
+    return frozenset(axis for letter, axis in dialect.letters.items() if letter not in "UVW")
+
+
+def axis_name(index: int) -> str:
+    """Return X Y Z A B C for axes 0-5, else ``[n]``."""
+    return "XYZABC"[index] if index < 6 else f"[{index}]"
+
+
+def _velocity(axis: Axis, recovery: Recovery | None) -> float:
+    given = None if recovery is None else recovery.approach_velocity
+    if given is None or axis.type.unit != "mm":
+        return axis.max_velocity * SHARE
+    return min(given, axis.max_velocity)
+
+
+def _axis(machine: Machine, index: int) -> Axis:
+    found = machine.axis(index)
+    assert found is not None
+    return found

@@ -1,0 +1,171 @@
+"""Going on in the middle of a program: its state there from its own earlier lines, and the way there."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+
+import msgspec
+
+from mcserver.errors import Refused
+from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
+from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.semantics.modal import ModalState
+from mcserver.machine.machine_file import Machine
+from mcserver.planning.planner_messages import Planning
+from mcserver.planning.start_state import StartState, StateBefore
+from mcserver.service.approach import Approach, Need, free_axes, plan_approach
+from mcserver.service.journal_reader import (
+    RecordedProgram,
+    read_lines_before,
+    read_lines_near,
+    read_recorded,
+)
+from mcserver.service.program_table import ProgramTable
+
+# Work offsets that differ by less are the same [m or rad].
+SAME_OFFSET = 1e-9
+# Lines before and behind the first one that are shown.
+EXCERPT = 6
+
+
+class Start(msgspec.Struct, frozen=True):
+    """A start at a line.
+
+    Attributes:
+        before: the lines before it. state: behind them; None: nothing is before it.
+        origin: the machine as the program began; None: that is not known, and counts as it is now.
+    """
+
+    before: Sequence[str]
+    state: StateBefore | None
+    origin: StartState | None
+
+
+class Recovering:
+    """Reads what is needed to go on with a program; all of it runs in the loop.
+
+    Args:
+        written: waits until what was journaled so far can be read.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        planning: Planning,
+        table: ProgramTable,
+        written: Callable[[], Awaitable[None]],
+    ) -> None:
+        self._machine = machine
+        self._planning = planning
+        self._table = table
+        self._path = table.options.journal
+        self._written = written
+
+    async def recorded(self, program: str, *, last: bool = True) -> RecordedProgram:
+        """Read a program that has ended, or, with ``last``, the one that has gone on with it last.
+
+        Raises:
+            ServiceError: MC503 there is none; MC517 it is still open.
+        """
+        await self._written()
+        found = await asyncio.to_thread(read_recorded, self._path, program, last=last)
+        name = found.status.program
+        here = self._table.programs.get(name)
+        if here is not None and not here.ended:
+            raise Refused("MC517", f"{name} has not ended", "abort it first", state=here.state)
+        return found
+
+    async def lines(self, program: str, first: int, last: int) -> list[str]:
+        """Read lines ``first`` … ``last`` of a program.
+
+        Raises:
+            ServiceError: MC514 the journal does not have all of them.
+        """
+        if last < first:
+            return []
+        at, found = await asyncio.to_thread(read_lines_near, self._path, program, first, last)
+        if at != first or len(found) != last - first + 1:
+            raise Refused(
+                "MC514",
+                f"of lines {first} … {last} of {program} the journal has {len(found)}",
+                "run the file itself from the line: mcctl run FILE --from-line",
+                oldest_line=at,
+            )
+        return found
+
+    async def excerpt(self, program: str, line: int) -> tuple[int, list[str]]:
+        """Return the lines about a line as far as they are known, and the number of the first."""
+        first, last = max(1, line - EXCERPT), line + EXCERPT
+        return await asyncio.to_thread(read_lines_near, self._path, program, first, last)
+
+    async def start_of(
+        self, axes: Sequence[int], line: int, *, before: Sequence[str] = (), program: str | None = None
+    ) -> Start:
+        """Rebuild the state before a line.
+
+        Args:
+            axes: of the program that starts there. before: the lines before it. program: whose lines they are
+                otherwise, and which began as the journal says.
+
+        Raises:
+            ServiceError: MC503, MC511, MC514, MC517. ProgramRejected: a line before it has a fault.
+        """
+        origin: StartState | None = None
+        if program is not None:
+            origin = (await self.recorded(program, last=False)).origin
+            if line > 1 and not before:
+                before = await asyncio.to_thread(read_lines_before, self._path, program, line)
+        if before and len(before) != line - 1:
+            raise Refused(
+                "MC511",
+                f"{len(before)} lines before line {line}: lines 1 … {line - 1} are meant",
+                "give all of them, or none",
+            )
+        if not before:
+            return Start(before, None, origin)
+        begun = origin or self._table.start_state()
+        state = await asyncio.to_thread(self._planning.state_before, before, begun, frozenset(axes))
+        return Start(before, state, origin)
+
+    def plan(self, start: Start, axes: Sequence[int]) -> Approach:
+        """Plan the way from where the axes are now to where a start has them."""
+        assert start.state is not None
+        approach = plan_approach(self._machine, start.state, self._table.start_state(), axes)
+        if start.origin is None or start.state.modal.frame is None:
+            return approach
+        differing = self._differing_offsets(start.state.modal.frame)
+        if not differing:
+            return approach
+        need = Need(
+            "MC594",
+            f"work offsets were changed since: {differing}",
+            "set them back (mcctl zero), or run the file from the line with those of now",
+        )
+        return msgspec.structs.replace(approach, needs=(*approach.needs, need))
+
+    def modal_from(self, start: Start) -> ModalState | None:
+        """Return the modal state of a start; axes whose place means nothing go on from where they are."""
+        state, free = start.state, free_axes(self._machine)
+        if state is None or not free:
+            return None if state is None else state.modal
+        now = self._table.start_state().positions
+        frame = state.modal.frame or Frame()
+        moved = {axis: frame.g92.get(axis, 0.0) + now[axis] - state.positions[axis] for axis in free}
+        frame = msgspec.structs.replace(frame, g92={**frame.g92, **moved}, g92_on=True)
+        return msgspec.structs.replace(state.modal, frame=frame, shift=frame.shift())
+
+    def _differing_offsets(self, frame: Frame) -> str:
+        """Say which work offsets are not those that a program had at a line; empty: none."""
+        names = {number: name for name, number in SYSTEM_NUMBERS.items()}
+        now = self._table.offsets.systems
+        said = []
+        for number in sorted(frame.systems.keys() | now.keys()):
+            had, has = frame.systems.get(number, {}), now.get(number, {})
+            for index in sorted(had.keys() | has.keys()):
+                axis = self._machine.axis(index)
+                then, at = had.get(index, 0.0), has.get(index, 0.0)
+                if axis is not None and abs(then - at) > SAME_OFFSET:
+                    was, is_now = then / axis.type.si_per_unit, at / axis.type.si_per_unit
+                    said.append(f"{names.get(number)} of axis {index} is {is_now:.3f}, it was {was:.3f}")
+        return "; ".join(said)

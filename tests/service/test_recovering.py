@@ -1,0 +1,309 @@
+"""Going on in the middle of a program after the server was killed, on a virtual executor."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from mcserver.errors import Refused, ServiceError
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.service.approach import Approach, Confirmed
+from mcserver.service.program import Program
+from mcserver.service.reports import Event
+from tests.service.virtual_cell import VirtualCell
+
+MM = 1e-3
+RECOVERY = "[recovery]\nsafe_axis = 2\nsafe_position = 50.0\napproach_velocity = 20.0\n"
+SPINDLE = (
+    '[[axis]]\nindex = 3\ntype = "rotary"\nmax_velocity = 36000.0\nmax_acceleration = 360000.0\n'
+    '[axis.drive]\nkind = "ideal"\n'
+)
+CNC = (
+    '[dialect]\nprofile = "cnc"\nspindle_axis = 3\n'
+    "outputs = { M8 = { coolant = true }, M9 = { coolant = false } }\n"
+    '[[output]]\nnumber = 0\nname = "coolant"\n'
+)
+# on top of the part, and into it
+PART = [
+    "G1010",
+    "G94 F6000",
+    "G00 Z10",
+    "G00 X100 Y40",
+    "G01 Z-5",
+    "G01 X120",
+    "G01 X140",
+    "G01 X160",
+    "G00 Z10",
+]
+
+
+def machine(more: str = "", start: Sequence[float] = (0.0, 0.0, 0.0)) -> Machine:
+    axes = "".join(
+        f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
+        "min_position = -200.0\nmax_position = 500.0\nmax_following_error = 1.0\n"
+        f'[axis.drive]\nkind = "ideal"\ninitial_position = {start[index]}\n'
+        for index in range(3)
+    )
+    return parse_machine(f'[machine]\nname = "mill"\n{axes}{more}')
+
+
+class Rig:
+    """Cells on one journal, one after the other; what the axes do is watched."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.cell: VirtualCell | None = None
+        self.path: list[tuple[float, ...]] = []
+
+    async def started(self, machine: Machine) -> VirtualCell:
+        if self.cell is not None:
+            self.cell.kill()
+        self.path.clear()
+        self._starts = getattr(self, "_starts", 0) + 1
+        self.cell = VirtualCell(machine, self._folder, instance=f"start{self._starts}")
+        return self.cell
+
+    async def killed_in(
+        self, machine: Machine, lines: Sequence[str], line: int, *, close: bool = True
+    ) -> str:
+        """Run a program until a line of it moves, and kill the server."""
+        cell = await self.started(machine)
+        program = await cell.service.open("cam", name="part.nc")
+        cell.service.lines.submit("cam", program.program, 1, lines)
+        if close:
+            cell.service.lines.close("cam", program.program)
+        await self.stopped_in(program, line)
+        return program.program
+
+    async def stopped_in(self, program: Program, line: int) -> None:
+        """Wait for a line to begin, and stand still in it until the journal has what is before it."""
+        cell = self.cell
+        assert cell is not None
+        while program.progress.started < line:
+            assert not program.ended
+            await asyncio.sleep(0)
+        cell.service.set_override(0.0, program.program)
+        await cell.until(lambda: program.ack().done >= line - 1)
+        assert not program.ended
+
+    async def until_ended(self, program: Program) -> Program:
+        """Wait for a program's end, noting where the axes are."""
+        cell = self.cell
+        assert cell is not None
+
+        def done() -> bool:
+            self.path.append(tuple(cell.position(axis) / MM for axis in range(3)))
+            return program.ended
+
+        await cell.until(done)
+        return program
+
+
+@pytest.fixture
+async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
+    made = Rig(tmp_path)
+    yield made
+    if made.cell is not None:
+        await made.cell.stop()
+
+
+async def look(cell: VirtualCell, program: str, line: int | None = None) -> Approach:
+    found = await cell.service.recovery.recorded(program)
+    status = found.status
+    start = await cell.service.recovery.start_of(status.axes, line or status.done + 1, program=status.program)
+    return cell.service.recovery.plan(start, status.axes)
+
+
+async def test_a_program_goes_on_by_one_call_with_what_it_had_energized(rig: Rig) -> None:
+    name = await rig.killed_in(machine(RECOVERY), PART, 7)
+    cell = await rig.started(machine(RECOVERY))
+    program = await rig.until_ended(await cell.service.continue_program("page", name))
+    assert (program.state, program.fault, program.start_line) == ("finished", None, 7)
+    assert rig.path[-1] == pytest.approx((160.0, 40.0, 10.0), abs=1e-3)
+
+
+async def test_the_way_is_up_over_and_down_where_the_machine_file_names_a_safe_height(rig: Rig) -> None:
+    name = await rig.killed_in(machine(RECOVERY), PART, 7)
+    cell = await rig.started(machine(RECOVERY))
+    approach = await look(cell, name)
+    assert [step.text for step in approach.way] == [
+        "lift: Z to 50.000 mm, slowly",
+        "over: X to 120.000 mm, Y to 40.000 mm",
+        "down: Z to -5.000 mm, slowly",
+    ]
+    assert approach.energize == (0, 1, 2)
+    await rig.until_ended(await cell.service.continue_program("page", name))
+    for x, y, z in rig.path:
+        if z < 50.0 - 1e-3:
+            # below the safe height: where it began, or where the part is
+            assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-3) or (
+                x >= 120.0 - 1e-3 and y == pytest.approx(40.0)
+            )
+
+
+async def test_without_a_safe_height_the_way_has_to_be_confirmed_and_is_no_diagonal(rig: Rig) -> None:
+    name = await rig.killed_in(machine(), PART, 7)
+    cell = await rig.started(machine())
+    with pytest.raises(ServiceError) as refused:
+        await cell.service.continue_program("page", name)
+    assert refused.value.code == "MC592"
+    assert "[recovery]" in refused.value.hint
+    assert cell.position(0) == 0.0
+    program = await cell.service.continue_program("page", name, confirmed=Confirmed(way=True))
+    await rig.until_ended(program)
+    assert program.state == "finished"
+    for x, y, z in rig.path:
+        # one axis at a time until all are there
+        moved = [abs(at) > 1e-3 for at in (x, y, z)]
+        assert moved in ([False] * 3, [True, False, False], [True, True, False], [True] * 3)
+
+
+async def test_axes_that_stand_there_need_no_way_and_nothing_to_confirm(rig: Rig) -> None:
+    name = await rig.killed_in(machine(), PART, 7)
+    cell = await rig.started(machine(start=(120.0, 40.005, -5.0)))
+    approach = await look(cell, name)
+    assert (approach.way, approach.needs) == ((), ())
+    program = await rig.until_ended(await cell.service.continue_program("page", name))
+    assert program.state == "finished"
+
+
+async def test_increments_go_on_from_where_the_program_began(rig: Rig) -> None:
+    lines = ["G1010", "G94 F6000 G91", *["G01 X40"] * 6]
+    name = await rig.killed_in(machine(RECOVERY, start=(7.0, 0.0, 0.0)), lines, 5)
+    cell = await rig.started(machine(RECOVERY, start=(30.0, 0.0, 0.0)))
+    (x, _, _) = (await look(cell, name)).axes
+    assert (x.now, x.there) == pytest.approx((30.0, 87.0))
+    await rig.until_ended(await cell.service.continue_program("page", name))
+    assert rig.path[-1][0] == pytest.approx(247.0, abs=1e-3)
+
+
+async def test_no_line_runs_again_and_the_call_goes_on_with_the_last_that_went_on(rig: Rig) -> None:
+    name = await rig.killed_in(machine(RECOVERY), PART, 6)
+    cell = await rig.started(machine(RECOVERY))
+    second = await cell.service.continue_program("page", name)
+    assert second.start_line == 6
+    await rig.stopped_in(second, 8)
+    cell = await rig.started(machine(RECOVERY))
+    third = await cell.service.continue_program("page", name)
+    assert (third.resume_of, third.start_line) == (second.program, 8)
+    await rig.until_ended(third)
+    ended = lines_ended(cell.events, third.program)
+    assert ended == [8, 9]
+    with pytest.raises(Refused) as refused:
+        await cell.service.continue_program("page", name)
+    assert refused.value.code == "MC517"
+
+
+def lines_ended(events: Sequence[Event], program: str) -> list[int]:
+    return [report.line for event in events if event.program == program for report in event.lines]
+
+
+async def test_a_text_that_was_not_whole_waits_for_its_rest(rig: Rig) -> None:
+    name = await rig.killed_in(machine(RECOVERY), PART[:8], 7, close=False)
+    cell = await rig.started(machine(RECOVERY))
+    program = await cell.service.continue_program("page", name)
+    assert (program.queue.expected, program.closed) == (9, False)
+    cell.service.lines.submit("page", program.program, 9, PART[8:])
+    cell.service.lines.close("page", program.program)
+    await rig.until_ended(program)
+    assert rig.path[-1] == pytest.approx((160.0, 40.0, 10.0), abs=1e-3)
+
+
+async def test_what_was_switched_on_is_named_and_set_only_where_somebody_says_so(rig: Rig) -> None:
+    lines = ["G0 Z10", "M3 S600", "M8", "G1 X50 F6000", "G1 X100", "G1 X150", "G1 X200"]
+    mill = machine(SPINDLE + CNC + RECOVERY)
+    name = await rig.killed_in(mill, lines, 5)
+    cell = await rig.started(mill)
+    approach = await look(cell, name)
+    assert [(each.name, each.there, each.now) for each in approach.switched] == [
+        ("coolant", 1.0, 0.0),
+        ("axis 3", pytest.approx(600.0), 0.0),
+    ]
+    with pytest.raises(ServiceError) as refused:
+        await cell.service.continue_program("page", name)
+    assert refused.value.code == "MC593"
+    left = await rig.until_ended(
+        await cell.service.continue_program("page", name, 5, confirmed=Confirmed(outputs="leave"))
+    )
+    assert left.state == "finished"
+    assert cell.service.port.snapshot().outputs == [0.0]
+
+    name = await rig.killed_in(mill, lines, 5)
+    cell = await rig.started(mill)
+    program = await cell.service.continue_program("page", name, confirmed=Confirmed(outputs="set"))
+    await rig.until_ended(program)
+    assert program.state == "finished"
+    snapshot = cell.service.port.snapshot()
+    assert (snapshot.outputs, snapshot.states[3]) == ([1.0], "speed")
+
+
+async def test_work_offsets_that_were_changed_since_are_named(rig: Rig) -> None:
+    lines = ["G0 Z10", "G10 L20 P1 X20", "G1 X50 F6000", "G1 X150", "G1 X250"]
+    mill = machine(SPINDLE + CNC + RECOVERY)
+    name = await rig.killed_in(mill, lines, 4)
+    cell = await rig.started(mill)
+    (x, *_) = (await look(cell, name)).axes
+    # zero of G54 is at -20: X50 is at 30
+    assert x.there == pytest.approx(30.0)
+    await cell.run("G10 L2 P1 X5", axes=[0])
+    with pytest.raises(ServiceError) as refused:
+        await cell.service.continue_program("page", name)
+    assert refused.value.code == "MC594"
+    assert "G54 of axis 0 is 5.000, it was -20.000" in refused.value.message
+
+
+async def test_axes_without_their_reference_are_refused_with_the_remedy(rig: Rig) -> None:
+    text = (
+        '[machine]\nname = "homed"\n[[axis]]\nindex = 0\ntype = "linear"\nmax_velocity = 200.0\n'
+        "max_acceleration = 2000.0\nmin_position = -50.0\nmax_position = 500.0\n"
+        '[axis.homing]\nmethod = "manual"\n[axis.drive]\nkind = "ideal"\n'
+    )
+    cell = await rig.started(parse_machine(text))
+    await cell.homing.reference("ada", {0: 0.0})
+    program = await cell.service.open("cam")
+    cell.service.lines.submit("cam", program.program, 1, ["G1010", "G01 X10 F6000", "G01 X200"])
+    await rig.stopped_in(program, 3)
+    cell = await rig.started(parse_machine(text))
+    with pytest.raises(ServiceError) as refused:
+        await cell.service.continue_program("page", program.program)
+    assert (refused.value.code, refused.value.hint) == ("MC450", "home them first: mcctl home X")
+
+
+async def test_a_start_from_a_line_takes_the_same_way(rig: Rig) -> None:
+    cell = await rig.started(machine(RECOVERY))
+    program = await cell.service.open("cam", start_line=7, before=PART[:6])
+    cell.service.lines.submit("cam", program.program, 7, PART[6:])
+    cell.service.lines.close("cam", program.program)
+    await rig.until_ended(program)
+    assert program.state == "finished"
+    assert max(z for _, _, z in rig.path) == pytest.approx(50.0, abs=1e-3)
+    cell = await rig.started(machine())
+    with pytest.raises(ServiceError) as refused:
+        await cell.service.open("cam", start_line=7, before=PART[:6])
+    assert refused.value.code == "MC592"
+
+
+async def test_a_hold_and_an_abort_count_on_the_way_too(rig: Rig) -> None:
+    name = await rig.killed_in(machine(RECOVERY), PART, 7)
+    cell = await rig.started(machine(RECOVERY))
+    program = await cell.service.continue_program("page", name)
+    assert program.notice == "on the way to line 7"
+    await cell.until(lambda: cell.position(2) > 10 * MM)
+    cell.service.abort(program.program)
+    await cell.ended(program)
+    assert (program.state, program.done) == ("aborted", 6)
+    assert cell.position(2) < 50 * MM
+    again = await rig.until_ended(await cell.service.continue_program("page", name))
+    assert (again.state, again.start_line) == ("finished", 7)
+
+
+async def test_the_way_is_not_taken_while_another_program_has_an_axis(rig: Rig) -> None:
+    name = await rig.killed_in(machine(RECOVERY), PART, 7)
+    cell = await rig.started(machine(RECOVERY))
+    await cell.service.open("other", axes=[1])
+    with pytest.raises(Refused) as refused:
+        await cell.service.continue_program("page", name)
+    assert refused.value.code == "MC512"
