@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mcserver.contract.sdk import golang, python, typescript
+from mcserver.contract.sdk import golang, java, python, typescript
 from mcserver.contract.sdk.model import model
 
-LANGUAGES = {"go": golang.files, "python": python.files, "typescript": typescript.files}
+LANGUAGES = {"java": java.files, "go": golang.files, "python": python.files, "typescript": typescript.files}
 
 
 def files() -> dict[str, str]:

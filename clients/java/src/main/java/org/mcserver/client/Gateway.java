@@ -12,7 +12,6 @@ import java.util.HashMap;
 import java.util.LinkedHashMap;
 import java.util.List;
 import java.util.Map;
-import java.util.Set;
 import java.util.concurrent.CompletableFuture;
 import java.util.concurrent.Executors;
 import java.util.concurrent.ScheduledExecutorService;
@@ -29,7 +28,6 @@ import java.util.function.BiConsumer;
  */
 public final class Gateway implements AutoCloseable {
     static final Duration DEADLINE = Duration.ofSeconds(15);
-    static final Duration LONG_JOB = Duration.ofSeconds(120);
     private static final Duration PATIENCE = Duration.ofSeconds(15);
     private static final Duration CONNECT = Duration.ofSeconds(10);
     /** How often a silent connection is asked for a sign of life, and after how long a silence it is given up. */
@@ -37,10 +35,6 @@ public final class Gateway implements AutoCloseable {
 
     private static final long SILENCE_MS = 6000;
     private static final long[] RETRY_MS = {50, 100, 200, 400, 800, 1000};
-
-    /** Methods that change nothing. */
-    private static final Set<String> READING =
-            Set.of("info", "status", "programs", "events", "check", "simulate", "drives", "sdo_read", "run_requests", "run_preview");
 
     /** What waits for a reply. */
     private record Pending(Map<String, Object> frame, CompletableFuture<Object> reply, ScheduledFuture<?> deadline) {}
@@ -428,7 +422,7 @@ public final class Gateway implements AutoCloseable {
     private void failWhatCountsByClient() {
         for (Map.Entry<Long, Pending> each : List.copyOf(pending.entrySet())) {
             Map<String, Object> frame = each.getValue().frame();
-            if ("call".equals(frame.get("op")) && !READING.contains(String.valueOf(frame.get("method")))) {
+            if ("call".equals(frame.get("op")) && !MachineCalls.REPEATABLE.contains(String.valueOf(frame.get("method")))) {
                 pending.remove(each.getKey());
                 each.getValue().deadline().cancel(false);
                 each.getValue().reply().completeExceptionally(new MotionException.NobodyAnswers("MC532",

@@ -1,6 +1,5 @@
 package org.mcserver.client;
 
-import java.util.LinkedHashMap;
 import java.util.Map;
 import java.util.concurrent.CompletableFuture;
 import java.util.concurrent.ScheduledFuture;
@@ -27,15 +26,11 @@ public final class HeldJog implements AutoCloseable {
         this.program = program;
     }
 
-    static CompletableFuture<HeldJog> start(Gateway gateway, Machine machine, int axis, double velocity) {
-        Map<String, Object> request = new LinkedHashMap<>();
-        request.put("axis", axis);
-        request.put("velocity", velocity);
-        request.put("hold_s", HOLD_S);
-        return machine.ask("jog", request, Messages.JogReply.class).thenApplyAsync(reply -> {
-            HeldJog jog = new HeldJog(machine, reply.program());
-            Map<String, Object> keep = new LinkedHashMap<>(request);
-            keep.put("program", reply.program());
+    static CompletableFuture<HeldJog> start(Gateway gateway, Machine machine, long axis, double velocity) {
+        Messages.JogRequest request = new Messages.JogRequest(axis).withVelocity(velocity).withHoldS(HOLD_S);
+        return machine.jog(request).thenApplyAsync(program -> {
+            HeldJog jog = new HeldJog(machine, program);
+            Map<String, Object> keep = Wire.params(request.withProgram(program));
             jog.keeping = gateway.loop().scheduleWithFixedDelay(() -> jog.keep(gateway, keep), KEEP_MS, KEEP_MS, TimeUnit.MILLISECONDS);
             return jog;
         }, gateway.loop());

@@ -7,6 +7,7 @@ import java.util.Iterator;
 import java.util.List;
 import java.util.Map;
 import java.util.Set;
+import org.mcserver.client.Messages.ProgramState;
 
 /**
  * Numbering, credit and repetition of one program's lines: a state machine without I/O and without a clock.
@@ -22,7 +23,8 @@ final class LineCore {
     static final int BUFFER_CHARACTERS = 512 * 1024;
     static final int CHUNK_LINES = 1000;
     static final int CHUNK_CHARACTERS = 64 * 1024;
-    private static final Set<String> ENDED = Set.of("finished", "aborted", "rejected", "faulted", "interrupted");
+    private static final Set<ProgramState> ENDED = Set.of(
+            ProgramState.FINISHED, ProgramState.ABORTED, ProgramState.REJECTED, ProgramState.FAULTED, ProgramState.INTERRUPTED);
 
     /** How far a program came. */
     record Extent(String program, long accepted, long done) {}
@@ -37,7 +39,7 @@ final class LineCore {
     private long accepted;
     private long credit;
     private long done;
-    private String state;
+    private ProgramState state;
     private boolean closed;
     private boolean underWay;
     private boolean judging;
@@ -80,7 +82,7 @@ final class LineCore {
         return credit;
     }
 
-    String state() {
+    ProgramState state() {
         return state;
     }
 
@@ -144,7 +146,7 @@ final class LineCore {
 
     /** Throws the failure; a rejection that was reported does not keep its line from being sent anew. */
     void check() {
-        if (failure == null || (reported && failure instanceof MotionException.ProgramRejected && !state.equals("rejected"))) {
+        if (failure == null || (reported && failure instanceof MotionException.ProgramRejected && state != ProgramState.REJECTED)) {
             return;
         }
         reported = true;
@@ -164,7 +166,7 @@ final class LineCore {
             check();
         }
         if (ended() && pending()) {
-            throw new MotionException.ProgramClosed(state, extent());
+            throw new MotionException.ProgramClosed(state.word(), extent());
         }
     }
 
@@ -172,7 +174,7 @@ final class LineCore {
     void checkOpen() {
         check();
         if (closed || ended()) {
-            throw new MotionException.ProgramClosed(ended() ? state : "closed", extent());
+            throw new MotionException.ProgramClosed(ended() ? state.word() : "closed", extent());
         }
     }
 
@@ -274,8 +276,10 @@ final class LineCore {
         if (refusal.code().equals("MC510")) {
             take(refusal.number("accepted", accepted), 0, now);
             String end = String.valueOf(refusal.details().getOrDefault("state", "closed"));
-            if (ENDED.contains(end)) {
-                progress(end, done, null, List.of());
+            for (ProgramState each : ENDED) {
+                if (each.word().equals(end)) {
+                    progress(each, done, null, List.of());
+                }
             }
             if (failure == null && !end.equals("ending")) {
                 fail(new MotionException.ProgramClosed(end, extent()));
@@ -306,7 +310,7 @@ final class LineCore {
         lost = false;
         if (status == null) {
             underWay = false;
-            progress("interrupted", 0, null, List.of());
+            progress(ProgramState.INTERRUPTED, 0, null, List.of());
             return;
         }
         underWay = underWay && judging;
@@ -332,12 +336,12 @@ final class LineCore {
     }
 
     /** A report is from before a rejection that is known; that a program has ended is never too old. */
-    private boolean isOld(long rejections, String now) {
+    private boolean isOld(long rejections, ProgramState now) {
         return rejections < this.rejections && !ENDED.contains(now);
     }
 
     /** Takes the rejection that a report tells of, if it is not known yet. */
-    private void hearRejection(String now, long rejections, long rejected, long before, List<Messages.Diagnostic> diagnostics) {
+    private void hearRejection(ProgramState now, long rejections, long rejected, long before, List<Messages.Diagnostic> diagnostics) {
         if (rejections <= this.rejections || (judging && !ENDED.contains(now))) {
             return;
         }
@@ -375,26 +379,26 @@ final class LineCore {
     }
 
     /** Takes the program's state; the first one that is an end stays. */
-    private void progress(String now, long done, Messages.Fault fault, List<Messages.Diagnostic> diagnostics) {
+    private void progress(ProgramState now, long done, Messages.Fault fault, List<Messages.Diagnostic> diagnostics) {
         this.done = Math.max(this.done, done);
         if (ended()) {
             return;
         }
         state = now;
-        if (ended() && (failure == null || !now.equals("finished"))) {
+        if (ended() && (failure == null || now != ProgramState.FINISHED)) {
             fail(ending(fault, diagnostics));
         }
     }
 
     private MotionException ending(Messages.Fault fault, List<Messages.Diagnostic> diagnostics) {
         return switch (state) {
-            case "finished" -> null;
-            case "faulted" -> new MotionException.ProgramFaulted(
+            case FINISHED -> null;
+            case FAULTED -> new MotionException.ProgramFaulted(
                     fault != null ? fault : new Messages.Fault("MC400", "a fault of the machine ended the program", "", null, 0, null, 0.0),
                     extent());
-            case "rejected" -> new MotionException.ProgramRejected(
+            case REJECTED -> new MotionException.ProgramRejected(
                     diagnostics.isEmpty() ? accepted + 1 : diagnostics.get(0).line(), extent(), diagnostics);
-            case "interrupted" -> new MotionException.ProgramInterrupted(extent());
+            case INTERRUPTED -> new MotionException.ProgramInterrupted(extent());
             default -> new MotionException.ProgramAborted(extent());
         };
     }

@@ -1,6 +1,6 @@
 package org.mcserver.client;
 
-import java.util.LinkedHashMap;
+import java.time.Duration;
 import java.util.List;
 import java.util.Map;
 import java.util.concurrent.CompletableFuture;
@@ -11,7 +11,7 @@ import java.util.function.BiConsumer;
 import java.util.function.Predicate;
 
 /** A machine behind a gateway. */
-public final class Machine {
+public final class Machine extends MachineCalls {
     private static final int STATES_LIMIT = 32;
     private static final int SAMPLES_LIMIT = 4096;
     private static final int EVENTS_LIMIT = 20_000;
@@ -41,30 +41,22 @@ public final class Machine {
 
     /** Asks again, such as after the server was started anew. */
     public CompletableFuture<Messages.Info> refreshInfo() {
-        return ask("info", Map.of(), Messages.Info.class).thenApply(now -> info = now);
-    }
-
-    /** The whole machine's state now. */
-    public CompletableFuture<Messages.MachineStatus> status() {
-        return ask("status", Map.of(), Messages.MachineStatus.class);
-    }
-
-    /** The programs that the server knows, the newest first: running, queued, ended and interrupted. */
-    public CompletableFuture<List<Messages.ProgramStatus>> programs() {
-        return ask("programs", Map.of(), Messages.ProgramsReply.class).thenApply(Messages.ProgramsReply::programs);
-    }
-
-    /** The drives on CAN buses. */
-    public CompletableFuture<List<Messages.DriveInfo>> drives() {
-        return ask("drives", Map.of(), Messages.DrivesReply.class).thenApply(Messages.DrivesReply::drives);
+        return askInfo().thenApply(now -> info = now);
     }
 
     /** Calls any remote method by its name (docs/wire/calls.md); repeated until it is answered, carried out once. */
     public CompletableFuture<Object> call(String method, Map<String, Object> params) {
-        return gateway.call(name, method, params, Gateway.DEADLINE);
+        for (Object value : params.values()) {
+            if (value instanceof Double number && !Double.isFinite(number)) {
+                return notFinite();
+            }
+        }
+        Duration limit = MachineCalls.DEADLINES.getOrDefault(method, Gateway.DEADLINE);
+        return gateway.call(name, method, params, limit.compareTo(Gateway.DEADLINE) > 0 ? limit : Gateway.DEADLINE);
     }
 
     /** As {@link #call(String, Map)}, with the reply as one of the records of {@link Messages}. */
+    @Override
     public <T extends Record> CompletableFuture<T> ask(String method, Map<String, Object> params, Class<T> reply) {
         return call(method, params).thenApply(value -> Wire.read(reply, value));
     }
@@ -78,63 +70,20 @@ public final class Machine {
 
     /** Goes on with an interrupted program: the lines from {@code startLine} on have to be sent. */
     public CompletableFuture<Program> resumeProgram(String program, long startLine, ProgramOptions options) {
-        Map<String, Object> request = options.startingAt(startLine, List.of()).request();
-        request.put("resume_of", program);
-        return open(request);
+        return open(options.startingAt(startLine, List.of()).request().withResumeOf(program));
     }
 
-    private CompletableFuture<Program> open(Map<String, Object> request) {
-        return ask("open", request, Messages.OpenReply.class).thenCompose(opened -> Program.follow(gateway, this, opened));
+    private CompletableFuture<Program> open(Messages.OpenRequest request) {
+        return openProgram(request).thenCompose(opened -> Program.follow(gateway, this, opened));
     }
 
     // ---------------------------------------------------------------- the operator's part
-
-    /** Feed hold along the path, of one program or (null) all; those concerned. */
-    public CompletableFuture<List<String>> hold(String program) {
-        return order("hold", program);
-    }
-
-    /** Ends a hold, M00 or M01. */
-    public CompletableFuture<List<String>> resume(String program) {
-        return order("resume", program);
-    }
-
-    /** Stops along the path, then drops the rest. */
-    public CompletableFuture<List<String>> abort(String program) {
-        return order("abort", program);
-    }
-
-    CompletableFuture<List<String>> order(String method, String program) {
-        Map<String, Object> request = new LinkedHashMap<>();
-        request.put("program", program);
-        return ask(method, request, Messages.Done.class).thenApply(Messages.Done::programs);
-    }
-
-    /** Sets the feed override of one program, or (null) of all and those to come [%]; the one now in force. */
-    public CompletableFuture<Double> override(double percent, String program) {
-        Map<String, Object> request = new LinkedHashMap<>();
-        request.put("percent", percent);
-        request.put("program", program);
-        return ask("override", request, Messages.OverrideReply.class).thenApply(Messages.OverrideReply::percent);
-    }
-
-    /** Moves one axis by a distance [mm, deg]; {@code velocity} [mm/s, deg/s], null: a tenth of its limit. The jog's program id. */
-    public CompletableFuture<String> jog(int axis, double distance, Double velocity) {
-        if (!Double.isFinite(distance) || (velocity != null && !Double.isFinite(velocity))) {
-            return notFinite();
-        }
-        Map<String, Object> request = new LinkedHashMap<>();
-        request.put("axis", axis);
-        request.put("distance", distance);
-        request.put("velocity", velocity);
-        return ask("jog", request, Messages.JogReply.class).thenApply(Messages.JogReply::program);
-    }
 
     /**
      * Moves one axis on until the result is closed; {@code velocity} is signed [mm/s, deg/s]. When this program, its link or the gateway
      * dies, the server stops the axis after the dead man's time.
      */
-    public CompletableFuture<HeldJog> jogHeld(int axis, double velocity) {
+    public CompletableFuture<HeldJog> jogHeld(long axis, double velocity) {
         return !Double.isFinite(velocity) ? notFinite() : HeldJog.start(gateway, this, axis, velocity);
     }
 
@@ -142,13 +91,6 @@ public final class Machine {
     private static <T> CompletableFuture<T> notFinite() {
         return CompletableFuture.failedFuture(new MotionException.RequestRefused(
                 "MC511", "a distance or velocity is no finite number", "give a number of mm or deg", Map.of(), List.of()));
-    }
-
-    /** Clears a latched fault or emergency stop, of these axes or (null) all; energy comes back with G1010 only. */
-    public CompletableFuture<Void> reset(List<Integer> axes) {
-        Map<String, Object> request = new LinkedHashMap<>();
-        request.put("axes", axes);
-        return call("reset", request).thenApply(done -> null);
     }
 
     /**
@@ -169,19 +111,6 @@ public final class Machine {
         gateway.estop(name, reason, number).whenComplete(settle);
         gateway.another().thenCompose(other -> other.estop(name, reason, number).whenComplete((done, error) -> other.close())).whenComplete(settle);
         return confirmed;
-    }
-
-    // ---------------------------------------------------------------- without motion
-
-    /** Every fault of a program's text. */
-    public CompletableFuture<Messages.CheckReply> check(String text) {
-        return gateway.call(name, "check", Map.of("text", text), Gateway.LONG_JOB)
-                .thenApply(value -> Wire.read(Messages.CheckReply.class, value));
-    }
-
-    /** Runs a text on a virtual clock; the object of {@code mcserver simulate --json}. */
-    public CompletableFuture<Map<?, ?>> simulate(String text) {
-        return gateway.call(name, "simulate", Map.of("text", text), Gateway.LONG_JOB).thenApply(value -> (Map<?, ?>) value);
     }
 
     // ---------------------------------------------------------------- what it says
@@ -234,7 +163,7 @@ public final class Machine {
     }
 
     private CompletableFuture<Messages.EventsReply> page(long since, int limit) {
-        return ask("events", Map.of("since", since, "limit", limit), Messages.EventsReply.class);
+        return pastEvents(new Messages.EventsRequest().withSince(since).withLimit(limit));
     }
 
     /** Passes events on in order and asks for what is missing; all of it on the gateway's loop. */

@@ -1,3 +1,4 @@
+// Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.
 package org.mcserver.client;
 
 import java.lang.annotation.ElementType;
@@ -8,195 +9,1554 @@ import java.util.List;
 import java.util.Map;
 
 /**
- * The messages of the key space, as plain values (docs/keyspace.md): positions in mm or deg, velocities in mm/s or deg/s, torques in
- * N·m, times in seconds since the executor's start, percentages in %. What may be left out and has no value is null.
+ * The messages of the key space, as plain values (docs/keyspace.md): positions in mm or deg, velocities
+ * in mm/s or deg/s, torques in N·m, times in seconds since the executor's start, percentages in %. What may
+ * be left out and has no value is null. An {@code Object} is a Boolean, a Long, a Double or a String.
  */
 public final class Messages {
     private Messages() {}
 
-    /** The field may be left out: then it is 0, false or empty (a boxed number, a record or "null": null), or this. */
+    /** It may be left out: then it is 0, false or empty (boxed, a record or "null": null), or this. */
     @Retention(RetentionPolicy.RUNTIME)
     @Target(ElementType.RECORD_COMPONENT)
     @interface Sparse {
         String value() default "";
     }
 
-    /** A certain remedy: characters {@code column} to {@code endColumn} of the line become {@code text}. */
-    public record Edit(long column, long endColumn, String text) {}
+    /** The field is there, and may be nil. */
+    @Retention(RetentionPolicy.RUNTIME)
+    @Target(ElementType.RECORD_COMPONENT)
+    @interface Nil {}
 
-    /** One fault of a program, placed in its text; columns are code points from 1, the end exclusive. */
-    public record Diagnostic(
-            String code, String message, @Sparse long line, @Sparse long column, @Sparse long endColumn, @Sparse String hint,
-            @Sparse("error") String severity, @Sparse Long tool, @Sparse Double residualMm, @Sparse Long axis, @Sparse Edit edit) {}
+    /** A text of a few known values. */
+    public interface Word {
+        /** As the wire has it. */
+        String word();
+    }
 
-    /** What stopped motion; axis and line where they apply. */
-    public record Fault(
-            String code, String message, @Sparse String hint, @Sparse Long axis, @Sparse long line, @Sparse("null") String program,
-            @Sparse double t) {}
+    /** A word of the wire. */
+    public enum AxisKind implements Word {
+        LINEAR("linear"),
+        ROTARY("rotary"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        AxisKind(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum AxisState implements Word {
+        OFF("off"),
+        STARTING("starting"),
+        STANDSTILL("standstill"),
+        MOVING("moving"),
+        SPEED("speed"),
+        TORQUE("torque"),
+        STOPPING("stopping"),
+        RELEASED("released"),
+        FAULT("fault"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        AxisState(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum AxisUnit implements Word {
+        MM("mm"),
+        DEG("deg"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        AxisUnit(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum ChannelKind implements Word {
+        DIGITAL("digital"),
+        ANALOG("analog"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        ChannelKind(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum DrivePhase implements Word {
+        BOOTING("booting"),
+        OPERATIONAL("operational"),
+        LOST("lost"),
+        RESTARTING("restarting"),
+        FAILED("failed"),
+        CLOSED("closed"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        DrivePhase(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum EventKind implements Word {
+        SERVER_STARTED("server.started"),
+        SERVER_STOPPING("server.stopping"),
+        PROGRAM_OPENED("program.opened"),
+        PROGRAM_STARTED("program.started"),
+        PROGRAM_HELD("program.held"),
+        PROGRAM_RESUMED("program.resumed"),
+        PROGRAM_PAUSED("program.paused"),
+        PROGRAM_MESSAGE("program.message"),
+        PROGRAM_CLOSED("program.closed"),
+        INPUT_READ("input.read"),
+        PROGRAM_ENDED("program.ended"),
+        LINES_STARTED("lines.started"),
+        LINES_ENDED("lines.ended"),
+        LINE_REJECTED("line.rejected"),
+        FAULT("fault"),
+        WARNING("warning"),
+        ESTOP("estop"),
+        RESET("reset"),
+        OVERRIDE("override"),
+        COMMAND("command"),
+        CLIENT_GONE("client.gone"),
+        RECORDING("recording"),
+        AXIS_HOMING("axis.homing"),
+        AXIS_HOMED("axis.homed"),
+        AXIS_UNHOMED("axis.unhomed"),
+        PROBE("probe"),
+        DRIVE_EMERGENCY("drive.emergency"),
+        DRIVE_LOST("drive.lost"),
+        DRIVE_BACK("drive.back"),
+        DRIVE_REBOOTED("drive.rebooted"),
+        DRIVE_STARTED("drive.started"),
+        DRIVE_FAILED("drive.failed"),
+        BUS_FOREIGN_MASTER("bus.foreign_master"),
+        BUS_LOST("bus.lost"),
+        BUS_BACK("bus.back"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        EventKind(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum MachineState implements Word {
+        READY("ready"),
+        FAULT("fault"),
+        ESTOP("estop"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        MachineState(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum OnDisconnect implements Word {
+        FINISH("finish"),
+        STOP("stop"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        OnDisconnect(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum Outputs implements Word {
+        SET("set"),
+        LEAVE("leave"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        Outputs(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum ProgramState implements Word {
+        QUEUED("queued"),
+        RUNNING("running"),
+        HELD("held"),
+        PAUSED("paused"),
+        ENDING("ending"),
+        FINISHED("finished"),
+        ABORTED("aborted"),
+        REJECTED("rejected"),
+        FAULTED("faulted"),
+        INTERRUPTED("interrupted"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        ProgramState(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum RecordingKind implements Word {
+        RECORDING("recording"),
+        BLACKBOX("blackbox"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        RecordingKind(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum RecordingState implements Word {
+        WRITING("writing"),
+        DONE("done"),
+        UNFINISHED("unfinished"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        RecordingState(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum RunState implements Word {
+        WAITING("waiting"),
+        ARMED("armed"),
+        STARTED("started"),
+        REJECTED("rejected"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        RunState(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum SdoType implements Word {
+        BOOL("bool"),
+        I8("i8"),
+        I16("i16"),
+        I24("i24"),
+        I32("i32"),
+        I64("i64"),
+        U8("u8"),
+        U16("u16"),
+        U24("u24"),
+        U32("u32"),
+        U64("u64"),
+        F32("f32"),
+        F64("f64"),
+        STR("str"),
+        UTF16("utf16"),
+        BYTES("bytes"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        SdoType(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum Severity implements Word {
+        ERROR("error"),
+        WARNING("warning"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        Severity(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
 
     /**
-     * Cumulative acknowledgement of a program's lines: the last one counts. {@code rejections} of lines so far: one with a smaller count is
-     * older.
+     * Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
+     * @param accepted lines through this number are taken and journaled.
+     * @param done this line and every one before it have ended.
+     * @param credit how many lines after `accepted` fit now.
+     * @param state the program's.
+     * @param rejected number of the line that was found faulty; it is the next one expected. 0: none.
+     * @param diagnostics what is wrong with it.
+     * @param fault what stopped the program.
+     * @param expected set where the message acknowledged held a gap: the number that is expected.
+     * @param rejections how many lines of the program have been rejected so far. An acknowledgement with a smaller
+     *     count than one before is older: its numbers are of lines that are given up.
      */
     public record Ack(
-            String program, long accepted, long done, long credit, String state, @Sparse long rejected,
-            @Sparse List<Diagnostic> diagnostics, @Sparse Fault fault, @Sparse long expected, @Sparse long rejections) {}
+            String program, long accepted, long done, long credit, ProgramState state, @Sparse long rejected, @Sparse
+            List<Diagnostic> diagnostics, @Sparse Fault fault, @Sparse long expected, @Sparse long rejections) {}
 
-    /** One program as the server knows it. */
-    public record ProgramStatus(
-            String program, String state, @Sparse String client, @Sparse String name, @Sparse List<Long> axes,
-            @Sparse("1") long startLine, @Sparse long line, @Sparse long accepted, @Sparse long done, @Sparse long credit,
-            @Sparse boolean closed, @Sparse("100") double override, @Sparse double progress, @Sparse double openedAt,
-            @Sparse Double etaS, @Sparse Fault fault, @Sparse long rejected, @Sparse List<Diagnostic> diagnostics,
-            @Sparse("null") String resumeOf, @Sparse Double endedAt, @Sparse long rejections) {}
+    /**
+     * Arms a text once.
+     * @param sha256 of the text, or at least its first 8 digits.
+     * @param seconds how long it may be started.
+     * @param override the greatest feed override [%].
+     * @param number of the request that was looked at: one that was made anew since is not armed; null: any.
+     */
+    public record ArmRequest(String sha256, double seconds, double override, Long number) {
+        /** All that may be left out as the server has it. */
+        public ArmRequest(String sha256) {
+            this(sha256, 60.0, 100.0, null);
+        }
 
-    /** All axes, column-wise: each list has one entry for each of {@code index}. */
+        /** The same with another {@code seconds}. */
+        public ArmRequest withSeconds(double seconds) {
+            return new ArmRequest(sha256, seconds, override, number);
+        }
+
+        /** The same with another {@code override}. */
+        public ArmRequest withOverride(double override) {
+            return new ArmRequest(sha256, seconds, override, number);
+        }
+
+        /** The same with another {@code number}. */
+        public ArmRequest withNumber(Long number) {
+            return new ArmRequest(sha256, seconds, override, number);
+        }
+    }
+
+    /**
+     * All axes, column-wise: every list has one entry for each of `index`.
+     * @param homed whether the axis knows where it is; axes without `[axis.homing]` always do.
+     */
     public record AxesStatus(
             List<Long> index, List<Double> position, List<Double> setpoint, List<Double> velocity, List<Double> torque,
-            List<String> state, @Sparse List<Boolean> homed) {}
+            List<AxisState> state, @Sparse List<Boolean> homed) {}
 
-    /** Where the encoders say that a tool's frame is: x y z [mm], a b c [deg]. */
-    public record ToolPose(long number, List<Double> position, List<Double> orientation) {}
+    /**
+     * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference;
+     * null: its encoder's reading is its position.
+     */
+    public record AxisInfo(
+            long index, AxisKind type, AxisUnit unit, double maxVelocity, double maxAcceleration, String drive, @Sparse
+            Double maxJerk, @Sparse Double minPosition, @Sparse Double maxPosition, @Sparse double inPosition,
+            @Sparse("null") String homing) {}
 
-    /** The whole machine; {@code state} is ready, fault or estop, the latter two latched until reset. */
-    public record MachineStatus(
-            double t, double wall, String instance, String state, AxesStatus axes, @Sparse List<ProgramStatus> programs,
-            @Sparse List<Fault> faults,
-            @Sparse("100") double override, @Sparse long lateCycles, @Sparse List<ToolPose> tools, @Sparse List<InputStatus> inputs,
-            @Sparse List<OutputStatus> outputs, @Sparse ProbeStatus probe, @Sparse List<WorkOffset> workOffsets,
-            @Sparse DiskStatus disk) {}
+    /**
+     * An axis of the program at the line.
+     * @param now where it is [mm, deg].
+     * @param there where the program has it before the line; null: not known.
+     * @param energized the program had it energized there.
+     * @param away farther from there than the axis's in-position tolerance, or there is not known.
+     */
+    public record AxisStart(long axis, String unit, double now, @Nil Double there, boolean energized, boolean away) {}
 
-    /** How slow the disk under the journal is, since a Unix time [s]; null in a status: it keeps up. */
+    /** Where an axis ends, and its least and greatest setpoint [mm or deg]. */
+    public record AxisTravel(double position, double min, double max, String unit) {}
+
+    /** Who is on one bus; `machine_file`: one to start from. */
+    public record BusScan(String bus, String address, List<ScannedNode> nodes, String machineFile) {}
+
+    /** As `mcserver check --json`. */
+    public record CheckReply(boolean ok, List<Diagnostic> diagnostics) {}
+
+    /**
+     * Every fault of a program's text; nothing runs.
+     * @param text the whole of it; or sha256: of one that was handed over by `put_text`.
+     * @param positions start the axes there [mm, deg].
+     */
+    public record CheckRequest(String text, Map<String, Double> positions, String sha256) {
+        /** All that may be left out as the server has it. */
+        public CheckRequest() {
+            this(null, null, null);
+        }
+
+        /** The same with another {@code text}. */
+        public CheckRequest withText(String text) {
+            return new CheckRequest(text, positions, sha256);
+        }
+
+        /** The same with another {@code positions}. */
+        public CheckRequest withPositions(Map<String, Double> positions) {
+            return new CheckRequest(text, positions, sha256);
+        }
+
+        /** The same with another {@code sha256}. */
+        public CheckRequest withSha256(String sha256) {
+            return new CheckRequest(text, positions, sha256);
+        }
+    }
+
+    /** `accepted`: the last line that will run. */
+    public record CloseReply(String program, long accepted, long done, ProgramState state) {}
+
+    /**
+     * No more lines will come; what is there runs to its end. `last`: the last line that was sent; the program is
+     * only closed if it has been accepted.
+     */
+    public record CloseRequest(String program, Long last) {
+        /** All that may be left out as the server has it. */
+        public CloseRequest(String program) {
+            this(program, null);
+        }
+
+        /** The same with another {@code last}. */
+        public CloseRequest withLast(Long last) {
+            return new CloseRequest(program, last);
+        }
+    }
+
+    /**
+     * How a program would go on.
+     * @param program its id, empty for a text.
+     * @param name as it ended; lines through `done` are certain.
+     * @param state as it ended; lines through `done` are certain.
+     * @param done as it ended; lines through `done` are certain.
+     * @param accepted as it ended; lines through `done` are certain.
+     * @param whole its text is known to its end, so that nothing has to be sent.
+     * @param sha256 of its whole text.
+     * @param line the first that would run.
+     * @param first of the text about that line.
+     * @param lines of the text about that line.
+     * @param modal codes in force there.
+     * @param energize axes that are energized first.
+     * @param axes where each is, and where the program has it there.
+     * @param way the moves that bring them there, in order.
+     * @param switched what the program had switched otherwise than it is now.
+     * @param needs what stands in the way; one that has `confirm` passes with that field of the request.
+     */
+    public record Continuation(
+            String program, String name, @Nil ProgramState state, long done, long accepted, boolean whole, @Nil String
+            sha256, long line, long first, List<String> lines, List<String> modal, List<Long> energize, List<AxisStart>
+            axes, List<WayStep> way, List<Switched> switched, List<Need> needs) {}
+
+    /**
+     * What a start in the middle of a program would do; nothing moves.
+     * @param program one that has ended; where others have gone on with it, the last of these is meant.
+     * @param line the first that would run; null: the one behind the last that is done.
+     * @param before lines 1 … line - 1 of a text, instead of `program`.
+     * @param axes of it; null: all of the machine.
+     */
+    public record ContinuationRequest(String program, Long line, List<String> before, List<Long> axes) {
+        /** All that may be left out as the server has it. */
+        public ContinuationRequest() {
+            this(null, null, List.of(), null);
+        }
+
+        /** The same with another {@code program}. */
+        public ContinuationRequest withProgram(String program) {
+            return new ContinuationRequest(program, line, before, axes);
+        }
+
+        /** The same with another {@code line}. */
+        public ContinuationRequest withLine(Long line) {
+            return new ContinuationRequest(program, line, before, axes);
+        }
+
+        /** The same with another {@code before}. */
+        public ContinuationRequest withBefore(List<String> before) {
+            return new ContinuationRequest(program, line, before, axes);
+        }
+
+        /** The same with another {@code axes}. */
+        public ContinuationRequest withAxes(List<Long> axes) {
+            return new ContinuationRequest(program, line, before, axes);
+        }
+    }
+
+    /**
+     * The program that goes on, as `OpenReply`.
+     * @param line the first that runs.
+     * @param resumeOf the program that it goes on with.
+     * @param whole all of its lines are there; else the client sends those from `expected` on.
+     */
+    public record ContinueReply(
+            String program, ProgramState state, List<Long> axes, long expected, long credit, String instance, long line,
+            String resumeOf, boolean whole) {}
+
+    /**
+     * Goes on with a program that has ended.
+     * @param program as in `ContinuationRequest`.
+     * @param line as in `ContinuationRequest`.
+     * @param way axes may go the way that `continuation` shows, where the machine file names no safe one.
+     * @param outputs set what the program had switched, or leave it as it is; null: nothing was said.
+     * @param onDisconnect what happens when the client's liveliness token goes.
+     * @param hold begin held.
+     */
+    public record ContinueRequest(
+            String program, Long line, boolean way, Outputs outputs, OnDisconnect onDisconnect, boolean hold) {
+        /** All that may be left out as the server has it. */
+        public ContinueRequest(String program) {
+            this(program, null, false, null, OnDisconnect.STOP, false);
+        }
+
+        /** The same with another {@code line}. */
+        public ContinueRequest withLine(Long line) {
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+        }
+
+        /** The same with another {@code way}. */
+        public ContinueRequest withWay(boolean way) {
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+        }
+
+        /** The same with another {@code outputs}. */
+        public ContinueRequest withOutputs(Outputs outputs) {
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+        }
+
+        /** The same with another {@code onDisconnect}. */
+        public ContinueRequest withOnDisconnect(OnDisconnect onDisconnect) {
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+        }
+
+        /** The same with another {@code hold}. */
+        public ContinueRequest withHold(boolean hold) {
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+        }
+    }
+
+    /**
+     * How slow the disk under the journal is.
+     * @param since Unix time from which on it is slow [s].
+     * @param commitS for how long what is to be said has waited for the journal's commit [s].
+     * @param syncS how long the sync under way has taken [s]; a power cut loses what was committed in that time.
+     * @param worstS the longest of these since then [s].
+     */
     public record DiskStatus(double since, double commitS, double syncS, double worstS) {}
 
-    /** The origin of a work coordinate system such as G54, by axis number [mm, deg]. */
-    public record WorkOffset(String system, Map<String, Double> origin) {}
+    /** Reply of methods that only do something: the programs concerned. */
+    public record Done(List<String> programs) {}
+
+    /**
+     * One drive on a CAN bus.
+     * @param state what the server takes it for.
+     * @param nmt what its last heartbeat said; empty: none has come.
+     * @param heartbeatAgeS since its last sign of life [s].
+     * @param statusword 6041h, or the fault bits of a Servosila drive.
+     * @param status the same in words.
+     * @param deviceType 1000h, 1018h:01, 1018h:02.
+     * @param vendorId 1000h, 1018h:01, 1018h:02.
+     * @param productCode 1000h, 1018h:01, 1018h:02.
+     * @param emergency its last emergency message in words
+     * @param emergencyCode of that.
+     * @param emergencyAgeS of that.
+     * @param bootUps how often it has started since the server did.
+     * @param message why its configuration failed.
+     * @param monitor what the machine file wants to see of it, newest values.
+     */
+    public record DriveInfo(
+            long axis, String kind, String bus, long node, DrivePhase state, @Sparse String nmt, @Sparse Double
+            heartbeatAgeS, @Sparse Long statusword, @Sparse String status, @Sparse Long deviceType, @Sparse Long
+            vendorId, @Sparse Long productCode, @Sparse String emergency, @Sparse Long emergencyCode, @Sparse Double
+            emergencyAgeS, @Sparse long bootUps, @Sparse String message, @Sparse List<MonitoredValue> monitor) {}
+
+    /** By axis; empty where no drive is on a CAN bus. */
+    public record DrivesReply(List<DriveInfo> drives) {}
+
+    /** Every drive on a CAN bus. */
+    public record DrivesRequest() {}
+
+    /** By bus; each with a machine file to start from. */
+    public record DrivesScanReply(List<BusScan> buses) {}
+
+    /** Asks every node number of a bus who is there; `bus` empty: of all buses. */
+    public record DrivesScanRequest(String bus) {
+        /** All that may be left out as the server has it. */
+        public DrivesScanRequest() {
+            this("");
+        }
+    }
+
+    /**
+     * A certain remedy: characters of the diagnostic's line and what replaces them.
+     * @param column code points from 1, end exclusive.
+     * @param endColumn code points from 1, end exclusive.
+     * @param text the replacement.
+     */
+    public record Edit(long column, long endColumn, String text) {}
+
+    /**
+     * Payload of every `reply_err`.
+     * @param details what the code's entry in docs/wire/errors.md lists, such as `expected`.
+     * @param diagnostics faults of G-code, where the error is about lines.
+     */
+    public record ErrorReply(
+            String code, String message, @Sparse String hint, @Sparse Map<String, Object> details, @Sparse
+            List<Diagnostic> diagnostics) {}
+
+    /**
+     * Emergency stop by rpc, and payload of the key `estop` (where it may be empty).
+     * @param reason for people.
+     * @param client on the key `estop`, who stops, as it says itself; a call has it in its key.
+     */
+    public record EstopRequest(String reason, String client) {
+        /** All that may be left out as the server has it. */
+        public EstopRequest() {
+            this("", "");
+        }
+
+        /** The same with another {@code reason}. */
+        public EstopRequest withReason(String reason) {
+            return new EstopRequest(reason, client);
+        }
+
+        /** The same with another {@code client}. */
+        public EstopRequest withClient(String client) {
+            return new EstopRequest(reason, client);
+        }
+    }
+
+    /**
+     * Payload of `event`; `seq` has no gap within one `instance`. Times `t` of two instances cannot be compared.
+     * @param t executor time [s].
+     * @param kind says which of the others are set (docs/wire/events.md).
+     * @param line the last line started for `lines.started`; the line of a fault.
+     * @param lines for `lines.ended`.
+     * @param reason why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code.
+     * @param axis of a drive's event, or of homing.
+     * @param probe for `probe`.
+     * @param wall Unix time of `t`, by the clock as it went then [s].
+     */
+    public record Event(
+            long seq, double t, String instance, EventKind kind, @Sparse("null") String program, @Sparse("null") String
+            client, @Sparse ProgramState state, @Sparse long line, @Sparse List<LineReport> lines, @Sparse Fault fault,
+            @Sparse List<Diagnostic> diagnostics, @Sparse String reason, @Sparse String message, @Sparse Double percent,
+            @Sparse Long axis, @Sparse ProbeStatus probe, @Sparse double wall) {}
+
+    /** `oldest` is the first number that the server still has; `newest` the last one published. */
+    public record EventsReply(String instance, long oldest, long newest, List<Event> events) {}
+
+    /** Events that the server still has, from number `since` on, oldest first. */
+    public record EventsRequest(long since, long limit) {
+        /** All that may be left out as the server has it. */
+        public EventsRequest() {
+            this(0, 500);
+        }
+
+        /** The same with another {@code since}. */
+        public EventsRequest withSince(long since) {
+            return new EventsRequest(since, limit);
+        }
+
+        /** The same with another {@code limit}. */
+        public EventsRequest withLimit(long limit) {
+            return new EventsRequest(since, limit);
+        }
+    }
+
+    /**
+     * Least and greatest setpoint of an axis [mm or deg], and its greatest speed [mm/s or deg/s].
+     * @param turns it turns on at a speed (G1030): its positions are not bounded.
+     */
+    public record Extent(
+            long axis, double low, double high, String unit, @Sparse double speed, @Sparse boolean turns) {}
+
+    /** What stopped motion: a stable code, the axis and the line where they apply. */
+    public record Fault(
+            String code, String message, @Sparse String hint, @Sparse Long axis, @Sparse long line, @Sparse("null")
+            String program, @Sparse double t) {}
+
+    /** The program that homes, for `abort`, and its axes in the order of their homing. */
+    public record HomeReply(String program, List<Long> axes) {}
+
+    /** Finds the references of axes, those with the lowest order first; null: of all that have a method. */
+    public record HomeRequest(List<Long> axes) {
+        /** All that may be left out as the server has it. */
+        public HomeRequest() {
+            this(null);
+        }
+    }
+
+    /**
+     * Reply of `info`.
+     * @param protocol versions of this key space that the server speaks.
+     * @param instance one start of the server; another one means that programs before it were interrupted.
+     * @param epoch Unix time of executor time 0, by the clock as it goes now [s].
+     */
+    public record Info(
+            String machine, String server, List<Long> protocol, String instance, double epoch, double cycleS,
+            List<AxisInfo> axes, List<ToolInfo> tools, TelemetryInfo telemetry, LimitsInfo limits, List<String> methods,
+            @Sparse List<InputInfo> inputs, @Sparse List<OutputInfo> outputs) {}
+
+    /** What the machine and its service are: an `Info`. */
+    public record InfoRequest() {}
+
+    /**
+     * One input.
+     * @param number of its kind, as M66 names it.
+     * @param source where a real one comes from; empty: it is simulated.
+     * @param hold it can hold the programs, or stop the machine.
+     * @param stop it can hold the programs, or stop the machine.
+     */
+    public record InputInfo(
+            String name, long number, ChannelKind kind, @Sparse String unit, @Sparse String source, @Sparse boolean
+            hold, @Sparse boolean stop) {}
 
     /** An input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now. */
     public record InputStatus(String name, double value, @Sparse boolean holds, @Sparse boolean stops) {}
 
-    /** An output: its value (digital: 0, 1), and who has set it last: a program's id, operator or nobody (empty). */
+    /** The jog's program id: for `abort`, and for keeping it alive. */
+    public record JogReply(String program) {}
+
+    /**
+     * Moves one axis by hand.
+     * @param distance from where it is, signed [mm, deg]; null: on until stopped or the limit, sign of `velocity`.
+     * @param velocity [mm/s, deg/s]; null: a tenth of the axis's limit.
+     * @param holdS dead man's time: the axis stops unless the same jog is asked for again within it; null: no such
+     *     watch. A jog without distance always has one (default 0.5 s).
+     * @param program id of the jog under way that this request keeps alive.
+     * @param by the person, where a client serves several: steps of one person follow each other, those of another
+     *     one are refused (MC512) while the axis moves.
+     */
+    public record JogRequest(long axis, Double distance, Double velocity, Double holdS, String program, String by) {
+        /** All that may be left out as the server has it. */
+        public JogRequest(long axis) {
+            this(axis, null, null, null, null, "");
+        }
+
+        /** The same with another {@code distance}. */
+        public JogRequest withDistance(Double distance) {
+            return new JogRequest(axis, distance, velocity, holdS, program, by);
+        }
+
+        /** The same with another {@code velocity}. */
+        public JogRequest withVelocity(Double velocity) {
+            return new JogRequest(axis, distance, velocity, holdS, program, by);
+        }
+
+        /** The same with another {@code holdS}. */
+        public JogRequest withHoldS(Double holdS) {
+            return new JogRequest(axis, distance, velocity, holdS, program, by);
+        }
+
+        /** The same with another {@code program}. */
+        public JogRequest withProgram(String program) {
+            return new JogRequest(axis, distance, velocity, holdS, program, by);
+        }
+
+        /** The same with another {@code by}. */
+        public JogRequest withBy(String by) {
+            return new JogRequest(axis, distance, velocity, holdS, program, by);
+        }
+    }
+
+    /** Bounds of the service. */
+    public record LimitsInfo(
+            long maxLineLength, long maxLinesAMessage, long queueLines, long programsAtOnce, long openPrograms, long
+            rememberedAnswers, double rememberedAnswerS) {}
+
+    /**
+     * Time of one line that has ended.
+     * @param startS executor time [s].
+     * @param endS executor time [s].
+     * @param requestedS null for what asks for no time.
+     * @param stretchedBy actual / requested; null without a requested time.
+     * @param boundBy the limit that stretched it, such as `axis 2 acceleration`.
+     */
+    public record LineReport(
+            long line, double startS, double endS, @Sparse Double requestedS, @Sparse Double stretchedBy,
+            @Sparse("null") String boundBy) {}
+
+    /**
+     * Payload of `tele/state` and reply of `status`.
+     * @param t executor time [s].
+     * @param wall Unix time of `t` [s].
+     * @param override machine-wide feed override [%].
+     * @param lateCycles cycles that began too late, since the start.
+     * @param inputs those of the machine file, in the order of `info`.
+     * @param outputs those of the machine file, in the order of `info`.
+     * @param workOffsets systems that were set, in which the next program starts (G54 is in force then).
+     * @param disk how slow the disk under the journal is; null: it keeps up.
+     */
+    public record MachineStatus(
+            double t, double wall, String instance, MachineState state, AxesStatus axes, List<ProgramStatus> programs,
+            List<Fault> faults, @Sparse("100") double override, @Sparse long lateCycles, @Sparse List<ToolPose> tools,
+            @Sparse List<InputStatus> inputs, @Sparse List<OutputStatus> outputs, @Sparse ProbeStatus probe, @Sparse
+            List<WorkOffset> workOffsets, @Sparse DiskStatus disk) {}
+
+    /** A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had. */
+    public record MeshInfo(String name, long size) {}
+
+    /** Part of a mesh's file: `mesh` counts from 0 in `ModelReply.meshes`. */
+    public record ModelMeshRequest(long mesh, long offset, long size) {
+        /** All that may be left out as the server has it. */
+        public ModelMeshRequest(long mesh) {
+            this(mesh, 0, 1048576);
+        }
+
+        /** The same with another {@code offset}. */
+        public ModelMeshRequest withOffset(long offset) {
+            return new ModelMeshRequest(mesh, offset, size);
+        }
+
+        /** The same with another {@code size}. */
+        public ModelMeshRequest withSize(long size) {
+            return new ModelMeshRequest(mesh, offset, size);
+        }
+    }
+
+    /** `data` from `offset` on; `size` of the whole file. */
+    public record ModelPart(long offset, long size, byte[] data) {}
+
+    /**
+     * A robot's URDF.
+     * @param urdf its text; empty: the machine has none.
+     * @param digest of the text and the meshes.
+     * @param joints the joint that each axis moves, by axis number.
+     * @param meshes of the visuals, in the order of `ModelMeshRequest.mesh`.
+     */
+    public record ModelReply(String urdf, String digest, Map<String, String> joints, List<MeshInfo> meshes) {}
+
+    /** What the machine looks like: a `ModelReply`. */
+    public record ModelRequest() {}
+
+    /** One object that the machine file shows in telemetry (`monitor`); value null: none has come. */
+    public record MonitoredValue(String name, @Nil Object value, @Sparse long index, @Sparse long subindex) {}
+
+    /**
+     * What stands in the way of going on.
+     * @param confirm the field of the request that lets it pass, `way` or `outputs`; empty: none does.
+     */
+    public record Need(String code, String message, String hint, @Sparse String confirm) {}
+
+    /** The program's id; `expected` is the next line number, `credit` how many lines fit now. */
+    public record OpenReply(
+            String program, ProgramState state, List<Long> axes, long expected, long credit, String instance) {}
+
+    /**
+     * Opens a program.
+     * @param name for people: a file's name.
+     * @param axes the axes to lease; null: all of the machine.
+     * @param onDisconnect what happens when the client's liveliness token goes.
+     * @param startLine number of the first line that will run.
+     * @param before lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
+     * @param resumeOf id of an earlier program; its journaled lines before `start_line` serve as `before`.
+     * @param step single line mode: a line starts only when `step` asks for it.
+     * @param hold begin held; `resume` starts it.
+     * @param sha256 of the whole text; its times, of `simulate` or `put_text`, are those of the program.
+     * @param way of a start in the middle, as in `ContinueRequest`.
+     * @param outputs of a start in the middle, as in `ContinueRequest`.
+     */
+    public record OpenRequest(
+            String name, List<Long> axes, OnDisconnect onDisconnect, long startLine, List<String> before, String
+            resumeOf, boolean step, boolean hold, String sha256, boolean way, Outputs outputs) {
+        /** All that may be left out as the server has it. */
+        public OpenRequest() {
+            this("", null, OnDisconnect.STOP, 1, List.of(), null, false, false, null, false, null);
+        }
+
+        /** The same with another {@code name}. */
+        public OpenRequest withName(String name) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code axes}. */
+        public OpenRequest withAxes(List<Long> axes) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code onDisconnect}. */
+        public OpenRequest withOnDisconnect(OnDisconnect onDisconnect) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code startLine}. */
+        public OpenRequest withStartLine(long startLine) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code before}. */
+        public OpenRequest withBefore(List<String> before) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code resumeOf}. */
+        public OpenRequest withResumeOf(String resumeOf) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code step}. */
+        public OpenRequest withStep(boolean step) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code hold}. */
+        public OpenRequest withHold(boolean hold) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code sha256}. */
+        public OpenRequest withSha256(String sha256) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code way}. */
+        public OpenRequest withWay(boolean way) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code outputs}. */
+        public OpenRequest withOutputs(Outputs outputs) {
+            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+    }
+
+    /**
+     * One output.
+     * @param number of its kind, as M62 to M68 name it.
+     * @param target where a real one goes; empty: it is simulated.
+     * @param min least and greatest value.
+     * @param max least and greatest value.
+     * @param safe its value once what has set it is lost; null: it stays.
+     */
+    public record OutputInfo(
+            String name, long number, ChannelKind kind, @Sparse String unit, @Sparse String target, @Sparse double min,
+            @Sparse("1") double max, @Sparse Double safe) {}
+
+    /** An output: its value (digital: 0, 1), and who has set it last: a program's id, `operator` or nobody (empty). */
     public record OutputStatus(String name, double value, @Sparse String setBy) {}
 
-    /** Time of one line that has ended. */
-    public record LineReport(
-            long line, double startS, double endS, @Sparse Double requestedS, @Sparse Double stretchedBy, @Sparse("null") String boundBy) {}
+    /** The override now in force [%]. */
+    public record OverrideReply(double percent, List<String> programs) {}
 
-    /** One event; {@code kind} says which fields are set (docs/wire/events.md). */
-    public record Event(
-            long seq, double t, String instance, String kind, @Sparse("null") String program, @Sparse("null") String client,
-            @Sparse("null") String state,
-            @Sparse long line, @Sparse List<LineReport> lines, @Sparse Fault fault, @Sparse List<Diagnostic> diagnostics,
-            @Sparse String reason, @Sparse String message, @Sparse Double percent, @Sparse Long axis, @Sparse ProbeStatus probe, @Sparse double wall) {}
+    /** Feed override of one program or of all, those to come included; 100 is as programmed. */
+    public record OverrideRequest(double percent, String program) {
+        /** All that may be left out as the server has it. */
+        public OverrideRequest(double percent) {
+            this(percent, null);
+        }
 
-    /** The last probing move that has ended (G38.2 to G38.5): where the axes were when the probe changed, else at the end, by number. */
+        /** The same with another {@code program}. */
+        public OverrideRequest withProgram(String program) {
+            return new OverrideRequest(percent, program);
+        }
+    }
+
+    /**
+     * The last probing move that has ended (G38.2 to G38.5).
+     * @param tripped the probe changed.
+     * @param positions where the axes were then, else where the move ended, by number [mm, deg]: positions of
+     *     axes, whatever offsets the program had.
+     * @param t executor time [s].
+     */
     public record ProbeStatus(String program, long line, boolean tripped, Map<String, Double> positions, double t) {}
 
-    /** One axis; limits in mm or deg and seconds, null where not limited. */
-    public record AxisInfo(
-            long index, String type, String unit, double maxVelocity, double maxAcceleration, String drive, @Sparse Double maxJerk,
-            @Sparse Double minPosition, @Sparse Double maxPosition, @Sparse double inPosition, @Sparse("null") String homing) {}
+    /** hold, resume, abort: one program, or every one (null). */
+    public record ProgramRequest(String program) {
+        /** All that may be left out as the server has it. */
+        public ProgramRequest() {
+            this(null);
+        }
+    }
+
+    /**
+     * One program.
+     * @param line the line under way; 0: none yet.
+     * @param progress share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
+     * @param openedAt Unix time [s].
+     * @param etaS until its end at its override [s]; where `duration_s` is not known, until the end of what is
+     *     planned.
+     * @param endedAt Unix time [s].
+     * @param durationS of the whole program at 100 %, as its text was simulated [s]; null: it was not.
+     * @param notice what it said last to the operator; while it is paused, what to do before it is resumed.
+     * @param simulated share of its lines that the simulation has reached; below 1 `duration_s` is an estimate by
+     *     the lines so far.
+     * @param pauses how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
+     *     these waits.
+     * @param rejections as in `Ack`; 0 in programs of an earlier start of the server.
+     */
+    public record ProgramStatus(
+            String program, ProgramState state, String client, String name, List<Long> axes, long startLine, long line,
+            long accepted, long done, long credit, boolean closed, double override, double progress, double openedAt,
+            @Sparse Double etaS, @Sparse Fault fault, @Sparse long rejected, @Sparse List<Diagnostic> diagnostics,
+            @Sparse("null") String resumeOf, @Sparse Double endedAt, @Sparse Double durationS, @Sparse String notice,
+            @Sparse("1") double simulated, @Sparse long pauses, @Sparse long rejections) {}
+
+    /** Newest first. */
+    public record ProgramsReply(List<ProgramStatus> programs) {}
+
+    /**
+     * The programs that the server knows, the newest first.
+     * @param program only this one.
+     * @param ended those that have ended too.
+     */
+    public record ProgramsRequest(String program, boolean ended, long limit) {
+        /** All that may be left out as the server has it. */
+        public ProgramsRequest() {
+            this(null, true, 100);
+        }
+
+        /** The same with another {@code program}. */
+        public ProgramsRequest withProgram(String program) {
+            return new ProgramsRequest(program, ended, limit);
+        }
+
+        /** The same with another {@code ended}. */
+        public ProgramsRequest withEnded(boolean ended) {
+            return new ProgramsRequest(program, ended, limit);
+        }
+
+        /** The same with another {@code limit}. */
+        public ProgramsRequest withLimit(long limit) {
+            return new ProgramsRequest(program, ended, limit);
+        }
+    }
+
+    /**
+     * How much of the text is there: the next part begins at `received`.
+     * @param received of the text [bytes].
+     * @param lines in what is there.
+     * @param complete all of it is.
+     */
+    public record PutTextReply(long received, long lines, boolean complete) {}
+
+    /**
+     * The next part of a program's text, for `check`, and for the times of programs that run it.
+     * @param sha256 of the whole text in UTF-8.
+     * @param size of the whole text [bytes].
+     * @param offset where the part begins [bytes].
+     * @param part its bytes; characters may be cut.
+     */
+    public record PutTextRequest(String sha256, long size, long offset, byte[] part) {}
+
+    /** The recording's name. */
+    public record RecordReply(String name) {}
+
+    /** Writes out the black box, the last minutes. `reason` stands in the file and in its name. */
+    public record RecordSaveRequest(String reason) {
+        /** All that may be left out as the server has it. */
+        public RecordSaveRequest() {
+            this("asked");
+        }
+    }
+
+    /**
+     * Records every cycle into a file on the server from now on.
+     * @param name of the recording; empty: the time.
+     * @param maxS when it ends by itself; null: when it is stopped.
+     */
+    public record RecordStartRequest(String name, Double maxS) {
+        /** All that may be left out as the server has it. */
+        public RecordStartRequest() {
+            this("", null);
+        }
+
+        /** The same with another {@code name}. */
+        public RecordStartRequest withName(String name) {
+            return new RecordStartRequest(name, maxS);
+        }
+
+        /** The same with another {@code maxS}. */
+        public RecordStartRequest withMaxS(Double maxS) {
+            return new RecordStartRequest(name, maxS);
+        }
+    }
+
+    /** Ends a recording; without a name the only one. The reply comes once the file is whole. */
+    public record RecordStopRequest(String name) {
+        /** All that may be left out as the server has it. */
+        public RecordStopRequest() {
+            this("");
+        }
+    }
+
+    /**
+     * The recorder.
+     * @param heldS of the black box in memory.
+     * @param heldBytes of the black box in memory.
+     * @param missedCycles since the start; the recorder came too late for them.
+     * @param writing names of the recordings under way.
+     */
+    public record RecorderStatus(double heldS, long heldBytes, long missedCycles, List<String> writing) {}
+
+    /**
+     * A recording on the server's disk.
+     * @param name without a suffix.
+     * @param kind `blackbox` was written by itself or by `record_save`.
+     * @param state `unfinished` was left by a recorder that was killed, and is repaired at the next start.
+     * @param size bytes.
+     * @param modifiedAt Unix time [s].
+     */
+    public record RecordingInfo(String name, RecordingKind kind, RecordingState state, long size, double modifiedAt) {}
+
+    /** Bytes of a recording from `offset` on; `size` is the whole file's. */
+    public record RecordingPart(String name, long offset, long size, byte[] data) {}
+
+    /** Part of a recording's file, for taking it over piece by piece; answered with a `RecordingPart`. */
+    public record RecordingReadRequest(String name, long offset, long size) {
+        /** All that may be left out as the server has it. */
+        public RecordingReadRequest(String name) {
+            this(name, 0, 1048576);
+        }
+
+        /** The same with another {@code offset}. */
+        public RecordingReadRequest withOffset(long offset) {
+            return new RecordingReadRequest(name, offset, size);
+        }
+
+        /** The same with another {@code size}. */
+        public RecordingReadRequest withSize(long size) {
+            return new RecordingReadRequest(name, offset, size);
+        }
+    }
+
+    /** The newest first; `recorder` null: it does not run. `folder`: on the server's disk. */
+    public record RecordingsReply(List<RecordingInfo> recordings, @Nil RecorderStatus recorder, String folder) {}
+
+    /** The recordings that are there. */
+    public record RecordingsRequest() {}
+
+    /** Says where axes are, by number as text [mm, deg]; nothing moves. */
+    public record ReferenceRequest(Map<String, Double> positions) {}
+
+    /**
+     * Says no to a run; who asked for it is shown the reason.
+     * @param sha256 of the text, or at least its first 8 digits.
+     * @param number as of `ArmRequest`.
+     */
+    public record RejectRequest(String sha256, String reason, Long number) {
+        /** All that may be left out as the server has it. */
+        public RejectRequest(String sha256) {
+            this(sha256, "", null);
+        }
+
+        /** The same with another {@code reason}. */
+        public RejectRequest withReason(String reason) {
+            return new RejectRequest(sha256, reason, number);
+        }
+
+        /** The same with another {@code number}. */
+        public RejectRequest withNumber(Long number) {
+            return new RejectRequest(sha256, reason, number);
+        }
+    }
+
+    /** Clears a latched fault or emergency stop; axes stay without energy until captured (G1010). */
+    public record ResetRequest(List<Long> axes) {
+        /** All that may be left out as the server has it. */
+        public ResetRequest() {
+            this(null);
+        }
+    }
+
+    /** The program that was started. */
+    public record RunArmedReply(String program, double override) {}
+
+    /** Starts an armed program; the text is that of the request, to the last character. */
+    public record RunArmedRequest(String text) {}
+
+    /**
+     * The simulated path of a request, at some moments evenly in time, for a picture.
+     * @param timeS n moments from the run's begin.
+     * @param positions for each axis of the request n setpoints [mm or deg].
+     * @param tools those that these axes move.
+     */
+    public record RunPath(List<Double> timeS, List<List<Double>> positions, List<ToolPath> tools) {}
+
+    /** A request with its text and the path of its simulation. */
+    public record RunPreviewReply(RunRequestStatus run, String text, RunPath path) {}
+
+    /**
+     * What an operator looks at before arming: the text and its simulated path.
+     * @param sha256 of the text, or at least its first 8 digits.
+     */
+    public record RunPreviewRequest(String sha256) {}
+
+    /** `ok` false: the text has faults, and nothing waits. `run`: what an operator is shown. */
+    public record RunRequestReply(boolean ok, List<Diagnostic> diagnostics, @Sparse RunRequestStatus run) {}
+
+    /**
+     * Asks for a run of a text. It is checked and simulated, and moves nothing.
+     * @param text the program.
+     * @param name for people.
+     * @param axes the only axes that it may move; null: those that the text names.
+     */
+    public record RunRequestRequest(String text, String name, List<Long> axes) {
+        /** All that may be left out as the server has it. */
+        public RunRequestRequest(String text) {
+            this(text, "", null);
+        }
+
+        /** The same with another {@code name}. */
+        public RunRequestRequest withName(String name) {
+            return new RunRequestRequest(text, name, axes);
+        }
+
+        /** The same with another {@code axes}. */
+        public RunRequestRequest withAxes(List<Long> axes) {
+            return new RunRequestRequest(text, name, axes);
+        }
+    }
+
+    /**
+     * A request: what would move, how far, how long; `remaining_s` until it or its arming is over.
+     * @param operator who armed or rejected it.
+     * @param number another one each time that the run is asked for, even with the same text.
+     * @param reason why it was rejected.
+     * @param effects what the run leaves changed for those that come after it, a sentence each.
+     * @param tools extents of the tools' tips.
+     * @param digest SHA-256 of all that the simulation read.
+     * @param changed what of that is no longer as it was, a sentence each; while there is any it cannot start.
+     */
+    public record RunRequestStatus(
+            String sha256, String client, String name, RunState state, List<Long> axes, double durationS, List<Extent>
+            extents, double remainingS, double override, String operator, @Sparse long number, @Sparse String reason,
+            @Sparse List<String> effects, @Sparse List<ToolExtent> tools, @Sparse String digest, @Sparse List<String>
+            changed) {}
+
+    /** The oldest first. */
+    public record RunRequestsReply(List<RunRequestStatus> requests) {}
+
+    /** What waits for an operator, is armed, or was started lately. */
+    public record RunRequestsRequest() {}
+
+    /**
+     * One node that answers on a bus.
+     * @param profile of 1000h
+     * @param what the same in words.
+     * @param modes of 6502h. vendor_id … serial: 1018h; null: it does not say.
+     * @param axis of the running machine, whose drive it is.
+     * @param eds a file that is its by vendor and product.
+     * @param objects what else it says of itself, by object, such as `"6091:1"`: encoder (608Fh), gear (6091h),
+     *     feed (6092h), rated torque (6076h [mN·m]), greatest speed of the motor (6080h [1/min]), travel (607Dh).
+     */
+    public record ScannedNode(
+            long node, long profile, String what, @Sparse Long vendorId, @Sparse Long productCode, @Sparse Long
+            revision, @Sparse Long serial, @Sparse List<String> modes, @Sparse Long axis, @Sparse String eds, @Sparse
+            Map<String, Long> objects) {}
+
+    /**
+     * Reads an object of a drive's dictionary (CiA 301).
+     * @param index of the object.
+     * @param subindex of the object.
+     * @param axis whose drive; or `node`, with `bus` where several buses have that number.
+     * @param type how the bytes are to be read; null: by the drive's EDS, or the standard's objects.
+     */
+    public record SdoReadRequest(long index, long subindex, Long axis, Long node, String bus, SdoType type) {
+        /** All that may be left out as the server has it. */
+        public SdoReadRequest(long index) {
+            this(index, 0, null, null, "", null);
+        }
+
+        /** The same with another {@code subindex}. */
+        public SdoReadRequest withSubindex(long subindex) {
+            return new SdoReadRequest(index, subindex, axis, node, bus, type);
+        }
+
+        /** The same with another {@code axis}. */
+        public SdoReadRequest withAxis(Long axis) {
+            return new SdoReadRequest(index, subindex, axis, node, bus, type);
+        }
+
+        /** The same with another {@code node}. */
+        public SdoReadRequest withNode(Long node) {
+            return new SdoReadRequest(index, subindex, axis, node, bus, type);
+        }
+
+        /** The same with another {@code bus}. */
+        public SdoReadRequest withBus(String bus) {
+            return new SdoReadRequest(index, subindex, axis, node, bus, type);
+        }
+
+        /** The same with another {@code type}. */
+        public SdoReadRequest withType(SdoType type) {
+            return new SdoReadRequest(index, subindex, axis, node, bus, type);
+        }
+    }
+
+    /** An object's value, read or written; `raw`: the bytes, little endian. `bytes` are shown as text. */
+    public record SdoReply(
+            long axis, String bus, long node, long index, long subindex, SdoType type, Object value, byte[] raw) {}
+
+    /** Writes an object; `value` may be text: a number such as `0x10`, or hexadecimal for `bytes`. */
+    public record SdoWriteRequest(
+            long index, long subindex, Long axis, Long node, String bus, SdoType type, Object value) {
+        /** All that may be left out as the server has it. */
+        public SdoWriteRequest(long index, Object value) {
+            this(index, 0, null, null, "", null, value);
+        }
+
+        /** The same with another {@code subindex}. */
+        public SdoWriteRequest withSubindex(long subindex) {
+            return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
+        }
+
+        /** The same with another {@code axis}. */
+        public SdoWriteRequest withAxis(Long axis) {
+            return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
+        }
+
+        /** The same with another {@code node}. */
+        public SdoWriteRequest withNode(Long node) {
+            return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
+        }
+
+        /** The same with another {@code bus}. */
+        public SdoWriteRequest withBus(String bus) {
+            return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
+        }
+
+        /** The same with another {@code type}. */
+        public SdoWriteRequest withType(SdoType type) {
+            return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
+        }
+    }
+
+    /** Sets a simulated input by its name, as `SetOutputRequest`; its script ends. */
+    public record SetInputRequest(String input, double value) {}
+
+    /** Sets an output by its name; digital: true and false, or 1 and 0. */
+    public record SetOutputRequest(String output, double value) {}
+
+    /** The value that an input or output has from the next cycle on. */
+    public record SetReply(String name, double value) {}
+
+    /**
+     * What `mcserver simulate --json` prints.
+     * @param lines those that took time, by start.
+     * @param axes by number as text.
+     * @param workOffsets of the systems used or set.
+     * @param inputs their values at the end, by name.
+     * @param outputs their values at the end, by name.
+     * @param path where it was asked for.
+     */
+    public record SimulateReply(
+            boolean ok, double durationS, double feedLengthMm, List<LineReport> lines, Map<String, AxisTravel> axes,
+            List<Diagnostic> diagnostics, @Sparse List<WorkOffset> workOffsets, @Sparse Map<String, Double> inputs,
+            @Sparse Map<String, Double> outputs, @Sparse SimulatedPath path) {}
+
+    /**
+     * Runs a program's text on a virtual clock and simulated drives.
+     * @param positions start the axes there [mm, deg]; null: where the machine file lets simulated drives start.
+     * @param pathPoints the reply's `path` has so many points at most; 0: no path.
+     * @param lines whether the reply has the times of every line.
+     */
+    public record SimulateRequest(String text, Map<String, Double> positions, long pathPoints, boolean lines) {
+        /** All that may be left out as the server has it. */
+        public SimulateRequest(String text) {
+            this(text, null, 0, true);
+        }
+
+        /** The same with another {@code positions}. */
+        public SimulateRequest withPositions(Map<String, Double> positions) {
+            return new SimulateRequest(text, positions, pathPoints, lines);
+        }
+
+        /** The same with another {@code pathPoints}. */
+        public SimulateRequest withPathPoints(long pathPoints) {
+            return new SimulateRequest(text, positions, pathPoints, lines);
+        }
+
+        /** The same with another {@code lines}. */
+        public SimulateRequest withLines(boolean lines) {
+            return new SimulateRequest(text, positions, pathPoints, lines);
+        }
+    }
+
+    /**
+     * Points at even distances along the axes' travel.
+     * @param lines the program's line at each point.
+     * @param tips the points of each tool.
+     */
+    public record SimulatedPath(List<Long> lines, List<TipPath> tips) {}
+
+    /** The whole machine's state now: a `MachineStatus`. */
+    public record StatusRequest() {}
+
+    /** The next line of a program in single line mode. */
+    public record StepRequest(String program) {}
+
+    /**
+     * Cumulative: lines through `accepted` are taken, through `done` have ended; `credit` more fit. `rejections`:
+     * how many the program has had.
+     */
+    public record SubmitReply(String program, long accepted, long done, long credit, @Sparse long rejections) {}
+
+    /**
+     * Lines `first`, `first + 1`, …; without `judge` the reply does not wait for the verdict. `rejections`: how
+     * many the client has heard of; lines of before a rejection are refused. null: not said, they are taken for
+     * lines of now.
+     */
+    public record SubmitRequest(String program, long first, List<String> lines, boolean judge, Long rejections) {
+        /** All that may be left out as the server has it. */
+        public SubmitRequest(String program, long first, List<String> lines) {
+            this(program, first, lines, true, null);
+        }
+
+        /** The same with another {@code judge}. */
+        public SubmitRequest withJudge(boolean judge) {
+            return new SubmitRequest(program, first, lines, judge, rejections);
+        }
+
+        /** The same with another {@code rejections}. */
+        public SubmitRequest withRejections(Long rejections) {
+            return new SubmitRequest(program, first, lines, judge, rejections);
+        }
+    }
+
+    /**
+     * An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+     * @param name of the output, or such as `axis 3`.
+     * @param there as the program had it.
+     * @param now as it is.
+     * @param unit of both.
+     */
+    public record Switched(String name, double there, double now, @Sparse String unit) {}
+
+    /** How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most. */
+    public record TelemetryInfo(List<Long> axes, List<String> fields, long cyclesAMessage, double stateHz) {}
+
+    /** Where a tool goes [mm]; `tool` null: the axes 0, 1 and 2 themselves. */
+    public record TipPath(@Nil Long tool, List<List<Double>> points) {}
+
+    /** Least and greatest X, Y and Z of a tool's tip in the base frame [mm], and its greatest speed [mm/s]. */
+    public record ToolExtent(long tool, List<Double> low, List<Double> high, double speed) {}
 
     /** One tool of G01 … Tn. */
     public record ToolInfo(long number, String frame, List<Long> axes, boolean orientation, String euler) {}
 
-    /** Columns and fields of the samples. */
-    public record TelemetryInfo(List<Long> axes, List<String> fields, long cyclesAMessage, double stateHz) {}
-
-    /** Bounds of the service. */
-    public record LimitsInfo(
-            long maxLineLength, long maxLinesAMessage, long queueLines, long programsAtOnce, long openPrograms, long rememberedAnswers,
-            double rememberedAnswerS) {}
-
-    /** The machine and the service. */
-    public record Info(
-            String machine, String server, List<Long> protocol, String instance, double epoch, double cycleS, List<AxisInfo> axes,
-            List<ToolInfo> tools, TelemetryInfo telemetry, LimitsInfo limits, List<String> methods,
-            @Sparse List<InputInfo> inputs, @Sparse List<OutputInfo> outputs) {}
-
-    /** One input: its number of its kind (digital, analog), where a real one comes from (empty: simulated), what it can do. */
-    public record InputInfo(
-            String name, long number, String kind, @Sparse String unit, @Sparse String source, @Sparse boolean hold,
-            @Sparse boolean stop) {}
-
-    /** One output: where a real one goes (empty: simulated), its range, its value once what has set it is lost (null: it stays). */
-    public record OutputInfo(
-            String name, long number, String kind, @Sparse String unit, @Sparse String target, @Sparse double min,
-            @Sparse("1") double max, @Sparse Double safe) {}
-
-    /** Every fault of a text; {@code ok}: there is no error among them. */
-    public record CheckReply(boolean ok, List<Diagnostic> diagnostics) {}
-
-    /** Events again, by number; {@code oldest} is the first that the server still has. */
-    public record EventsReply(String instance, long oldest, long newest, List<Event> events) {}
-
-    /** Reply of {@code open}. */
-    public record OpenReply(String program, String state, List<Long> axes, long expected, long credit, String instance) {}
-
-    /** Reply of {@code submit}, cumulative as {@link Ack}. */
-    public record SubmitReply(String program, long accepted, long done, long credit, @Sparse long rejections) {}
-
-    /** Reply of {@code close}. */
-    public record CloseReply(String program, long accepted, long done, String state) {}
-
-    /** Reply of what only does something: the programs concerned. */
-    public record Done(@Sparse("true") boolean ok, @Sparse List<String> programs) {}
-
-    /** Reply of {@code override}: now in force [%]. */
-    public record OverrideReply(double percent, List<String> programs) {}
-
-    /** Reply of {@code jog}: the jog's program id. */
-    public record JogReply(String program) {}
-
-    /** Reply of {@code programs}, the newest first. */
-    public record ProgramsReply(List<ProgramStatus> programs) {}
-
-    /** Payload of an error reply. */
-    public record ErrorReply(
-            String code, String message, @Sparse String hint, @Sparse Map<String, Object> details, @Sparse List<Diagnostic> diagnostics) {}
-
-    /** What the machine file shows of a drive; no value: none has come lately. */
-    public record MonitoredValue(String name, @Sparse Object value, @Sparse long index, @Sparse long subindex) {}
-
-    /** One drive on a CAN bus; ages are in seconds. */
-    public record DriveInfo(
-            long axis, String kind, String bus, long node, String state, @Sparse String nmt, @Sparse Double heartbeatAgeS,
-            @Sparse Long statusword, @Sparse String status, @Sparse Long deviceType, @Sparse Long vendorId, @Sparse Long productCode,
-            @Sparse String emergency, @Sparse Long emergencyCode, @Sparse Double emergencyAgeS, @Sparse long bootUps,
-            @Sparse String message, @Sparse List<MonitoredValue> monitor) {}
-
-    /** Reply of {@code drives}, by axis. */
-    public record DrivesReply(List<DriveInfo> drives) {}
-
-    /** Reply of {@code sdo_read} and {@code sdo_write}. */
-    public record SdoReply(long axis, String bus, long node, long index, long subindex, String type, Object value, byte[] raw) {}
-
-    /** What an axis moves through in a run that was asked for [mm, deg]. */
-    public record Extent(long axis, double low, double high, String unit) {}
-
-    /** A run that waits for an operator, is armed, or was started (docs/wire/arming.md). */
-    public record RunRequestStatus(
-            String sha256, String client, String name, String state, List<Long> axes, double durationS, List<Extent> extents,
-            double remainingS, double override, String operator, @Sparse long number) {}
-
-    /** Where a tool is at the moments of a path: X, Y and Z, a value a moment [mm]. */
+    /** Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment [mm]. */
     public record ToolPath(long tool, List<List<Double>> position) {}
 
-    /** The simulated path of a request: moments [s], and for each of its axes a setpoint a moment [mm, deg]. */
-    public record RunPath(List<Double> timeS, List<List<Double>> positions, List<ToolPath> tools) {}
+    /** Where a tool's frame is: `[x, y, z]` in mm, `[a, b, c]` in deg. */
+    public record ToolPose(long number, List<Double> position, List<Double> orientation) {}
 
-    /** Reply of {@code run_preview}: what an operator looks at before arming. */
-    public record RunPreviewReply(RunRequestStatus run, String text, RunPath path) {}
+    /**
+     * One move of the way, or what is switched on it.
+     * @param text for people.
+     * @param targets ends, by axis number as text [mm, deg]; empty: nothing moves.
+     * @param rapid each axis at its own limits; else slowly.
+     */
+    public record WayStep(String text, @Sparse Map<String, Double> targets, @Sparse boolean rapid) {}
 
-    /** Reply of {@code request_run}; no run for a text with faults. */
-    public record RunRequestReply(boolean ok, List<Diagnostic> diagnostics, @Sparse RunRequestStatus run) {}
+    /** One fault of a program, placed in its text; `line` is the client's line number. */
+    public record Diagnostic(
+            String code, String message, @Sparse long line, @Sparse long column, @Sparse long endColumn, @Sparse String
+            hint, @Sparse("error") Severity severity, @Sparse Long tool, @Sparse Double residualMm, @Sparse Long axis,
+            @Sparse Edit edit) {}
 
-    /** Reply of {@code run_requests}, the oldest first. */
-    public record RunRequestsReply(List<RunRequestStatus> requests) {}
+    /**
+     * Takes a request back; only the user who asked may.
+     * @param sha256 of the text, or at least its first 8 digits.
+     */
+    public record WithdrawRequest(String sha256) {}
 
-    /** Reply of {@code run_armed}. */
-    public record RunArmedReply(String program, double override) {}
-
-    /** Payload of {@code samples}, an array. */
-    record TelemetryBlock(long seq, double t, byte[] rows) {}
+    /**
+     * The origin of a work coordinate system.
+     * @param system such as `G54`.
+     * @param origin where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine
+     *     does.
+     */
+    public record WorkOffset(String system, Map<String, Double> origin) {}
 }

@@ -71,7 +71,7 @@ public final class Program implements AutoCloseable {
     }
 
     /** As last reported: queued, running, held, paused, ending, or how it ended. */
-    public String state() {
+    public Messages.ProgramState state() {
         synchronized (lock) {
             return core.state();
         }
@@ -143,9 +143,9 @@ public final class Program implements AutoCloseable {
     }
 
     private CompletableFuture<Long> judge(long number, String text) {
-        Map<String, Object> request =
-                Map.of("program", id, "first", number, "lines", List.of(text), "rejections", core.rejections(), "judge", true);
-        return machine.ask("submit", request, Messages.SubmitReply.class).handle((reply, error) -> {
+        Messages.SubmitRequest request =
+                new Messages.SubmitRequest(id, number, List.of(text)).withRejections(core.rejections());
+        return machine.submitLines(request).handle((reply, error) -> {
             synchronized (lock) {
                 if (error == null) {
                     core.onReply(reply);
@@ -237,7 +237,7 @@ public final class Program implements AutoCloseable {
     /** Completes once the line with this number has ended; fails as {@link #done}. */
     public CompletableFuture<Void> waitDone(long number) {
         // lines after M02 or M30 are accepted and never run
-        return until(() -> core.done() >= number || core.state().equals("finished"), false);
+        return until(() -> core.done() >= number || core.state() == Messages.ProgramState.FINISHED, false);
     }
 
     /** Completes once every line given so far has ended; fails with how the program ended instead. */
@@ -254,8 +254,7 @@ public final class Program implements AutoCloseable {
                 }
             }
             return until(() -> !core.pending(), false).thenCompose(all -> {
-                Map<String, Object> request = Map.of("program", id, "last", acceptedThrough());
-                return machine.ask("close", request, Messages.CloseReply.class).handle((reply, error) -> {
+                return machine.closeProgram(new Messages.CloseRequest(id).withLast(acceptedThrough())).handle((reply, error) -> {
                     if (error != null) {
                         return this.<Void>translated(Futures.cause(error), "MC503", "MC504", "MC505", "MC510");
                     }
@@ -318,32 +317,32 @@ public final class Program implements AutoCloseable {
 
     /** Feed hold along the path. */
     public CompletableFuture<Void> hold() {
-        return machine.order("hold", id).thenApply(done -> null);
+        return machine.hold(id).thenApply(done -> null);
     }
 
     /** Ends a hold, M00 or M01. */
     public CompletableFuture<Void> resume() {
-        return machine.order("resume", id).thenApply(done -> null);
+        return machine.resume(id).thenApply(done -> null);
     }
 
     /** Starts the next line of a program that was opened with {@code step}. */
     public CompletableFuture<Void> step() {
-        return machine.order("step", id).thenApply(done -> null);
+        return machine.step(id).thenApply(done -> null);
     }
 
     /** Stops along the path and drops the rest; the program ends as aborted. */
     public CompletableFuture<Void> abort() {
-        return machine.order("abort", id).thenApply(done -> null);
+        return machine.abort(id).thenApply(done -> null);
     }
 
     /** Sets the feed override of this program [%]; the one now in force. */
     public CompletableFuture<Double> override(double percent) {
-        return machine.override(percent, id);
+        return machine.override(new Messages.OverrideRequest(percent).withProgram(id)).thenApply(Messages.OverrideReply::percent);
     }
 
     /** This program's events from now on; the feed ends behind {@code program.ended}. */
     public CompletableFuture<Feed<Messages.Event>> events() {
-        return machine.events(false, event -> id.equals(event.program()), event -> event.kind().equals("program.ended"));
+        return machine.events(false, event -> id.equals(event.program()), event -> event.kind() == Messages.EventKind.PROGRAM_ENDED);
     }
 
     // ---------------------------------------------------------------- sending and hearing
@@ -405,9 +404,9 @@ public final class Program implements AutoCloseable {
     }
 
     private void submit(LineCore.Chunk chunk) {
-        Map<String, Object> request = Map.of(
-                "program", id, "first", chunk.first(), "lines", chunk.lines(), "rejections", chunk.rejections(), "judge", false);
-        machine.ask("submit", request, Messages.SubmitReply.class).whenComplete((reply, error) -> {
+        Messages.SubmitRequest request = new Messages.SubmitRequest(id, chunk.first(), chunk.lines())
+                .withRejections(chunk.rejections()).withJudge(false);
+        machine.submitLines(request).whenComplete((reply, error) -> {
             boolean unclear = false;
             synchronized (lock) {
                 if (error == null) {
@@ -431,11 +430,11 @@ public final class Program implements AutoCloseable {
 
     /** Asks the server how far the program is; what it lacks will be sent again. */
     private CompletableFuture<Void> query() {
-        return machine.ask("programs", Map.of("program", id), Messages.ProgramsReply.class).handle((reply, error) -> {
+        return machine.programs(new Messages.ProgramsRequest().withProgram(id)).handle((programs, error) -> {
             synchronized (lock) {
                 if (error == null) {
                     heardAt = System.nanoTime();
-                    core.onStatus(reply.programs().stream().filter(each -> each.program().equals(id)).findFirst().orElse(null));
+                    core.onStatus(programs.stream().filter(each -> each.program().equals(id)).findFirst().orElse(null));
                 } else if (Futures.cause(error) instanceof MotionException.RequestRefused refusal && refusal.code().equals("MC503")) {
                     core.onStatus(null);
                 } else {

@@ -1,8 +1,6 @@
 package org.mcserver.client;
 
-import java.util.LinkedHashMap;
 import java.util.List;
-import java.util.Map;
 
 /**
  * How a program is opened.
@@ -18,15 +16,15 @@ import java.util.Map;
  * @param outputs of a start in the middle: {@code set} what the program had switched, or {@code leave} it; null: nothing is said
  */
 public record ProgramOptions(
-        String name, List<Integer> axes, boolean finishOnDisconnect, long startLine, List<String> before, boolean hold, boolean step,
-        boolean way, String outputs) {
+        String name, List<Long> axes, boolean finishOnDisconnect, long startLine, List<String> before, boolean hold, boolean step,
+        boolean way, Messages.Outputs outputs) {
     /** All axes, from line 1, stopped when this client goes. */
     public static ProgramOptions named(String name) {
         return new ProgramOptions(name, null, false, 1, List.of(), false, false, false, null);
     }
 
     /** Leases these axes only; it waits in order for axes that other programs have. */
-    public ProgramOptions withAxes(Integer... axes) {
+    public ProgramOptions withAxes(Long... axes) {
         return new ProgramOptions(name, List.of(axes), finishOnDisconnect, startLine, before, hold, step, way, outputs);
     }
 
@@ -46,21 +44,14 @@ public record ProgramOptions(
     }
 
     /** Sets what the program had switched, or leaves it. */
-    public ProgramOptions withOutputs(String what) {
+    public ProgramOptions withOutputs(Messages.Outputs what) {
         return new ProgramOptions(name, axes, finishOnDisconnect, startLine, before, hold, step, way, what);
     }
 
-    Map<String, Object> request() {
-        Map<String, Object> request = new LinkedHashMap<>();
-        request.put("name", name.substring(0, name.offsetByCodePoints(0, Math.min(200, name.codePointCount(0, name.length())))));
-        request.put("axes", axes);
-        request.put("on_disconnect", finishOnDisconnect ? "finish" : "stop");
-        request.put("start_line", startLine);
-        request.put("before", before);
-        request.put("hold", hold);
-        request.put("step", step);
-        request.put("way", way);
-        request.put("outputs", outputs);
-        return request;
+    Messages.OpenRequest request() {
+        String shown = name.substring(0, name.offsetByCodePoints(0, Math.min(200, name.codePointCount(0, name.length()))));
+        return new Messages.OpenRequest().withName(shown).withAxes(axes)
+                .withOnDisconnect(finishOnDisconnect ? Messages.OnDisconnect.FINISH : Messages.OnDisconnect.STOP)
+                .withStartLine(startLine).withBefore(before).withHold(hold).withStep(step).withWay(way).withOutputs(outputs);
     }
 }

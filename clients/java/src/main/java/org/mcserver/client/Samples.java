@@ -34,7 +34,7 @@ public record Samples(long seq, double t, double cycleS, int rows, List<Long> ax
     }
 
     /** Reads a block as {@code info} says; MC533: it does not fit the machine's axes. */
-    static Samples of(Messages.TelemetryBlock block, Messages.TelemetryInfo info, double cycleS) {
+    static Samples of(Wire.TelemetryBlock block, Messages.TelemetryInfo info, double cycleS) {
         List<String> names = info.fields();
         int columns = info.axes().size() * names.size();
         if (columns == 0 || block.rows().length % (4 * columns) != 0) {

@@ -169,7 +169,12 @@ final class Wire {
             String key = keyOf(component);
             Messages.Sparse sparse = component.getAnnotation(Messages.Sparse.class);
             if (map.containsKey(key)) {
-                arguments[index] = convert(kind, key, component.getGenericType(), map.get(key), sparse != null);
+                Object given = map.get(key);
+                if (types[index] == Object.class && (given instanceof Map || given instanceof List || given instanceof byte[])) {
+                    throw refused(kind, key + " is of another type");
+                }
+                boolean nil = sparse != null || component.isAnnotationPresent(Messages.Nil.class);
+                arguments[index] = convert(kind, key, component.getGenericType(), given, nil);
             } else if (sparse != null) {
                 arguments[index] = absent(component.getType(), sparse.value());
             } else {
@@ -188,6 +193,32 @@ final class Wire {
         return component.getName().replaceAll("([A-Z])", "_$1").toLowerCase(java.util.Locale.ROOT);
     }
 
+    /** The constant of a word; UNKNOWN for one of a later version. */
+    private static Object wordOf(Class<?> type, String word) {
+        Object unknown = null;
+        for (Object each : type.getEnumConstants()) {
+            if (((Messages.Word) each).word().equals(word)) {
+                return each;
+            }
+            unknown = each;
+        }
+        return unknown;
+    }
+
+    /** A request as a map for {@link #encode}. */
+    static Map<String, Object> params(Record request) {
+        Map<String, Object> params = new LinkedHashMap<>();
+        try {
+            for (RecordComponent component : request.getClass().getRecordComponents()) {
+                Object value = component.getAccessor().invoke(request);
+                params.put(keyOf(component), value instanceof Messages.Word word ? word.word() : value);
+            }
+        } catch (ReflectiveOperationException error) {
+            throw new IllegalStateException(error);
+        }
+        return params;
+    }
+
     private static Object absent(Class<?> type, String written) {
         if (type == long.class) {
             return written.isEmpty() ? 0L : Long.parseLong(written);
@@ -199,6 +230,9 @@ final class Wire {
             return List.of();
         } else if (type == Map.class) {
             return Map.of();
+        }
+        if (type.isEnum()) {
+            return written.isEmpty() ? null : wordOf(type, written);
         }
         return type != String.class || written.equals("null") ? null : written;
     }
@@ -230,6 +264,8 @@ final class Wire {
                 || (type == String.class && value instanceof String)
                 || (type == byte[].class && value instanceof byte[])) {
             return value;
+        } else if (type instanceof Class<?> words && words.isEnum() && value instanceof String word) {
+            return wordOf(words, word);
         } else if (type instanceof Class<?> other && other.isRecord()) {
             return read(other.asSubclass(Record.class), value);
         }
@@ -237,13 +273,16 @@ final class Wire {
     }
 
     /** Reads the array {@code [seq, t, bin]}; further elements are a later version's. */
-    static Messages.TelemetryBlock block(Object value) {
+    static TelemetryBlock block(Object value) {
         if (value instanceof List<?> list && list.size() >= 3 && list.get(0) instanceof Long seq
                 && list.get(1) instanceof Number t && list.get(2) instanceof byte[] rows) {
-            return new Messages.TelemetryBlock(seq, t.doubleValue(), rows);
+            return new TelemetryBlock(seq, t.doubleValue(), rows);
         }
-        throw refused(Messages.TelemetryBlock.class, "it is no array [seq, t, bin]");
+        throw refused(TelemetryBlock.class, "it is no array [seq, t, bin]");
     }
+
+    /** Payload of the topic {@code samples}: number and time of the first cycle, and rows of float32. */
+    record TelemetryBlock(long seq, double t, byte[] rows) {}
 
     private static MotionException.Protocol refused(Class<?> kind, String why) {
         return new MotionException.Protocol("the message is no " + kind.getSimpleName() + ": " + why);

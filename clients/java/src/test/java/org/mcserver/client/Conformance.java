@@ -45,7 +45,7 @@ public final class Conformance {
                 }
                 case "estop" -> {
                     machine.estop("conformance").join();
-                    say(Map.of("state", machine.status().join().state()));
+                    say(Map.of("state", machine.status().join().state().word()));
                 }
                 default -> throw new IllegalArgumentException("no such task: " + arguments[2]);
             }
@@ -86,7 +86,7 @@ public final class Conformance {
             List<String> lines = Files.readAllLines(Path.of(arguments[3])).stream().filter(line -> !line.isEmpty()).skip(first - 1).toList();
             program.sendLines(lines).join();
             long last = program.finish().join();
-            say(Map.of("state", program.state(), "accepted", last, "done", program.doneThrough()));
+            say(Map.of("state", program.state().word(), "accepted", last, "done", program.doneThrough()));
         }
     }
 

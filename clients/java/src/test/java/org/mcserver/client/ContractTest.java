@@ -84,7 +84,7 @@ class ContractTest {
     private static void same(Object read, JsonElement meant, boolean whole, String where) throws ReflectiveOperationException {
         if (meant.isJsonNull()) {
             assertEquals(null, read, where);
-        } else if (read instanceof Messages.TelemetryBlock block) {
+        } else if (read instanceof Wire.TelemetryBlock block) {
             JsonArray parts = meant.getAsJsonArray();
             same(block.seq(), parts.get(0), whole, where);
             same(block.t(), parts.get(1), whole, where);
@@ -97,6 +97,9 @@ class ContractTest {
                 assertTrue(meant.getAsJsonObject().has(key), where + ": " + key);
                 same(component.getAccessor().invoke(record), meant.getAsJsonObject().get(key), whole, where + "." + key);
             }
+        } else if (read instanceof Messages.Word word) {
+            // a word of a later version is UNKNOWN
+            assertTrue(word.word().isEmpty() || word.word().equals(meant.getAsString()), where);
         } else if (read instanceof List<?> list) {
             assertEquals(meant.getAsJsonArray().size(), list.size(), where);
             for (int index = 0; index < list.size(); index++) {
@@ -185,7 +188,7 @@ class ContractTest {
             }
         }
         Messages.TelemetryInfo one = new Messages.TelemetryInfo(List.of(0L), fields, 10, 20.0);
-        Messages.TelemetryBlock odd = new Messages.TelemetryBlock(0, 0.0, new byte[17]);
+        Wire.TelemetryBlock odd = new Wire.TelemetryBlock(0, 0.0, new byte[17]);
         assertEquals("MC533", assertThrows(MotionException.class, () -> Samples.of(odd, one, 0.001)).code());
     }
 
@@ -261,7 +264,7 @@ class ContractTest {
                     JsonObject known = value.getAsJsonObject();
                     assertEquals(known.get("accepted").getAsLong(), core.accepted(), where);
                     assertEquals(known.get("done").getAsLong(), core.done(), where);
-                    assertEquals(known.get("state").getAsString(), core.state(), where);
+                    assertEquals(known.get("state").getAsString(), core.state().word(), where);
                 }
                 case "fails" -> fails(value.getAsJsonObject(), where);
                 default -> throw new AssertionError(where + ": a step that is not known here");

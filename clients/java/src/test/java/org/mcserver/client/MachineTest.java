@@ -16,8 +16,8 @@ class MachineTest {
     @Test
     void whatIsNoFiniteNumberNeverReachesAMachine() {
         Machine machine = new Machine(null, "cell", null);
-        assertEquals("MC511", refusal(machine.jog(0, Double.NaN, null)));
-        assertEquals("MC511", refusal(machine.jog(0, 1.0, Double.POSITIVE_INFINITY)));
+        assertEquals("MC511", refusal(machine.jog(new Messages.JogRequest(0).withDistance(Double.NaN))));
+        assertEquals("MC511", refusal(machine.jog(new Messages.JogRequest(0).withDistance(1.0).withVelocity(Double.POSITIVE_INFINITY))));
         assertEquals("MC511", refusal(machine.jogHeld(0, Double.NEGATIVE_INFINITY)));
     }
 
