@@ -24,7 +24,14 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.headroom import Array
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.rings import ProgramRing
-from mcserver.motion.kernels.envelope import FAST, INSIDE, find_excess, tip_positions
+from mcserver.motion.kernels.envelope import (
+    FAST,
+    INSIDE,
+    find_excess,
+    find_tip_outside,
+    find_wrong_row,
+    tip_positions,
+)
 
 if TYPE_CHECKING:
     from mcserver.executor.slot import ProgramSlot
@@ -50,21 +57,45 @@ class _Tip:
         self._steps = np.array(tip.steps).reshape(-1, 3, 4)
         self._low, self._high = np.array(tip.low), np.array(tip.high)
         self.speed = tip.speed
-        self._before: Array | None = None
+        self._box = tip.low, tip.high
+        self._before: list[float] | None = None
 
-    def outside(self, positions: Array) -> Array:
-        """Return how far the tip is outside at each of these positions (n, K), shape (n,) [m]; 0: inside."""
-        tips = tip_positions(self._steps, self._turning, np.ascontiguousarray(positions[:, self._columns]))
-        excess: Array = np.maximum(tips - self._high, self._low - tips).max(axis=1).clip(min=0.0)
-        return excess
+    def first_outside(
+        self, ring: ProgramRing, first: int, written: int, setpoint: Array
+    ) -> tuple[int, float] | None:
+        """Return the number of the first of some rows at which the tip is outside, and how far [m]."""
+        if first == written:
+            return None
+        at = find_tip_outside(
+            self._steps,
+            self._turning,
+            self._columns,
+            ring.position,
+            ring.row_mask,
+            setpoint,
+            first,
+            written,
+            self._low,
+            self._high,
+        )
+        if at == INSIDE:
+            return None
+        row = (first + at) % ring.rows
+        driven = ring.row_mask[row] >> self._columns.astype(np.uint64) & np.uint64(1) != 0
+        joints = np.where(driven, ring.position[row, self._columns], setpoint[self._columns])
+        return first + at, self._outside(tip_positions(self._steps, self._turning, joints[None])[0].tolist())
+
+    def _outside(self, tip: list[float]) -> float:
+        """Return how far a place is outside [m]."""
+        low, high = self._box
+        return max(max(here - above, below - here) for here, below, above in zip(tip, low, high, strict=True))
 
     def step(self, setpoint: Array) -> tuple[float, float]:
-        """Return how far the tip is outside now [m], and how far it went in this cycle [m]."""
-        tip = tip_positions(self._steps, self._turning, setpoint[self._columns][None])[0]
-        excess = float(np.maximum(tip - self._high, self._low - tip).max())
+        """Return how far the tip is outside now, at most 0 inside, and how far it went in this cycle [m]."""
+        tip = tip_positions(self._steps, self._turning, setpoint[self._columns][None])[0].tolist()
         before, self._before = self._before, tip
         went = 0.0 if before is None else math.dist(tip, before)
-        return max(0.0, excess), went
+        return self._outside(tip), went
 
 
 class EnvelopeGuard:
@@ -102,10 +133,10 @@ class EnvelopeGuard:
             first: number of the first row that has not been played. written: of the row after the last.
         """
         ring = self._ring
+        number = max(first, self._checked)
         if ring.replacement_asked or ring.answers != self._answers:
             # rows that were looked at may have been replaced by others
-            self._checked, self._answers = first, ring.answers
-        number = max(first, self._checked)
+            number, self._answers = first, ring.answers
         if number < written and self._limit is None:
             self._look_at_rows(number, written)
             self._checked = written
@@ -113,38 +144,37 @@ class EnvelopeGuard:
 
     def _look_at_rows(self, first: int, written: int) -> None:
         ring = self._ring
-        rows = np.arange(first, written) % ring.rows
-        columns = np.arange(ring.axes, dtype=np.uint64)
-        driven = (ring.row_mask[rows, None] >> columns & np.uint64(1)).astype(np.bool_)
-        position = ring.position[rows]
-        # what its speed is at an override of 100 %
-        speed = np.abs(ring.velocity[rows]) * (ring.pace[rows] / ring.feed_scale[rows])[:, None]
-        with np.errstate(invalid="ignore"):
-            inside = (position <= self._high) & (position >= self._low)
-            slow = speed <= self._speed
-        beyond, fast = driven & ~inside, driven & ~slow
-        wrong = (beyond | fast).any(axis=1)
-        excess = []
-        if self._tips:
-            whole = np.where(driven, position, self._cycle.row.setpoint)
-            excess = [tip.outside(whole) for tip in self._tips]
-            for each in excess:
-                wrong |= ~(each <= 0.0)
-        if not wrong.any():
-            return
-        at = int(np.argmax(wrong))
-        self._limit, line = first + at, int(ring.row_line[rows[at]])
-        if beyond[at].any():
-            column = int(np.argmax(beyond[at]))
-            self._breach = self._outside(column, line, float(position[at, column]))
-        elif fast[at].any():
-            column = int(np.argmax(fast[at]))
-            bound = float(self._speed[column])
-            self._breach = Breach(FaultCode.ENVELOPE_SPEED, column, line, float(speed[at, column]), bound)
-        else:
-            tip = next(index for index, each in enumerate(excess) if not each[at] <= 0.0)
-            value = float(excess[tip][at])
-            self._breach = Breach(FaultCode.ENVELOPE_TIP, -1, line, value, self._tips[tip].tool)
+        found = find_wrong_row(
+            ring.position,
+            ring.velocity,
+            ring.row_mask,
+            ring.pace,
+            ring.feed_scale,
+            first,
+            written,
+            self._low,
+            self._high,
+            self._speed,
+        )
+        if found != INSIDE:
+            row, column = divmod(found >> 1, ring.axes)
+            written = first + row
+            at = written % ring.rows
+            line = int(ring.row_line[at])
+            if found & 1 == FAST:
+                speed = abs(float(ring.velocity[at, column])) * float(ring.pace[at] / ring.feed_scale[at])
+                bound = float(self._speed[column])
+                self._breach = Breach(FaultCode.ENVELOPE_SPEED, column, line, speed, bound)
+            else:
+                self._breach = self._outside(column, line, float(ring.position[at, column]))
+            self._limit = written
+        for tip in self._tips:
+            wrong = tip.first_outside(ring, first, written, self._cycle.row.setpoint)
+            if wrong is not None:
+                written, excess = wrong
+                line = int(ring.row_line[written % ring.rows])
+                self._breach = Breach(FaultCode.ENVELOPE_TIP, -1, line, excess, tip.tool)
+                self._limit = written
 
     def _outside(self, column: int, line: int, value: float) -> Breach:
         low, high = float(self._low[column]), float(self._high[column])

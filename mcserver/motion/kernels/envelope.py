@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
-# Answers of `find_excess`: none, or twice the column, plus FAST where it is the speed.
+# Answers: none, or twice the place (a column, of rows row · axes + column), plus FAST where it is the speed.
 INSIDE, FAST = -1, 1
 # What rounding may add.
 _ROUNDING = 1e-12
@@ -44,6 +44,40 @@ def find_excess(
 
 
 @compiled
+def find_wrong_row(
+    position: Array,
+    velocity: Array,
+    driven: NDArray[np.uint64],
+    pace: Array,
+    feed_scale: Array,
+    first: int,
+    written: int,
+    low: Array,
+    high: Array,
+    speed: Array,
+) -> int:
+    """Return the first of a ring's rows ``first`` to ``written`` - 1 that is outside, counted from ``first``.
+
+    Args:
+        position, velocity, driven, pace, feed_scale: of the ring, as `ProgramRing` has them.
+        low, high, speed: bounds at an override of 100 %, shape (K,) [m or rad, per s].
+    """
+    rows, axes = position.shape
+    for number in range(first, written):
+        at = number % rows
+        share = pace[at] / feed_scale[at]
+        for column in range(axes):
+            if not driven[at] >> np.uint64(column) & np.uint64(1):
+                continue
+            place: int = (number - first) * axes + column
+            if not low[column] <= position[at, column] <= high[column]:
+                return 2 * place
+            if not abs(velocity[at, column]) * share <= speed[column]:
+                return 2 * place + 1
+    return -1
+
+
+@compiled
 def tip_positions(steps: Array, turning: NDArray[np.bool_], joints: Array) -> Array:
     """Return where a tool's tip is, shape (n, 3) [m].
 
@@ -53,27 +87,57 @@ def tip_positions(steps: Array, turning: NDArray[np.bool_], joints: Array) -> Ar
         joints: shape (n, K) [rad or m].
     """
     found = np.empty((len(joints), 3))
-    frame, following = np.empty((3, 4)), np.empty((3, 4))
     for at in range(len(joints)):
-        frame[:] = steps[0]
-        for joint in range(len(turning)):
-            value = joints[at, joint]
-            if turning[joint]:
-                cosine, sine = math.cos(value), math.sin(value)
-                for row in range(3):
-                    x, y = frame[row, 0], frame[row, 1]
-                    frame[row, 0] = cosine * x + sine * y
-                    frame[row, 1] = cosine * y - sine * x
-            else:
-                for row in range(3):
-                    frame[row, 3] += value * frame[row, 2]
-            step = steps[joint + 1]
-            for row in range(3):
-                for column in range(4):
-                    total = frame[row, 3] if column == 3 else 0.0
-                    for inner in range(3):
-                        total += frame[row, inner] * step[inner, column]
-                    following[row, column] = total
-            frame[:] = following
-        found[at, 0], found[at, 1], found[at, 2] = frame[0, 3], frame[1, 3], frame[2, 3]
+        for row in range(3):
+            # the rows of a frame's matrix go their ways alone
+            x, y, z, p = steps[0, row, 0], steps[0, row, 1], steps[0, row, 2], steps[0, row, 3]
+            for joint in range(len(turning)):
+                value = joints[at, joint]
+                if turning[joint]:
+                    cosine, sine = math.cos(value), math.sin(value)
+                    x, y = cosine * x + sine * y, cosine * y - sine * x
+                else:
+                    p += value * z
+                step = steps[joint + 1]
+                p += x * step[0, 3] + y * step[1, 3] + z * step[2, 3]
+                x, y, z = (
+                    x * step[0, 0] + y * step[1, 0] + z * step[2, 0],
+                    x * step[0, 1] + y * step[1, 1] + z * step[2, 1],
+                    x * step[0, 2] + y * step[1, 2] + z * step[2, 2],
+                )
+            found[at, row] = p
     return found
+
+
+@compiled
+def find_tip_outside(
+    steps: Array,
+    turning: NDArray[np.bool_],
+    columns: NDArray[np.intp],
+    position: Array,
+    driven: NDArray[np.uint64],
+    setpoint: Array,
+    first: int,
+    written: int,
+    low: Array,
+    high: Array,
+) -> int:
+    """Return the first of a ring's rows at which a tool's tip is outside, counted from ``first``, or INSIDE.
+
+    Args:
+        steps, turning: as of `tip_positions`. columns: of its joints.
+        position, driven: of the ring. setpoint: of axes that a row does not drive, shape (K,) [m or rad].
+        low, high: X, Y and Z of its box [m].
+    """
+    joints = np.empty((1, len(columns)))
+    for number in range(first, written):
+        at = number % len(position)
+        for joint in range(len(columns)):
+            column = columns[joint]
+            drives = driven[at] >> np.uint64(column) & np.uint64(1)
+            joints[0, joint] = position[at, column] if drives else setpoint[column]
+        tip = tip_positions(steps, turning, joints)
+        for place in range(3):
+            if not low[place] <= tip[0, place] <= high[place]:
+                return number - first
+    return -1

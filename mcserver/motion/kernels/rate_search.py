@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.row_torques import NUMBERS
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.envelope import find_excess, tip_positions
+from mcserver.motion.kernels.envelope import find_excess, find_tip_outside, find_wrong_row, tip_positions
 from mcserver.motion.kernels.rate_changes import (
     MOST_PHASES,
     NEXT_RATE,
@@ -436,8 +436,22 @@ def warm_up_playback() -> None:
     headroom_ahead(np.ones(size), 0, size)
     safe_rates(np.ones(size), rows, np.arange(size), 0, size, 0.0)
     interpolate_rows(rows, rows, 0, 1, 0.5, 1e-3, 1.0, 1.0, rows[:2], some, rows[2], rows[3])
+    find_wrong_row(
+        rows,
+        rows,
+        np.zeros(size, np.uint64),
+        rows[:, 0].copy(),
+        np.ones(size),
+        0,
+        1,
+        rows[0],
+        rows[1],
+        rows[2],
+    )
     find_excess(rows[0], rows[1], rows[2], rows[3], rows[0], 1.0, some, some)
+    masks, zero = np.zeros(size, np.uint64), np.zeros(1, np.intp)
     tip_positions(np.zeros((2, 3, 4)), some, rows[:1])
+    find_tip_outside(np.zeros((2, 3, 4)), some, zero, rows, masks, rows[0], 0, 1, np.zeros(3), np.zeros(3))
 
 
 @compiled
