@@ -119,6 +119,8 @@ async def serve_until_stopped(
         # bounds the head of a request, which the quicker parser does not
         http="h11",
         log_level="warning",
+        # its own would write what others send as it is
+        log_config=None,
         lifespan="on",
         ws_max_size=max_frame_bytes,
         ws_max_queue=max_waiting_frames,

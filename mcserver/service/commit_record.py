@@ -13,6 +13,7 @@ import os
 import struct
 import threading
 import zlib
+from collections.abc import Collection
 from pathlib import Path
 
 import msgspec
@@ -74,15 +75,15 @@ class CommitRecord:
 
     Args:
         journal: the database's file.
-        committed: transactions that it has counted.
+        committed: transactions that it has counted. gone: programs that it has no more.
 
     Raises:
         OSError: it cannot be written.
     """
 
-    def __init__(self, journal: Path, committed: int) -> None:
+    def __init__(self, journal: Path, committed: int, gone: Collection[str] = ()) -> None:
         found = read_commit_record(journal) or CommitCount()
-        self._programs = list(found.programs[-KEPT_PROGRAMS:])
+        self._programs = [each for each in found.programs[-KEPT_PROGRAMS:] if each not in gone]
         self._boot = _boot_id()
         self._committed = self._synced = committed
         # who commits and who syncs are two threads

@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ServiceError
-from mcserver.service.commit_record import CommitCount, read_commit_record
+from mcserver.service.commit_record import CommitCount, CommitRecord, read_commit_record
 from mcserver.service.journal_check import Findings, JournalContent, examine, opened, refusal
 from mcserver.service.journal_file import (
     COMMITS,
@@ -106,6 +106,7 @@ def prepare_journal(path: Path) -> Damage | None:
             made = _copied(content, found, path)
         kept = _kept_name(path) if found.damage else None
         _put_in_place(path, made, kept)
+        CommitRecord(path, found.commits, found.lost).close()
     except (OSError, sqlite3.Error) as error:
         raise ServiceError(
             "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
@@ -122,6 +123,7 @@ def _gone(path: Path, record: CommitCount | None) -> Damage | None:
     for source, target in _files(path, kept):
         source.replace(target)
     lost = () if record is None else record.programs
+    CommitRecord(path, 0, lost).close()
     return Damage(_said(["its database is gone"], list(lost)), kept, tuple(lost))
 
 

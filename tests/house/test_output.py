@@ -21,6 +21,8 @@ FORBIDDEN = {
     "basicConfig": ("mcserver/terminal.py", "mcserver/cli/run.py"),
     "StreamHandler": ("mcserver/terminal.py",),
     "RichHandler": (),
+    # with a log of its own: give it log_config=None
+    "uvicorn": (),
     # beside the two modules with `write_text` and `write_json`: words of our own, and JSON by `json_bytes`
     "write": (
         "mcserver/cli/console.py",
@@ -45,6 +47,10 @@ def writes(source: str) -> list[tuple[int, str]]:
         elif isinstance(node, ast.Call):
             name = ast.unparse(node.func)
             last = name.rpartition(".")[2]
+            if name in ("uvicorn.Config", "uvicorn.run") and not any(
+                each.arg == "log_config" for each in node.keywords
+            ):
+                found.append((node.lineno, "uvicorn"))
             if last in FORBIDDEN and last != "write" and (last not in ("print", "input") or last == name):
                 found.append((node.lineno, last))
     return found
@@ -70,6 +76,7 @@ def test_nothing_is_written_beside_the_consoles_and_the_log() -> None:
         "import sys\nsys.stdout.buffer.write(b'x')",
         "import sys\nwrite = sys.stderr.write",
         "import logging\nlogging.basicConfig()",
+        "import uvicorn\nuvicorn.Config(app, log_level='warning')",
     ],
 )
 def test_a_way_around_is_found(text: str) -> None:

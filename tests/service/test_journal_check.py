@@ -166,6 +166,19 @@ def test_a_log_that_is_gone_is_noticed_and_its_programs_are_named(
     assert prepare_journal(path) is None
 
 
+def test_programs_that_were_set_aside_once_are_not_named_again(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    for name in ("first", "second"):
+        writer = Writer(path)
+        open_program(writer.journal, name, instance="one")
+        writer.settle()
+        writer.journal.close()
+        change(path, f"UPDATE programs SET done=98 WHERE program='{name}'")
+        assert prepared(path).lost == (name,)
+    path.unlink()
+    assert prepared(path).lost == ()
+
+
 def test_after_a_power_cut_only_what_the_disk_had_is_missed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
