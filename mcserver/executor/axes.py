@@ -23,7 +23,7 @@ from mcserver.drives.bus import (
     Setpoints,
     UnclockedBus,
 )
-from mcserver.executor.headroom import Array
+from mcserver.executor.entries import Array
 from mcserver.executor.shm.feedback import AxisCondition, FeedbackRow
 from mcserver.machine.machine_file import Machine
 

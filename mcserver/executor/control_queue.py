@@ -125,17 +125,6 @@ class ControlQueue:
         elif self._open and control.kind in WAITING:
             self._stops.append(control.u)
 
-    @property
-    def next_number(self) -> int:
-        """Number of the next entry."""
-        return self._next
-
-    def replaced(self, number: int, u: float) -> None:
-        """Note that entries from ``number`` on, where lines begin and end behind u, are others now."""
-        self._noted = min(self._noted, number)
-        self._head = None
-        self.last_u = min(self.last_u, u)
-
     def edges_until(self, u: float, limit: int) -> int:
         """Return how many rows after a whole u, up to ``limit``, meet no entry but where lines begin and
         end.

@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from mcserver.executor.axes import AxisBank
-from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.headroom import Array
 from mcserver.executor.homed import HomedAxes
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank

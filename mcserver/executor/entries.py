@@ -9,13 +9,11 @@ interpolated (cubic Hermite on position and velocity).
 from __future__ import annotations
 
 import enum
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-
-from mcserver.motion.pieces import LineEdges, Rows
 
 Array = NDArray[np.float64]
 
@@ -98,7 +96,6 @@ class MotionSink(Protocol):
         line: NDArray[np.int64],
         torque: Array | None = None,
         feed_scale: Array | None = None,
-        pace: float = 1.0,
     ) -> None:
         """Rows at u = first_u, first_u + 1, …
 
@@ -109,8 +106,10 @@ class MotionSink(Protocol):
             line: shape (n,), the line that each row belongs to.
             torque: shape (n, 3, J), what the rows ask of limited joints (`row_torques`); None: not known.
             feed_scale: shape (n,), the feed override at which the rows are played as they are [1]; None: 1.
-            pace: rows a cycle then [1].
         """
+
+    def stop_ahead(self) -> float:
+        """Return the longest stop from the rows that the executor has not come to [cycles]."""
 
     def put_control(self, control: Control, rows: int = 0) -> None:
         """Put an entry; its u is not below that of the entry before.
@@ -126,28 +125,6 @@ class MotionSink(Protocol):
         Args:
             u, line: shape (n,). ends: which of them are `LINE_END`, shape (n,).
         """
-
-
-@runtime_checkable
-class ReplaceableSink(MotionSink, Protocol):
-    """A sink in which what the executor has not come to can be replaced: `ProgramRing`."""
-
-    def last_rows(self, u: int, most: int) -> Array | None:
-        """Return the velocities of up to ``most`` rows that end with the one at ``u`` and that the executor
-        has not come to, shape (n, K) [m/s or rad/s]; None where such a row is not there.
-        """
-
-    def row_at(self, u: int) -> tuple[Array, Array] | None:
-        """Return position and velocity (K,) of the row at ``u``; None where it is not there."""
-
-    def replacement_room(self, u: int) -> int:
-        """How many rows could be put in the place of those behind ``u``."""
-
-    def ask_replacement(self, rows: Rows, edges: LineEdges, entries_back: int) -> bool:
-        """Ask the executor to take rows and edges in the place of what is behind (`ProgramRing`)."""
-
-    def replacement_answer(self) -> bool | None:
-        """Whether it has taken them; None: it has not answered."""
 
 
 class EventKind(enum.IntEnum):

@@ -18,10 +18,9 @@ import numpy as np
 from mcserver.executor.axis_motion import Motion, MotionKind
 from mcserver.executor.barriers import BarrierFault
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.entries import Array, Control, ControlKind
 from mcserver.executor.envelope_bounds import Envelope, TipEnvelope
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.headroom import Array
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.kernels.envelope import (
@@ -118,7 +117,7 @@ class EnvelopeGuard:
         self._before = cycle.row.setpoint.copy()
         self._followed = 0
         self._left = envelope.seconds
-        self._checked = self._answers = -1
+        self._checked = -1
         self._limit: int | None = None
         self._breach: Breach | None = None
         self._said = False
@@ -132,11 +131,7 @@ class EnvelopeGuard:
         Args:
             first: number of the first row that has not been played. written: of the row after the last.
         """
-        ring = self._ring
         number = max(first, self._checked)
-        if ring.replacement_asked or ring.answers != self._answers:
-            # rows that were looked at may have been replaced by others
-            number, self._answers = first, ring.answers
         if number < written and self._limit is None:
             self._look_at_rows(number, written)
             self._checked = written
@@ -148,7 +143,6 @@ class EnvelopeGuard:
             ring.position,
             ring.velocity,
             ring.row_mask,
-            ring.pace,
             ring.feed_scale,
             first,
             written,
@@ -162,7 +156,7 @@ class EnvelopeGuard:
             at = written % ring.rows
             line = int(ring.row_line[at])
             if found & 1 == FAST:
-                speed = abs(float(ring.velocity[at, column])) * float(ring.pace[at] / ring.feed_scale[at])
+                speed = abs(float(ring.velocity[at, column])) / float(ring.feed_scale[at])
                 bound = float(self._speed[column])
                 self._breach = Breach(FaultCode.ENVELOPE_SPEED, column, line, speed, bound)
             else:

@@ -123,10 +123,6 @@ class Executor:
         """Where the program in a slot is on its time axis [cycles]."""
         return self._slots[slot].u
 
-    def rate(self, slot: int) -> float:
-        """Return the rate at which the program in a slot is played [1]."""
-        return self._slots[slot].ramp.rate
-
     def feed_scale(self, slot: int) -> float:
         """Return the override that the rows under way of a program are planned for, at least 1."""
         playing = self._slots[slot]

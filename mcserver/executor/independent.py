@@ -16,7 +16,7 @@ import numpy as np
 from ruckig import Trajectory
 
 from mcserver.executor.axis_motion import Motion, MotionKind
-from mcserver.executor.headroom import Array
+from mcserver.executor.entries import Array
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.trajectories import MotionLimits, State, TrajectoryError, TrajectorySolver
 from mcserver.machine.machine_file import Machine

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mcserver.drives.io_bus import IoBus
-from mcserver.executor.headroom import Array
+from mcserver.executor.entries import Array
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.machine.machine_file import Machine

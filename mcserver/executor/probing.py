@@ -13,9 +13,8 @@ import numpy as np
 
 from mcserver.executor.barriers import BarrierFault
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.entries import Control, EventKind
+from mcserver.executor.entries import Array, Control, EventKind
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.headroom import Array
 from mcserver.executor.trajectories import MotionLimits, TrajectoryError
 from mcserver.motion.canonical import ProbeKind
 

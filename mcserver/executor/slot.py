@@ -15,16 +15,14 @@ from mcserver.executor.barriers import Barrier, BarrierFault, Paused
 from mcserver.executor.control_queue import ControlQueue
 from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.entries import Control, ControlKind, EventKind
+from mcserver.executor.entries import Array, Control, ControlKind, EventKind
 from mcserver.executor.envelope import EnvelopeGuard
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.headroom import RATE_MAX, Array
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
-from mcserver.executor.replacing import answer_replacement
 from mcserver.executor.shm.feedback import SlotState
-from mcserver.executor.shm.mailbox import OVERRIDE_MAX, MachineOrders, SlotOrders
+from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.stretch import LineEvents, passing_times
 from mcserver.motion.kernels.rate_changes import NEAR_U
@@ -140,8 +138,8 @@ class ProgramSlot:
             self._interlocked = False
         self._resumes = resumes
         if not self._started:
-            self.ramp.jump(self._wanted(1.0))
-            self.rapid_rate = self._wanted(1.0)
+            self.rapid_rate = self._ordered_rate(1.0)
+            self.ramp.jump(self.rapid_rate)
         if orders.abort != (seen.abort if seen else 0):
             self.stop(SlotState.STOPPED)
         barrier = self.barrier
@@ -167,11 +165,11 @@ class ProgramSlot:
         """Whether an input holds the program, or has held it and nobody has resumed it since."""
         return self._interlocked
 
-    def _wanted(self, most: float, plain: float = 1.0) -> float:
-        """Return the rate to be had; ``plain``: that of 100 %."""
+    def _ordered_rate(self, feed_scale: float) -> float:
+        """Return the rate at which rows of a feed scale are to be played, 0 to 1."""
         if self.held or self._state is SlotState.STOPPING:
             return 0.0
-        return min(min(self._override, OVERRIDE_MAX) * plain, most)
+        return min(self._override / feed_scale, 1.0)
 
     # ------------------------------------------------------------------ stopping
 
@@ -239,10 +237,6 @@ class ProgramSlot:
         self._mean_rate = 0.0
         if not self.running:
             return
-        if self.ring.replacement_asked:
-            plays = self._state is not SlotState.STOPPING and self.barrier is None
-            plays = plays and self.playback.active != 0 and not self.playback.at_start
-            answer_replacement(self.ring, self.playback, self._queue, self.ramp, self.u, plays=plays)
         self._queue.note(self.u)
         self._left = 1.0
         if not self._started:
@@ -339,8 +333,7 @@ class ProgramSlot:
 
     def _run(self, left: float, rate: float) -> None:
         """Lets what is left of the cycle pass: control entries on the way, then u."""
-        start, fastest = self.u, rate
-        reach = self._reach(start + rate * left)
+        reach = self._reach(self.u + rate * left)
         while True:
             barrier = self.barrier
             if barrier is not None:
@@ -366,13 +359,9 @@ class ProgramSlot:
             self._queue.pop()
             if self._state is SlotState.STOPPING and control.kind not in (*_ALWAYS, ControlKind.LINE_START):
                 continue
-            # axes that begin by themselves right behind a motion above 100 % begin with the next cycle: its
-            # last differences take all of the jerk
-            aside = control.kind is ControlKind.RAPID and fastest > 1.0
-            self._pass(control, 0.0 if aside else left)
+            self._pass(control, left)
             # a motion that begins or ends in this cycle changes how far u may go
             if control.kind in (ControlKind.BEGIN, ControlKind.END):
-                rate = self._rate_at_rest(rate, left, fastest)
                 reach = self._reach(self.u + rate * left)
         if reach > self.u:
             whole = round(reach)
@@ -424,37 +413,9 @@ class ProgramSlot:
             return False
         return self.playback.at_start or self.ramp.rate <= STANDSTILL
 
-    def _rate_at_rest(self, rate: float, left: float, fastest: float) -> float:
-        """Return the rate for what is left of a cycle in which a motion has ended or begun: only rows of a
-        greater pace are played at more than 100 %.
-
-        Args:
-            fastest: the rate at which the cycle began.
-        """
-        if not self.playback.active:
-            found = min(rate, 1.0)
-        elif rate > 0.0 and self.playback.unmoved(self.u):
-            start = self._start_rate()
-            found = start if max(rate, start) > 1.0 else rate
-            if (found > rate or fastest > 1.0) and not self.playback.rested:
-                # what has just ended and what begins are within the same differences
-                edge, _ = self._queue.edge(self.u)
-                found = self.ramp.beginning_rate(self.u, found, rate, left, edge)
-        else:
-            return rate
-        if found != rate:
-            self._mean_rate = found
-            self.ramp.jump(found)
-        return found
-
-    def _start_rate(self) -> float:
-        """Return the rate at which a motion begins that stands at its beginning."""
-        wanted = self._wanted(RATE_MAX, self.playback.plain_rate(self.u))
-        return min(wanted, self.ramp.safe_rate(self.u))
-
     def _step_rate(self) -> float:
         """Step the rates of this cycle; return the rows that u passes in it."""
-        wanted = self.rapid_rate = self._wanted(1.0)
+        ordered = self.rapid_rate = self._ordered_rate(1.0)
         ramp = self.ramp
         mean = ramp.rate
         if self.barrier is not None and self.playback.active:
@@ -462,28 +423,28 @@ class ProgramSlot:
             ramp.jump(0.0)
             mean = 0.0
         elif not self.playback.active:
-            if ramp.rate != wanted:
-                ramp.jump(wanted)
+            if ramp.rate != ordered:
+                ramp.jump(ordered)
             mean = ramp.rate
         else:
-            wanted = self._wanted(RATE_MAX, self.playback.plain_rate(self.u))
+            ordered = self._ordered_rate(self.playback.feed_scale(self.u))
             edge, dry = self._queue.edge(self.u)
             if self._too_dry(edge, dry):
                 ramp.jump(0.0)
                 mean = 0.0
             else:
                 begins = self.playback.unmoved(self.u)
-                if begins and ramp.rate != (start := self._start_rate()):
-                    ramp.jump(start)
-                mean = ramp.advance(self.u, wanted, edge, urgent=self.cycle.estop, begins=begins)
-            self._note_starved(dry, wanted)
+                if begins and ramp.rate != ordered:
+                    ramp.jump(ordered)
+                mean = ramp.advance(self.u, ordered, edge, urgent=self.cycle.estop, begins=begins)
+            self._note_starved(dry, ordered)
         self._held = (self.held or self._override <= 0.0) and ramp.rate <= STANDSTILL
         return mean
 
-    def _note_starved(self, dry: bool, wanted: float) -> None:
+    def _note_starved(self, dry: bool, ordered: float) -> None:
         if self.ramp.rate > STANDSTILL:
             self._starved = False
-        elif wanted > 0.0 and dry and not self._starved:
+        elif ordered > 0.0 and dry and not self._starved:
             self._starved = True
             self.cycle.emit(EventKind.STARVED, self.index, self.line)
 

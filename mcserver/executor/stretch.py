@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.executor.headroom import Array
+from mcserver.executor.entries import Array
 from mcserver.motion.kernels.rate_changes import NEAR_U
 
 

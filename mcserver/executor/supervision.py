@@ -11,9 +11,8 @@ from mcserver.drives.bus import BusEventKind, DriveState
 from mcserver.executor.axes import mask_of
 from mcserver.executor.barriers import DRIVE_TIMEOUT_S
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.entries import EventKind
+from mcserver.executor.entries import Array, EventKind
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
-from mcserver.executor.headroom import Array
 from mcserver.executor.homed import LOSING
 from mcserver.executor.shm.feedback import FeedbackRing
 from mcserver.executor.slot import ProgramSlot

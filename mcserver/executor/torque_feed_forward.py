@@ -14,7 +14,7 @@ from mckinematics.dynamics import JointDynamics
 from numpy.typing import NDArray
 
 from mcserver.executor.axes import AxisBank
-from mcserver.executor.headroom import Array
+from mcserver.executor.entries import Array
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 

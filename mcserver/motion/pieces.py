@@ -18,7 +18,7 @@ PIECE = 1000
 class Rows:
     """Rows at u = first, first + 1, …: positions and velocities (n, K), masks and lines (n,), and what they
     ask of joints whose torques are limited (n, 3, J), see `row_torques`; None without limits. The feed scales
-    that they are planned at (n,); None: all 1. And the pace, how many of them make a cycle then.
+    that they are planned at (n,); None: all 1.
     """
 
     first: int
@@ -28,7 +28,6 @@ class Rows:
     line: NDArray[np.int64]
     torque: NDArray[np.float64] | None = None
     feed_scale: NDArray[np.float64] | None = None
-    pace: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

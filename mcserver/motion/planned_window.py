@@ -244,11 +244,9 @@ class PlannedWindow:
         index = int(np.searchsorted(plan.window_index, first))
         return max(float(plan.times[index]) - ADAPT_S, 0.0)
 
-    def drop_until(self, plan: PlannedRun, moment: float, *, keeps_plan: bool) -> None:
-        """Drop what its plan drives up to a moment [s]; what is left goes on at the speed reached there.
-
-        Args:
-            keeps_plan: no more lines come: what is left is driven as it is planned.
+    def drop_until(self, plan: PlannedRun, moment: float) -> None:
+        """Drop what its plan drives up to a moment [s]; what is left goes on at the speed reached there, and
+        is driven as it is planned if nothing more comes.
         """
         rest = plan.after(moment)
         table = self.lookahead.table
@@ -263,8 +261,7 @@ class PlannedWindow:
             now = table.segments[0].lasting_less(plan.spent(moment), first.feed_scale)
             table.replace(0, msgspec.structs.replace(now, begin=first.begin, opens=False))
         self.lookahead.entry = max(float(rest.phases.velocity[0]), 0.0)
-        self.reserve = rest
-        self.plan = rest if keeps_plan else None
+        self.reserve = self.plan = rest
 
     def drop_reserve(self) -> PlannedRun:
         """Drop what the stop in reserve drives, and return that; what is left begins at rest.
@@ -279,16 +276,6 @@ class PlannedWindow:
         self.lookahead.entry = 0.0
         self._open = self.reserve = self.plan = None
         return reserve
-
-    def again(self, lookahead: Lookahead, plan: PlannedRun) -> PlannedWindow:
-        """Return a window that has back what was dropped of this one, in which no lines wait.
-
-        Args:
-            lookahead: its segments. plan: of those that had come when these were dropped.
-        """
-        found = PlannedWindow(self._limits)
-        found.lookahead, found.reserve, found._open = lookahead, plan, self._open
-        return found
 
     def clear(self) -> None:
         """Drop all segments: what comes next begins at rest."""

@@ -8,11 +8,9 @@ the motion can always stop on the path, and never stops where more lines are the
 
 from __future__ import annotations
 
-import copy
-import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from mckinematics.dynamics import JointDynamics
@@ -20,17 +18,15 @@ from mckinematics.dynamics import JointDynamics
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup, PathRun, PlainRun
-from mcserver.motion.committed import Committed, Cut, Stretch
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.straight_run import StraightRun
-from mcserver.motion.lookahead.commit_moments import closing_moment, commit_moment, last_steady
+from mcserver.motion.lookahead.commit_moments import commit_moment, hand_over_moment, last_steady
 from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
 from mcserver.motion.lookahead.leading_group import CommaLine, Companions, MachineAxes, comma_line
-from mcserver.motion.lookahead.pace import Pace
 from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import Deactivation, Piece
@@ -46,30 +42,13 @@ WINDOW = 512
 LARGEST_WINDOW = 8192
 
 
-@dataclasses.dataclass(frozen=True)
-class PlannedAnew:
-    """A motion that is planned anew from a moment in what was committed.
-
-    Attributes:
-        planner: that goes on with it. u: that moment [cycles]. lasts: the motion from there on [s].
-        pieces: what is committed of it. cut: what they take the place of.
-    """
-
-    planner: MotionPlanner
-    u: float
-    lasts: float
-    pieces: tuple[Piece, ...]
-    cut: Cut
-
-
 class MotionPlanner:
     """Turns the feed groups of one program into pieces of output.
 
     Attributes:
         u: end of what has been committed, on the program's time axis [cycles].
         position: commanded end of all columns, shape (K,) [m or rad].
-        feed_scale, pace: that what is not committed yet is planned at: the override above 100 %, else 1.
-        committed: what is, as far as it may be planned anew.
+        feed_scale: that what is not committed yet is planned at: the override above 100 %, else 1.
     """
 
     def __init__(self, machine: Machine, position: Array, dynamics: JointDynamics | None = None) -> None:
@@ -79,10 +58,9 @@ class MotionPlanner:
         self.position: Array = position.copy()
         self.u = 0.0
         self.feed_scale = 1.0
-        self.pace = Pace(self._limits)
-        self.committed = Committed()
+        self._cycle = machine.cycle_s
         self._window = PlannedWindow(self._limits)
-        self._left = WINDOW // 2
+        self._size = WINDOW
         self._active = 0
         torque = self._limits.torque
         self._torques = None if torque is None else TorqueOfRows(torque, machine.cycle_s)
@@ -101,11 +79,8 @@ class MotionPlanner:
 
     @property
     def full(self) -> bool:
-        """Whether a plan is due: enough has come since the last one for its stop to lie well behind.
-
-        What is left of a window is planned again with each plan, so the more is left the more has to come.
-        """
-        return self.pending >= min(self._left + max(WINDOW, self._left) // 2, LARGEST_WINDOW)
+        """Whether enough has come for the stop at the window's end to lie well behind what is committed."""
+        return self.pending >= self._size
 
     @property
     def moving(self) -> bool:
@@ -119,7 +94,7 @@ class MotionPlanner:
         if not self._window.lookahead.table:
             return self.u
         try:
-            return self.u + self._solved().phases.duration / self.pace.cycle
+            return self.u + self._solved().phases.duration / self._cycle
         except PlanningError:
             return self.u
 
@@ -206,33 +181,25 @@ class MotionPlanner:
 
     # ------------------------------------------------------------------ committing
 
-    def follow_feed_scale(self, rate: float = 1.0) -> None:
-        """Plan what is not committed again where it has another feed scale; its pace goes with that.
-
-        Args:
-            rate: see `Pace.reachable`.
-        """
+    def follow_feed_scale(self) -> None:
+        """Plan what is not committed again where it has another feed scale."""
         window = self._window
         window.take_chords()
-        if self._companions.present:
+        if self._companions.present or not window.lookahead.table:
             # what runs beside its lines is planned already
             return
-        latest = self._output.latest
-        found = plan_at_feed_scale(window.lookahead, self.feed_scale, self.pace, latest, rate)
+        found = plan_at_feed_scale(window.lookahead, self.feed_scale)
         if found is not None:
             window.plan = found
-            # the stop in reserve was from the speed at the pace before
-            window.reserve = found if self.pace.under_way else None
 
-    def commit(
-        self, want: float = math.inf, *, closing: bool = False, most: float = math.inf
-    ) -> Iterator[Piece] | None:
+    def commit(self, want: float = math.inf, *, closing: bool = False) -> Iterator[Piece] | None:
         """Commit up to ``want`` [cycles] or a little more, but not the stop at the window's end.
 
+        What is left begins at the speed reached, and keeps its plan until more lines or another feed scale
+        come.
+
         Args:
-            closing: no more lines come into the window: what is left keeps its plan.
-            most: where it would be up to more than this, it may be up to inside of a line with a time of its
-                own [cycles].
+            want: infinite: as much as may be. closing: no more lines come into the window.
 
         Returns:
             The output, to be taken in full before the next call; None where only the stop is left.
@@ -242,121 +209,29 @@ class MotionPlanner:
             return None
         if closing:
             self._window.end_here()
-        self._output.set_pace(self.pace)
         try:
             plan = self._solved()
         except PlanningError:
             return self._fall_back()
-        wanted = (want - self.u) * self.pace.cycle
-        moment = closing_moment(plan, wanted) if closing else commit_moment(plan, wanted)
-        if moment > (most - self.u) * self.pace.cycle:
-            moment = commit_moment(plan, wanted, at_peaks=closing, inside_timed=True)
+        wanted = (want - self.u) * self._cycle
+        moment = commit_moment(plan, wanted) if math.isinf(want) else hand_over_moment(plan, wanted)
         settled = math.inf if closing else self._window.settled_until(plan)
         if moment > settled and (math.isinf(want) or wanted <= settled):
             # what a curve still changes in is handed over only if it is needed
             moment = last_steady(plan, settled)
-        if moment < self.pace.cycle:
+        if moment < wanted:
+            # what is left is planned again with each plan: the more that is, the more has to come
+            left = self.pending if moment < self._cycle else self.pending - plan.window_at(moment)
+            left = max(left, WINDOW // 2)
+            self._size = min(left + max(WINDOW, left) // 2, LARGEST_WINDOW)
+        if moment < self._cycle:
             # less than a cycle is not worth a new plan, and a trace of rounding would go on for ever: the
             # window has to grow before the next one
-            self._left = self.pending
             return None
         moment = plan.at_end(moment)
-        origin = self.u
-        self._drop_until(plan, moment, kept=not math.isinf(want), keeps_plan=closing)
+        origin, self.u = self.u, self.u + moment / self._cycle
+        self._window.drop_until(plan, moment)
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
-
-    def _drop_until(self, plan: PlannedRun, moment: float, *, kept: bool, keeps_plan: bool) -> None:
-        """Let what is planned up to a moment [s] be committed.
-
-        Args:
-            kept: it may be planned anew later. keeps_plan: see `PlannedWindow.drop_until`.
-        """
-        window, pace = self._window, self.pace
-        table, entry = window.lookahead.table, window.lookahead.entry
-        count = plan.window_at(moment)
-        kept = kept and not self._companions.present and self._limits.torque is None
-        before = (table.first(count), table.segments[count]) if kept else None
-        window.drop_until(plan, moment, keeps_plan=keeps_plan)
-        self._left = max(len(window), WINDOW // 2)
-        pace.under_way = True
-        origin, self.u = self.u, self.u + moment / pace.cycle
-        if before is None:
-            self.committed.clear()
-            return
-        self.committed.add(
-            Stretch(
-                origin=origin,
-                end=self.u,
-                plan=plan,
-                until=moment,
-                entry=entry,
-                pace=pace.now,
-                plain=pace.plain,
-                feed_scale=self.feed_scale,
-                cycle=pace.limits.cycle,
-                dropped=before[0],
-                cut=before[1],
-            )
-        )
-
-    def planned_anew(
-        self,
-        cut: Cut,
-        rate: float,
-        latest: Callable[[int], Array | None],
-        want: float,
-        most: float,
-        *,
-        closing: bool,
-    ) -> PlannedAnew | None:
-        """Plan what is committed behind a cut anew, at the present feed scale.
-
-        Nothing of this planner changes by that.
-
-        Args:
-            rate: at which what is before it is played, where that leaves room.
-            latest: gives the velocities of the last rows up to one, shape (n, K); None: it is not there.
-            want, most, closing: as of `commit`.
-
-        Returns:
-            None where it cannot be planned anew, or would be played more slowly.
-        """
-        self._window.take_chords()
-        again = None if self._companions.present else self._again(cut, latest)
-        if again is None:
-            return None
-        window = again._window
-        # the executor drives on meanwhile: what of it is handed over later is planned with them
-        window.lookahead.tries_stops = False
-        again.follow_feed_scale(rate)
-        plan = window.plan
-        if plan is None or plan.ends_early or again.pace.now < cut.fastest_pace:
-            # a rate that is safe on what is there must be so on what comes in its place; and no line may end
-            # before its T for what was left of another one
-            return None
-        begins, lasts = again.u, plan.phases.duration
-        source = again.commit(want, closing=closing, most=most)
-        pieces = None if source is None else tuple(source)
-        window.lookahead.tries_stops = True
-        if window.lookahead.table.timed.any():
-            window.plan = None
-        return None if pieces is None else PlannedAnew(again, begins, lasts, pieces, cut)
-
-    def _again(self, cut: Cut, latest: Callable[[int], Array | None]) -> MotionPlanner | None:
-        """Return a planner that has committed nothing behind a cut; None where there is no way back."""
-        window, stretch = self._window, cut.stretch
-        table = cut.table(window.lookahead.table)
-        if table is None:
-            return None
-        again = copy.copy(self)
-        again.pace = dataclasses.replace(self.pace, now=stretch.pace, plain=stretch.plain)
-        again.committed = Committed(cut.kept)
-        again._window = window.again(window.lookahead.with_table(table, stretch.entry), stretch.plan)
-        again.u = stretch.origin
-        if cut.moment > 0.0:
-            again._drop_until(stretch.plan, cut.moment, kept=True, keeps_plan=False)
-        again._output = self._output.again(latest(math.floor(again.u + CYCLE_ROUNDING)))
-        return again
 
     def _fall_back(self) -> Iterator[Piece]:
         """Commit the stop that was planned before the last segments came; they go on from there.
@@ -365,8 +240,7 @@ class MotionPlanner:
             PlanningError: no plan exists: the motion stands, and its first segment cannot be planned.
         """
         plan = self._window.drop_reserve()
-        self.committed.clear()
-        origin, self.u = self.u, self.u + plan.phases.duration / self.pace.cycle
+        origin, self.u = self.u, self.u + plan.phases.duration / self._cycle
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)
 
     def close(self) -> Iterator[Piece]:
@@ -375,17 +249,15 @@ class MotionPlanner:
         if not self._window.lookahead.table:
             return iter(())
         self._window.end_here()
-        self._output.set_pace(self.pace)
         try:
             plan = self._solved()
         except PlanningError:
             return itertools.chain(self._fall_back(), self._close_rest())
-        origin, end = self.u, self.u + plan.phases.duration / self.pace.cycle
+        origin, end = self.u, self.u + plan.phases.duration / self._cycle
         # the row at the first whole cycle holds the target; what follows starts there
         self.u = float(whole_cycle(end))
-        self.pace.end()
+        self._size = WINDOW
         self._window.clear()
-        self.committed.clear()
         self._companions.closed()
         mask = self._active
         self._active = 0
@@ -431,9 +303,9 @@ class MotionPlanner:
         mask = sum(segment.mask for segment in segments)
         runs = plan_parallel(segments, base, self._limits)
         origin, durations = self.u, [run.phases.duration for run in runs if run is not None]
-        end = origin + max(durations, default=0.0) / self.pace.cycle
+        end = origin + max(durations, default=0.0) / self._cycle
         self.u = float(whole_cycle(end)) if durations else origin
-        pieces = sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self.pace.cycle)
+        pieces = sample_parallel(runs, base, origin, whole_cycle(end), line, mask, self._cycle)
         if self._torques is not None:
             pieces = self._torques.on_pieces(pieces, segments[0].carried)
         return pieces, runs, end

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,10 +10,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_columns import PathColumns
 from mcserver.motion.lookahead.companion_motions import CompanionMotions
-from mcserver.motion.lookahead.pace import Pace
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import PIECE, Activation, LineBound, LineEdges, Piece
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample
@@ -22,41 +19,24 @@ from mcserver.motion.profile.torque_of_rows import TorqueOfRows
 
 T = TypeVar("T", bound=np.generic)
 _ALL = (1 << 64) - 1
-# Rows that are kept to see at which rate they may be played: more than a change of rate takes.
-LATEST = 250
 
 
 class RunOutput:
     """Output of one program's runs, one after the other.
 
     Args:
-        cycle: between rows that are played one a cycle [s]. companions: what runs beside the runs.
-            torques: of the rows; None: nobody asks for them.
+        cycle: between rows [s]. companions: what runs beside the runs. torques: of the rows; None: nobody
+            asks for them.
 
     Attributes:
         announced: mask of the columns that rows drive by what has been put out.
-        pace: rows a cycle [1].
-        latest: velocities of the last rows that were put out, at most `LATEST`, (n, K); None: of none.
     """
 
     def __init__(self, cycle: float, companions: CompanionMotions, torques: TorqueOfRows | None) -> None:
         self._cycle = cycle
-        self.pace = 1.0
-        self.latest: Array | None = None
         self._companions = companions
         self._torques = torques
         self.announced = 0
-
-    def again(self, latest: Array | None) -> RunOutput:
-        """Return the output as it was when ``latest`` were the velocities of the last rows."""
-        found = RunOutput(self._cycle, self._companions, self._torques)
-        found.latest, found.announced = latest, self.announced
-        return found
-
-    def set_pace(self, pace: Pace) -> None:
-        """Put rows out at the present pace."""
-        self.pace = pace.now
-        self._cycle = self._companions.cycle = pace.cycle
 
     def pieces(self, plan: PlannedRun, origin: float, last: int, until: float) -> Iterator[Piece]:
         """Yield rows first_row(origin) … ``last``, with all that happens before ``until`` [s].
@@ -82,13 +62,6 @@ class RunOutput:
                 yield piece
             rows = sample(plan, origin, low, high, self._cycle, path)
             self._companions.put_on(rows)
-            if self.pace != 1.0:
-                # positions over u, one cycle a row
-                rows = dataclasses.replace(rows, velocity=rows.velocity / self.pace, pace=self.pace)
-            newest = rows.velocity[-LATEST:]
-            if self.latest is not None and len(newest) < LATEST:
-                newest = np.concatenate((self.latest, newest))[-LATEST:]
-            self.latest = newest
             np.bitwise_and(rows.axes, np.uint64(self.announced), out=rows.axes)
             for activation in starting:
                 # rows drive no column before its activation, which may stand a rounding error behind a row
@@ -100,11 +73,6 @@ class RunOutput:
             if isinstance(piece, Activation):
                 self.announced |= piece.mask
             yield piece
-
-
-def edges_before(plan: PlannedRun, until: float) -> int:
-    """Return how many line starts before, and ends up to, a time [s] are put out."""
-    return int(_edges_put(plan, plan.segments.columns(0, len(plan.segments)), until).sum())
 
 
 def _edges_put(plan: PlannedRun, path: PathColumns, until: float) -> NDArray[np.bool_]:

@@ -208,11 +208,6 @@ class LinePlanner:
             self._set_outputs(self._at_start.pop(line, {}), u, line)
         self.output.put(edges.part(slice(passed, len(edges))))
 
-    def only_edges(self, edges: LineEdges) -> bool:
-        """Return whether nothing else comes along where these lines begin and end."""
-        known = [*self._at_start, *self._payloads.lines]
-        return not np.isin(edges.line, known).any()
-
     def settle(self, axes: frozenset[int]) -> None:
         """Ask the executor to bring axes to rest and to report their positions (D-14, D-25)."""
         self.motion.to_whole_cycle()

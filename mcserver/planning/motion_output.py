@@ -76,7 +76,6 @@ class Output:
                 part.line,
                 part.torque,
                 part.feed_scale,
-                part.pace,
             )
             self.last_u = max(self.last_u, part.first + count - 1)
             moved = True
@@ -152,7 +151,6 @@ def _head(rows: Rows, count: int) -> Rows:
         rows.line[:count],
         None if rows.torque is None else rows.torque[:count],
         None if rows.feed_scale is None else rows.feed_scale[:count],
-        rows.pace,
     )
 
 
@@ -165,5 +163,4 @@ def _tail(rows: Rows, count: int) -> Rows:
         rows.line[count:],
         None if rows.torque is None else rows.torque[count:],
         None if rows.feed_scale is None else rows.feed_scale[count:],
-        rows.pace,
     )

@@ -15,9 +15,9 @@ from collections.abc import Callable, Sequence
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink, ReplaceableSink
+from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
-from mcserver.executor.headroom import RATE_MAX, stopping_rows, torque_axes
+from mcserver.executor.stopping import longest_stop, stopping_rows
 from mcserver.gcode.fast_path.kept_runs import KeptRuns
 from mcserver.gcode.notices import notice_of
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -30,21 +30,17 @@ from mcserver.planning.line_planner import LinePlanner
 from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
 from mcserver.planning.solving_time import TimedKinematics
 from mcserver.planning.start_state import StartState
-from mcserver.planning.take_back import TakeBack
 
-# How far ahead of the executor motion is handed over [cycles]; what is not can still flow into later lines.
-AHEAD = 200
+# The horizon: motion is handed over where the executor has less ahead than the first, up to the second, each
+# beyond the rows that a stop needs; and at the least so far ahead [cycles]. A planner that is late by less
+# than the first slows nothing down. What is not handed over can still flow into later lines, and is planned
+# for an override above 100 % that comes.
+HORIZON_LOW, HORIZON_HIGH = 100, 120
+LEAST_LOW, LEAST_HIGH = 200, 220
 # The longest stop that is provided for: the ring of rows has to hold it [cycles].
 LONGEST_STOP = 2500
-# Below this lead motion is handed over although more lines are waiting to be read [cycles].
-URGENT = 80
 # Below this lead the stop at the window's end is handed over too: no more lines came in time [cycles].
 DRY = 40
-# Rows that what is handed over ahead may take of the ring.
-MOST_ROWS = 3600
-# The same for a window that has to end, and how much of it is handed over at once [cycles]: a planner that is
-# late by less slows nothing down, and an override finds no more of it planned.
-CLOSING_AHEAD, CLOSING = 400, 100
 # Lines read in one piece of work.
 BITE = 64
 # Lines that are read in columns at once: a piece of work of some milliseconds.
@@ -102,7 +98,7 @@ class Pipeline:
         self.lines = LineBuffer() if lines is None else lines
         dynamics = None if kinematics is None else kinematics.dynamics
         self._plan = LinePlanner(machine, sink, start.positions, start.energized, dynamics)
-        self._take_back = TakeBack(machine, self._plan, sink) if isinstance(sink, ReplaceableSink) else None
+        self._sink = sink
         self._width = len(machine.axes)
         self._on_fault = on_fault
         self._solving = None if kinematics is None else TimedKinematics(kinematics, clock)
@@ -120,13 +116,8 @@ class Pipeline:
         self._machine_coordinates = machine_coordinates
         self._printer = machine.dialect.profile == "printer"
         self._frame = self._interpreter.frame
-        # the executor begins to stop when fewer rows are left than a stop takes
-        self._machine = machine
-        self._of_axes = stopping_rows(machine)
-        if torque_axes(machine) == 0:
-            # rows with torques come one a cycle; at any pace the ring has to hold what is handed over ahead
-            ahead = self._of_axes + CLOSING_AHEAD + CLOSING
-            self._plan.motion.pace.most = min(RATE_MAX, max(1.0, MOST_ROWS / ahead))
+        # of the axes at their greatest speeds
+        self._longest_stop = longest_stop(machine)
         # read, but not interpreted before the executor has reported positions
         self._held: ParsedLine | None = None
         self._phase = Phase.PLANNING
@@ -137,10 +128,8 @@ class Pipeline:
 
     @property
     def _stop(self) -> int:
-        """Rows ahead with which playback does not slow down."""
-        by_torque = self._plan.motion.torque_stop
-        rows = stopping_rows(self._machine, by_torque) if by_torque else self._of_axes
-        return min(rows, LONGEST_STOP)
+        """Rows ahead with which playback of what is handed over does not slow down."""
+        return min(stopping_rows(self._sink.stop_ahead()), LONGEST_STOP)
 
     def abort(self) -> None:
         """Drop all that has not been handed over: the program was stopped."""
@@ -164,7 +153,9 @@ class Pipeline:
         """Up to where the executor may play before the next `pump` without beginning to stop [cycles]."""
         plan = self._plan
         going_on = plan.motion.moving or plan.source is not None or plan.output.blocked
-        return plan.output.last_u - ((self._stop + DRY) * plan.motion.pace.now if going_on else 0)
+        # rows to come may be faster than those that are there
+        stop = min(stopping_rows(max(self._longest_stop, plan.motion.torque_stop)), LONGEST_STOP)
+        return plan.output.last_u - (stop + DRY if going_on else 0)
 
     @property
     def pause_u(self) -> float | None:
@@ -214,21 +205,18 @@ class Pipeline:
 
     # ------------------------------------------------------------------ work
 
-    def pump(self, u: float | None = None, override: float = 1.0, rate: float = 1.0) -> bool:
+    def pump(self, u: float | None = None, override: float = 1.0) -> bool:
         """Do a bounded piece of work.
 
         Args:
             u: where the executor is on this program's time axis [cycles]; None where nothing hurries (a
                 virtual clock): then nothing is handed over before the window is full or closed.
             override: the feed override, 1 as programmed; above 1 motion is planned with so much more F.
-            rate: at which the executor plays rows now.
 
         Returns:
             True if something was done.
         """
         plan = self._plan
-        if self._phase is not Phase.ABORTED and self._take_back is not None and self._take_back.waits():
-            return False
         plan.motion.feed_scale = max(1.0, override)
         worked = plan.output.flush()
         if plan.output.blocked or self._phase is Phase.ABORTED:
@@ -237,19 +225,14 @@ class Pipeline:
             return self._draw() or worked
         if self._phase is Phase.FINISHED:
             return worked
-        if u is not None and self._take_back is not None:
-            plan.motion.committed.forget(u)
-            ahead = CLOSING_AHEAD + CLOSING if plan.flush else AHEAD
-            if self._take_back.ask(u, rate, self._stop, ahead):
-                return worked
-        lead = None if u is None else (plan.motion.u - u) / plan.motion.pace.now
+        lead = None if u is None else plan.motion.u - u
         due = plan.flush or plan.motion.full
-        if plan.flush and lead is not None and plan.motion.pending:
+        if due and lead is not None and plan.motion.pending:
             # later is soon enough, and an override that comes until then is planned with
             due = False
         if (due or (lead is not None and self._hurry(lead))) and self._hand_over(u, lead):
             return True
-        if plan.flush or plan.waiting_for is not None:
+        if plan.flush or plan.waiting_for is not None or plan.motion.full:
             return worked
         try:
             return self._read() or worked
@@ -287,22 +270,18 @@ class Pipeline:
         if more and not motion.moving:
             # a start from rest: the first lines decide how soon, those behind them how fast
             return motion.pending >= FIRST_WINDOW
-        if self._plan.flush:
-            return lead < self._stop + CLOSING_AHEAD
-        return lead < self._stop + (URGENT if more else AHEAD)
+        return lead < max(self._stop + HORIZON_LOW, LEAST_LOW)
 
     def _hand_over(self, u: float | None, lead: float | None) -> bool:
         plan, motion = self._plan, self._plan.motion
-        motion.follow_feed_scale()
+        want = float("inf") if u is None else u + max(self._stop + HORIZON_HIGH, LEAST_HIGH)
         if plan.flush:
             if u is not None:
-                rows = (self._stop + CLOSING_AHEAD + CLOSING) * motion.pace.now
-                plan.source = motion.commit(u + rows, closing=True)
+                plan.source = motion.commit(want, closing=True)
             if plan.source is None:
                 plan.flush = False
                 plan.source = motion.close()
             return True
-        want = float("inf") if u is None else max(u, motion.u) + (self._stop + AHEAD) * motion.pace.now
         plan.source = motion.commit(want)
         if plan.source is None:
             dry = lead is None or lead < self._stop + DRY or not motion.moving

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from mckinematics.solver import MachineKinematics
 
+from mcserver.executor.entries import Array
 from mcserver.executor.envelope_bounds import Envelope, TipEnvelope
-from mcserver.executor.headroom import Array
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.envelope import tip_positions
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from mcserver.drives.bus import DriveBus
 from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
-from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.executor import Executor
-from mcserver.executor.headroom import Array, AxisLimits, torque_axes
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
 from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
+from mcserver.executor.stopping import StopTimes, torque_axes
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.executor.stretch import LineEvents
 from mcserver.machine.machine_file import Machine
@@ -63,13 +63,13 @@ class VirtualExecutor:
         references: Mapping[int, StoredReference] | None = None,
     ) -> None:
         axes = len(machine.axes)
-        limits, torques = AxisLimits.of(machine), torque_axes(machine)
+        stops, torques = StopTimes(machine), torque_axes(machine)
         self.machine = machine
         inputs, outputs = len(machine.inputs), len(machine.outputs)
         self.mailbox = CommandMailbox(None, slots, inputs=inputs, outputs=outputs)
         self.mailbox.initialise()
         self.recorder = recorder
-        self._rings = tuple(ProgramRing(None, rows, controls, axes, limits, torques) for _ in range(slots))
+        self._rings = tuple(ProgramRing(None, rows, controls, axes, stops, torques) for _ in range(slots))
         self._events = EventRing(None, axes)
         self._feedback = FeedbackRing(None, axes, slots, inputs=inputs, outputs=outputs)
         self.buses = list(create_buses(machine, VIRTUAL_FACTORIES) if buses is None else buses)

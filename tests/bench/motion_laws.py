@@ -4,7 +4,8 @@ Each seed is a machine, a program of lines, arcs, timed lines and chords of curv
 planner has to hand over. Judged from outside, on the rows (`tests.motion.measure`): velocity, acceleration
 and jerk of every axis at every cycle, F, the tolerance in both directions, every line reported once and in
 order, and the end; a T is not ended sooner than it says, and later only with a limit to name. With
-``--orders`` each program is played too, under random holds and overrides of 0 to 200 %. ``--wide`` draws
+``--orders`` each program is played too, under random holds and overrides of 0 to 200 %, its rows as if
+planned for 100 % or for more. ``--wide`` draws
 from `tests.bench.wide_programs`, ``--timed`` chains of timed lines from `tests.bench.timed_programs`,
 ``--text`` programs as text from `tests.bench.text_programs`, ``--tools`` those of an arm's tool from
 `tests.bench.tool_programs`; these two are simulated, or with ``--orders`` played beside the planner. Seeds
@@ -74,6 +75,8 @@ RATES = (-1.0, -1.0, 0.0, 0.3, 0.5, 0.77, 0.97, 1.0, 1.4, 1.7, 2.0)
 BETWEEN_ROWS = 1.2
 # Longer motions are not played under orders: the ring takes them as a whole.
 MOST_ROWS = 3500
+# Feed scales that rows are said to be planned for in half of the programs, so many rows each.
+SCALES, SCALED = (1.0, 1.0, 1.4, 2.0), 170
 # Most lines that a section of a program has.
 LONGEST = 60
 # What a plan may end a T late by, with no limit to name, through rounding [s].
@@ -241,7 +244,11 @@ def broken_under_orders(motion: Motion, seed: int) -> list[str]:
     cycles fall.
     """
     rng = np.random.default_rng((seed, 1))
-    rig = rig_of(motion.machine, motion)
+    # rows planned for other overrides, a stretch each, are played at their shares
+    scales = np.ones(MOST_ROWS // SCALED + 2)
+    if seed % 2:
+        scales = rng.choice(SCALES, len(scales))
+    rig = rig_of(motion.machine, motion, lambda u: float(scales[u // SCALED]))
     mailbox, often = rig.executor.mailbox, rng.random() < 0.4
     for _ in range(int(rng.integers(1, 60 if often else 12))):
         rig.step(int(rng.integers(1, 10 if often else 300)))

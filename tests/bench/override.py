@@ -164,7 +164,7 @@ def play(
             pipeline.lines.closed = sent == len(texts)
         if cycle % PLANNER_PERIOD == 0:
             override = executor.mailbox.effective_override(0)
-            while pipeline.pump(executor.u(0), override, executor.executor.rate(0)):
+            while pipeline.pump(executor.u(0), override):
                 pass
         executor.step()
         scales.append(executor.executor.feed_scale(0))
@@ -211,7 +211,12 @@ def measure() -> list[Figure]:
                 run = play(machine, program(1.0), [(order, k)])
                 figures.append(
                     Figure(
-                        f"{name}, {100 * k:.0f} % {place}", run.moved_s, "s", ideal_s, f"F x {k:g}", "≤ 1.02"
+                        f"{name}, {100 * k:.0f} % {place}",
+                        run.moved_s,
+                        "s",
+                        ideal_s,
+                        f"F x {k:g}",
+                        "+ ≤ 0.5 s",
                     )
                 )
     return figures + [
@@ -229,4 +234,4 @@ def _planned_after(machine: Machine, name: str, program: Program, k: float) -> F
     after = [1e3 * machine.cycle_s * each for each in found if each is not None]
     worst = f"worst {max(after):.0f} ms" if after else "never"
     what = f"{name}, {100 * k:.0f} %: new plan after ({worst})"
-    return Figure(what, statistics.median(after) if after else math.nan, "ms", None, "", "≤ 100")
+    return Figure(what, statistics.median(after) if after else math.nan, "ms", None, "", "≤ 500")

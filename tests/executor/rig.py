@@ -158,12 +158,19 @@ class Program:
     def finish(self) -> None:
         self.control(ControlKind.FINISH)
 
-    def rows(self, position: Array, velocity: Array, mask: int, torque: Array | None = None) -> None:
+    def rows(
+        self,
+        position: Array,
+        velocity: Array,
+        mask: int,
+        torque: Array | None = None,
+        feed_scale: float = 1.0,
+    ) -> None:
         """Rows at the whole u after the present one; u goes to the last of them."""
         count = len(position)
         first = int(np.floor(self.u + 1e-9)) + 1
-        masks = np.full(count, mask, np.uint64)
-        self.ring.put_rows(first, position, velocity, masks, np.full(count, self.line, np.int64), torque)
+        masks, lines = np.full(count, mask, np.uint64), np.full(count, self.line, np.int64)
+        self.ring.put_rows(first, position, velocity, masks, lines, torque, np.full(count, feed_scale))
         self.u = float(first + count - 1)
         self.position = position[-1].copy()
 

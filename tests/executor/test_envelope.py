@@ -9,10 +9,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
+from mcserver.executor.entries import Array, Control, ControlKind, EventKind, ExecutorEvent
 from mcserver.executor.envelope_bounds import Envelope, enforced
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.headroom import Array
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics

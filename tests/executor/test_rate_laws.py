@@ -289,16 +289,6 @@ def swinging(jerk: float) -> Rows:
     return Rows(position(time), (position(time + step) - position(time - step)) / (2.0 * step))
 
 
-@pytest.mark.parametrize("rate", [1.2, 2.0])
-def test_no_limit_is_passed_to_be_faster_than_the_rows(rate: float) -> None:
-    rig, rows = Rig(machine(jerk=1000.0 * JERK)), swinging(JERK)
-    hand_over(rig, rows)
-    rig.step(200)
-    give(rig, rate)
-    rig.run()
-    assert_limits(rig, JERK)
-
-
 def test_a_resumed_motion_is_played_by_whole_rows_again() -> None:
     rig, rows = start("line", 0.2, None)
     rig.step(403)
@@ -308,16 +298,6 @@ def test_a_resumed_motion_is_played_by_whole_rows_again() -> None:
     rig.step(100)
     latest = rig.setpoint[-1]
     assert (rows.position == latest).all(axis=1).any()
-
-
-def test_a_rate_above_100_percent_is_reached_within_100_ms_where_limits_leave_room() -> None:
-    rig, _ = start("line", 0.2, JERK)
-    rig.step(300)
-    give(rig, 2.0)
-    rig.step(100)
-    assert rig.executor.feedback.slots[0].rate == pytest.approx(2.0)
-    rig.run()
-    assert_limits(rig, JERK)
 
 
 def test_an_emergency_stop_does_not_wait_for_the_jerk_limit() -> None:

@@ -175,17 +175,6 @@ def test_a_hold_is_as_quick_as_the_torques_allow(tmp_path: Path) -> None:
     assert load.max() <= TOLERATED
 
 
-def test_an_override_above_100_percent_is_taken_where_the_torques_leave_room(tmp_path: Path) -> None:
-    machine = arm7.machine(tmp_path, torques=TORQUES, acceleration=20_000.0, jerk=None)
-    dynamics = dynamics_of(machine)
-    rig = started(machine, one_line(machine, dynamics, 0.3))
-    give(rig, 2.0)
-    rig.step(500)
-    assert rig.executor.feedback.slots[0].rate == pytest.approx(2.0)
-    rig.run()
-    assert load_of(dynamics, rig.setpoint).max() <= TOLERATED
-
-
 def test_numbers_of_rows_give_the_torques_at_any_rate_and_change_of_it(tmp_path: Path) -> None:
     machine = arm7.machine(tmp_path, torques=TORQUES)
     dynamics = dynamics_of(machine)

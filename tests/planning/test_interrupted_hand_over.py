@@ -49,10 +49,9 @@ class InterruptedSink:
         line: NDArray[np.int64],
         torque: NDArray[np.float64] | None = None,
         feed_scale: NDArray[np.float64] | None = None,
-        pace: float = 1.0,
     ) -> None:
         self._pause()
-        self._ring.put_rows(first_u, position, velocity, axes, line, torque, feed_scale, pace)
+        self._ring.put_rows(first_u, position, velocity, axes, line, torque, feed_scale)
 
 
 @settings(max_examples=25, deadline=None)

@@ -11,14 +11,29 @@ import pytest
 from mcserver.executor.shm.mailbox import OVERRIDE_MAX
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
-from mcserver.motion.lookahead.commit_moments import LATE_CLOSING_S, closing_moment, commit_moment
+from mcserver.motion.lookahead.commit_moments import LATE_S, commit_moment, hand_over_moment
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
 from mcserver.motion.lookahead.lookahead import Lookahead
-from mcserver.motion.lookahead.pace import Pace
 from tests.bench.machines import ideal
-from tests.bench.override import Program, Run, play, worst_ratios
+from tests.bench.override import (
+    Order,
+    Program,
+    Run,
+    arcs,
+    chords,
+    exact_stops,
+    long_lines,
+    play,
+    quick_chords,
+    quick_zigzag,
+    worst_ratios,
+)
+from tests.bench.text_laws import broken_laws_of_text
 from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
 from tests.motion.support import alike, at_speed, in_time, line_curve
+
+# The horizon: from an order above 100 % until all that is played is planned for it [s].
+SOON_S = 0.5
 
 
 def machine() -> Machine:
@@ -76,8 +91,7 @@ def test_an_override_from_the_start_takes_as_long_as_the_text_with_that_f(progra
 def test_an_override_on_the_way_is_planned_for_all_that_is_not_handed_over(program: Program) -> None:
     slow, fast = play(machine(), program(1.0), []).moved_s, play(machine(), program(2.0), []).moved_s
     run = play(machine(), program(1.0), [(1000, 2.0)])
-    # rows in the ring are played faster by their headroom
-    assert run.moved_s <= 1.0 + fast * (1.0 - 1.0 / slow) + 0.25
+    assert run.moved_s <= 1.0 + fast * (1.0 - 1.0 / slow) + SOON_S
     assert_laws(run)
 
 
@@ -86,7 +100,7 @@ def test_a_line_alone_is_planned_again_while_it_runs() -> None:
     program = ["G94", "G01 X200 F2400", "G01 Y5", "G01 X190", "G01 Y0", "G01 X180"]
     run = play(machine(), program, [(1500, 2.0)])
     floor = play(machine(), [line.replace("F2400", "F4800") for line in program], [])
-    assert run.moved_s <= 1.5 + floor.moved_s * (1.0 - 60.0 / 218.0) + 0.2
+    assert run.moved_s <= 1.5 + floor.moved_s * (1.0 - 60.0 / 218.0) + SOON_S
     assert_laws(run)
 
 
@@ -114,6 +128,66 @@ def test_orders_every_few_cycles_keep_all_limits_and_report_each_line_once() -> 
     assert_laws(run)
 
 
+def long_timed(k: float) -> list[str]:
+    return ["G93", *(f"G01 X{30 * index} F{12 * k:g}" for index in range(1, 4))]
+
+
+@pytest.mark.parametrize("every", [0, 3])
+@pytest.mark.parametrize(
+    "program", [long_lines, arcs, chords, quick_chords, quick_zigzag, exact_stops, timed, long_timed]
+)
+def test_an_order_above_100_percent_is_wholly_effective_within_half_a_second(
+    program: Program, every: int
+) -> None:
+    lines = program(1.0)
+    whole = play(machine(), lines, [], every=every)
+    for share in (0.21, 0.53):
+        order: Order = (int(share * whole.moved_s / machine().cycle_s), 2.0)
+        run = play(machine(), lines, [order], every=every)
+        after = run.planned_after(order)
+        assert after is not None
+        assert after <= SOON_S / machine().cycle_s
+        assert run.lines == whole.lines
+        assert run.setpoint[-1] == pytest.approx(whole.setpoint[-1], abs=1e-12)
+        assert_laws(run)
+
+
+def programmed_times(run: Run, orders: list[Order]) -> list[float]:
+    """Time that each line takes, each cycle counted as often as the feed scale in force says [s]."""
+    passed = np.concatenate(([0.0], np.cumsum(run.scale))) * machine().cycle_s
+    del orders
+    return [float(passed[run.ends[line]] - passed[run.begins[line]]) for line in run.lines]
+
+
+@pytest.mark.parametrize("t", [1.0, 5.0])
+@pytest.mark.parametrize(
+    "orders", [[(2300, 2.0)], [(2100, 1.5), (2400, 2.0)], [(2100, 1.5), (2113, 1.6), (2140, 2.0)]]
+)
+def test_a_line_with_a_time_of_its_own_takes_the_rest_of_that_time_at_the_new_override(
+    t: float, orders: list[Order]
+) -> None:
+    lines = ["G93", *(f"G01 X{30 * index} F{60 / t:g}" for index in range(1, 5))]
+    run = play(machine(), lines, orders)
+    assert run.lines == list(range(3, 7))
+    found = programmed_times(run, orders)
+    assert found == pytest.approx([t] * len(found), abs=4.0 * machine().cycle_s)
+    assert run.ends[6] - run.begins[6] == pytest.approx(1e3 * t / orders[-1][1], abs=1)
+    assert_laws(run)
+
+
+@pytest.mark.parametrize("every", [0, 20])
+def test_orders_that_rise_every_few_cycles_report_each_line_once(every: int) -> None:
+    orders = [(90 * index, 1.0 + 0.25 * (index % 5)) for index in range(25)]
+    run = play(machine(), quick_zigzag(1.0)[:25], orders, every=every)
+    assert run.lines == list(range(3, 27))
+    assert_laws(run)
+
+
+def test_a_program_that_is_handed_over_up_to_its_end_reports_its_last_line_once() -> None:
+    # speed turns just before its end but for rounding
+    assert broken_laws_of_text(110211, orders=True)[0] == []
+
+
 def window_of(*speeds: float, timed: bool = False) -> Lookahead:
     """Lines of 20 mm on end, each with its F, or with a time of its own."""
     machine = alike(1, velocity=500.0, acceleration=1000.0, jerk=20_000.0)
@@ -127,17 +201,13 @@ def window_of(*speeds: float, timed: bool = False) -> Lookahead:
     return window
 
 
-def one_row_a_cycle() -> Pace:
-    return Pace(AxisLimits.of(alike(1, velocity=500.0, acceleration=1000.0, jerk=20_000.0)))
-
-
 def test_a_motion_too_fast_for_a_lower_scale_keeps_its_own_until_it_has_slowed_down() -> None:
     window = window_of(0.05, 0.05, 0.05, 0.05)
-    faster = plan_at_feed_scale(window, OVERRIDE_MAX, one_row_a_cycle())
+    faster = plan_at_feed_scale(window, OVERRIDE_MAX)
     assert faster is not None
     assert {each.feed_scale for each in faster.segments} == {OVERRIDE_MAX}
     window.entry = 0.1
-    slower = plan_at_feed_scale(window, 1.0, one_row_a_cycle())
+    slower = plan_at_feed_scale(window, 1.0)
     assert slower is not None
     scales = [each.feed_scale for each in slower.segments]
     assert scales[0] == OVERRIDE_MAX
@@ -151,32 +221,31 @@ def test_a_motion_too_fast_for_a_lower_scale_keeps_its_own_until_it_has_slowed_d
 
 def test_a_window_of_one_scale_is_not_planned_again() -> None:
     window = window_of(0.05, 0.08)
-    assert plan_at_feed_scale(window, 1.0, one_row_a_cycle()) is None
+    assert plan_at_feed_scale(window, 1.0) is None
 
 
 def test_a_motion_that_has_peaks_of_speed_only_is_handed_over_up_to_one() -> None:
     plan = window_of(0.4, 0.4).plan()
-    assert commit_moment(plan, 0.0, at_peaks=True) > 0.0
+    assert hand_over_moment(plan, 0.0) > 0.0
 
 
-def test_what_has_to_end_is_handed_over_up_to_a_turn_of_speed_that_is_not_its_end() -> None:
+def test_motion_is_handed_over_up_to_a_moment_without_acceleration_that_is_not_its_end() -> None:
     plan = window_of(0.4, 0.4, 0.05, 0.4).plan()
     ends = plan.phases.duration
     for want in np.linspace(0.0, ends + 0.5, 60).tolist():
-        moment = closing_moment(plan, want)
-        assert moment <= ends - LATE_CLOSING_S
+        moment = hand_over_moment(plan, want)
+        assert moment <= ends - LATE_S
         assert abs(plan.phases.state(moment)[1]) > 0.0
         assert moment == 0.0 or plan.phases.state(moment)[2] == pytest.approx(0.0, abs=1e-6)
         # nearer to what is wanted than where speed is steady
-        steady = commit_moment(plan, want, at_peaks=True)
-        assert moment <= max(steady, want + LATE_CLOSING_S) or moment < want
-        assert moment >= min(steady, want)
+        steady = commit_moment(plan, want)
+        assert moment <= max(steady, want + LATE_S) or moment < want
 
 
-def test_a_line_with_a_time_of_its_own_is_cut_inside_only_where_that_is_asked_for() -> None:
+def test_a_line_with_a_time_of_its_own_is_cut_inside_only_for_the_horizon() -> None:
     plan = window_of(0.05, 0.05, timed=True).plan()
-    assert commit_moment(plan, 0.2, at_peaks=True) == plan.times[1]
-    moment = commit_moment(plan, 0.2, at_peaks=True, inside_timed=True)
+    assert commit_moment(plan, 0.2) == plan.times[1]
+    moment = hand_over_moment(plan, 0.2)
     assert 0.2 <= moment < plan.times[1]
     first, second = plan.after(moment).segments[:2]
     assert first.duration == pytest.approx(0.4 - moment, abs=1e-9)
@@ -187,20 +256,20 @@ def test_a_line_with_a_time_of_its_own_is_cut_inside_only_where_that_is_asked_fo
 def test_a_line_is_not_cut_inside_where_little_is_left_of_it_or_its_time_is_not_kept() -> None:
     plan = window_of(0.05, 0.05, 0.05, timed=True).plan()
     ends = float(plan.times[2])
-    assert commit_moment(plan, ends - 0.1, at_peaks=True, inside_timed=True) == ends - 0.1
-    # its T would be one of rounding
-    assert commit_moment(plan, ends - 0.001, at_peaks=True, inside_timed=True) == ends
+    assert hand_over_moment(plan, ends - 0.1) == ends - 0.1
+    # its end is near enough, and a T of what is left would be one of rounding
+    assert hand_over_moment(plan, ends - 0.001) == ends
     segments = plan.segments.copy()
     segments[1] = msgspec.structs.replace(segments[1], duration=0.35)
     late = dataclasses.replace(plan, segments=segments)
-    assert commit_moment(late, ends - 0.1, at_peaks=True, inside_timed=True) == ends
+    assert hand_over_moment(late, ends - 0.1) == ends
 
 
 def test_what_is_left_of_a_line_keeps_its_scale_where_it_would_end_before_its_time_otherwise() -> None:
     window = window_of(0.0397, 0.0933, 0.0862, timed=True)
-    faster = plan_at_feed_scale(window, 2.0, one_row_a_cycle())
+    faster = plan_at_feed_scale(window, 2.0)
     assert faster is not None
-    rest = faster.after(commit_moment(faster, 0.169, at_peaks=True, inside_timed=True))
+    rest = faster.after(hand_over_moment(faster, 0.169))
     left = rest.segments[0]
     assert left.duration is not None
     now = msgspec.structs.replace(
@@ -213,7 +282,7 @@ def test_what_is_left_of_a_line_keeps_its_scale_where_it_would_end_before_its_ti
     window.table.set_feed_scale(1.0)
     assert window.plan().ends_early
     window.table.put_back(before)
-    slower = plan_at_feed_scale(window, 1.0, one_row_a_cycle())
+    slower = plan_at_feed_scale(window, 1.0)
     assert slower is None or not slower.ends_early
     scales = window.table.feed_scales.tolist()
     assert scales[0] == 2.0

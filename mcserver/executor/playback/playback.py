@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.axes import ColumnMasks
-from mcserver.executor.headroom import Array
+from mcserver.executor.entries import Array
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.shm.rings import ProgramRing, scalar_view
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.rate_changes import NEAR_U
+from mcserver.motion.kernels.rate_window import Window
 from mcserver.motion.kernels.row_interpolation import interpolate_rows, interpolation_bounds
 
 # Rows that stay after they have been played: what setpoints that span them do is judged by what they do.
@@ -29,28 +30,6 @@ class Jump:
     column: int
     distance: float
     allowed: float
-
-
-@dataclass(frozen=True)
-class RowWindow:
-    """The rows about u, to look at setpoints that are still to come.
-
-    Attributes:
-        numbers: of its first row, the row after u, the row after its last, the row after all there are, and
-            the program's first row. from_rest: the motion goes to its first row from where it began.
-            ends: its last row is the motion's own end. begun: u where the motion began.
-        start: positions where the motion began, shape (K,). displaced: axes that have not come to their first
-            row, and are elsewhere than where they began, shape (K,). driven: axes that the rows drive now or
-            before the window's end, shape (K,).
-    """
-
-    numbers: tuple[int, int, int, int, int]
-    from_rest: bool
-    ends: bool
-    begun: float
-    start: Array
-    displaced: NDArray[np.bool_]
-    driven: NDArray[np.bool_]
 
 
 class RowGuard(Protocol):
@@ -83,7 +62,6 @@ class Playback:
         self._mask_cells = scalar_view(ring.row_mask)
         self._line_cells = scalar_view(ring.row_line)
         self._scale_cells = scalar_view(ring.feed_scale)
-        self._pace_cells = scalar_view(ring.pace)
         self._scratch = np.zeros(count)
         # admits rows; None: all of them
         self.guard: RowGuard | None = None
@@ -132,21 +110,16 @@ class Playback:
         """Whether no row of this program has come yet."""
         return self.written == self.first
 
-    def plain_rate(self, u: float) -> float:
-        """Return the rate that stands for 100 % at the rows after u [1]."""
-        at = self._place_after(u)
-        return 1.0 if at is None else float(self._pace_cells[at] / self._scale_cells[at])
-
     def feed_scale(self, u: float) -> float:
-        """Return the feed scale of the rows after u [1]."""
-        at = self._place_after(u)
-        return 1.0 if at is None else float(self._scale_cells[at])
-
-    def _place_after(self, u: float) -> int | None:
-        """Return the place in the ring of the row after u, or of the last one there is."""
+        """Return the feed scale of the row after u, or of the last one there is [1]."""
         self.seek(u)
         number = min(self.following, self.written - 1)
-        return None if number < self.first else number % self._ring.rows
+        return 1.0 if number < self.first else float(self._scale_cells[number % self._ring.rows])
+
+    def stop_until_last(self, u: float) -> float:
+        """Return the longest stop from the rows about u up to the last one there is [cycles]."""
+        self.seek(u)
+        return self._ring.longest_stop(max(self.first, self.following - 1))
 
     @property
     def last_u(self) -> float:
@@ -166,12 +139,6 @@ class Playback:
         if number != self.following:
             self.following = number
             ring.free_rows(max(self.first, number - KEPT_ROWS))
-
-    def u_before(self, number: int) -> float | None:
-        """Return u of the row before a row; None where either is not to come."""
-        if not self.following < number < self._ring.rows_written:
-            return None
-        return float(self._u_cells[(number - 1) % self._ring.rows])
 
     def drop(self) -> None:
         """Free all rows: nothing more of this program is played."""
@@ -278,8 +245,8 @@ class Playback:
     def stretch(self, u: float, limit: int) -> NDArray[np.intp]:
         """Return the places in the ring of up to ``limit`` rows after a whole u that are played one a cycle.
 
-        They follow u and each other without a gap, drive all active columns, are planned at 100 % and one a
-        cycle, and each belongs to a line.
+        They follow u and each other without a gap, drive all active columns, are planned at 100 %, and each
+        belongs to a line.
         """
         ring, number = self._ring, self.following
         nothing = np.zeros(0, np.intp)
@@ -290,7 +257,7 @@ class Playback:
         rows = np.arange(number, min(self.written, number + limit)) % ring.rows
         active = np.uint64(self.active)
         fits = (ring.row_u[rows] == int(u) + 1 + np.arange(len(rows))) & (ring.row_line[rows] != 0)
-        fits &= (ring.feed_scale[rows] == 1.0) & (ring.pace[rows] == 1.0)
+        fits &= ring.feed_scale[rows] == 1.0
         fits &= (ring.row_mask[rows] & active) == active
         return rows if fits.all() else rows[: int(np.argmin(fits))]
 
@@ -320,17 +287,12 @@ class Playback:
         self._recent[self._cycles & 3] = self._row.setpoint
         self._cycles += 1
 
-    def recent(self) -> Array:
+    def _recent_setpoints(self) -> Array:
         """Return the setpoints of the last three cycles, the newest last, shape (3, K)."""
         latest: Array = self._recent[[(self._cycles + step) & 3 for step in (1, 2, 3)]]
         return latest
 
-    @property
-    def rested(self) -> bool:
-        """Whether nothing has moved since four cycles ago."""
-        return bool((self._recent == self._row.setpoint).all())
-
-    def window(self, u: float, ahead: int) -> RowWindow | None:
+    def window(self, u: float, ahead: int) -> Window | None:
         """Return the rows about u and up to ``ahead`` rows after it; None where there are none yet."""
         ring = self._ring
         self.seek(u)
@@ -342,14 +304,16 @@ class Playback:
         fresh = self._masks.bools(self._fresh)
         last = ring.velocity[(behind - 1) % ring.rows]
         driven = self._driven_until(first, behind)
-        return RowWindow(
-            numbers=(first, self.following, behind, written, self.first),
+        return Window(
+            first=first,
+            behind=behind,
             from_rest=self.following - 1 < self.first,
             ends=behind == written and not last[driven].any(),
             begun=self._begun,
             start=self._start_position,
-            displaced=fresh & (self._start_position != self._row.setpoint),
             driven=driven,
+            displaced=fresh & (self._start_position != self._row.setpoint),
+            recent=self._recent_setpoints(),
         )
 
     def _driven_until(self, first: int, behind: int) -> NDArray[np.bool_]:
@@ -405,7 +369,6 @@ class Playback:
         if before >= self.first and self._u_cells[before % ring.rows] == after_u - 1:
             joined = driven & self._mask_cells[before % ring.rows] & ~self._fresh
         if joined:
-            pace: float = self._pace_cells[at]
             interpolate_rows(
                 ring.position,
                 ring.velocity,
@@ -414,7 +377,6 @@ class Playback:
                 u - (after_u - 1),
                 self._cycle,
                 rate,
-                pace,
                 self.bounds,
                 self._masks.bools(joined),
                 self._row.setpoint,

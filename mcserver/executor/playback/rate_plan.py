@@ -5,11 +5,10 @@ Time is counted in cycles and u in rows, one row a cycle at a rate of 1.
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 
-from mcserver.executor.headroom import Array
+from mcserver.executor.entries import Array
 
 
 @dataclass(frozen=True)
@@ -64,30 +63,6 @@ class RatePlan:
             passed += duration * (rate + duration * (slope / 2.0 + duration * curvature / 6.0))
         parts.append(RatePhase(start, passed, target, 0.0, 0.0))
         return cls(tuple(parts), math.ceil(start - 1e-9) + steady, target)
-
-    def write_rest(self, cycle: int, phases: Array) -> int:
-        """Write what is left at the end of a cycle, shape (n, 4) as of `rate_changes`; return how many phases
-        that is before the steady rate.
-        """
-        count = 0
-        for phase, following in itertools.pairwise(self.phases):
-            t = max(cycle - phase.start, 0.0)
-            lasts = following.start - phase.start - t
-            if lasts <= 0.0:
-                continue
-            _, rate, slope = phase.at(t)
-            phases[count] = lasts, rate, slope, phase.curvature
-            count += 1
-        return count
-
-    def keeps_above(self, rate: float) -> bool:
-        """Return whether a steady rate above this one is kept on the way to one that is not above it."""
-        if self.target > rate:
-            return False
-        return any(
-            phase.slope == 0.0 and phase.curvature == 0.0 and phase.rate > rate + 1e-9
-            for phase in self.phases[:-1]
-        )
 
     def at(self, cycle: int) -> tuple[float, float, float]:
         """Return the rows passed since the plan's start at the end of a cycle, the rate there, and its

@@ -10,11 +10,11 @@ import mmap
 import os
 from dataclasses import dataclass
 
-from mcserver.executor.headroom import AxisLimits, torque_axes
 from mcserver.executor.shm.event_ring import EventRing, event_ring_size
 from mcserver.executor.shm.feedback import FeedbackRing, feedback_ring_size
 from mcserver.executor.shm.mailbox import CommandMailbox, mailbox_size
 from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing, program_ring_size
+from mcserver.executor.stopping import StopTimes, torque_axes
 from mcserver.machine.machine_file import Machine
 
 _ALIGNMENT = 4096
@@ -67,13 +67,13 @@ def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
     for size in sizes:
         parts.append(whole[offset : offset + size])
         offset += size
-    limits = AxisLimits.of(machine)
+    stops = StopTimes(machine)
     inputs, outputs = len(machine.inputs), len(machine.outputs)
     return SharedParts(
         CommandMailbox(parts[0], slots, inputs=inputs, outputs=outputs),
         FeedbackRing(parts[1], axes, slots, inputs=inputs, outputs=outputs),
         EventRing(parts[2], axes),
-        tuple(ProgramRing(part, ROWS, CONTROLS, axes, limits, torque_axes(machine)) for part in parts[3:]),
+        tuple(ProgramRing(part, ROWS, CONTROLS, axes, stops, torque_axes(machine)) for part in parts[3:]),
     )
 
 

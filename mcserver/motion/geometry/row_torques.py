@@ -30,11 +30,3 @@ def stop_cycles(torque: Array) -> int:
         return 0
     room = np.maximum(1.0 - np.abs(torque[:, HOLDING]), LEAST_ROOM)
     return int(min(np.ceil((np.abs(torque[:, CHANGE]) / room).max()), LONGEST_STOP))
-
-
-def steady_rates(torque: Array) -> Array:
-    """Return the greatest steady rates of rows by their torques, 1 at least, shape (n,)."""
-    holding, motion = torque[:, HOLDING], torque[:, MOTION]
-    room = np.maximum(1.0 - np.where(motion >= 0.0, holding, -holding), 0.0)
-    rates: Array = np.sqrt(room / (np.abs(motion) + 1e-30)).min(axis=1, initial=np.inf)
-    return np.maximum(rates, 1.0)

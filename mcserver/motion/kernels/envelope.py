@@ -48,7 +48,6 @@ def find_wrong_row(
     position: Array,
     velocity: Array,
     driven: NDArray[np.uint64],
-    pace: Array,
     feed_scale: Array,
     first: int,
     written: int,
@@ -59,20 +58,19 @@ def find_wrong_row(
     """Return the first of a ring's rows ``first`` to ``written`` - 1 that is outside, counted from ``first``.
 
     Args:
-        position, velocity, driven, pace, feed_scale: of the ring, as `ProgramRing` has them.
+        position, velocity, driven, feed_scale: of the ring, as `ProgramRing` has them.
         low, high, speed: bounds at an override of 100 %, shape (K,) [m or rad, per s].
     """
     rows, axes = position.shape
     for number in range(first, written):
         at = number % rows
-        share = pace[at] / feed_scale[at]
         for column in range(axes):
             if not driven[at] >> np.uint64(column) & np.uint64(1):
                 continue
             place: int = (number - first) * axes + column
             if not low[column] <= position[at, column] <= high[column]:
                 return 2 * place
-            if not abs(velocity[at, column]) * share <= speed[column]:
+            if not abs(velocity[at, column]) / feed_scale[at] <= speed[column]:
                 return 2 * place + 1
     return -1
 

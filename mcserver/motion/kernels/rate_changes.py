@@ -13,16 +13,16 @@ from mcserver.motion.kernels.compiled import compiled
 
 # Columns of a phase: its duration [cycles], and the rate, its slope and its curvature at the start.
 DURATION, RATE, SLOPE, CURVATURE = range(4)
-# Phases of a change, the lag before it, the steady rate and the change back.
+# Phases of a change, the lag before it, the steady rate and a further change.
 MOST_PHASES = 8
 # A smaller change of rate counts as no change [1].
 SAME_RATE = 1e-12
 # Two values of u that are closer are the same [cycles].
 NEAR_U = 1e-7
-# A rate next to that of rows as they are, at which rows interpolated about the vertices of exact paths keep
+# A rate next to 1, at which rows interpolated about the vertices of exact paths keep
 # the acceleration that they keep themselves: the square of it leaves what interpolation may add.
 NEXT_RATE = 0.97
-# Longest wait for a change to a whole rate to begin so that u meets the rows [cycles].
+# Longest wait for a change to a rate of 1 to begin so that u meets the rows [cycles].
 LONGEST_LAG = 100.0
 # A rate below which a motion is stopped at once rather than led on at it [1].
 LEAST_RATE = 1e-3
@@ -97,85 +97,39 @@ def add_ramp(
 
 @compiled
 def change_onto_rows(
-    phases: Array, u: float, rate: float, slope: float, target: float, most: float, curvature: float
+    phases: Array, u: float, rate: float, slope: float, most: float, curvature: float
 ) -> int:
-    """Write the change to a whole rate that ends with u on whole rows, which are then played as they are.
+    """Write the change to a rate of 1 that ends with u on whole rows, which are then played as they are.
 
-    The change begins a little later, at most as long as u takes to fall back by a row or to gain one; from a
-    rate so near to the target that this takes long, or under way, it goes by one that is some way off.
+    The change begins a little later, at most as long as u takes to fall back by a row; from a rate so near
+    to 1 that this takes long, or under way, it goes by one that is some way off.
 
     Returns:
         The number of phases.
     """
-    count = add_ramp(phases, 0, rate, slope, target, most, curvature)
-    if abs(rate - target) <= SAME_RATE and slope == 0.0:
+    count = add_ramp(phases, 0, rate, slope, 1.0, most, curvature)
+    if abs(rate - 1.0) <= SAME_RATE and slope == 0.0:
         return count
-    off = _off_rows(phases, count, u, target)
+    off = _off_rows(phases, count, u)
     if off == 0.0:
         return count
-    if slope != 0.0 or abs(target - rate) * LONGEST_LAG < 1.0:
+    if slope != 0.0 or abs(1.0 - rate) * LONGEST_LAG < 1.0:
         # at a rate next to it until then
-        near = target * NEXT_RATE
-        count = add_ramp(phases, 0, rate, slope, near, most, curvature)
-        count = add_phase(phases, count, 0.0, near, 0.0, 0.0)
+        count = add_ramp(phases, 0, rate, slope, NEXT_RATE, most, curvature)
+        count = add_phase(phases, count, 0.0, NEXT_RATE, 0.0, 0.0)
         waits = count - 1
-        count = add_ramp(phases, count, near, 0.0, target, most, curvature)
-        phases[waits, DURATION] = _off_rows(phases, count, u, target) / (target - near)
+        count = add_ramp(phases, count, NEXT_RATE, 0.0, 1.0, most, curvature)
+        phases[waits, DURATION] = _off_rows(phases, count, u) / (1.0 - NEXT_RATE)
         return count
-    lag = off / (target - rate) if rate < target else (1.0 - off) / (rate - target)
-    return add_ramp(phases, add_phase(phases, 0, lag, rate, 0.0, 0.0), rate, slope, target, most, curvature)
+    lag = off / (1.0 - rate) if rate < 1.0 else (1.0 - off) / (rate - 1.0)
+    return add_ramp(phases, add_phase(phases, 0, lag, rate, 0.0, 0.0), rate, slope, 1.0, most, curvature)
 
 
 @compiled
-def _off_rows(phases: Array, count: int, u: float, rate: float) -> float:
-    """Return the share of a row that u is off the rows by on whole cycles, once it passes at a whole rate."""
-    off = (u + total_advance(phases, count) - rate * total_time(phases, count)) % 1.0
+def _off_rows(phases: Array, count: int, u: float) -> float:
+    """Return the share of a row that u is off the rows by on whole cycles, once the rate is 1."""
+    off = (u + total_advance(phases, count) - total_time(phases, count)) % 1.0
     return 0.0 if min(off, 1.0 - off) < NEAR_U else float(off)
-
-
-@compiled
-def change_and_return(
-    phases: Array,
-    u: float,
-    rate: float,
-    slope: float,
-    goal: float,
-    cruise: float,
-    safe: float,
-    most: float,
-    curvature: float,
-) -> int:
-    """Write the change to a rate above the safe one, some cycles of it, and the change to the safe one, with
-    u on whole rows where that is a whole one.
-
-    Returns:
-        The number of phases.
-    """
-    count = add_ramp(phases, 0, rate, slope, goal, most, curvature)
-    count = add_phase(phases, count, cruise, goal, 0.0, 0.0)
-    cruising = count - 1
-    count = add_ramp(phases, count, goal, 0.0, safe, most, curvature)
-    off = _off_rows(phases, count, u, safe) if safe == round(safe) else 0.0
-    lag = (1.0 - off) / (goal - safe) if off > 0.0 else 0.0
-    if lag <= LONGEST_LAG:
-        phases[cruising, DURATION] += lag
-    return count
-
-
-@compiled
-def change_and_keep(
-    phases: Array, room: float, rate: float, slope: float, goal: float, most: float, curvature: float
-) -> int:
-    """Write the change to a rate that rows keep from ``room`` rows ahead on, and that rate until there.
-
-    Returns:
-        The number of phases; below 0: the change takes more rows.
-    """
-    count = add_ramp(phases, 0, rate, slope, goal, most, curvature)
-    left = room - total_advance(phases, count)
-    if left < 0.0:
-        return -1
-    return add_phase(phases, count, left / goal, goal, 0.0, 0.0)
 
 
 @compiled

@@ -6,6 +6,7 @@ Nothing is copied: rows are read where they stand in the ring. Time in cycles, u
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,81 +17,135 @@ from mcserver.motion.kernels.rate_changes import NEAR_U
 
 # What an axis may move in a cycle on an edge on which its rows are at rest [m, rad].
 AT_REST = 1e-12
-
-# Columns of the state that is asked about: u, the rate and its slope; the rate that is wished for, and the u
-# before which the motion has to be able to stop (infinite: none); the rows that the longest stop takes; the
-# first cycle's length [s]; u where the motion began; the rows that u passed in the last cycle; the safe rate,
-# at which all rows ahead may be played; u from which on a higher one is safe (infinite: none), and that rate.
-U, NOW, BEND, TARGET, EDGE, FAR, SECONDS, BEGUN, PASSED, SAFE, HIGHER_FROM, HIGHER = range(12)
-STATE = 12
 # Rows of the limits of each axis: the greatest differences of its setpoints, the same for what a change of
 # rate is made with, and the two bounds of interpolation.
 VELOCITY, ACCELERATION, JERK, RAW_ACCELERATION, RAW_JERK, BOUNDS = range(6)
 LIMITS = BOUNDS + 2
-# Rows of the scratch for each axis: limits of this search, speed, the last setpoint and its differences, the
-# place now, and the bounds of interpolation at the pace there.
-LIMIT, SPEED, SETPOINT, FIRST, SECOND, PLACE, BOUNDS_HERE, STILL = 0, 3, 4, 5, 6, 7, 8, 10
-SCRATCH = 11
+# Rows of the memory for each axis: limits of this search, speed, the last setpoint and its differences, the
+# place now, and zeros.
+LIMIT, SPEED, SETPOINT, FIRST, SECOND, PLACE, STILL = 0, 3, 4, 5, 6, 7, 8
+MEMORY = 9
+
+
+class RingRows(NamedTuple):
+    """Rows of a ring of n: u, shape (n,), position and velocity, (n, K), and torque, (n, 3, J), of the J
+    joints whose torques are looked at (`row_torques`).
+    """
+
+    u: NDArray[np.int64]
+    position: Array
+    velocity: Array
+    torque: Array
+
+
+class Window(NamedTuple):
+    """The rows that setpoints to come are looked at on, and the setpoints before.
+
+    Attributes:
+        first, behind: number of the first row, and of the row after the last. from_rest: the motion goes from
+            rest to the first row, from where it began. ends: the last row is the motion's own end.
+        begun: u where the motion began. start: positions there, shape (K,).
+        driven: axes that rows drive here, shape (K,). displaced: those that are not where their motion began,
+            shape (K,).
+        recent: setpoints of the last three cycles, the newest last, shape (3, K).
+    """
+
+    first: int
+    behind: int
+    from_rest: bool
+    ends: bool
+    begun: float
+    start: Array
+    driven: NDArray[np.bool_]
+    displaced: NDArray[np.bool_]
+    recent: Array
+
+
+class RateState(NamedTuple):
+    """The rate at the beginning of a cycle, and what it is to become.
+
+    Attributes:
+        u: on the program's time axis. rate, slope: now [1, 1/cycle]. target: rate that is ordered, 0 to 1.
+        edge: u before which the motion has to be able to stop; infinite: none.
+        far: rows before the edge from which on a stop is thought of. seconds: length of a cycle [s].
+        passed: rows in the last cycle.
+    """
+
+    u: float
+    rate: float
+    slope: float
+    target: float
+    edge: float
+    far: float
+    seconds: float
+    passed: float
+
+
+class Places(NamedTuple):
+    """Rows and rests of a window in order of u, as `find_window` writes them.
+
+    Attributes:
+        u, at: shape (2 n + 2,), the first ``length`` count. ends: motion is at rest behind the last.
+    """
+
+    u: Array
+    at: NDArray[np.int64]
+    length: int
+    ends: bool
+
+
+class Change(NamedTuple):
+    """A change of the rate: its phases, the first ``length`` rows of an array (`rate_changes`), and the rate
+    behind them.
+    """
+
+    phases: Array
+    length: int
+    target: float
 
 
 @compiled
 def find_window(
-    row_u: NDArray[np.int64],
-    position: Array,
-    velocity: Array,
-    first: int,
-    last: int,
-    from_rest: bool,
-    begun: float,
-    driven: NDArray[np.bool_],
-    limits: Array,
-    seconds: float,
-    places: Array,
-    at: NDArray[np.int64],
-) -> tuple[int, bool]:
-    """Write u and the place in the ring of rows first to last - 1, and where the axes rest between them.
+    rows: RingRows, window: Window, limits: Array, seconds: float, u: Array, at: NDArray[np.int64]
+) -> Places:
+    """Write u and the place in the ring of the rows of a window, and where the axes rest between them.
 
     From where a motion stands at its beginning, or after a gap, to the next row it goes from rest: such a
     place is noted as -1 - (the row it rests at), that of the beginning as -1 - n. Rows behind which an axis
     moves by itself before the next one, as by a rapid, are the last: u waits there for it.
 
-    Returns:
-        The number of places, and whether such a rest is the last of them.
+    Args:
+        seconds: length of a cycle [s]. u, at: memory for the places.
     """
-    size = len(row_u)
+    size = len(rows.u)
     count = 0
-    for number in range(first, last):
-        here = float(row_u[number % size])
-        if number > first and _moves_by_itself(
-            position, velocity, (number - 1) % size, number % size, driven, limits, seconds
+    for number in range(window.first, window.behind):
+        here = float(rows.u[number % size])
+        if number > window.first and _moves_by_itself(
+            rows, (number - 1) % size, number % size, window.driven, limits, seconds
         ):
-            return count, True
-        if number == first and from_rest:
-            places[0] = min(max(here - 1.0, begun), here - NEAR_U)
+            return Places(u, at, count, True)
+        if number == window.first and window.from_rest:
+            u[0] = min(max(here - 1.0, window.begun), here - NEAR_U)
             at[0] = -1 - size
             count = 1
-        elif number > first and here - places[count - 1] > 1.0 + NEAR_U:
+        elif number > window.first and here - u[count - 1] > 1.0 + NEAR_U:
             # at rest until a cycle before the next row
-            places[count] = here - 1.0
+            u[count] = here - 1.0
             at[count] = -1 - (number - 1) % size
             count += 1
-        places[count] = here
+        u[count] = here
         at[count] = number % size
         count += 1
-    return count, False
+    return Places(u, at, count, window.ends)
 
 
 @compiled
 def _moves_by_itself(
-    position: Array,
-    velocity: Array,
-    before: int,
-    after: int,
-    driven: NDArray[np.bool_],
-    limits: Array,
-    seconds: float,
+    rows: RingRows, before: int, after: int, driven: NDArray[np.bool_], limits: Array, seconds: float
 ) -> bool:
     """Return whether rows rest, and an axis is farther away in the next one than a motion from rest gets."""
+    position, velocity = rows.position, rows.velocity
     for k in range(position.shape[1]):
         if velocity[before, k] != 0.0:
             return False
@@ -122,53 +177,45 @@ def row_velocity(velocity: Array, still: Array, at: int) -> Array:
 
 
 @compiled
-def set_limits(
-    velocity: Array,
-    limits: Array,
-    driven: NDArray[np.bool_],
-    displaced: NDArray[np.bool_],
-    first: int,
-    last: int,
-    urgent: bool,
-    scratch: Array,
-) -> None:
-    """Write what the setpoints' differences may be: infinite for axes that do not move in the window."""
+def set_limits(rows: RingRows, window: Window, limits: Array, urgent: bool, memory: Array) -> None:
+    """Write what the setpoints' differences may be: infinite for axes that do not move in the window, and
+    for the jerk where the stop is urgent.
+    """
+    velocity, driven, displaced = rows.velocity, window.driven, window.displaced
     width, size = velocity.shape[1], len(velocity)
     moving = 0
     wanted = 0
     for k in range(width):
-        scratch[LIMIT, k] = math.inf
+        memory[LIMIT, k] = math.inf
         wanted += driven[k]
         if driven[k] and displaced[k]:
-            scratch[LIMIT, k] = 0.0
+            memory[LIMIT, k] = 0.0
             moving += 1
-    for number in range(first, last):
+    for number in range(window.first, window.behind):
         if moving == wanted:
             break
         row = velocity[number % size]
         for k in range(width):
-            if row[k] != 0.0 and driven[k] and scratch[LIMIT, k] != 0.0:
-                scratch[LIMIT, k] = 0.0
+            if row[k] != 0.0 and driven[k] and memory[LIMIT, k] != 0.0:
+                memory[LIMIT, k] = 0.0
                 moving += 1
     for k in range(width):
-        moves = scratch[LIMIT, k] == 0.0
+        moves = memory[LIMIT, k] == 0.0
         for order in range(3):
-            scratch[LIMIT + order, k] = limits[VELOCITY + order, k] if moves else math.inf
+            memory[LIMIT + order, k] = limits[VELOCITY + order, k] if moves else math.inf
         if urgent:
-            scratch[LIMIT + 2, k] = math.inf
+            memory[LIMIT + 2, k] = math.inf
 
 
 @compiled
-def rests_at(
-    velocity: Array, places: Array, at: NDArray[np.int64], count: int, scratch: Array, state: Array
-) -> bool:
+def rests_at_edge(rows: RingRows, places: Places, edge: float, seconds: float, memory: Array) -> bool:
     """Return whether the rows come to rest by themselves on the edge."""
     found = False
-    for i in range(count):
-        if abs(places[i] - state[EDGE]) < NEAR_U:
+    for i in range(places.length):
+        if abs(places.u[i] - edge) < NEAR_U:
             found = True
-            row = row_velocity(velocity, scratch[STILL], at[i])
+            row = row_velocity(rows.velocity, memory[STILL], places.at[i])
             for k in range(len(row)):
-                if not math.isinf(scratch[LIMIT, k]) and abs(row[k]) * state[SECONDS] > AT_REST:
+                if not math.isinf(memory[LIMIT, k]) and abs(row[k]) * seconds > AT_REST:
                     return False
     return found

@@ -195,7 +195,6 @@ def interpolate_rows(
     share: float,
     seconds: float,
     rate: float,
-    pace: float,
     bounds: Array,
     driven: NDArray[np.bool_],
     position: Array,
@@ -205,8 +204,8 @@ def interpolate_rows(
 
     Args:
         rows, velocities: of the ring, shape (n, K) [m or rad, per s]. first, second: places in it.
-        share, seconds: as of `positions_between`. rate: that velocities are scaled by [1]. pace: of the rows.
-        bounds: as of `positions_between`, for a pace of 1.
+        share, seconds: as of `positions_between`. rate: that velocities are scaled by [1].
+        bounds: as of `positions_between`.
         driven: shape (K,). position, velocity: written where driven, shape (K,).
     """
     for k in range(len(position)):
@@ -214,10 +213,7 @@ def interpolate_rows(
             continue
         displacement = rows[second, k] - rows[first, k]
         v0, v1 = velocities[first, k] * seconds, velocities[second, k] * seconds
-        steepest, sharpest = (
-            bounds[STEEP, k] * (seconds / pace) ** 2,
-            bounds[SHARP, k] * (seconds / pace) ** 3,
-        )
+        steepest, sharpest = bounds[STEEP, k] * seconds**2, bounds[SHARP, k] * seconds**3
         moved, speed = _special(displacement, v0, v1, share, steepest, sharpest)
         position[k] = rows[first, k] + moved
         velocity[k] = speed / seconds * rate

@@ -1,4 +1,4 @@
-"""Where a plan may be cut: moments without acceleration before its stop, from which it goes on anew."""
+"""Where a plan is cut: moments without acceleration before its stop, from which it can be planned anew."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ import numpy as np
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.profile.velocity_profile import Phases
 
-# Where speed is never steady until so much later than wanted, a moment at which it has a peak will do: a feed
-# override finds less that is planned already [s].
-LATE_S = 1.0
-# So much later than wanted, and so long before its end, what has to end is handed over up to a turn of its
-# speed [s].
-LATE_CLOSING_S = 0.1
+# So much later than wanted, and so long before its end, motion is handed over up to a peak or a turn of its
+# speed: a feed override above 100 % finds less that is handed over already [s].
+LATE_S = 0.06
 # Where less is left of a line with a time of its own it is not cut: its T is known to some microseconds [s].
 LEAST_REST_S = 0.004
 # Share of the greatest speed that rounding may leave where the motion rests.
@@ -23,43 +20,37 @@ TRACE_OF_SPEED = 1e-6
 LEAST_PHASE_S = 1e-6
 
 
-def commit_moment(
-    plan: PlannedRun, want: float, *, at_peaks: bool = False, inside_timed: bool = False
-) -> float:
-    """Return a time with zero acceleration at or after ``want`` [s], before the stop begins; 0
-    without one.
+def commit_moment(plan: PlannedRun, want: float) -> float:
+    """Return a time with zero acceleration at or after ``want`` [s], before the stop begins; 0 without one.
 
-    Args:
-        at_peaks: a moment at which speed has a peak will do, however near a steady one is. What is left of
-            its segment has less room for a corner in a time of its own, should it be planned again.
-        inside_timed: a moment inside of a line with a time of its own will do: what is left of it gets the
-            rest of its T.
+    From there a plan goes on as well with other segments behind: what is left of a stretch that is solved as
+    a whole, of a line with a T, or before a corner in a time of its own would be slower than the whole.
     """
-    moment = _moment(plan, want, at_peaks=at_peaks, inside_timed=inside_timed)
-    if moment > want + LATE_S and not at_peaks:
-        moment = _moment(plan, want, at_peaks=True, inside_timed=inside_timed)
-    return moment
+    return _moment(plan, want, at_peaks=False)
 
 
-def closing_moment(plan: PlannedRun, want: float) -> float:
-    """Return up to when a plan that is kept is handed over [s].
+def hand_over_moment(plan: PlannedRun, want: float) -> float:
+    """Return up to when a plan is handed over, a little after ``want`` [s]; 0: only its stop is left.
 
-    That is a time as of `commit_moment` with peaks. Where it is much later than ``want`` [s], or before that,
-    it is a turn of speed: the first one behind ``want``, or else the last one before it.
-
-    What is left of a stretch that is solved as a whole keeps its plan, and an override that comes later finds
-    less that is handed over.
+    That is a time as of `commit_moment`; where it would be much later, one at which speed has a peak, turns
+    inside of a stretch that is solved as a whole, or inside of a line with a T of its own, whose rest gets
+    the rest of its T. Else the last of these before ``want``.
     """
-    moment = commit_moment(plan, want, at_peaks=True)
-    if want <= moment <= want + LATE_CLOSING_S:
+    moment = _moment(plan, want, at_peaks=False)
+    if want <= moment <= want + LATE_S:
         return moment
+    for inside_timed in (False, True):
+        other = _moment(plan, want, at_peaks=True, inside_timed=inside_timed)
+        if want <= other <= want + LATE_S:
+            return other
+        moment = min(moment, other) if other >= want else max(moment, other)
     if moment > want:
         return min(turn_moment(plan, want, moment), moment)
-    until = plan.phases.duration - LATE_CLOSING_S
+    until = plan.phases.duration - LATE_S
     turn = turn_moment(plan, want, until)
     if math.isfinite(turn):
         return turn
-    while math.isfinite(turn := turn_moment(plan, moment + LATE_CLOSING_S, until)):
+    while math.isfinite(turn := turn_moment(plan, moment + LATE_S, until)):
         moment = turn
     return moment
 
@@ -79,17 +70,19 @@ def turn_moment(plan: PlannedRun, want: float, until: float) -> float:
         if plan.timed[index] or jerk == 0.0 or a * (a + jerk * (end - start)) >= 0.0:
             continue
         moment = start - a / jerk
-        if want <= moment < until and phases.state(moment)[1] > least:
+        # at a phase's end but for rounding there may be a corner in a time of its own, with another speed
+        inside = end - moment > LEAST_PHASE_S
+        if inside and want <= moment < until and phases.state(moment)[1] > least:
             segment = plan.segments[plan.segment_at(moment)]
             if segment.duration is None:
                 return moment
     return math.inf
 
 
-def _moment(plan: PlannedRun, want: float, *, at_peaks: bool, inside_timed: bool) -> float:
-    safe = _stop_begins(plan)
+def _moment(plan: PlannedRun, want: float, *, at_peaks: bool, inside_timed: bool = False) -> float:
+    safe = _stop_begins(plan, inside_timed=inside_timed)
     if want >= safe:
-        return safe
+        return _outside_timed(plan, safe, safe, inside_timed=inside_timed)
     phases = plan.phases
     trace = 1e-6 * float(np.abs(phases.acceleration).max())
     moment = max(want, 0.0)
@@ -109,22 +102,28 @@ def _moment(plan: PlannedRun, want: float, *, at_peaks: bool, inside_timed: bool
         index += 1
         if index < len(phases.start):
             moment = float(phases.start[index])
-    moment = min(moment, safe)
+    return _outside_timed(plan, min(moment, safe), safe, inside_timed=inside_timed)
+
+
+def _outside_timed(plan: PlannedRun, moment: float, safe: float, *, inside_timed: bool) -> float:
+    """Return a time, or an end of the line that it lies in, if that has a T of its own, up to ``safe`` [s].
+
+    Such a line is cut inside only where the rest of its T is what is left of it.
+    """
     segment = plan.segment_at(moment)
-    ends = float(plan.times[segment + 1])
-    if plan.segments[segment].duration is not None and not (
-        inside_timed and ends - moment >= LEAST_REST_S and plan.keeps_time(segment)
-    ):
-        # a line with a time of its own is cut inside only where the rest of its T is what is left of it
-        moment = min(ends, safe)
-    return moment
+    begins, ends = float(plan.times[segment]), float(plan.times[segment + 1])
+    if plan.segments[segment].duration is None or moment == begins:
+        return moment
+    if inside_timed and ends - moment >= LEAST_REST_S and plan.keeps_time(segment):
+        return moment
+    return ends if ends <= safe else begins
 
 
-def _stop_begins(plan: PlannedRun) -> float:
+def _stop_begins(plan: PlannedRun, *, inside_timed: bool) -> float:
     """Return the last time with zero acceleration before the stop at the end [s]; 0 where the run is
     one such stop.
     """
-    if plan.segments[-1].duration is not None:
+    if plan.segments[-1].duration is not None and not inside_timed:
         # one profile from its entry to rest: nothing of it is settled before the next line is known
         return float(plan.times[-2])
     phases = plan.phases
@@ -144,10 +143,10 @@ def _stop_begins(plan: PlannedRun) -> float:
     if index == 0 or index == len(phases.start):
         return 0.0
     moment = float(phases.start[index])
-    segment = plan.segment_at(moment)
-    if plan.segments[segment].duration is not None:
-        moment = float(plan.times[segment])
-    return moment
+    if plan.timed[index]:
+        # a corner in a time of its own begins the stop, with a speed that is not the path's
+        moment = max(moment - LEAST_PHASE_S, 0.0)
+    return _outside_timed(plan, moment, moment, inside_timed=inside_timed)
 
 
 def _is_knot(phases: Phases, index: int, trace: float) -> bool:

@@ -100,8 +100,7 @@ class Lookahead:
 
     Attributes:
         table: its segments. entry: speed at its beginning [m/s or rad/s along σ]. stop_is_last: no more
-            segments come. tries_stops: stops are tried beside timed segments that are late, which takes many
-            times as long.
+            segments come.
     """
 
     def __init__(self, limits: AxisLimits) -> None:
@@ -111,13 +110,6 @@ class Lookahead:
         self.table = SegmentTable(limits.of_samples.shape[1])
         self.entry = 0.0
         self.stop_is_last = False
-        self.tries_stops = True
-
-    def with_table(self, table: SegmentTable, entry: float) -> Lookahead:
-        """Return a run of other segments, entered at another speed."""
-        found = Lookahead(self._limits)
-        found.table, found.entry, found.stop_is_last = table, entry, self.stop_is_last
-        return found
 
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
         """Append a segment that travels; the junction's speed says whether the motion flows into it."""
@@ -331,7 +323,7 @@ class Lookahead:
         solution = attempt(junction_vmax)
         if solution.late and solver.raise_speeds(solution.late, solution.speeds, junction_vmax):
             solution = attempt(junction_vmax)
-        if solution.late and self.tries_stops:
+        if solution.late:
             solution = with_stops(solution, junction_vmax, attempt)
         if solution.early:
             solution = none_early(solver, solution, junction_vmax, attempt)

@@ -7,7 +7,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,22 +63,6 @@ class SavedSegments:
     segments: SegmentList
     columns: tuple[NDArray[np.generic], ...]
     samples: Array
-
-
-@dataclass(frozen=True)
-class FirstSegments:
-    """The first segments of a table, as they stood there.
-
-    Attributes:
-        segments, columns, samples: of them. samples_before: how many had been dropped before.
-        passed: how much of the first one was cut off along σ.
-    """
-
-    segments: SegmentList
-    columns: tuple[NDArray[np.generic], ...]
-    samples: Array
-    samples_before: int
-    passed: float
 
 
 class SegmentTable:
@@ -293,37 +276,6 @@ class SegmentTable:
         np.copyto(columns.segment_vmax[first:], vmax, where=shares != 1.0)
         # found at another speed
         columns.knot_edges[first:] = 0
-
-    def first(self, count: int) -> FirstSegments:
-        """Copy the first segments."""
-        columns = tuple(each.rows[:count].copy() for each in self._columns)
-        samples = self.samples[: self._first_sample(count)].copy()
-        return FirstSegments(self.segments[:count], columns, samples, self._dropped, self._passed)
-
-    def behind(self, first: FirstSegments, cut: Segment, spent: float) -> SegmentTable:
-        """Return a table in which segments that were dropped stand before these again.
-
-        Args:
-            cut: the first segment that was not dropped, as it was then. spent: how much of its T was taken
-                from it since [s].
-        """
-        table = SegmentTable((self.samples.shape[1] - 2) // 5)
-        table._dropped = first.samples_before
-        table._samples.add(first.samples)
-        table._samples.add(self.samples)
-        for column, before, own in zip(table._columns, first.columns, self._columns, strict=True):
-            column.add(before)
-            column.add(own.rows)
-        table.segments.extend(first.segments)
-        table.segments.extend(self.segments)
-        count = len(first.segments)
-        whole = table.segments[count]
-        if whole.begin != cut.begin or whole.opens != cut.opens:
-            # a corner at its end may have taken of its T since, beside what was played
-            whole = whole.lasting_less(-spent, cut.feed_scale)
-            table.replace(count, msgspec.structs.replace(whole, begin=cut.begin, opens=cut.opens))
-        table._passed = first.passed
-        return table
 
     def drop(self, count: int) -> None:
         """Remove the first segments."""
