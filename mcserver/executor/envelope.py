@@ -111,7 +111,6 @@ class EnvelopeGuard:
         self._override = envelope.override
         self._low, self._high = np.array(envelope.low), np.array(envelope.high)
         self._speed = np.array(envelope.speed)
-        # a cycle's rounding beside the bound, so that what stands on it stays inside
         self._step = self._speed * cycle.cycle_s
         self._tips = [_Tip(tip) for tip in envelope.tips]
         self._before = cycle.row.setpoint.copy()
@@ -186,7 +185,8 @@ class EnvelopeGuard:
         if kind in (ControlKind.TORQUE, ControlKind.HOME, ControlKind.REFERENCE):
             # a torque has no extents, and a reference would move those that were shown
             raise BarrierFault(FaultCode.ENVELOPE_COMMAND, columns[0] if columns else -1)
-        if kind is ControlKind.RAPID and control.values is not None:
+        # where axes go by themselves, and where rows leave them
+        if kind in (ControlKind.RAPID, ControlKind.END) and control.values is not None:
             for column in columns:
                 target = control.values[column]
                 if not self._low[column] <= target <= self._high[column]:

@@ -233,6 +233,21 @@ def test_rows_of_a_planner_that_has_gone_wrong_do_not_go_out(wrong: float) -> No
     assert_within_limits(run.setpoints())
 
 
+def test_an_end_of_rows_that_leaves_the_axes_elsewhere_is_refused() -> None:
+    run = Run("G1010\nG94 F3000\nG01 X5\nG04 P0.1")
+    put_control = run.sink.put_control
+
+    def patched(control: Control, rows: int = 0) -> None:
+        if control.kind is ControlKind.END:
+            control = msgspec.structs.replace(control, values=(0.5, 0.0, 0.0))
+        put_control(control, rows)
+
+    run.sink.put_control = patched  # type: ignore[method-assign]
+    run.play(cycles=2000)
+    assert run.fault.code == FaultCode.ENVELOPE_POSITION
+    assert run.setpoints().max() <= 0.060
+
+
 def test_without_an_envelope_nothing_is_looked_at() -> None:
     run = Run("G1010\nG94 F6000\nG01 X200", None).play()
     assert run.setpoints().max() == pytest.approx(0.2)

@@ -57,6 +57,11 @@ name = "door"
 [[output]]
 number = 0
 name = "clamp"
+[[input]]
+number = 2
+name = "probe"
+[probe]
+input = 2
 [[cutter]]
 number = 2
 length_mm = 30.0
@@ -211,7 +216,7 @@ async def test_an_input_that_the_program_reads_is_named_and_one_that_it_does_not
     await site.arm(text)
     site.cell.service.channels.set_input("part there", value=False)
     site.cell.service.channels.set_input("door", value=True)
-    await site.cell.until(lambda: site.cell.service.port.snapshot().inputs == [0.0, 1.0])
+    await site.cell.until(lambda: site.cell.service.port.snapshot().inputs == [0.0, 1.0, 0.0])
     message = await site.refusal(text)
     assert 'the input "part there" was 1 and is 0' in message
     assert "door" not in message
@@ -268,6 +273,32 @@ async def test_an_emergency_stop_ends_an_approval(site: Site) -> None:
     with pytest.raises(ServiceError) as refused:
         await site.start()
     assert refused.value.code == "MC571"
+
+
+async def test_a_client_that_goes_while_its_run_is_simulated_leaves_no_request(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulate = site.preview
+
+    async def gone(client: str, text: str, start: StartState, axes: tuple[int, ...]) -> Preview:
+        site.cell.service.client_gone(client)
+        return await simulate(client, text, start, axes)
+
+    monkeypatch.setattr(site, "preview", gone)
+    with pytest.raises(ServiceError) as refused:
+        await site.ask()
+    assert refused.value.code == "MC570"
+    monkeypatch.setattr(site, "preview", simulate)
+    assert site.arming.run_requests(ANNA, wire.RunRequestsRequest()).requests == []
+    # its successor, and the same client come back, may ask
+    await site.ask(client="bot.agent-2")
+
+
+async def test_a_contact_of_the_probe_that_sets_another_zero_voids_an_approval(site: Site) -> None:
+    await site.by_hand("G0 X0 Y0 Z0")
+    await site.arm()
+    await site.by_hand("G38.3 Z-20 F600", "G10 L20 P1 Z0", "G0 X0 Y0", "G53 G0 Z0")
+    assert "G54 Z moved by -20 mm" in await site.refusal()
 
 
 async def test_holds_and_resumes_and_what_others_do_meanwhile_do_not_open_the_envelope(site: Site) -> None:
@@ -387,7 +418,7 @@ def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed()
         "homed": frozenset({1, 2, 3}),
         "frame": Frame(systems={1: {0: 0.3}}),
         "modal": ModalState(inch=True),
-        "inputs": (0.0, 0.0),
+        "inputs": (0.0, 0.0, 0.0),
         "outputs": (1.0,),
     }
     assert set(other) == set(StartState.__struct_fields__)
