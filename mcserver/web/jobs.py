@@ -7,11 +7,12 @@ import enum
 import itertools
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from mcclient import Diagnostic, Machine, MotionError, Program
-from mcclient.types import SimulatedPath, SimulateReply
+from mcclient.types import Continuation, SimulatedPath, SimulateReply
 
+from mcserver.errors import McError
 from mcserver.web.store import ProgramStore
 
 if TYPE_CHECKING:
@@ -38,6 +39,23 @@ class JobState(enum.Enum):
     CANCELLED = "cancelled"
 
 
+class Middle(NamedTuple):
+    """How a job begins in the middle, as a person has agreed to it.
+
+    Attributes:
+        program: that it goes on with; empty: with none. whole: the server has all of its lines.
+        way, outputs: as of the call ``continue_program``.
+    """
+
+    program: str = ""
+    way: bool = False
+    outputs: Literal["set", "leave"] | None = None
+    whole: bool = False
+
+
+WHOLE = Middle()
+
+
 class Job:
     """One program to run, by whom, and how it went.
 
@@ -47,12 +65,13 @@ class Job:
         program: the server's id, once it runs.
     """
 
-    def __init__(self, number: int, name: str, text: str, user: str, from_line: int) -> None:
+    def __init__(self, number: int, name: str, text: str, user: str, from_line: int, middle: Middle) -> None:
         self.number = number
         self.name = name
         self.lines = text.split("\n")
         self.user = user
         self.from_line = from_line
+        self.middle = middle
         self.state = JobState.WAITING
         self.duration_s: float | None = None
         self.program: str | None = None
@@ -102,8 +121,19 @@ class JobQueue:
         self._task: asyncio.Task[None] | None = None
         self._estimates: set[asyncio.Task[None]] = set()
 
-    def add(self, name: str, user: str, from_line: int = 1, *, report: SimulateReply | None = None) -> Job:
-        """Queues a stored program; ``report``: of a simulation that somebody has looked at before.
+    def add(
+        self,
+        name: str,
+        user: str,
+        from_line: int = 1,
+        *,
+        report: SimulateReply | None = None,
+        middle: Middle = WHOLE,
+    ) -> Job:
+        """Queues a stored program.
+
+        Args:
+            report: of a simulation that somebody has looked at before. middle: how it begins behind line 1.
 
         Raises:
             ServiceError: MC061 it cannot be read.
@@ -111,11 +141,45 @@ class JobQueue:
         """
         if len(self.waiting) >= MAX_WAITING:
             raise MotionError("MC062", f"{MAX_WAITING} programs wait already", "let some of them run first")
-        job = Job(next(self._numbers), name, self._store.read(name), user, from_line)
+        job = Job(next(self._numbers), name, self._store.read(name), user, from_line, middle)
         if not 1 <= from_line <= len(job.lines):
             raise MotionError("MC062", f"{name} has no line {from_line}", f"it has {len(job.lines)} lines")
         if report is not None:
             job.take(report)
+        self._append(job)
+        return job
+
+    def go_on(self, shown: Continuation, user: str, middle: Middle) -> Job:
+        """Queues a program that goes on, from the server's journal and, behind that, from the stored file.
+
+        Raises:
+            MotionError: MC062 the server does not have all of its text, and no stored file has it either.
+        """
+        text = self._text_of(shown)
+        if text is None and not shown.whole:
+            raise MotionError(
+                "MC062",
+                f"of {shown.name or shown.program} only lines through {shown.accepted} are known",
+                "upload its file under the same name, then go on",
+            )
+        job = Job(
+            next(self._numbers), shown.name, text or "", user, shown.line, middle._replace(whole=shown.whole)
+        )
+        self._append(job)
+        return job
+
+    def _text_of(self, shown: Continuation) -> str | None:
+        """Return the stored file that a program was run from; None: there is none with the same lines."""
+        try:
+            text = self._store.read(shown.name)
+        except McError:
+            return None
+        if shown.sha256 is not None and shown.sha256 == Machine.hash_of(text):
+            return text
+        lines = text.split("\n")[shown.first - 1 :][: len(shown.lines)]
+        return text if shown.lines and lines == list(shown.lines) else None
+
+    def _append(self, job: Job) -> None:
         if self.running is None and not self.waiting:
             # nothing is left of what was stopped: this is a new start
             self.stopped = False
@@ -123,7 +187,6 @@ class JobQueue:
         if self.running is not None:
             self._look_ahead(job)
         self._begin()
-        return job
 
     def start_again(self) -> None:
         """Goes on with what waits, after a failure."""
@@ -189,21 +252,32 @@ class JobQueue:
         status = await machine.status()
         job.start = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
         self._look_ahead(job)
-        if job.from_line == 1:
+        if job.from_line == 1 and not job.middle.program:
             await self._check(machine, job)
         if self.stopped:
             raise MotionError(
                 "MC062", f"{job.name} was being checked as the queue was stopped", "run it again"
             )
-        program: Program = await machine.program(
+        program = await self._opened(machine, job)
+        job.program, job.state = program.id, JobState.RUNNING
+        async with program:
+            if not job.middle.whole:
+                await program.send_lines(job.lines[program.given_through :])
+
+    async def _opened(self, machine: Machine, job: Job) -> Program:
+        middle = job.middle
+        if middle.program:
+            return await machine.continue_program(
+                middle.program, line=job.from_line, way=middle.way, outputs=middle.outputs
+            )
+        return await machine.program(
             job.name,
             start_line=job.from_line,
             before=job.lines[: job.from_line - 1],
             text="\n".join(job.lines),
+            way=middle.way,
+            outputs=middle.outputs,
         )
-        job.program, job.state = program.id, JobState.RUNNING
-        async with program:
-            await program.send_lines(job.lines[job.from_line - 1 :])
 
     def _look_ahead(self, job: Job) -> None:
         self._estimates.add(task := asyncio.ensure_future(self._estimate(job)))

@@ -27,6 +27,7 @@ from mcserver.web.panels.picture import PicturePanel
 from mcserver.web.panels.positions import PositionsPanel
 from mcserver.web.panels.program import ProgramPanel
 from mcserver.web.panels.recordings import RecordingsPanel
+from mcserver.web.panels.run_from import RecoveryPanel
 from mcserver.web.sessions import Visitor
 
 REFRESH_S = 0.1
@@ -66,18 +67,20 @@ class MachinePage:
                         self._notices = NoticePanel(link)
                     with _place(1):
                         self._faults = FaultPanel(actions)
+                    with _place(1):
+                        self._recovery = RecoveryPanel(actions)
                     with _place(2):
                         self._arming = ArmingPanel(actions)
                     with _place(3):
                         self._controls()
-                    with _place(5):
+                    with _place(6):
                         self._program = ProgramPanel(actions)
                     with _place(11):
                         self._recordings = RecordingsPanel(actions)
                 with ui.element("div").classes("mc-column"):
-                    with _place(4):
+                    with _place(5):
                         self._positions = PositionsPanel(actions)
-                    with _place(7):
+                    with _place(4):
                         self._jog = JogPanel(actions)
                     with _place(8):
                         self._mdi = MdiPanel(actions)
@@ -88,7 +91,7 @@ class MachinePage:
                     with _place(13):
                         self._drives = DrivesPanel(link)
                 with ui.element("div").classes("mc-column"):
-                    with _place(6):
+                    with _place(7):
                         self._picture = PicturePanel(link)
                     with _place(12):
                         self._chart = ChartPanel(link)
@@ -97,6 +100,8 @@ class MachinePage:
                     with _place(15):
                         self._events = EventPanel(link)
         ui.on("mc_key", self._on_key)
+        if not visitor.may("open"):
+            ui.context.client.on_connect(lambda: ui.run_javascript("mcWatchOnly()"))
         ui.timer(REFRESH_S, self.update)
         ui.timer(SLOW_S, self.ask)
         client = ui.context.client
@@ -123,6 +128,7 @@ class MachinePage:
         """Refresh what the server is asked for, not what it says by itself."""
         machine = self._link.machine
         if machine is not None:
+            await self._recovery.update()
             await self._recordings.update()
             await self._drives.update(machine.info)
 
@@ -132,7 +138,7 @@ class MachinePage:
                 ui.link("Fleet", "/").classes("text-white")
                 ui.label(self._link.name).classes("font-bold")
                 self._state = ui.label("…").classes("mc-state").props("role=status aria-live=polite")
-                self._late = ui.label("").classes("text-xs hidden sm:block")
+                self._late = ui.label("").classes("text-xs mc-late")
             with ui.row().classes("items-center no-wrap gap-0"):
                 add_menu(visitor)
                 ui.button("E-STOP", on_click=self._actions.emergency_stop).props(

@@ -6,9 +6,11 @@ import asyncio
 import hashlib
 import html
 import logging
+import re
 import time
+from collections.abc import Awaitable, Callable
 from pathlib import Path
-from urllib.parse import parse_qs
+from urllib.parse import parse_qs, quote
 
 import msgspec
 from fastapi import FastAPI, Request, Response
@@ -46,6 +48,18 @@ MAX_FRAME_BYTES = 4 * 1024 * 1024
 RECONNECT_S = 30.0
 # how often a page of an unknown machine looks whether it is there by now
 SEEN_S = 1.0
+# what a proxy adds
+_PROXIED = frozenset({"x-forwarded-for", "x-forwarded-host", "forwarded", "x-real-ip"})
+# the page's framework makes scripts and styles as it goes; nothing comes from or goes to another site
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:;"
+    " style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:;"
+    " connect-src 'self' ws: wss: blob: data:; worker-src 'self' blob:; object-src 'none'; base-uri 'self';"
+    " form-action 'self'; frame-ancestors 'none'",
+    "X-Frame-Options": "DENY",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "same-origin",
+}
 STATIC = Path(__file__).parent / "static"
 VERSION = hashlib.sha256(
     b"".join(path.read_bytes() for path in sorted(STATIC.iterdir()) if path.suffix in (".css", ".js"))
@@ -110,22 +124,30 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         # a page of another site that resolves its name to this computer must not get in
         site.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK, "[::1]", host])
 
+    @site.middleware("http")
+    async def add_headers(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:
+        response = await call_next(request)
+        response.headers.update(HEADERS)
+        return response
+
     @site.get("/login", response_class=HTMLResponse)
-    def login_form() -> str:
-        return _login_page("")
+    def login_form(then: str = "/") -> str:
+        return _login_page("", then)
 
     @site.post("/login")
     async def log_in(request: Request) -> Response:
         fields = parse_qs((await request.body()).decode("utf-8", "replace"))
-        name, password = (fields.get(key, [""])[0] for key in ("name", "password"))
+        name, password, then = (fields.get(key, [""])[0] for key in ("name", "password", "then"))
         address = request.client.host if request.client is not None else ""
         token = await asyncio.to_thread(sessions.log_in, name, password, address)
         if token is None:
             return HTMLResponse(
-                _login_page("Wrong name or password, or too many tries: wait half a minute."), 401
+                _login_page("Wrong name or password, or too many tries: wait half a minute.", then), 401
             )
-        response = RedirectResponse("/", 303)
-        response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=secure)
+        response = RedirectResponse(_inside(then), 303)
+        # a proxy that ends TLS says so; whoever else says it makes the cookie no weaker
+        tls = secure or request.headers.get("x-forwarded-proto", "").strip().lower() == "https"
+        response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=tls)
         return response
 
     @site.post("/logout")
@@ -143,7 +165,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
     def fleet_page(request: Request) -> Response | None:
         visitor = _visitor(sessions, request)
         if visitor is None:
-            return RedirectResponse("/login", 303)
+            return RedirectResponse(f"/login?then={quote(request.url.path)}", 303)
         _head()
         FleetPage(visitor, fleet)
         return None
@@ -152,7 +174,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
     def machine_page(request: Request, name: str) -> Response | None:
         visitor = _visitor(sessions, request)
         if visitor is None:
-            return RedirectResponse("/login", 303)
+            return RedirectResponse(f"/login?then={quote(request.url.path)}", 303)
         _head()
         ui.page_title(name)
         try:
@@ -187,7 +209,16 @@ def _visitor(sessions: Sessions, request: Request) -> Visitor | None:
 
 
 def _from_here(request: Request) -> bool:
-    return request.client is not None and request.client.host in LOOPBACK
+    """Whether a request comes from this computer itself: not by a proxy, nor by a page of another site."""
+    near = request.client is not None and request.client.host in LOOPBACK
+    return (
+        near and (request.url.hostname or "") in (*LOOPBACK, "::1") and not _PROXIED & request.headers.keys()
+    )
+
+
+def _inside(path: str) -> str:
+    """Return a path of this site; ``/`` for anything else."""
+    return path if re.fullmatch(r"/[A-Za-z0-9_./%~-]*", path) and not path.startswith("//") else "/"
 
 
 def _head() -> None:
@@ -198,6 +229,9 @@ def _head() -> None:
         ui.add_body_html(f'<script src="/mc-static/{script}.js?{VERSION}"></script>')
 
 
-def _login_page(message: str) -> str:
+def _login_page(message: str, then: str) -> str:
     alert = f'<p role="alert">{html.escape(message)}</p>' if message else ""
-    return (STATIC / "login.html").read_text("utf-8").replace("<!-- message -->", alert)
+    page = (STATIC / "login.html").read_text("utf-8").replace("<!-- message -->", alert)
+    return page.replace(
+        "<!-- then -->", f'<input type="hidden" name="then" value="{html.escape(_inside(then))}">'
+    )

@@ -16,6 +16,22 @@ MAX_PROGRAMS = 500
 _NAME = re.compile(r"[^/\x00-\x1f\\]{1,120}")
 
 
+def text_of(name: str, content: bytes) -> str:
+    """Return a program's text: UTF-8, or Latin-1 as older CAM systems write comments; code is ASCII in both.
+
+    Raises:
+        ServiceError: MC061 it is no text.
+    """
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        pass
+    # what no text has: a file of another kind
+    if b"\0" in content:
+        raise ServiceError("MC061", f"{name} is no text", "is it the right file?")
+    return content.decode("cp1252", "replace")
+
+
 class StoredProgram(msgspec.Struct, frozen=True):
     """One file of the store: bytes, and Unix seconds of its last change."""
 
@@ -61,10 +77,7 @@ class ProgramStore:
             raise ServiceError(
                 "MC061", f"{name} is larger than {MAX_PROGRAM_BYTES >> 20} MiB", "split the program"
             )
-        try:
-            content.decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise ServiceError("MC061", f"{name} is not UTF-8 text", "save the file as UTF-8") from error
+        content = text_of(name, content).encode("utf-8")
         if not path.exists() and len(self.list()) >= MAX_PROGRAMS:
             raise ServiceError("MC061", f"{MAX_PROGRAMS} programs are kept already", "delete some of them")
         temporary = path.with_name(f".{path.name}.part")

@@ -6,11 +6,10 @@ import dataclasses
 
 import pytest
 from mcclient import Fault, MachineStatus
-from mcclient.types import AxesStatus, AxisTravel, DiskStatus, ProgramStatus, SimulateReply
+from mcclient.types import AxesStatus, DiskStatus, ProgramStatus
 
 from mcserver.web.announcements import Announcer, title_of
 from mcserver.web.panels.notices import notices_of
-from mcserver.web.panels.run_from import end_of, start_html
 from tests.told import told
 
 AXES = told(
@@ -129,24 +128,3 @@ def test_a_tab_says_how_far_a_program_is_and_else_what_is_wrong() -> None:
     assert title_of("cell-1", "running", running) == "43 % running · cell-1"
     assert title_of("cell-1", "ready", told(ProgramStatus, "p-1", "finished", progress=1.0)) == "cell-1"
     assert title_of("cell-1", "EMERGENCY STOP", None) == "EMERGENCY STOP · cell-1"
-
-
-def test_a_run_from_a_line_shows_each_axis_that_is_elsewhere() -> None:
-    axes = {"0": AxisTravel(200.0, 0.0, 200.0, "mm"), "1": AxisTravel(5.0, 5.0, 5.0, "mm")}
-    report = told(SimulateReply, ok=True, axes=axes)
-    there = end_of(report)
-    assert there == {0: 200.0, 1: 5.0}
-    shown = start_html("G01 <Y100>", {0: 0.0, 1: 5.0}, there, state())
-    assert "<td>X</td><td class=n>0.000</td><td class=n>200.000</td>" in shown
-    assert "<td>Y</td>" not in shown
-    assert "The axes are elsewhere" in shown
-    assert "G01 &lt;Y100&gt;" in shown
-    assert "Without energy: Y" in shown
-
-
-def test_a_run_from_a_line_says_what_is_not_known() -> None:
-    assert end_of(told(SimulateReply)) is None
-    shown = start_html("G01 Y100", {0: 0.0}, None, state(part("running")))
-    assert "is not known" in shown
-    assert "Another program is open" in shown
-    assert "The axes are where the program has them" in start_html("G01", {0: 1.0}, {0: 1.0}, state())

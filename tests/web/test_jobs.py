@@ -20,6 +20,7 @@ class Opened:
     """A program that takes every line and ends."""
 
     id = "p-1"
+    given_through = 0
 
     async def __aenter__(self) -> Opened:
         return self

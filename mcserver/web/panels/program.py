@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 
-from mcclient import MotionError
+from mcclient import MotionError, ProgramStatus
 from mcclient.types import SimulateReply
 from nicegui import events, ui
 
@@ -12,7 +12,7 @@ from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import ask
 from mcserver.web.formatting import current_program, is_live, program_excerpt, remaining_text
-from mcserver.web.jobs import Job, JobState
+from mcserver.web.jobs import WHOLE, Job, JobState, Middle
 from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import ask_run_from
@@ -67,10 +67,10 @@ class ProgramPanel:
         if running is not None and running.state is JobState.CHECKING:
             self._title.set_text(f"{running.name} · {running.state.value}")
             return
-        if program is None:
-            ended = self._actions.link.jobs.ended
-            if ended and ended[0].state is JobState.FAILED:
-                self._show_ended(ended[0])
+        failed = self._failed(program)
+        if failed is not None:
+            self._show_ended(failed)
+        if failed is not None or program is None:
             return
         total = len(job.lines) if job is not None else program.accepted
         line = program.line or program.done
@@ -95,14 +95,28 @@ class ProgramPanel:
             self._shown = shown
             self._text.set_content(program_excerpt(job.lines, line, faulty))
 
+    def _failed(self, program: ProgramStatus | None) -> Job | None:
+        """Return the job that has failed, unless a program runs or has run since."""
+        ended = self._actions.link.jobs.ended
+        if not ended or ended[0].state is not JobState.FAILED or is_live(program):
+            return None
+        job = ended[0]
+        since = program is not None and program.program != job.program
+        return None if since and program is not None and program.opened_at > (job.started_at or 0.0) else job
+
     def _show_ended(self, job: Job) -> None:
         if self._shown == ("ended", job.number):
             return
         self._shown = ("ended", job.number)
         self._title.set_text(f"{job.name} · {job.state.value}")
-        self._times.set_text(job.message + (f" — {job.hint}" if job.hint else ""))
-        faulty = {each.line: each.message for each in job.diagnostics}
-        self._text.set_content(program_excerpt(job.lines, min(faulty, default=1), faulty))
+        self._bar.set_value(0.0)
+        self._times.set_text("")
+        faulty = {each.line: each.message for each in job.diagnostics if each.severity == "error"}
+        remedy = f"<br>= {html.escape(job.hint)}" if job.hint else ""
+        back = "correct the file and upload it again" if faulty else "remove the cause, then run it again"
+        said = f"<p><b>{html.escape(job.message)}</b>{remedy}<br>To go on: {back}.</p>"
+        excerpt = program_excerpt(job.lines, min(faulty, default=1), faulty) if job.lines else ""
+        self._text.set_content(f'<div class="mc-faults" role="alert">{said}</div>{excerpt}')
 
     def _update_store(self) -> None:
         self._jobs.update()
@@ -123,8 +137,8 @@ class ProgramPanel:
         if not self._actions.allowed("open"):
             return
         try:
-            content = await event.file.read()
-            self._actions.link.store.write(event.file.name, content)
+            self._actions.link.store.write(event.file.name, await event.file.read())
+            text = self._actions.link.store.read(event.file.name)
         except McError as error:
             show_refusal(error.message, error.hint)
             return
@@ -132,7 +146,7 @@ class ProgramPanel:
         self._uploader.reset()
         self._update_store()
         self._choice.set_value(event.file.name)
-        await self._check(event.file.name, content.decode("utf-8-sig"))
+        await self._check(event.file.name, text)
 
     async def _check(self, name: str, text: str) -> None:
         """Shows every fault of a text at its place."""
@@ -145,18 +159,20 @@ class ProgramPanel:
             self._report.set_content(f"<p>{html.escape(name)}: no faults</p>")
             return
         rows = [
-            f"<li>line {each.line}, column {each.column}: {html.escape(each.message)} [{each.code}]"
+            f"<li>{'' if each.severity == 'error' else 'warning, '}line {each.line}, column {each.column}: "
+            f"{html.escape(each.message)} [{each.code}]"
             + (f"<br>= {html.escape(each.hint)}" if each.hint else "")
             + "</li>"
             for each in found.diagnostics[:50]
         ]
-        faulty = {each.line: each.message for each in found.diagnostics}
-        excerpt = program_excerpt(text.split("\n"), min(faulty), faulty)
+        faulty = {each.line: each.message for each in found.diagnostics if each.severity == "error"}
+        excerpt = program_excerpt(text.split("\n"), min(faulty), faulty) if faulty else ""
+        kind = "mc-faults" if faulty else "mc-warnings"
         self._report.set_content(
-            f'<div class="mc-faults"><p>{html.escape(name)}:</p><ul>{"".join(rows)}</ul></div>{excerpt}'
+            f'<div class="{kind}"><p>{html.escape(name)}:</p><ul>{"".join(rows)}</ul></div>{excerpt}'
         )
 
-    def _queue(self, report: SimulateReply | None = None) -> None:
+    def _queue(self, report: SimulateReply | None = None, middle: Middle = WHOLE) -> None:
         if not self._actions.allowed("open"):
             return
         if not self._choice.value:
@@ -168,6 +184,7 @@ class ProgramPanel:
                 self._actions.visitor.name,
                 int(self._from_line.value or 1),
                 report=report,
+                middle=middle,
             )
         except (MotionError, McError) as error:
             show_refusal(error.message, error.hint)
@@ -176,11 +193,16 @@ class ProgramPanel:
         name, line = self._choice.value, int(self._from_line.value or 1)
         # what begins in the middle begins somewhere else than where the axes are
         if name and line > 1:
-            if not self._actions.allowed("open") or not await ask_run_from(self._actions, name, line):
+            if not self._actions.allowed("open"):
+                return
+            middle = await ask_run_from(self._actions, name, line)
+            if middle is None:
                 return
             # what was asked for, whatever the fields say by now
             self._choice.set_value(name)
             self._from_line.set_value(line)
+            self._queue(middle=middle)
+            return
         self._queue()
 
     async def _delete(self) -> None:

@@ -1,92 +1,190 @@
-"""A run that begins in the middle: where the axes are, where the program would be there, and the question."""
+"""A start in the middle of a program: what is certain, where the axes are, the way, and the question."""
 
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 
-from mcclient import MachineStatus, MotionError
-from mcclient.types import SimulateReply
+from mcclient import MotionError
+from mcclient.types import Continuation, ProgramStatus
 from nicegui import ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.dialogs import ask
-from mcserver.web.formatting import axis_name, is_live, position_text
-from mcserver.web.jobs import SIMULATED_BYTES
+from mcserver.web.dialogs import named_dialog
+from mcserver.web.formatting import axis_name, is_live, position_text, program_excerpt
+from mcserver.web.jobs import Middle
 
-# What counts as being there already [mm, deg].
-NEAR = 0.001
+# Ends that leave something to go on with.
+BROKEN_OFF = frozenset({"interrupted", "faulted", "aborted"})
+# Programs of the page and of operators that nobody goes on with.
+BY_HAND = ("jog axis", "home axis", "reference axis", "energize", "zero", "line")
 
 
-async def ask_run_from(actions: Actions, name: str, from_line: int) -> bool:
-    """Show where a stored program would be at the line, and ask; whether it shall run from there."""
+async def ask_run_from(actions: Actions, name: str, from_line: int) -> Middle | None:
+    """Show how a stored program would begin at a line, and ask; None: it shall not."""
     try:
-        text = actions.link.store.read(name)
-        machine = actions.link.connected()
-        status = await machine.status()
+        lines = actions.link.store.read(name).split("\n")
+        if not 1 <= from_line <= len(lines):
+            show_refusal(f"{name} has no line {from_line}", f"it has {len(lines)} lines")
+            return None
+        shown = await actions.link.connected().continuation(before=lines[: from_line - 1])
     except (MotionError, McError) as error:
         show_refusal(f"{error.message} [{error.code}]", error.hint)
-        return False
-    lines = text.split("\n")
-    if not 1 <= from_line <= len(lines):
-        show_refusal(f"{name} has no line {from_line}", f"it has {len(lines)} lines")
-        return False
-    now = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
-    before = "\n".join(lines[: from_line - 1])
-    there: dict[int, float] | None = None
-    if len(before) <= SIMULATED_BYTES:
-        try:
-            there = end_of(await machine.simulate(before, positions=now))
-        except MotionError as error:
-            show_refusal(f"where the axes would be is not known: {error.message} [{error.code}]", error.hint)
-    shown = start_html(lines[from_line - 1], now, there, status)
-    return await ask(
-        f"Run {name} from line {from_line}?",
-        f"Run from line {from_line}",
-        colour="positive",
-        details=lambda: ui.html(shown, sanitize=False).classes("w-full overflow-x-auto"),
+        return None
+    first = max(1, from_line - 3)
+    excerpt = program_excerpt(lines, from_line, {}) if len(lines) > 1 else html.escape(lines[first - 1])
+    return await _ask(
+        f"Run {name} from line {from_line}?", f"Run from line {from_line}", shown, excerpt, Middle()
     )
 
 
-def end_of(report: SimulateReply) -> dict[int, float] | None:
-    """Return where the axes end by a simulation [mm, deg]; None where it found a fault."""
-    return {int(index): axis.position for index, axis in report.axes.items()} if report.ok else None
+async def ask_to_go_on(actions: Actions, program: ProgramStatus) -> tuple[Continuation, Middle] | None:
+    """Show how a program would go on, and ask; None: it shall not."""
+    try:
+        shown = await actions.link.connected().continuation(program.program)
+    except (MotionError, McError) as error:
+        show_refusal(f"{error.message} [{error.code}]", error.hint)
+        return None
+    name = shown.name or shown.program
+    rows = [
+        f'<span class="{"now" if number == shown.line else "mark"}">'
+        f"{html.escape(f'{number:>6}  {text[:200]}')}</span>"
+        for number, text in enumerate(shown.lines, shown.first)
+    ]
+    text = f'<pre class="mc-program" tabindex="0" aria-label="Program text">{"".join(rows)}</pre>'
+    certain = (
+        f"<p>Lines through {shown.done} are certain; line {shown.done + 1} may have begun."
+        + ("" if shown.whole else f" The text is known through line {shown.accepted}.")
+        + "</p>"
+    )
+    title = f"Go on with {name} at line {shown.line}?"
+    middle = await _ask(title, f"Go on at line {shown.line}", shown, certain + text, Middle(shown.program))
+    return None if middle is None else (shown, middle)
 
 
-def start_html(
-    line: str, now: Mapping[int, float], there: Mapping[int, float] | None, status: MachineStatus
-) -> str:
-    """Return the line and, of each axis that is elsewhere, both places, as HTML.
+async def _ask(title: str, verb: str, shown: Continuation, text: str, middle: Middle) -> Middle | None:
+    """Ask with a button for each answer that there is; None where there is none, or for Cancel."""
+    asked = {need.confirm for need in shown.needs}
+    with named_dialog(title) as dialog, ui.card().classes("mc-ask mc-way"):
+        ui.label(title).classes("font-bold break-words")
+        ui.html(text + continuation_html(shown), sanitize=False).classes("w-full overflow-x-auto")
+        with ui.element("div").classes("mc-buttons"):
+            for label, answer in answers_to(asked, verb, middle):
+                ui.button(label, on_click=_submit(dialog, answer)).props("color=positive no-caps")
+            ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat autofocus")
+    answer = await dialog
+    dialog.delete()
+    return answer if isinstance(answer, Middle) else None
+
+
+def _submit(dialog: ui.dialog, answer: Middle) -> Callable[[], None]:
+    return lambda: dialog.submit(answer)
+
+
+def answers_to(asked: set[str], verb: str, middle: Middle) -> list[tuple[str, Middle]]:
+    """Return the buttons of the question; none where something stands in the way that nobody can confirm.
 
     Args:
-        now: where the axes are. there: where the program would have them before the line; None: not known.
+        asked: fields that have to be confirmed; an empty one: what no confirmation lets pass.
     """
-    shown = f'<pre class="mc-program" tabindex="0" aria-label="First line">{html.escape(line[:200])}</pre>'
-    if any(is_live(program) for program in status.programs):
-        shown += "<p>Another program is open: the axes will be where it leaves them.</p>"
-    off = [
-        axis_name(axis)
-        for axis, word in zip(status.axes.index, status.axes.state, strict=True)
-        if word == "off" and (there is None or axis in there)
+    if "" in asked:
+        return []
+    way = "way" in asked
+    taken = f"Take this way: {verb[0].lower()}{verb[1:]}" if way else verb
+    if "outputs" not in asked:
+        return [(taken, middle._replace(way=way))]
+    return [
+        (f"Switch them on: {taken[0].lower()}{taken[1:]}", middle._replace(way=way, outputs="set")),
+        (f"Leave them: {taken[0].lower()}{taken[1:]}", middle._replace(way=way, outputs="leave")),
     ]
-    if off:
-        shown += f"<p>Without energy: {', '.join(off)}. Lines before this one that energize do not run.</p>"
-    if there is None:
-        return shown + "<p><b>Where the program would have its axes before this line is not known.</b></p>"
+
+
+def continuation_html(shown: Continuation) -> str:
+    """Return where the axes are and are expected, the way between, and what has to be answered, as HTML."""
+    found = [f"<p>In force there: {html.escape(' '.join(shown.modal))}</p>"] if shown.modal else []
     rows = "".join(
-        f"<tr><td>{axis_name(axis)}</td><td class=n>{position_text(now.get(axis, 0.0))}</td>"
-        f"<td class=n>{position_text(at)}</td></tr>"
-        for axis, at in sorted(there.items())
-        if abs(at - now.get(axis, 0.0)) > NEAR
+        f"<tr><td>{axis_name(each.axis)}</td><td class=n>{position_text(each.now)}</td>"
+        f"<td class=n>{'not known' if each.there is None else position_text(each.there)}</td>"
+        f"<td>{'elsewhere' if each.away else ''}</td></tr>"
+        for each in shown.axes
+        if each.energized
     )
-    if not rows:
-        return shown + "<p>The axes are where the program has them before this line.</p>"
-    head = "<tr><th>Axis</th><th class=n>is at</th><th class=n>program starts this line at</th></tr>"
-    return (
-        shown
-        + f'<table class="mc-positions"><thead>{head}</thead><tbody>{rows}</tbody></table>'
-        + "<p><b>The axes are elsewhere.</b> Units, feed rate and modes are those of the lines before, but "
-        "none of these lines moves: the first motion goes from where the axes are, through whatever is "
-        "between.</p>"
-    )
+    if rows:
+        columns = "<th>Axis</th><th class=n>is at</th><th class=n>program starts this line at</th><th></th>"
+        head = f"<tr>{columns}</tr>"
+        found.append(f'<table class="mc-positions"><thead>{head}</thead><tbody>{rows}</tbody></table>')
+    energize = ", ".join(axis_name(axis) for axis in shown.energize)
+    steps = ([f"energize {energize}"] if energize else []) + [each.text for each in shown.way]
+    if steps:
+        ways = "".join(f"<li>{html.escape(step)}</li>" for step in steps)
+        found.append(f'<p><b>The way:</b></p><ol class="mc-steps">{ways}</ol>')
+    if shown.axes and not shown.way:
+        found.append("<p>The axes are where the program has them before this line.</p>")
+    for need in shown.needs:
+        hint = f"<br>= {html.escape(need.hint)}" if need.hint else ""
+        kind = "mc-faults" if not need.confirm else "mc-warnings"
+        found.append(f'<div class="{kind}">{html.escape(need.message)} [{need.code}]{hint}</div>')
+    return "".join(found)
+
+
+class RecoveryPanel:
+    """A card while the newest program was broken off: what is certain, and the button to go on."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._program: ProgramStatus | None = None
+        self._card = ui.card().classes("mc-card").props('role=region aria-label="Broken off"')
+        with self._card:
+            self._said = ui.label("").classes("w-full font-bold break-words")
+            self._certain = ui.label("").classes("w-full")
+            self._button = ui.button("Continue …", on_click=self._go_on).props("color=positive no-caps")
+            self._button.set_enabled(actions.visitor.may("continue_program"))
+        self._card.set_visibility(False)
+
+    async def update(self) -> None:
+        """Ask for the newest program, and show it where it was broken off."""
+        machine = self._actions.link.machine
+        if machine is None:
+            return
+        try:
+            programs = await machine.programs(limit=10)
+        except MotionError:
+            return
+        self._show(broken_off(programs))
+
+    def _show(self, program: ProgramStatus | None) -> None:
+        self._card.set_visibility(program is not None)
+        if program is None or program == self._program:
+            return
+        self._program = program
+        name = program.name or program.program
+        self._said.set_text(f"{name} was {program.state} at line {program.done + 1}")
+        self._certain.set_text(
+            f"Lines through {program.done} are certain; line {program.done + 1} may have begun."
+        )
+        self._button.set_text(f"Continue at line {program.done + 1}…")
+
+    async def _go_on(self) -> None:
+        program = self._program
+        if program is None or not self._actions.allowed("continue_program"):
+            return
+        answer = await ask_to_go_on(self._actions, program)
+        if answer is None:
+            return
+        shown, middle = answer
+        try:
+            self._actions.link.jobs.go_on(shown, self._actions.visitor.name, middle)
+        except (MotionError, McError) as error:
+            show_refusal(error.message, error.hint)
+
+
+def broken_off(programs: Sequence[ProgramStatus]) -> ProgramStatus | None:
+    """Return the newest program where it was broken off and nothing runs; None: nothing goes on."""
+    if any(is_live(program) for program in programs):
+        return None
+    ran = [each for each in programs if not each.name.startswith(BY_HAND) and each.accepted > 0]
+    newest = max(ran, key=lambda each: each.opened_at, default=None)
+    if newest is None or newest.state not in BROKEN_OFF or newest.done >= newest.accepted:
+        return None
+    return newest

@@ -62,6 +62,23 @@
     if (alive !== null && performance.now() - alive > SILENT_MS) document.body.classList.add("mc-silent");
   }, 500);
 
+  // who only looks: buttons that would be refused are disabled, whatever is drawn anew
+  const LOOKING = /^(freeze|go on|look at all|plot|play|download|close|cancel|look)/i;
+  window.mcWatchOnly = () => {
+    const grid = document.querySelector(".mc-grid");
+    if (!grid || grid.dataset.watched) return;
+    grid.dataset.watched = "1";
+    const disable = () => {
+      for (const button of grid.querySelectorAll("button:not([disabled])")) {
+        if (LOOKING.test(button.textContent.trim()) || button.closest(".q-expansion-item__container > .q-item")) continue;
+        button.disabled = true;
+        button.classList.add("disabled");
+      }
+    };
+    disable();
+    new MutationObserver(disable).observe(grid, { childList: true, subtree: true, attributeFilter: ["disabled"] });
+  };
+
   // keys that work anywhere but in a field: Shift+Escape is the emergency stop, Space a feed hold
   document.addEventListener("keydown", (event) => {
     const typing = event.target instanceof Element && event.target.closest("input, textarea, [contenteditable], button, a, [role=tab]");
