@@ -211,9 +211,8 @@ def _visitor(sessions: Sessions, request: Request) -> Visitor | None:
 def _from_here(request: Request) -> bool:
     """Whether a request comes from this computer itself: not by a proxy, nor by a page of another site."""
     near = request.client is not None and request.client.host in LOOPBACK
-    return (
-        near and (request.url.hostname or "") in (*LOOPBACK, "::1") and not _PROXIED & request.headers.keys()
-    )
+    named = (request.url.hostname or "") in (*LOOPBACK, "::1")
+    return near and named and not any(name in request.headers for name in _PROXIED)
 
 
 def _inside(path: str) -> str:

@@ -33,10 +33,16 @@ def test_a_name_cannot_leave_the_folder(tmp_path: Path, name: str) -> None:
         store.read(name)
 
 
+def test_comments_of_older_cam_systems_are_read(tmp_path: Path) -> None:
+    store = ProgramStore(tmp_path)
+    store.write("part.nc", "(Fräser 6 mm, Süd)\nG1 X1\n".encode("latin-1"))
+    assert store.read("part.nc") == "(Fräser 6 mm, Süd)\nG1 X1\n"
+
+
 def test_what_is_not_text_or_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = ProgramStore(tmp_path)
-    with pytest.raises(ServiceError, match="UTF-8"):
-        store.write("a", b"\xff\xfe")
+    with pytest.raises(ServiceError, match="is no text"):
+        store.write("a", b"\xff\xfe\0")
     monkeypatch.setattr(module, "MAX_PROGRAM_BYTES", 10)
     with pytest.raises(ServiceError, match="larger"):
         store.write("a", b"x" * 11)
