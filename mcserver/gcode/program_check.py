@@ -114,8 +114,13 @@ def _check_next(interpreter: Interpreter, window: LineWindow, survey: _Survey) -
     if most:
         run = interpreter.interpret_run(window.peek(most), number)
         if run is not None:
-            survey.run(run[0])
-            window.drop(run[1])
+            for each in run.values:
+                if isinstance(each, MotionLine):
+                    survey.value(each)
+                else:
+                    survey.run(each)
+            survey.without_effect(run.without_effect)
+            window.drop(run.taken)
             return
     parsed = interpreter.parse(window.peek(1)[0], number)
     window.drop(1)
@@ -214,9 +219,13 @@ class _Survey:
             )
             if idle:
                 codes.append(action.code)
-        for code in codes:
+        self.without_effect({code: (line, codes.count(code)) for code in codes})
+
+    def without_effect(self, words: Mapping[str, tuple[int, int]]) -> None:
+        """Note codes and letters without effect, with their first line and the count of their lines."""
+        for code, (line, more) in words.items():
             first, count = self._without_effect.get(code, (line, 0))
-            self._without_effect[code] = first, count + 1
+            self._without_effect[code] = first, count + more
 
     def value(self, value: Canonical) -> None:
         """Follow which axes are energized."""

@@ -362,10 +362,10 @@ class Pipeline:
         found = self._interpreter.interpret_run(ahead, first) if ahead else None
         if found is None:
             return False
-        run, taken = found
-        self.lines.drop(taken)
+        self.lines.drop(found.taken)
         self._plan.last_line = self.lines.consumed
-        self._plan.canonical.append(run)
+        self._plan.canonical.extend(found.values)
+        self._note_frame(self._plan.last_line)
         return True
 
     def _interpret(self) -> bool:
@@ -420,14 +420,18 @@ class Pipeline:
         planning_s = 0.0 if self._solving is None else self._solving.take()
         if planning_s > 0.0:
             plan.reports.append(Report(ReportKind.SOLVED, parsed.number, planning_s=planning_s))
+        self._note_frame(parsed.number)
+        if self._interpreter.ended:
+            self._end_of_text()
+        return True
+
+    def _note_frame(self, line: int) -> None:
+        """Report the work offsets where they have changed."""
         frame = self._interpreter.frame
         if frame is not self._frame:
             self._frame = frame
             if frame is not None:
-                plan.reports.append(Report(ReportKind.FRAME, parsed.number, frame=frame))
-        if self._interpreter.ended:
-            self._end_of_text()
-        return True
+                self._plan.reports.append(Report(ReportKind.FRAME, line, frame=frame))
 
     def _end_of_text(self) -> None:
         self.lines.closed = True

@@ -122,7 +122,7 @@ def interpret_runs(machine: Machine, lines: list[str]) -> None:
         found = interpreter.interpret_run(lines[done : done + interpreter.run_window(done + 2)], done + 2)
         if found is None:
             interpreter.interpret_text(lines[done], done + 2)
-        done += 1 if found is None else found[1]
+        done += 1 if found is None else found.taken
 
 
 def read_numbers(lines: list[str]) -> None:

@@ -104,8 +104,8 @@ def canonical(lines: list[str], machine: Machine) -> list[MotionLine | PlainRun 
         window = min(interpreter.run_window(at + 2), RUN)
         run = interpreter.interpret_run(lines[at : at + window], at + 2) if window else None
         if run is not None:
-            found.append(run[0])
-            at += run[1]
+            found += run.values
+            at += run.taken
             continue
         found += [
             line for line in interpreter.interpret_text(lines[at], at + 2) if isinstance(line, MotionLine)

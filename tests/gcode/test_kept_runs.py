@@ -30,8 +30,8 @@ def in_windows(interpreter: Interpreter, texts: list[str], window: int) -> list[
     while at < len(texts):
         found = interpreter.interpret_run(texts[at : at + window], at + 1)
         if found is not None:
-            values += found[0].motion_lines()
-            at += found[1]
+            values += found.motion_lines()
+            at += found.taken
             continue
         with contextlib.suppress(ProgramRejected):
             values += interpreter.interpret_text(texts[at], at + 1)
@@ -49,7 +49,7 @@ def checked(texts: list[str]) -> KeptRuns:
 def taken(kept: KeptRuns, interpreter: Interpreter, number: int, size: int) -> int:
     commanded = interpreter._commanded
     found = kept.take(number, size, size, interpreter.modal, commanded)
-    return 0 if found is None else found[2]
+    return 0 if found is None else found.taken
 
 
 @settings(max_examples=100, deadline=None)

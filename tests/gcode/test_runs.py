@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.fast_path.code_text import CodeText
-from mcserver.gcode.fast_path.columns import read_columns
 from mcserver.gcode.fast_path.run_state import MIN_LINES
+from mcserver.gcode.fast_path.vocabulary import OFFSETS, vocabulary_of
 from mcserver.gcode.fast_path.word_columns import WordReader
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import scan_line
 from mcserver.gcode.text.source import find_odd_line, split_lines
+from mcserver.gcode.text.words import Word
 from mcserver.motion.canonical import Canonical
 from tests.gcode.arc_programs import arc_programs, contours
 from tests.gcode.run_programs import programs, stretches
@@ -45,10 +47,9 @@ def by_runs(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonical]
     while at < len(texts):
         found = interpreter.interpret_run(texts[at:], at + 1)
         if found is not None:
-            run, taken = found
-            assert taken >= MIN_LINES
-            values += run.motion_lines()
-            at += taken
+            assert found.taken >= MIN_LINES
+            values += found.motion_lines()
+            at += found.taken
             continue
         try:
             values += interpreter.interpret_text(texts[at], at + 1)
@@ -90,35 +91,6 @@ def test_a_check_finds_the_faults_that_single_lines_have(texts: list[str]) -> No
 
 
 @settings(max_examples=400, deadline=None)
-@given(stretches())
-@example(["X1\t"])
-@example(["X1\nX2", "X3"])
-def test_what_is_read_in_columns_is_what_the_scanner_reads(texts: list[str]) -> None:
-    columns = read_columns(CodeText.of(texts), 1)
-    if columns is None:
-        return
-    rows = dict(zip(columns.lines.tolist(), range(len(columns.lines)), strict=True))
-    for index, text in enumerate(texts[: columns.taken]):
-        parsed = scan_line(text, index + 2)
-        assert not parsed.faults
-        if index not in rows:
-            assert parsed.blank
-            continue
-        simple, row = parsed.simple, rows[index]
-        feed = math.nan if columns.feeds is None else columns.feeds[row]
-        if feed <= 0.0:
-            assert simple is None  # refused by the block interpreter
-            continue
-        assert simple is not None
-        assert simple.code in (None, 1)
-        assert not simple.curved
-        assert simple.axes == columns.axes
-        assert simple.values == tuple(column[row] for column in columns.values)
-        assert (simple.feed is None) == math.isnan(feed)
-        assert simple.feed in (None, feed)
-
-
-@settings(max_examples=400, deadline=None)
 @given(st.one_of(stretches(), contours()))
 @example(["X1\t"])
 @example(["5 X1", "X2"])
@@ -127,28 +99,33 @@ def test_what_is_read_in_columns_is_what_the_scanner_reads(texts: list[str]) -> 
 @example(["", "", "X-"])
 @example(["", "; said", ""])
 def test_a_table_of_words_holds_what_the_scanner_reads(texts: list[str]) -> None:
-    table = WordReader().read(CodeText.of(texts), 1)
+    table = WordReader(vocabulary_of(MACHINE.dialect)).read(CodeText.of(texts), 1)
     if table is None:
         return
     rows = dict(zip(table.lines.tolist(), range(len(table.lines)), strict=True))
     for index, text in enumerate(texts[: table.taken]):
         parsed = scan_line(text, index + 2)
-        assert not parsed.faults or parsed.simple is None
         if index not in rows:
             assert parsed.blank
             continue
-        simple, row = parsed.simple, rows[index]
-        feed = math.nan if table.feeds is None else table.feeds[row]
+        row = rows[index]
         shape = table.shapes[table.shape[row]]
-        if feed <= 0.0 or (shape.curved and table.codes[row] == 1):
-            assert simple is None  # refused by the block interpreter
+        if shape.curved and table.codes[row] in (0, 1):
+            assert parsed.faults
             continue
-        assert simple is not None
-        assert (simple.code or 0) == table.codes[row]
-        assert simple.axes == shape.axes
-        assert simple.values == tuple(table.values[row, [table.axes.index(axis) for axis in shape.axes]])
-        assert simple.offsets == tuple((offset, table.offsets[row, offset]) for offset in shape.offsets)
-        assert (simple.radius is not None) == shape.radius
-        assert simple.radius in (None, table.radii[row])
-        assert (simple.feed is None) == math.isnan(feed)
-        assert simple.feed in (None, feed)
+        assert not parsed.faults
+        ((command,),) = parsed.groups
+        words = [item for item in command.items if isinstance(item, Word)]
+        values = {word.letter: word.value for word in words}
+        assert (-1 if command.spec is None else command.spec.number) == table.codes[row]
+        assert shape.axes == tuple(word.axis for word in words if word.axis >= 0)
+        assert [table.values[row, table.axes.index(axis)] for axis in shape.axes] == [
+            word.value for word in words if word.axis >= 0
+        ]
+        assert [(OFFSETS[each], table.offsets[row, each]) for each in shape.offsets] == [
+            (word.letter, word.value) for word in words if word.letter in OFFSETS
+        ]
+        feeds = np.full(len(table.lines), math.nan) if table.feeds is None else table.feeds
+        for letter, column in (("R", table.radii), ("F", feeds)):
+            assert repr(values.get(letter, math.nan)) == repr(float(column[row]))
+        assert values.keys() <= {*"XYZABC[IJKRF"}

@@ -48,7 +48,7 @@ def run_of(machine: Machine, lines: list[str], state: str = "G91 G94 F6000") -> 
     interpreter.interpret_text(state, 1)
     found = interpreter.interpret_run(lines, 2)
     assert found is not None
-    run, taken = found
+    (run,), taken = found.values, found.taken
     assert isinstance(run, PathRun)
     assert taken == len(lines)
     return run
@@ -92,7 +92,7 @@ def test_a_run_of_arcs_is_planned_as_its_lines_one_by_one(
         interpreter.interpret_text(lines[0], 2)
         found = interpreter.interpret_run(lines[1:], 3)
         assert found is not None
-        assert planner.append_run(found[0])
+        assert planner.append_run(found.values[0])
     else:
         assert planner.append_run(run)
     assert planner.position[:3] == pytest.approx(run.points[-1], abs=0)

@@ -1,8 +1,6 @@
-"""Faster readings of the commonest lines, equal bit for bit to the block interpreter.
+"""Lines of G00 to G03 in columns, equal bit for bit to the block interpreter, which knows the whole dialect.
 
-Four readings of a ``G01`` exist, because each is several times as fast as the next
-(`tests/bench/parsing.py`, lines a second on one core): runs of equal words in columns, about a million; runs
-of lines and arcs with whatever words each has, 240 000 to 380 000 on a busy computer; simple blocks, 65 000;
-the block interpreter, which knows the whole dialect, 25 000. Arcs one by one: 60 000 against 17 000. Property
-tests compare values, state and faults with those of the block interpreter.
+What a word means in columns is in `vocabulary`, made from the same tables that the block interpreter reads; a
+line with a word that is not there, and whatever may be a fault, is read line by line. Property tests compare
+values, state and faults.
 """

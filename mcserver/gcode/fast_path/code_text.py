@@ -9,11 +9,11 @@ letters stand only digits, signs, points and blanks, and of those `float` accept
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from mcserver.gcode.notices import MESSAGE
-from mcserver.gcode.text.words import AXIS_LETTERS, MAX_AXIS
+from mcserver.gcode.text.words import MAX_AXIS
 
 _NUMERIC: Final = b"0123456789+-. \t"
 _SEPARATOR: Final = b","
@@ -25,8 +25,6 @@ _NUMBER: Final = re.compile(rb"(?m)^[ \t]*+N[ \t]*+[0-9]++[ \t]*+(?=[A-Z\x80-\xb
 _INDEX: Final = re.compile(rb"\[[ \t]*[0-9]{1,3}[ \t]*\]")
 # [n] becomes one byte that is not ASCII, so that it counts as a letter
 _INDEXED: Final = 128
-# what names an axis, for the class of a regular expression
-AXIS_NAMES: Final = rb"XYZABC\x80-\xbf"
 # spellings of [n] in one window; each costs a pass over the text
 _MAX_SPELLINGS: Final = 64
 
@@ -74,6 +72,6 @@ class CodeText(NamedTuple):
         return self.code.translate(_SPLIT).split(_SEPARATOR)
 
 
-def axis_of(letter: int) -> int | None:
+def axis_of(letter: int, letters: Mapping[str, int]) -> int | None:
     """Return the axis that a letter names, or None."""
-    return letter - _INDEXED if letter >= _INDEXED else AXIS_LETTERS.get(chr(letter))
+    return letter - _INDEXED if letter >= _INDEXED else letters.get(chr(letter))

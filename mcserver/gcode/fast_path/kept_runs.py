@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
+from mcserver.gcode.fast_path.run_state import FoundRun
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
-from mcserver.motion.canonical import PathRun, PlainRun
+from mcserver.motion.canonical import MotionLine, PathRun, PlainRun
 
 # Lines that are kept at most, some 60 bytes each; later ones are interpreted twice.
 MOST_LINES = 1 << 18
@@ -37,21 +38,22 @@ class KeptRuns:
         self._runs: deque[_Kept] = deque()
         self._count = 0
 
-    def keep(
-        self, run: PlainRun | PathRun, taken: int, before: ModalState, behind: ModalState, *, ended: bool
-    ) -> None:
-        """Keep a run of ``taken`` lines, unless it has blank lines, or there are too many already.
+    def keep(self, found: FoundRun, before: ModalState, *, ended: bool) -> None:
+        """Keep a run, unless it has blank lines, or there are too many already.
 
         Args:
-            before, behind: modal state. ended: the line behind the run was looked at, and is no part of it.
+            before: modal state. ended: the line behind the run was looked at, and is no part of it.
         """
+        run, taken = found.values[0], found.taken
+        if isinstance(run, MotionLine) or len(found.values) > 1:
+            return
         if self.filling and taken == len(run) and self._count + taken <= MOST_LINES:
-            self._runs.append(_Kept(run, before, behind, ended))
+            self._runs.append(_Kept(run, before, found.modal, ended))
             self._count += taken
 
     def take(
         self, number: int, size: int, least: int, modal: ModalState, commanded: CommandedState
-    ) -> tuple[ModalState, PlainRun | PathRun, int] | None:
+    ) -> FoundRun | None:
         """Return the modal state behind up to ``size`` lines from line ``number`` on, these, and their count,
         and advance the positions; None where they have to be interpreted.
 
@@ -79,4 +81,4 @@ class KeptRuns:
             return None
         part = run if count == len(run) else run.part(first, first + count)
         commanded.positions.update(zip(part.axes, part.points[-1].tolist(), strict=True))
-        return behind, part, count
+        return FoundRun(behind, (part,), count)

@@ -1,32 +1,37 @@
-"""Interpret lines of G01, G02 and G03 in columns, whatever words each of them has: the usual parts of CAM.
+"""Interpret lines of G00 to G03 in columns, whatever words each of them has: the usual parts of CAM.
 
-Bit for bit as `mcserver.gcode.fast_path.block` does it line by line; see `mcserver.gcode.fast_path.runs`.
+Bit for bit as the block interpreter does it line by line; see `mcserver.gcode.fast_path.runs`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.gcode.fast_path.arc_columns import ArcColumns, arcs_of, hypot
-from mcserver.gcode.fast_path.block import AxisRow, arc_frame, inside_travels
+from mcserver.gcode.fast_path.axis_rows import arc_frame, axis_rows, inside_travels
 from mcserver.gcode.fast_path.code_text import CodeText
 from mcserver.gcode.fast_path.run_state import (
     MIN_LINES,
+    FoundRun,
     feeds_in_force,
     last_written,
     leading,
     state_after,
 )
+from mcserver.gcode.fast_path.vocabulary import vocabulary_of
 from mcserver.gcode.fast_path.word_columns import Shape, WordReader, WordTable
 from mcserver.gcode.semantics.arc_geometry import radius_tolerance
+from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
-from mcserver.gcode.semantics.feed_time import FeedBasis, feed_basis
+from mcserver.gcode.semantics.feed_time import NO_TRAVEL, FeedBasis, feed_basis, feed_class
 from mcserver.gcode.semantics.modal import ModalState, smallest_feed
 from mcserver.gcode.semantics.program_units import length_scale, move_duration, turning_speed
-from mcserver.motion.canonical import PathRun
+from mcserver.gcode.semantics.rapids import rapid_group
+from mcserver.motion.canonical import MotionLine, PathRun, PlainRun
 from mcserver.motion.geometry.curves import ArcCurve, Array
 
 Mask = NDArray[np.bool_]
@@ -67,17 +72,20 @@ class _Lines(NamedTuple):
 class PathRunInterpreter:
     """Interprets lines with a table of the usable axes."""
 
-    __slots__ = ("_profile", "_reader", "_rows", "_tolerance")
+    __slots__ = ("_profile", "_reader", "_rows", "_setup", "_tolerance", "_vocabulary")
 
-    def __init__(self, rows: dict[int, AxisRow], tolerance: float, profile: str) -> None:
-        self._rows = rows
-        self._profile = profile
-        self._tolerance = tolerance
-        self._reader = WordReader()
+    def __init__(self, setup: Setup) -> None:
+        dialect = setup.machine.dialect
+        self._setup = setup
+        self._rows = axis_rows(setup)
+        self._profile = dialect.profile
+        self._tolerance = setup.machine.path_tolerance
+        self._vocabulary = vocabulary_of(dialect)
+        self._reader = WordReader(self._vocabulary)
 
     def interpret(
         self, text: CodeText, number: int, modal: ModalState, commanded: CommandedState
-    ) -> tuple[ModalState, PathRun, int] | None:
+    ) -> FoundRun | None:
         """Return the modal state after the run, the run and its count of lines, and advance the positions.
 
         Args:
@@ -93,7 +101,7 @@ class PathRunInterpreter:
         lines, points = lines.first(count), points[: count + 1]
         centres, sweeps = np.full((count, 2), np.nan), np.zeros(count)
         lengths, travels = np.zeros(count), np.zeros(count)
-        curved = np.flatnonzero(lines.motion != 1)
+        curved = np.flatnonzero(lines.motion > 1)
         if len(curved):
             found, sound = self._arcs(curved, lines, axes, points, modal)
             sound_lines = leading(sound)
@@ -107,36 +115,84 @@ class PathRunInterpreter:
         if table.taken < MIN_LINES or count < 1:
             return None
         speeds = self._straight(lines, axes, points[: count + 1], lengths, travels)
-        run = PathRun(
-            number + table.lines,
-            axes,
-            points[: count + 1],
-            tuple(kind.axes for kind in lines.kinds.values()),
-            np.searchsorted(np.array(list(lines.kinds)), table.shape),
-            centres[:count],
-            sweeps[:count],
+        frames = tuple(dict.fromkeys(kind.axes for kind in lines.kinds.values()))
+        # rapids ahead of the first F have none
+        speeds, numbers = (np.where(each > 0.0, each, 1.0) for each in (speeds, lines.numbers))
+        timing = (
             lengths[:count],
             travels[:count],
-            move_duration(lines.numbers) if modal.inverse_time else lengths[:count] / speeds,
+            move_duration(numbers) if modal.inverse_time else lengths[:count] / speeds,
             None if modal.inverse_time else speeds,
             modal.exact_stop,
             self._tolerance if modal.tolerance is None else modal.tolerance,
         )
+        run: PlainRun | PathRun
+        if len(frames) == 1 and not sweeps[:count].any():
+            columns = [axes.index(axis) for axis in frames[0]]
+            run = PlainRun(number + table.lines, frames[0], points[: count + 1, columns], *timing)
+        else:
+            run = PathRun(
+                number + table.lines,
+                axes,
+                points[: count + 1],
+                tuple(kind.axes for kind in lines.kinds.values()),
+                np.searchsorted(np.array(list(lines.kinds)), table.shape),
+                centres[:count],
+                sweeps[:count],
+                *timing,
+            )
         commanded.positions.update(zip(axes, points[count].tolist(), strict=True))
-        return state_after(modal, table.feeds, int(lines.motion[-1])), run, table.taken
+        after = state_after(modal, table.feeds, table.spindle, int(lines.motion[-1]))
+        idle = {letter: (number + at, many) for letter, (at, many) in table.without_effect().items()}
+        return FoundRun(after, self._values(run, lines, points, axes, modal), table.taken, idle)
+
+    def _values(
+        self,
+        run: PlainRun | PathRun,
+        lines: _Lines,
+        points: Array,
+        axes: tuple[int, ...],
+        modal: ModalState,
+    ) -> Sequence[PlainRun | PathRun | MotionLine]:
+        """Return the lines as one run, or as several with the rapids between them."""
+        rapids = np.flatnonzero(lines.motion == 0).tolist()
+        if not rapids:
+            return (run,)
+        found: list[PlainRun | PathRun | MotionLine] = []
+        before = 0
+        for index in [*rapids, len(run)]:
+            between = index - before
+            if between >= MIN_LINES:
+                found.append(run.part(before, index))
+            elif between:
+                found += run.part(before, index).motion_lines()
+            before = index + 1
+            if index < len(run):
+                kind = lines.kinds[int(lines.table.shape[index])].axes
+                start, end = (
+                    dict(zip(axes, points[row].tolist(), strict=True)) for row in (index, index + 1)
+                )
+                group = rapid_group(self._setup, modal, start, {axis: end[axis] for axis in kind})
+                tolerance = run.tolerance
+                found.append(
+                    MotionLine(int(run.lines[index]), (group,), exact_stop=True, tolerance=tolerance)
+                )
+        return found
 
     def _usable(self, table: WordTable, modal: ModalState, commanded: CommandedState) -> _Lines:
         """Return the lines before the first whose words need the block interpreter."""
         kinds = [self._kind_of(shape, modal, commanded) for shape in table.shapes]
         curved = np.array([shape.curved for shape in table.shapes])[table.shape]
         sound = np.array([kind is not None for kind in kinds])[table.shape]
-        codes = np.concatenate(([modal.motion or 0], table.codes))
-        motion = codes[last_written(table.codes > 0)]
-        sound &= (motion > 0) & (curved == (motion != 1))
+        codes = np.concatenate(([-1 if modal.motion is None else modal.motion], table.codes))
+        motion = codes[last_written(table.codes >= 0)]
+        sound &= (motion >= 0) & (curved == (motion > 1))
         numbers, speeds = feeds_in_force(len(table.lines), table.feeds, modal)
         if table.feeds is not None:
             sound &= ~(table.feeds < smallest_feed(modal))
-        sound &= numbers > 0.0
+        sound &= (numbers > 0.0) | (motion == 0)
+        if table.spindle is not None:
+            sound &= ~(table.spindle < 0.0)
         count = leading(sound)
         used = np.flatnonzero(np.bincount(table.shape[:count])).tolist()
         known = {index: kind for index in used if (kind := kinds[index]) is not None}
@@ -151,7 +207,7 @@ class PathRunInterpreter:
             return _Kind(frame.axes, True, FeedBasis.PATH)
         rows = [row for row in map(self._rows.get, shape.axes) if row is not None]
         linear = sum(row.linear for row in rows)
-        basis = feed_basis(linear, len(rows) - linear)
+        basis = feed_basis(linear, len(rows) - linear) if self._vocabulary.feed_of_axes else FeedBasis.PATH
         if len(rows) < len(shape.axes) or not commanded.synced(shape.axes):
             return None
         if basis is FeedBasis.NONE and not modal.inverse_time:
@@ -169,12 +225,13 @@ class PathRunInterpreter:
                 points[:, column] = start
                 continue
             written = table.values[:, table.axes.index(axis)]
+            incremental = modal.incremental or axis in modal.relative
             named = ~np.isnan(written)
             ends = written[named] * (row.inch if modal.inch else row.metric)
-            if not modal.incremental and modal.shift is not None:
+            if not incremental and modal.shift is not None:
                 ends += modal.shift.get(axis, 0.0)
             ends = np.concatenate(([start], ends))
-            if modal.incremental:
+            if incremental:
                 ends = np.add.accumulate(ends)
             points[0, column] = start
             points[1:, column] = ends[np.cumsum(named)]
@@ -263,6 +320,9 @@ class PathRunInterpreter:
             if kind.curved:
                 continue
             rows = np.flatnonzero(lines.table.shape == index)
+            if not self._vocabulary.feed_of_axes:
+                self._by_class(kind, rows, lines, axes, points, (lengths, travels, speeds))
+                continue
             columns = [axes.index(axis) for axis in kind.axes if self._rows[axis].linear]
             if columns:
                 steps = points[rows + 1] - points[rows]
@@ -273,3 +333,31 @@ class PathRunInterpreter:
                 lengths[rows] = np.abs(points[rows + 1, column] - points[rows, column])
                 speeds[rows] = turning_speed(lines.numbers[rows])
         return speeds
+
+    def _by_class(
+        self,
+        kind: _Kind,
+        rows: NDArray[np.intp],
+        lines: _Lines,
+        axes: tuple[int, ...],
+        points: Array,
+        timing: tuple[Array, Array, Array],
+    ) -> None:
+        """Write lengths, travels and speeds of lines whose F counts X Y Z first, as `profile_feed_basis`."""
+        lengths, travels, speeds = timing
+        steps = points[rows + 1] - points[rows]
+        open_rows = np.ones(len(rows), np.bool_)
+        classes: tuple[list[int], list[int], list[int]] = ([], [], [])
+        for axis in kind.axes:
+            classes[feed_class(axis, linear=self._rows[axis].linear)].append(axes.index(axis))
+        turning = np.full(len(rows), not (classes[0] or classes[1]))
+        for order, columns in enumerate(classes):
+            if not columns:
+                continue
+            found = hypot(*[steps[:, column] for column in columns])
+            taken = open_rows & (found > NO_TRAVEL)
+            lengths[rows[taken]] = found[taken]
+            turning[taken] = order == 2
+            open_rows &= ~taken
+        travels[rows] = np.where(turning, 0.0, lengths[rows])
+        speeds[rows] = np.where(turning, turning_speed(lines.numbers[rows]), speeds[rows])

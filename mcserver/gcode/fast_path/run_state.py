@@ -2,15 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed
 from mcserver.gcode.semantics.program_units import path_speed
+from mcserver.motion.canonical import MotionLine, PathRun, PlainRun
 from mcserver.motion.geometry.curves import Array
 
-MIN_LINES = 12  # fewer lines are slower in columns than one by one
+MIN_LINES = 6  # fewer lines are slower in columns than one by one
+
+
+class FoundRun(NamedTuple):
+    """Lines that were interpreted in columns.
+
+    Attributes:
+        modal: state behind them.
+        values: in the order of the lines; rapids are `MotionLine`.
+        taken: count of lines, blank ones included.
+        without_effect: by letter, the first line's number and how many lines have it.
+    """
+
+    modal: ModalState
+    values: Sequence[PlainRun | PathRun | MotionLine]
+    taken: int
+    without_effect: Mapping[str, tuple[int, int]] = {}
+
+    def motion_lines(self) -> list[MotionLine]:
+        """Return the lines as objects."""
+        found: list[MotionLine] = []
+        for value in self.values:
+            found += [value] if isinstance(value, MotionLine) else value.motion_lines()
+        return found
 
 
 def leading(sound: NDArray[np.bool_]) -> int:
@@ -41,9 +69,14 @@ def feeds_in_force(count: int, feeds: Array | None, modal: ModalState) -> tuple[
     return numbers[1:], speeds[1:]
 
 
-def state_after(modal: ModalState, feeds: Array | None, motion: int) -> ModalState:
-    """Return the modal state behind lines with these feeds, the last of them of that motion code."""
+def state_after(modal: ModalState, feeds: Array | None, spindle: Array | None, motion: int) -> ModalState:
+    """Return the modal state behind lines with these F and S, the last of them of that motion code."""
     feed = modal.feed
+    if spindle is not None:
+        spun = spindle[~np.isnan(spindle)]
+        if len(spun):
+            frame = msgspec.structs.replace(modal.frame or Frame(), spindle_rpm=float(spun[-1]))
+            modal = msgspec.structs.replace(modal, frame=frame, shift=frame.shift())
     if feeds is not None:
         written = feeds[~np.isnan(feeds)]
         if len(written):

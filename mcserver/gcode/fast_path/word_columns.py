@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.gcode.fast_path.code_text import CodeText, axis_of
+from mcserver.gcode.fast_path.vocabulary import Vocabulary
 from mcserver.gcode.text.words import LARGEST
 from mcserver.motion.geometry.curves import Array
 
-_CODES: Final = frozenset(zeros + code for code in (b"1", b"2", b"3") for zeros in (b"", b"0", b"00"))
 _LINE_FEED: Final = b"\n"[0]
 # patterns that are remembered; a program has some tens
 _MAX_PATTERNS: Final = 1024
@@ -41,7 +41,7 @@ class Shape(NamedTuple):
 class Pattern(NamedTuple):
     """Places of the words of a line among its letters; -1 for one that is not there.
 
-    Axis words and I J K are in the order of `shape`.
+    Axis words and I J K are in the order of `shape`; ``spindle`` is S. ``idle``: letters without effect.
     """
 
     shape: Shape
@@ -50,6 +50,8 @@ class Pattern(NamedTuple):
     radius: int
     feed: int
     code: int
+    spindle: int
+    idle: str
 
 
 class WordTable(msgspec.Struct, frozen=True, eq=False):
@@ -61,8 +63,9 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
         shapes: of the lines. shape: shape (n,), which of them each line has.
         axes: K axis numbers, increasing. values: shape (n, K), NaN where an axis is not named.
         offsets: I J K, shape (n, 3), NaN where not written. radii: R, shape (n,), likewise.
-        codes: 1 to 3 where a code is written, else 0, shape (n,).
-        feeds: shape (n,), F, NaN where none is; None where no line has one.
+        codes: 0 to 3 where a code is written, else -1, shape (n,).
+        feeds: shape (n,), F, NaN where none is; None where no line has one. spindle: S, likewise.
+        idle: by pattern, letters of its words without effect. pattern: shape (n,), that of each line.
     """
 
     taken: int
@@ -75,6 +78,9 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
     radii: Array
     codes: NDArray[np.int64]
     feeds: Array | None
+    spindle: Array | None
+    idle: tuple[str, ...]
+    pattern: NDArray[np.intp]
 
     def first(self, count: int) -> WordTable:
         """Return the first ``count`` of `lines`, with the blank lines behind them."""
@@ -91,17 +97,32 @@ class WordTable(msgspec.Struct, frozen=True, eq=False):
             self.radii[:count],
             self.codes[:count],
             None if self.feeds is None else self.feeds[:count],
+            None if self.spindle is None else self.spindle[:count],
+            self.idle,
+            self.pattern[:count],
         )
 
+    def without_effect(self) -> dict[str, tuple[int, int]]:
+        """Return by letter without effect the first of `lines` that has it, and how many have."""
+        if not any(self.idle):
+            return {}
+        found: dict[str, tuple[int, int]] = {}
+        for letter in dict.fromkeys("".join(self.idle)):
+            having = np.flatnonzero(np.array([letter in each for each in self.idle])[self.pattern])
+            if len(having):
+                found[letter] = int(self.lines[having[0]]), len(having)
+        return found
 
-def pattern_of(letters: bytes) -> Pattern | None:
+
+def pattern_of(letters: bytes, vocabulary: Vocabulary) -> Pattern | None:
     """Return the places of the words of a line; None if they are not those of one of G01 to G03."""
     axes: dict[int, int] = {}
     offsets: dict[int, int] = {}
-    others = dict.fromkeys(b"RFG", -1)
+    idle = [ord(letter) for letter in vocabulary.idle]
+    others = dict.fromkeys((*b"RFG", *idle), -1)
     for place, letter in enumerate(letters):
-        axis = axis_of(letter)
-        if letter in b"UVW" or (letter == b"G"[0] and place > 0):
+        axis = axis_of(letter, vocabulary.axes)
+        if letter == b"G"[0] and place > 0:
             return None
         if axis is not None:
             words, name = axes, axis
@@ -115,19 +136,22 @@ def pattern_of(letters: bytes) -> Pattern | None:
         if name in words:
             return None
         words[name] = place
-    radius, feed, code = others.values()
+    radius, feed, code = (others[letter] for letter in b"RFG")
+    spindle = others[ord("S")] if vocabulary.speed else -1
+    unused = "".join(chr(letter) for letter in idle if others[letter] >= 0)
     shape = Shape(tuple(axes), tuple(offsets), radius >= 0)
     if not (axes or (code >= 0 and offsets)) or (radius >= 0 and offsets):
         return None
-    return Pattern(shape, tuple(axes.values()), tuple(offsets.values()), radius, feed, code)
+    return Pattern(shape, tuple(axes.values()), tuple(offsets.values()), radius, feed, code, spindle, unused)
 
 
 class WordReader:
     """Reads words into columns, and remembers the patterns that it has seen."""
 
-    __slots__ = ("_patterns",)
+    __slots__ = ("_patterns", "_vocabulary")
 
-    def __init__(self) -> None:
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        self._vocabulary = vocabulary
         self._patterns: dict[bytes, Pattern | None] = {}
 
     def read(self, text: CodeText, least: int) -> WordTable | None:
@@ -150,9 +174,12 @@ class WordReader:
         # a 0 ahead of what stands before a line's first word: a number only if nothing but blanks does
         tokens = CodeText(b"0 " + text.code.replace(b"\n", b"\n0 "), b"").numbers()
         values = _numbers(tokens)
-        taken = int(np.count_nonzero(kinds[: _sound(kinds, tokens, values)] == _LINE_FEED))
+        taken = int(np.count_nonzero(kinds[: _sound(kinds, tokens, values, self._vocabulary)] == _LINE_FEED))
         del letters[taken:]
-        return _table(letters, known, kinds, values) if taken >= least and any(letters) else None
+        if taken < least or not any(letters):
+            return None
+        least = self._vocabulary.codes[b"0"]
+        return _table(letters, known, kinds, values, least)
 
     def _known(self, letters: set[bytes]) -> dict[bytes, Pattern | None]:
         """Return the patterns of lines, blank lines left out."""
@@ -160,7 +187,7 @@ class WordReader:
             self._patterns.clear()
         for each in letters:
             if each not in self._patterns:
-                self._patterns[each] = pattern_of(each)
+                self._patterns[each] = pattern_of(each, self._vocabulary)
         return {each: self._patterns[each] for each in letters if each}
 
 
@@ -181,7 +208,7 @@ def _is_number(token: bytes) -> bool:
     return True
 
 
-def _sound(kinds: NDArray[np.uint8], tokens: list[bytes], values: Array) -> int:
+def _sound(kinds: NDArray[np.uint8], tokens: list[bytes], values: Array, vocabulary: Vocabulary) -> int:
     """Return how many pieces of text are what the letter before them takes: a code of motion, no huge number.
 
     Args:
@@ -193,14 +220,20 @@ def _sound(kinds: NDArray[np.uint8], tokens: list[bytes], values: Array) -> int:
     if huge.any():
         sound = int(huge.argmax())
     places = (np.flatnonzero(kinds[: max(sound - 1, 0)] == b"G"[0]) + 1).tolist()
-    refused = {token for token in {tokens[place] for place in places} if token.strip() not in _CODES}
+    refused = {
+        token for token in {tokens[place] for place in places} if token.strip() not in vocabulary.codes
+    }
     return next(place for place in places if tokens[place] in refused) if refused else sound
 
 
 def _table(
-    letters: list[bytes], known: dict[bytes, Pattern | None], kinds: NDArray[np.uint8], values: Array
+    letters: list[bytes],
+    known: dict[bytes, Pattern | None],
+    kinds: NDArray[np.uint8],
+    values: Array,
+    least: int,
 ) -> WordTable:
-    """Copy the numbers of lines to where they belong."""
+    """Copy the numbers of lines to where they belong; ``least``: what G0 means."""
     patterns = {each: pattern for each in dict.fromkeys(letters) if (pattern := known.get(each)) is not None}
     shapes = tuple(dict.fromkeys(pattern.shape for pattern in patterns.values()))
     axes = tuple(sorted({axis for shape in shapes for axis in shape.axes}))
@@ -215,10 +248,11 @@ def _table(
     which = which[lines]
     count = len(lines)
     shape = np.empty(count, np.intp)
-    codes = np.zeros(count)
+    codes = np.full(count, -1.0)
     columns, offsets = np.full((count, len(axes)), np.nan), np.full((count, 3), np.nan)
     radii, feeds = np.full(count, np.nan), np.full(count, np.nan)
-    fed = False
+    spindle = np.full(count, np.nan)
+    fed = spun = False
     for index, pattern in enumerate(patterns.values()):
         rows = np.flatnonzero(which == index)
         at = first[rows]
@@ -227,10 +261,17 @@ def _table(
             columns[rows, axes.index(axis)] = values[at + word]
         for offset, word in zip(pattern.shape.offsets, pattern.offsets, strict=True):
             offsets[rows, offset] = values[at + word]
-        for column, word in ((radii, pattern.radius), (feeds, pattern.feed), (codes, pattern.code)):
+        for column, word in (
+            (radii, pattern.radius),
+            (feeds, pattern.feed),
+            (spindle, pattern.spindle),
+        ):
             if word >= 0:
                 column[rows] = values[at + word]
+        if pattern.code >= 0:
+            codes[rows] = np.maximum(values[at + pattern.code], least)
         fed = fed or pattern.feed >= 0
+        spun = spun or pattern.spindle >= 0
     return WordTable(
         taken=len(letters),
         lines=lines,
@@ -242,4 +283,7 @@ def _table(
         radii=radii,
         codes=codes.astype(np.int64),
         feeds=feeds if fed else None,
+        spindle=spindle if spun else None,
+        idle=tuple(pattern.idle for pattern in patterns.values()),
+        pattern=which,
     )

@@ -377,5 +377,5 @@ def _rapid(block: BlockState, action: Action, targets: dict[int, float], effects
             return
         block.end_at(index, end)
     if targets:
-        group = rapid_group(block, starts, targets)
+        group = rapid_group(block.setup, block.modal, starts, targets)
         effects.after.append(MotionLine(block.parsed.number, (group,), exact_stop=True))

@@ -89,7 +89,8 @@ class _Motion:
         far = {axis: end for axis, end in targets.items() if abs(end - self.at(axis)) > ROUNDING}
         if not far:
             return
-        group = rapid_group(self._block, {axis: self._block.commanded.start(axis) for axis in far}, far)
+        starts = {axis: self._block.commanded.start(axis) for axis in far}
+        group = rapid_group(self._block.setup, self._block.modal, starts, far)
         self.lines.append(MotionLine(self._block.parsed.number, (group,), exact_stop=True))
         for axis, end in far.items():
             self._block.end_at(axis, end)

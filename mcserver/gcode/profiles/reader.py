@@ -35,7 +35,7 @@ from mcserver.gcode.text.profile_words import Action, ProfileWords
 from mcserver.gcode.text.profile_words import ProfileWord as Word
 from mcserver.gcode.text.scanner import Scan
 from mcserver.gcode.text.source import BOM
-from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
+from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS, axis_letters
 from mcserver.machine.dialect_section import Dialect
 
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
@@ -49,7 +49,6 @@ _PROGRAM_NUMBER = re.compile(r"[ \t]*[O:][ \t]*[0-9]+[ \t]*\Z")
 _MACRO = re.compile(r"[ \t]*([A-Z_][A-Z_]{2,}[A-Z0-9_]*)(?![0-9.+-])")
 _HEAD = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?([GMT])[ \t]*([0-9]+(?:\.[0-9]+)?)")
 _REFERENCE_ONLY = re.compile(r",|G[ \t]*0*1[0-9]{3}(?![0-9])")
-_FOREIGN = re.compile(r"[DEHLOQSdehloqs]")
 _EXPONENT = re.compile(r"E[-+]?[0-9]+")
 # take words E of their own
 _IO_CODE = re.compile(r"M[ \t]*0*6[678](?![0-9])")
@@ -78,7 +77,7 @@ class ProfileReader:
         self._ignored = IGNORED[dialect.profile] | dialect.ignore
         if dialect.profile != "reference" and not dialect.channels:
             self._ignored |= SET_OUTPUTS
-        self._axes = {**AXIS_LETTERS, **dialect.letters}
+        self._axes = axis_letters(dialect)
         self._tools = dialect.profile in ("reference", "robot")  # T means the reference's tool
 
     def read(self, text: str, number: int) -> ParsedLine:
@@ -89,11 +88,6 @@ class ProfileReader:
             return self._read_reference(text, number)
         # files that went through several systems have CR CR LF, and those of DOS end with Ctrl-Z
         text = text.rstrip("\r\x1a")
-        if not _FOREIGN.search(text):
-            # most lines of most programs are simple blocks of the reference
-            parsed = scan_line(text, number)
-            if parsed.simple is not None:
-                return parsed
         code = _blank(text).upper()
         if not code.strip():
             return _line(number, text, code, [], FaultList(number), ProfileWords())
@@ -473,7 +467,7 @@ def _line(
         for word in words
     ]
     scanned = Scan(code, tokens, [word.span for word in words])
-    parsed = ParsedLine(number, text, scanned, None)
+    parsed = ParsedLine(number, text, scanned)
     parsed.profile = profile
     parsed.analyse(faults)
     return parsed

@@ -44,6 +44,11 @@ def feed_basis(linear: int, rotary: int) -> FeedBasis:
     return FeedBasis.TURN if rotary == 1 and linear == 0 else FeedBasis.NONE
 
 
+def feed_class(axis: int, *, linear: bool) -> int:
+    """Return the order in which F counts axes in the profiles: X Y Z, other linear ones, rotary ones."""
+    return 2 if not linear else int(axis > 2)
+
+
 def profile_feed_basis(
     types: Sequence[AxisType], axes: Sequence[int], displacements: Sequence[float]
 ) -> tuple[FeedBasis, float]:
@@ -54,7 +59,7 @@ def profile_feed_basis(
     """
     classes: tuple[list[float], list[float], list[float]] = ([], [], [])
     for kind, axis, displacement in zip(types, axes, displacements, strict=True):
-        classes[2 if kind is AxisType.ROTARY else int(axis > 2)].append(displacement)
+        classes[feed_class(axis, linear=kind is AxisType.LINEAR)].append(displacement)
     for order, group in enumerate(classes):
         length = math.hypot(*group)
         if length > NO_TRAVEL:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic
-from mcserver.gcode.fast_path.block import SimpleBlockInterpreter
 from mcserver.gcode.fast_path.kept_runs import KeptRuns
+from mcserver.gcode.fast_path.run_state import FoundRun
 from mcserver.gcode.fast_path.runs import MAX_LINES, RunInterpreter
 from mcserver.gcode.profiles.codes import MOVING
 from mcserver.gcode.profiles.frame import Frame
@@ -22,7 +22,7 @@ from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.words import Word
 from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.canonical import AxisLine, AxisOperation, Canonical, PathRun, PlainRun
+from mcserver.motion.canonical import AxisLine, AxisOperation, Canonical
 
 
 class Interpreter:
@@ -65,7 +65,6 @@ class Interpreter:
         if machine_coordinates:
             self._modal = INITIAL
             self._parse = reader_of(Dialect(channels=machine.dialect.channels))
-        self._simple = SimpleBlockInterpreter(self._setup)
         self._runs = RunInterpreter(self._setup, kept)
 
     @property
@@ -102,13 +101,7 @@ class Interpreter:
         """
         if self._ended:
             return []
-        simple = parsed.simple
-        if simple is not None and self._setup.dynamics is None:
-            quick = self._simple.interpret(parsed.number, simple, self._modal, self._commanded)
-            if quick is not None:
-                self._modal, line = quick
-                return [line]
-        elif parsed.blank and not parsed.faults:
+        if parsed.blank and not parsed.faults:
             return []
         return self._interpret_block(parsed)
 
@@ -145,10 +138,8 @@ class Interpreter:
         one_by_one = one_by_one or self._program is not None
         return 0 if one_by_one else self._runs.window(number)
 
-    def interpret_run(
-        self, texts: Sequence[str], number: int, most: int = MAX_LINES
-    ) -> tuple[PlainRun | PathRun, int] | None:
-        """Parse and interpret the longest run of simple blocks that ``texts`` begins with.
+    def interpret_run(self, texts: Sequence[str], number: int, most: int = MAX_LINES) -> FoundRun | None:
+        """Parse and interpret the longest run of lines blocks that ``texts`` begins with.
 
         Values and state are bit for bit those of `interpret_text` line by line. Whatever ends a run is left
         to `interpret_text`: other codes, a fault, a tool in force, an axis whose start only the encoder
@@ -160,16 +151,16 @@ class Interpreter:
             most: lines that may be taken.
 
         Returns:
-            The run and how many of ``texts`` it took, blank lines included; None below
-            `mcserver.gcode.fast_path.runs.MIN_LINES`.
+            The run; None below `mcserver.gcode.fast_path.run_state.MIN_LINES`.
         """
         if self._ended or self._setup.dynamics is not None:
             return None
         found = self._runs.interpret(texts, number, self._modal, self._commanded, most)
         if found is None:
             return None
-        self._modal, run, taken = found
-        return run, taken
+        self._modal = found.modal
+        self._frame = found.modal.frame or self._frame
+        return found
 
     def _interpret_block(self, parsed: ParsedLine) -> list[Canonical]:
         interpreted = self._read(parsed)
@@ -188,12 +179,7 @@ class Interpreter:
         """
         if self._ended:
             return (), ()
-        if parsed.simple is not None and not parsed.faults and self._setup.dynamics is None:
-            quick = self._simple.interpret(parsed.number, parsed.simple, self._modal, self._commanded)
-            if quick is not None:
-                self._modal, line = quick
-                return (), (line,)
-        elif parsed.blank and not parsed.faults:
+        if parsed.blank and not parsed.faults:
             return (), ()
         interpreted = self._read(parsed)
         self._commit(interpreted)
@@ -244,8 +230,6 @@ class Interpreter:
 
 def _moves(parsed: ParsedLine) -> bool:
     """Return True if the line holds anything that moves axes."""
-    if parsed.simple is not None:
-        return True
     if parsed.profile is not None and any(action.code in MOVING for action in parsed.profile.actions):
         return True
     return any(command.moves for group in parsed.groups for command in group) or any(

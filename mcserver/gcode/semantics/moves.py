@@ -36,7 +36,7 @@ def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> F
         return None
     ends = {target.axis.index: target.end for target in targets}
     if wait:
-        return rapid_group(block, starts, ends)
+        return rapid_group(block.setup, block.modal, starts, ends)
     return RapidGroup(tuple(ends), tuple(ends.values()), wait, block.modal.carried)
 
 

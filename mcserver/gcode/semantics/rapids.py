@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from mcserver.gcode.semantics.block_state import BlockState
+from mcserver.gcode.semantics.block_state import Setup
+from mcserver.gcode.semantics.modal import ModalState
 from mcserver.motion.canonical import FeedGroup, RapidGroup
 from mcserver.motion.geometry.curves import LineCurve
 
@@ -14,7 +15,7 @@ _NO_TIME = math.inf
 
 
 def rapid_group(
-    block: BlockState, starts: Mapping[int, float], targets: Mapping[int, float]
+    setup: Setup, modal: ModalState, starts: Mapping[int, float], targets: Mapping[int, float]
 ) -> FeedGroup | RapidGroup:
     """Return G00 from ``starts`` to ``targets`` [m or rad], as the machine file has it.
 
@@ -25,10 +26,10 @@ def rapid_group(
     ends = tuple(targets.values())
     far = {axis: abs(end - starts[axis]) for axis, end in targets.items()}
     alone = sum(travel > 0.0 for travel in far.values()) < 2
-    known = block.setup.axes
-    if not block.setup.machine.dialect.straight_rapids or alone or any(known[axis].profiled for axis in axes):
-        return RapidGroup(axes, ends, True, block.modal.carried)
+    known = setup.axes
+    if not setup.machine.dialect.straight_rapids or alone or any(known[axis].profiled for axis in axes):
+        return RapidGroup(axes, ends, True, modal.carried)
     length = math.hypot(*far.values())
     slowest = max(travel / known[axis].max_velocity for axis, travel in far.items())
     curve = LineCurve(axes, tuple(starts[axis] for axis in axes), ends, length)
-    return FeedGroup((curve,), _NO_TIME, speed=length / slowest, carried=block.modal.carried)
+    return FeedGroup((curve,), _NO_TIME, speed=length / slowest, carried=modal.carried)

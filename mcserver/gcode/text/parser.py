@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from mcserver.errors import Diagnostic, Edit
-from mcserver.gcode.fast_path.short_form import SimpleBlock, read_simple_block
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.text.command_table import CommandSpec
 from mcserver.gcode.text.grammar import group_commands
 from mcserver.gcode.text.profile_words import ProfileWords
-from mcserver.gcode.text.scanner import Scan, Token, quick_scan, scan, token_spans
+from mcserver.gcode.text.scanner import Scan, Token, scan, token_spans
 from mcserver.gcode.text.source import BOM
 from mcserver.gcode.text.syntax import Command, Group
 from mcserver.gcode.text.words import AXIS_LETTERS, LARGEST, MAX_AXIS, Word
@@ -20,17 +19,15 @@ class ParsedLine:
     Attributes:
         number: of the line, from 1.
         text: as written.
-        simple: the line as a `SimpleBlock` if it is one, else None.
         faults: its faults of text and grammar; empty from `parse_line`.
         profile: what it says besides, on machines whose dialect has more than the reference.
     """
 
-    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "profile", "simple", "text")
+    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "profile", "text")
 
-    def __init__(self, number: int, text: str, scanned: Scan, simple: SimpleBlock | None) -> None:
+    def __init__(self, number: int, text: str, scanned: Scan) -> None:
         self.number = number
         self.text = text
-        self.simple = simple
         self.faults: tuple[Diagnostic, ...] = ()
         self.profile: ProfileWords | None = None
         self._scan = scanned
@@ -47,7 +44,7 @@ class ParsedLine:
     @property
     def blank(self) -> bool:
         """Return True if the line holds no code."""
-        return self.simple is None and not self.groups and self.profile is None
+        return not self.groups and self.profile is None
 
     def span(self, first: int, last: int | None = None) -> Span:
         """Return the columns of token ``first``, or from there to token ``last``: from 1, end exclusive."""
@@ -143,19 +140,9 @@ def scan_line(text: str, number: int) -> ParsedLine:
     """Parse a line and keep its faults in `ParsedLine.faults`, for callers that read on after a fault."""
     if number == 1:
         text = text.removeprefix(BOM)
-    # most lines of most programs are simple blocks: they pay for nothing else
-    quick = quick_scan(text)
-    if quick is not None:
-        simple = read_simple_block(quick.tokens)
-        if simple is not None:
-            return ParsedLine(number, text, quick, simple)
     faults = FaultList(number)
     scanned = scan(text, faults)
-    if quick is None and not faults.found and scanned.spans is None:
-        simple = read_simple_block(scanned.tokens)
-        if simple is not None:
-            return ParsedLine(number, text, scanned, simple)
-    parsed = ParsedLine(number, text, scanned, None)
+    parsed = ParsedLine(number, text, scanned)
     parsed.analyse(faults)
     return parsed
 

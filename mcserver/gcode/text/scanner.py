@@ -32,14 +32,6 @@ class Scan(msgspec.Struct, frozen=True):
     spans: list[Span] | None = None
 
 
-def quick_scan(text: str) -> Scan | None:
-    """Tokenize a line of ASCII without comments and without a check for faults; None for any other."""
-    if "(" in text or ";" in text or not text.isascii():
-        return None
-    code = text.upper()
-    return Scan(code, TOKEN.findall(code))
-
-
 def scan(text: str, faults: FaultList) -> Scan:
     """Tokenize a line; report every lexical fault to ``faults`` and put a best guess in its place (D-01)."""
     code = text

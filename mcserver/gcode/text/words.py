@@ -7,9 +7,18 @@ from types import MappingProxyType
 
 import msgspec
 
+from mcserver.machine.dialect_section import Dialect
+
 AXIS_LETTERS: Mapping[str, int] = MappingProxyType(
     {"X": 0, "Y": 1, "Z": 2, "A": 3, "B": 4, "C": 5, "U": 0, "V": 1, "W": 2}
 )
+
+
+def axis_letters(dialect: Dialect) -> dict[str, int]:
+    """Return the axis that each letter names on a machine with this dialect."""
+    return {**AXIS_LETTERS, **dialect.letters}
+
+
 INCREMENTAL_LETTERS = frozenset("UVW")
 LETTERS = frozenset("ABCFGIJKMNPRTUVWXYZ")
 MAX_AXIS = 63

@@ -1,0 +1,126 @@
+"""Lines in columns give what single lines give in every profile: S, E, further axes, rapids."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mcserver.errors import Diagnostic
+from mcserver.gcode.fast_path.run_state import MIN_LINES
+from mcserver.gcode.program_check import check_program
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.machine.machine_file import Machine, parse_machine
+from tests.gcode.test_runs import by_runs, line_by_line
+
+AXES = "".join(
+    f'[[axis]]\nindex = {index}\ntype = "{kind}"\nmax_velocity = {speed}\nmax_acceleration = 1000.0\n'
+    "min_position = -60\nmax_position = 60\n"
+    for index, kind, speed in (
+        *((0, "linear", 100.0), (1, "linear", 90.0), (2, "linear", 20.0)),
+        *((3, "rotary", 90.0), (6, "linear", 50.0), (7, "linear", 50.0)),
+    )
+)
+KINDS = {
+    "mill": 'profile = "cnc"\nletters = { U = 7 }',
+    "straight": 'profile = "cnc"\nrapids = "straight"',
+    "spindle": 'profile = "cnc"\nspindle_axis = 6',
+    "printer": 'profile = "printer"\nletters = { E = 6 }',
+    "no extruder": 'profile = "printer"',
+    "robot": 'profile = "robot"',
+    "letters": "letters = { E = 6 }",
+}
+WORDS = ("X", "Y", "Z", "A", "E", "U", "[6]", "[7]", "S", "F", "I", "J", "R", "H", "D", "x")
+SHAPES = ("X", "XY", "YX", "XYZ", "Z", "XE", "E", "XYE", "A", "XA", "U", "XU")
+STATES = (
+    *("G91", "G90", "M83", "M82", "G20", "G21", "G54", "G92 X5", "G55", "M3", "M5", "G93 F30", "G94 F500"),
+    *("G99", "G98", "G61", "G64 P0.1", "G17", "G18", "S500", "G4 P0.1", "G81 Z-1 R1 F100", "G80", "G28"),
+)
+
+
+def machine_of(kind: str) -> Machine:
+    return parse_machine(f'[machine]\nname = "m"\n[dialect]\ncapture = "program"\n{KINDS[kind]}\n{AXES}')
+
+
+def line(random: Random, letters: str) -> str:
+    """A line of motion of the usual words, now and then of an odd one."""
+    numbers = (0, 1, 2.5, -3, 0.125, random.uniform(-9, 9))
+    words = [f"{letter}{random.choice(('', ' '))}{random.choice(numbers):.4g}" for letter in letters]
+    words += [f"S{random.randrange(9) * 100}"] * (random.random() < 0.3)
+    words += [f"F{random.choice((0.2, 60, 900))}"] * (random.random() < 0.3)
+    if random.random() < 0.02:
+        words.append(f"{random.choice(WORDS)}{random.randrange(-3, 4)}")
+    code = random.choice(("", "", "G1 ", "G01", "g1", "G0 ", "G00"))
+    number = f"N{random.randrange(99)} " if random.random() < 0.2 else ""
+    return (
+        number + code + random.choice((" ", "")).join(words) + random.choice(("", "", "", " ; said", "(x)"))
+    )
+
+
+@st.composite
+def programs(draw: st.DrawFn) -> list[str]:
+    random = Random(draw(st.integers(0, 2**32)))
+    shapes = draw(
+        st.lists(
+            st.sampled_from(["X", "XY", "YX", "XYZ", "Z", "XE", "E", "XYE", "A", "XA", "U", "XU"]),
+            min_size=1,
+            max_size=3,
+        )
+    )
+    lines = ["G1 F600 X0"]
+    for _ in range(draw(st.integers(1, 3))):
+        lines += [
+            line(random, random.choice(shapes)) for _ in range(random.randrange(MIN_LINES, 4 * MIN_LINES))
+        ]
+        lines += random.sample(STATES, random.randrange(3))
+    return lines
+
+
+@settings(max_examples=200, deadline=None)
+@given(programs(), st.sampled_from(sorted(KINDS)))
+def test_columns_and_single_lines_are_equal_in_every_profile(texts: list[str], kind: str) -> None:
+    machine = machine_of(kind)
+    quick, general = Interpreter(machine), Interpreter(machine)
+    values, faults = by_runs(quick, texts)
+    expected, expected_faults = line_by_line(general, texts)
+    assert repr(values) == repr(expected)
+    assert faults == expected_faults
+    assert quick.modal == general.modal
+    assert quick.frame == general.frame
+    assert repr(quick.positions) == repr(general.positions)
+
+
+class _OneByOne(Interpreter):
+    def run_window(self, number: int) -> int:  # noqa: ARG002
+        return 0
+
+
+@settings(max_examples=100, deadline=None)
+@given(programs(), st.sampled_from(sorted(KINDS)))
+def test_a_check_says_the_same_of_both(texts: list[str], kind: str) -> None:
+    machine, text = machine_of(kind), "\n".join(texts)
+    found = check_program(text, machine)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mcserver.gcode.program_check.Interpreter", _OneByOne)
+        expected: list[Diagnostic] = check_program(text, machine)
+    assert found == expected
+
+
+@pytest.mark.parametrize(
+    ("kind", "lines"),
+    [
+        ("mill", [f"G1 X{at} S{at * 10}" for at in range(40)]),
+        ("printer", [f"N{at}G1X{at}Y{at % 3}E{at / 10}F900" for at in range(40)]),
+        ("no extruder", [f"{'G0' if at % 4 else 'G1'} X{at} E{at / 10}" for at in range(40)]),
+        ("mill", [f"{'XYZ'[at % 3]}{at / 10} (said)" for at in range(40)]),
+        ("mill", [f"{'G0' if at % 2 else 'G1'} X{at} A{at}" for at in range(40)]),
+    ],
+)
+def test_lines_of_usual_posts_are_read_in_columns(kind: str, lines: list[str]) -> None:
+    interpreter = Interpreter(machine_of(kind))
+    interpreter.interpret_text("G1 F600 X0", 1)
+    found = interpreter.interpret_run(lines, 2)
+    assert found is not None
+    assert found.taken == min(len(lines), interpreter.run_window(2), 32)
