@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from mcserver.cli.console import json_answer_on_error, narration, results, write_json
+from mcserver.cli.console import json_answer_on_error, narration, results, write_json, write_text
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption
 from mcserver.errors import ConfigurationError, NobodyAnswers, ServiceError
@@ -105,11 +105,15 @@ def check(
         str | None,
         typer.Option("--router", metavar="E", help="The router's endpoint, such as tls/127.0.0.1:7447."),
     ] = None,
+    table: Annotated[
+        bool, typer.Option("--table", help="Print what passed, by method and role, as Markdown.")
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """Try at the running router what each machine and user may do and may not. Nothing moves."""
     with json_answer_on_error(json):
-        from mcserver.security.proof import prove
+        from mcserver.net.method_pages import roles_table
+        from mcserver.security.proof import passed_methods, prove
         from mcserver.security.site_files import read_site
 
         site = read_site(folder)
@@ -127,6 +131,8 @@ def check(
             for each in findings
         ]
         write_json({"ok": not wrong, "attempts": tried, "ending": ending})
+    elif table:
+        write_text("\n".join(roles_table(passed_methods(findings, site))) + "\n")
     else:
         results().print(summary(findings))
         for each in wrong:

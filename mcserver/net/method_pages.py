@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from mcserver.net.method_table import METHODS
@@ -27,6 +28,7 @@ class Place(NamedTuple):
 
 CALLS = Place("wire/calls.md", "methods")
 ROLES = Place("security.md", "roles")
+DESCRIBED: Mapping[str, Roles] = MappingProxyType({method.name: method.roles for method in METHODS})
 
 
 def calls_table() -> list[str]:
@@ -42,8 +44,12 @@ def calls_table() -> list[str]:
     ]
 
 
-def roles_table() -> list[str]:
-    """Return who may call what, a row for each set of roles."""
+def roles_table(roles_of: Mapping[str, Roles] = DESCRIBED) -> list[str]:
+    """Return who may call what, a row for each set of roles.
+
+    Args:
+        roles_of: by method; those of the table, or those that attempts have shown.
+    """
     return [
         f"| | {' | '.join(role.value for role in Role)} |",
         "|---|" + "---|" * len(Role),
@@ -51,7 +57,7 @@ def roles_table() -> list[str]:
             f"| {', '.join(f'`{name}`' for name in names)} | "
             + " | ".join("yes" if role in roles else "" for role in Role)
             + " |"
-            for roles, names in _by_roles()
+            for roles, names in _by_roles(roles_of)
         ),
     ]
 
@@ -79,11 +85,11 @@ def write(docs: Path) -> None:
         page.write_text(written(page.read_text("utf-8"), place), "utf-8")
 
 
-def _by_roles() -> Iterator[tuple[Roles, list[str]]]:
+def _by_roles(roles_of: Mapping[str, Roles]) -> Iterator[tuple[Roles, list[str]]]:
     """Yield sets of roles with their methods, the widest first."""
     found: dict[Roles, list[str]] = {}
-    for method in METHODS:
-        found.setdefault(method.roles, []).append(method.name)
+    for name, roles in roles_of.items():
+        found.setdefault(roles, []).append(name)
     yield from sorted(found.items(), key=lambda item: -len(item[0]))
 
 

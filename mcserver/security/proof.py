@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -85,6 +85,21 @@ def prove(folder: Path, site: Site, router: str | None = None) -> Iterator[Findi
                     yield from _prove_user(user, name, users[user.name], own, watcher)
         for user in site.users:
             yield _admin(user, users[user.name])
+
+
+def passed_methods(findings: Iterable[Finding], site: Site) -> dict[str, frozenset[Role]]:
+    """Return which roles got a method's call through, for every method, in the order of the table.
+
+    Only machines that the user's role holds for count.
+    """
+    passed: dict[str, set[Role]] = {method.name: set() for method in METHODS}
+    users = {user.name: user for user in site.users}
+    for each in findings:
+        machine, _, method = each.what.partition(": ")
+        user = users.get(each.who)
+        if each.passed and user is not None and method in passed and _is_here(user, machine):
+            passed[method].add(user.role)
+    return {name: frozenset(roles) for name, roles in passed.items()}
 
 
 def _prove_machine(

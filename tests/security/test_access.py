@@ -14,7 +14,8 @@ import zenoh
 
 from mcserver.machine.machine_file import Machine as MachineFile
 from mcserver.net.configuration import NetworkOptions
-from mcserver.security.proof import prove
+from mcserver.net.method_pages import roles_table
+from mcserver.security.proof import passed_methods, prove
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
 from tests.security.conftest import MACHINE, RunningSite
@@ -43,6 +44,8 @@ def test_every_identity_may_what_its_role_says_and_nothing_else(site: RunningSit
     # all roles have been tried, in both directions
     assert {each.who for each in findings if each.allowed} == {"alice", "bob", "eve", "bot"}
     assert {each.who for each in findings if not each.allowed} >= {"alice", "bob", "bot", "machine.bench"}
+    # what passed at the router, method by method, is the page's table
+    assert roles_table(passed_methods(findings, site.site)) == roles_table()
 
 
 async def test_a_program_runs_through_the_router_and_says_who_ran_it(
