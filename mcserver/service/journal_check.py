@@ -200,10 +200,11 @@ def examine(content: JournalContent, record: CommitCount | None) -> Findings:
     Raises:
         ServiceError: MC520 programs are lost whose ids cannot be told.
     """
-    damage = [problem for problem in [content.structure_damage()] if problem]
+    structure = content.structure_damage()
+    damage = [structure] if structure else []
     sums, sums_sound = _read_sums(content)
     counted: dict[str, Sum] = defaultdict(Sum)
-    parts, wrong = _read_parts(content)
+    sums_by_program, wrong = _read_program_sums(content)
     programs: dict[str, Row] = {}
     for _, row, sound in content.rows("programs"):
         program = str(row["program"])
@@ -220,7 +221,9 @@ def examine(content: JournalContent, record: CommitCount | None) -> Findings:
                 counted[table] = counted[table].with_row(_checksum(row.values()))
             else:
                 wrong.add("")
-    named = {each for each in {*programs, *parts, *wrong, *content.programs_of_indexes()} if _is_id(each)}
+    named = {
+        each for each in {*programs, *sums_by_program, *wrong, *content.programs_of_indexes()} if _is_id(each)
+    }
     if content.version != SCHEMA_VERSION:
         lost = sorted(filter(_is_id, wrong))
         if wrong or content.broken:
@@ -239,12 +242,16 @@ def examine(content: JournalContent, record: CommitCount | None) -> Findings:
         program
         for program, row in programs.items()
         if program not in wrong
-        and _parts_of(row) == parts.get(program, (Sum(), Sum()))
+        and _sums_of(row) == sums_by_program.get(program, (Sum(), Sum()))
         # what has not ended may have been further than a row says that is not the last one
         and not (unsure and row["ended_at"] is None)
     }
-    expected = sums.get("programs", Sum()).rows if sums_sound else None
-    if damage and (expected is None or len(named) < expected) and (unsure or wrong or content.broken):
+    if sums_sound:
+        expected = sums["programs"].rows
+    else:
+        # where the structure is sound, the table has as many rows as its index
+        expected = 0 if not structure and "programs" not in content.broken else len(named) + 1
+    if len(named) < expected:
         raise ServiceError(
             "MC520",
             "the journal is damaged, and which programs it has lost cannot be told",
@@ -266,7 +273,7 @@ def _read_sums(content: JournalContent) -> tuple[dict[str, Sum], bool]:
     return found, whole and set(found) == {*COUNTED, COMMITS}
 
 
-def _read_parts(content: JournalContent) -> tuple[dict[str, tuple[Sum, Sum]], set[str]]:
+def _read_program_sums(content: JournalContent) -> tuple[dict[str, tuple[Sum, Sum]], set[str]]:
     """Sums of the chunks and the reports of each program, and the programs that have wrong ones."""
     found: dict[str, tuple[Sum, Sum]] = {}
     wrong: set[str] = set()
@@ -282,7 +289,7 @@ def _read_parts(content: JournalContent) -> tuple[dict[str, tuple[Sum, Sum]], se
     return found, wrong
 
 
-def _parts_of(program: Row) -> tuple[Sum, Sum]:
+def _sums_of(program: Row) -> tuple[Sum, Sum]:
     chunks = Sum(int(str(program["chunk_rows"])), int(str(program["chunk_sum"])))
     return chunks, Sum(int(str(program["report_rows"])), int(str(program["report_sum"])))
 

@@ -138,11 +138,11 @@ def _seals() -> Iterator[str]:
             ("UPDATE OF crc", "NEW", 0, "NEW.crc-OLD.crc"),
         ):
             if table in _OF_PROGRAM:
-                part = _OF_PROGRAM[table]
+                prefix = _OF_PROGRAM[table]
                 taken = ", accepted=max(accepted, NEW.last)" if (table, count) == ("chunks", 1) else ""
                 counted = (
-                    f"UPDATE programs SET {part}_rows={part}_rows+{count}, {part}_sum={part}_sum+({crc})"
-                    f"{taken} WHERE program={row}.program"
+                    f"UPDATE programs SET {prefix}_rows={prefix}_rows+{count},"
+                    f" {prefix}_sum={prefix}_sum+({crc}){taken} WHERE program={row}.program"
                 )
             else:
                 sums = f"rows+{count}", f"total+({crc})"

@@ -33,7 +33,7 @@ NAMED = 20
 # of a database: SQLite takes what is shorter for a new one, and writes over it
 LEAST_BYTES = 512
 COPIED = ("starts", "programs", "chunks", "reports", "faults", "commands")
-_SUMS_OF_PARTS = ("chunk_rows", "chunk_sum", "report_rows", "report_sum")
+_SUM_COLUMNS = ("chunk_rows", "chunk_sum", "report_rows", "report_sum")
 
 
 class Damage(msgspec.Struct, frozen=True):
@@ -92,6 +92,8 @@ def prepare_journal(path: Path) -> Damage | None:
     """
     record = read_commit_record(path)
     try:
+        if path.is_dir():
+            raise refusal(path, "it is a folder")
         size = path.stat().st_size if path.exists() else 0
         if size < LEAST_BYTES and (record is not None or not size):
             return _gone(path, record)
@@ -103,9 +105,9 @@ def prepare_journal(path: Path) -> Damage | None:
             found = examine(content, record)
             if content.version == SCHEMA_VERSION and not found.damage:
                 return None
-            made = _copied(content, found, path)
+            rebuilt = _copied(content, found, path)
         kept = _kept_name(path) if found.damage else None
-        _put_in_place(path, made, kept)
+        _put_in_place(path, rebuilt, kept)
         CommitRecord(path, found.commits, found.lost).close()
     except (OSError, sqlite3.Error) as error:
         raise ServiceError(
@@ -129,28 +131,28 @@ def _gone(path: Path, record: CommitCount | None) -> Damage | None:
 
 def _copied(content: JournalContent, found: Findings, path: Path) -> Path:
     """Write a new database with all that is right."""
-    made = Path(f"{path}.new")
+    rebuilt = Path(f"{path}.new")
     for suffix in ("", "-wal", "-shm"):
-        Path(f"{made}{suffix}").unlink(missing_ok=True)
-    with contextlib.closing(open_journal(made)) as connection, transaction(connection):
+        Path(f"{rebuilt}{suffix}").unlink(missing_ok=True)
+    with contextlib.closing(open_journal(rebuilt)) as connection, transaction(connection):
         for table in COPIED:
             for number, row, sound in content.rows(table):
                 if not sound or (table in _OF_PROGRAMS and row["program"] not in found.kept):
                     continue
-                values = {name: row[name] for name in content.names[table] if name not in _SUMS_OF_PARTS}
+                values = {name: row[name] for name in content.names[table] if name not in _SUM_COLUMNS}
                 connection.execute(*insertion(table, id=number, **values))
         connection.execute("UPDATE sums SET rows=? WHERE of=?", (found.commits, COMMITS))
         checksum = row_checksum(COMMITS, found.commits, 0)
         connection.execute("UPDATE sums SET crc=? WHERE of=?", (checksum, COMMITS))
-    with open(made, "rb") as file:
+    with open(rebuilt, "rb") as file:
         os.fsync(file.fileno())
-    return made
+    return rebuilt
 
 
 _OF_PROGRAMS = ("programs", "chunks", "reports")
 
 
-def _put_in_place(path: Path, made: Path, kept: Path | None) -> None:
+def _put_in_place(path: Path, rebuilt: Path, kept: Path | None) -> None:
     """Replace a database, whose log must be gone before: it would be taken for the new one's."""
     if kept is None:
         with contextlib.closing(sqlite3.connect(path)) as connection:
@@ -162,7 +164,7 @@ def _put_in_place(path: Path, made: Path, kept: Path | None) -> None:
                 shutil.copy2(source, target)
             else:
                 source.replace(target)
-    os.replace(made, path)
+    os.replace(rebuilt, path)
 
 
 def _files(path: Path, kept: Path) -> list[tuple[Path, Path]]:
