@@ -15,6 +15,7 @@ import msgspec
 import zenoh
 
 from mcserver.errors import ConfigurationError
+from mcserver.net.qos import reply_qos
 
 DEFAULT_LISTEN = ("tcp/127.0.0.1:7447",)
 LEASE_MS = 2000
@@ -34,9 +35,14 @@ SETTINGS: dict[str, object] = {
     "transport/link/tx/lease": LEASE_MS,
     # a full queue costs this long at most for what may be dropped …
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
-    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1000,
+    # only replies are larger than a batch of 64 KiB; they wait in threads of their own
+    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 500_000,
     # … and a client that takes no answer for this long loses its link
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
+    "qos/network": reply_qos(),
+    # replies wait in queues of their own, large ones apart from those to orders; these do not wait for room
+    "transport/link/tx/queue/size/interactive_high": 16,
+    "transport/link/tx/queue/size/interactive_low": 16,
     # connections that say nothing: with Zenoh's 100 for 10 s, a hundred of them keep everybody else out
     "transport/unicast/accept_pending": 2000,
     "transport/unicast/accept_timeout": 2000,

@@ -8,6 +8,8 @@ from __future__ import annotations
 import msgspec
 import zenoh
 
+from mcserver.net.method_table import METHODS
+
 
 class Qos(msgspec.Struct, frozen=True):
     """Priority, congestion control, express and reliability of one publication."""
@@ -36,6 +38,31 @@ def state_qos() -> Qos:
 
 def axis_qos() -> Qos:
     return Qos(zenoh.Priority.BACKGROUND, reliability=zenoh.Reliability.BEST_EFFORT)
+
+
+def reply_qos() -> list[dict[str, object]]:
+    """Zenoh's ``qos/network`` for replies, which have the quality of service of their query.
+
+    A reply that waited for room in a link that nobody reads would keep one of Zenoh's threads from others,
+    and at a router the link of the machine from all other callers: it is dropped, and its caller asks again.
+    Methods that only read may have large replies; their queue is another one than that of orders and states.
+    """
+    prompt = [method.name for method in METHODS if method.changes or method.name in ("status", "info")]
+    bulky = [method.name for method in METHODS if method.name not in prompt]
+    calls = {
+        "replies": ([f"mc/@v1/*/@rpc/*/{name}" for name in prompt] + ["mc/@v1/*/info"], {}),
+        "large-replies": ([f"mc/@v1/*/@rpc/*/{name}" for name in bulky], {"priority": "interactive_low"}),
+    }
+    return [
+        {
+            "id": name,
+            "messages": ["query"],
+            "flows": ["ingress"],
+            "key_exprs": keys,
+            "overwrite": {"congestion_control": "drop", **overwritten},
+        }
+        for name, (keys, overwritten) in calls.items()
+    ]
 
 
 def emergency_stop_qos() -> Qos:

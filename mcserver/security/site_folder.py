@@ -18,6 +18,7 @@ from typing import Any
 import msgspec
 
 from mcserver.errors import ConfigurationError
+from mcserver.net.qos import reply_qos
 from mcserver.security.access import access_control
 from mcserver.security.certificates import Credentials, new_authority, new_identity
 from mcserver.security.site import Site, checked, machine_identity
@@ -146,7 +147,14 @@ def _router(folder: Path, site: Site, authority: Credentials, own: Credentials) 
                 "lease": 2000,
                 # a client that takes nothing for so long loses its link: until then it holds up its machine's
                 # messages to others
-                "queue": {"congestion_control": {"block": {"wait_before_close": 500_000}}},
+                "queue": {
+                    "congestion_control": {
+                        "block": {"wait_before_close": 500_000},
+                        # for so long at most a large reply that its caller does not take does the same
+                        "drop": {"wait_before_drop": 100, "max_wait_before_drop_fragments": 20_000},
+                    },
+                    "size": {"interactive_high": 16, "interactive_low": 16},
+                },
             },
             "tls": {
                 "root_ca_certificate_base64": _base64(authority.certificate),
@@ -165,6 +173,7 @@ def _router(folder: Path, site: Site, authority: Credentials, own: Credentials) 
         "timestamping": {"enabled": True},
         "adminspace": {"enabled": True, "permissions": {"read": True, "write": False}},
         "transport": transport,
+        "qos": {"network": reply_qos()},
         "access_control": access_control(site),
     }
 
