@@ -84,7 +84,7 @@ async def test_who_stops_reading_costs_nobody_else_a_call(
                     calls += asked.done()
                 else:
                     lost += 1
-        # behind a router small replies share a queue with the flood's: one may find no room, and is asked again
+        # behind a router small replies share a queue with the flood's, where one may find no room
         assert lost <= (2 if router is not None and method == "status" else 0)
     finally:
         await honest.close()
