@@ -1,5 +1,6 @@
 """Inputs without end: ``make fuzz ARGS="--seconds 3600 --seed 1"``; ``--inputs 1000000``; ``--target EDS``.
 
+``--target port``: raw bytes at the port of a server that runs a program, a target of its own.
 What is found is printed with the seed and the number of its input, and written to a file; it becomes a test.
 """
 
@@ -13,6 +14,7 @@ import traceback
 from collections import Counter
 from pathlib import Path
 
+from tests.fuzz import port
 from tests.fuzz.mutation import mutated
 from tests.fuzz.targets import Target, targets
 
@@ -48,6 +50,8 @@ def main() -> int:
     options.add_argument("--target", default="")
     options.add_argument("--findings", type=Path, default=Path("out/fuzz"))
     chosen = options.parse_args()
+    if chosen.target == "port":
+        return port.run(chosen.seconds, chosen.inputs, chosen.seed)
     available = {name: each for name, each in targets().items() if chosen.target in ("", name)}
     started = reported = time.monotonic()
     counts: Counter[str] = Counter()

@@ -1,0 +1,242 @@
+"""Raw bytes at the port of `mcserver run` while a program runs: ``make fuzz ARGS="--target port"``.
+
+Noise, handshakes of a real client with changes, replayed or changed on their way, connections that say
+nothing or something slowly, and lengths that never come. The program has to go on, the server has to answer
+between the inputs, and its processes have to be the same at the end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import socket
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import msgspec
+import zenoh
+
+from tests.bench.server import client_config
+from tests.e2e.conftest import slower
+from tests.e2e.servers import ServerProcess
+from tests.fuzz.mutation import mutated
+
+ANSWER_S = 5.0
+TRIES = 6
+LOOK_EVERY = 25
+OPEN_AT_ONCE = 200
+PROGRAM = ["G1010 P0", *["G01 X5 F3000", "G01 X0"] * 5000]
+FAILURES = ("Traceback", "panicked", "MC516", "MC019")
+
+
+class Machine:
+    """A server whose program runs, and a client of it that watches."""
+
+    def __init__(self, server: ServerProcess) -> None:
+        self.server = server
+        self.address = ("127.0.0.1", int(server.endpoint.rpartition(":")[2]))
+        self._session = zenoh.open(client_config(server.endpoint))
+        self._numbers = iter(range(1, 1 << 40))
+        self._program = ""
+        self.processes = (server.pid, *server.executors())
+
+    def ask(self, method: str, **fields: Any) -> dict[str, Any]:
+        """Call a method; again where no answer comes.
+
+        Raises:
+            TimeoutError: none came to any of several.
+        """
+        payload = msgspec.msgpack.encode({"request": next(self._numbers), **fields})
+        for _ in range(TRIES):
+            replies = self._session.get(
+                f"mc/@v1/cell/@rpc/fuzz-watcher/{method}", payload=payload, timeout=ANSWER_S
+            )
+            for reply in replies:
+                if reply.ok is not None:
+                    answer: dict[str, Any] = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
+                    return answer
+        raise TimeoutError(f"{method} was not answered")
+
+    def look(self) -> str:
+        """See that the server answers and the program runs; what is wrong, empty: nothing."""
+        try:
+            if not self._program:
+                self._program = self.ask("open", axes=[0])["program"]
+                self.ask("submit", program=self._program, first=1, lines=PROGRAM)
+            (program,) = self.ask("programs", program=self._program)["programs"]
+            status = self.ask("status")
+        except TimeoutError as error:
+            return str(error)
+        if program["state"] == "finished":
+            self._program = ""
+        elif program["state"] not in ("running", "waiting"):
+            return f"the program is {program['state']}"
+        if status["state"] != "ready":
+            return f"the machine is in {status['state']}"
+        if (self.server.pid, *self.server.executors()) != self.processes:
+            return "a process was replaced"
+        said = "".join(self.server.said)
+        return next((f"the server said {word}:\n{said[-3000:]}" for word in FAILURES if word in said), "")
+
+    def close(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+class Middle(threading.Thread):
+    """Carries one client's connection to the server, and changes what the client sends from a piece on.
+
+    Args:
+        draw: of the changes; None: only records. untouched: pieces that pass as they are.
+    """
+
+    def __init__(self, address: tuple[str, int], draw: random.Random | None, untouched: int) -> None:
+        super().__init__(daemon=True)
+        self.pieces: list[bytes] = []
+        self._address = address
+        self._draw = draw
+        self._untouched = untouched
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener.settimeout(ANSWER_S)
+        self.endpoint = f"tcp/127.0.0.1:{self._listener.getsockname()[1]}"
+
+    def run(self) -> None:
+        with self._listener, contextlib.suppress(OSError):
+            client, _ = self._listener.accept()
+            with client, socket.create_connection(self._address) as server:
+                back = threading.Thread(target=_carry, args=(server, client), daemon=True)
+                back.start()
+                while piece := client.recv(65536):
+                    self.pieces.append(piece)
+                    if self._draw is not None and len(self.pieces) > self._untouched:
+                        piece = mutated(self._draw, [piece])
+                    server.sendall(piece)
+
+
+def _carry(source: socket.socket, sink: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        while piece := source.recv(65536):
+            sink.sendall(piece)
+
+
+def talk(endpoint: str) -> None:
+    """What a client says: it connects, asks, puts and listens."""
+    config = client_config(endpoint)
+    config.insert_json5("connect/timeout_ms", "300")
+    with contextlib.suppress(zenoh.ZError), zenoh.open(config) as session:
+        session.liveliness().declare_token("mc/@v1/cell/client/fuzzed")
+        session.declare_subscriber("mc/@v1/cell/tele/**", lambda _: None)
+        session.put("mc/@v1/cell/in/fuzzed/p-1", msgspec.msgpack.encode([1, ["G01 X1"]]))
+        for key in ("mc/@v1/cell/info", "mc/@v1/cell/@rpc/fuzzed/status"):
+            session.get(key, lambda _: None, timeout=0.2)
+        time.sleep(0.02)
+
+
+class Inputs:
+    """One input after the other, of all kinds."""
+
+    def __init__(self, address: tuple[str, int], seed: int) -> None:
+        self.counts: Counter[str] = Counter()
+        self._address = address
+        self._seed = seed
+        self._open: list[socket.socket] = []
+        recorded = Middle(address, None, 0)
+        recorded.start()
+        talk(recorded.endpoint)
+        self._said = recorded.pieces
+        self._kinds: tuple[Callable[[random.Random], None], ...] = (
+            self._noise,
+            self._replayed,
+            self._replayed,
+            self._changed,
+            self._changed,
+            self._silent,
+            self._slow,
+            self._long,
+        )
+
+    def send(self, number: int) -> str:
+        """Send one input, the same for the same seed but for what the server answers; gives its kind."""
+        draw = random.Random(f"{self._seed}/port/{number}")
+        kind = draw.choice(self._kinds)
+        with contextlib.suppress(OSError):
+            kind(draw)
+        self.counts[kind.__name__] += 1
+        while len(self._open) > OPEN_AT_ONCE:
+            self._open.pop(draw.randrange(len(self._open))).close()
+        return kind.__name__
+
+    def close(self) -> None:
+        for each in self._open:
+            each.close()
+
+    def _connected(self) -> socket.socket:
+        made = socket.create_connection(self._address, timeout=ANSWER_S)
+        self._open.append(made)
+        return made
+
+    def _noise(self, draw: random.Random) -> None:
+        self._connected().sendall(draw.randbytes(draw.randrange(1, 70_000)))
+
+    def _replayed(self, draw: random.Random) -> None:
+        connection = self._connected()
+        for piece in self._said:
+            connection.sendall(mutated(draw, [piece]) if draw.random() < 0.5 else piece)
+
+    def _changed(self, draw: random.Random) -> None:
+        middle = Middle(self._address, draw, draw.randrange(6))
+        middle.start()
+        talk(middle.endpoint)
+
+    def _silent(self, _: random.Random) -> None:
+        self._connected()
+
+    def _slow(self, draw: random.Random) -> None:
+        # one more byte for each connection that is open
+        for connection in self._open:
+            with contextlib.suppress(OSError):
+                connection.sendall(draw.randbytes(1))
+
+    def _long(self, draw: random.Random) -> None:
+        # a batch begins with its length
+        length = draw.choice((0, 1, 0x7FFF, 0xFFFF)).to_bytes(2, "little")
+        self._connected().sendall(length + draw.choice(self._said or [b""])[2:][: draw.randrange(1, 64)])
+
+
+@contextmanager
+def machine() -> Iterator[Machine]:
+    """A server of its own in a folder of its own."""
+    with TemporaryDirectory() as folder:
+        server = ServerProcess(Path(folder), slower(Path(folder), "cartesian"), "cell")
+        try:
+            server.start()
+            made = Machine(server)
+            yield made
+            made.close()
+        finally:
+            server.close()
+
+
+def run(seconds: float, inputs: int, seed: int) -> int:
+    """Send inputs for a time, or so many; the exit code: 1 where something was found."""
+    with machine() as watched:
+        wrong = watched.look()
+        sent = Inputs(watched.address, seed)
+        until = time.monotonic() + seconds
+        number = 0
+        while not wrong and (number < inputs if inputs else time.monotonic() < until):
+            sent.send(number)
+            number += 1
+            if number % LOOK_EVERY == 0:
+                wrong = watched.look()
+        sent.close()
+        wrong = wrong or watched.look()
+    for kind, count in sent.counts.items():
+        print(f"{count:10} inputs: port, {kind.strip('_')}")
+    print(f"{number:10} in all, seed {seed}: {wrong or 'the server answers, the program ran'}", flush=True)
+    return 1 if wrong else 0

@@ -1,0 +1,12 @@
+"""A short run of raw bytes at the listening port of a server that runs a program."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.fuzz import port
+
+
+@pytest.mark.timeout(600)
+def test_the_program_runs_and_the_server_answers_whatever_comes_at_its_port() -> None:
+    assert port.run(0.0, inputs=60, seed=0) == 0
