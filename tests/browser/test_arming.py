@@ -55,9 +55,10 @@ def test_an_operator_rejects_a_run_and_who_asked_reads_why(
 ) -> None:
     opened(page, site)
     with sync.Machine.connect("bench", server.endpoint) as agent:
-        run = agent.request_run(TEXT, "again")["run"]
-        part = page.locator(f'[data-run="{run["sha256"][:12]}"]')
-        expect(part).to_contain_text("leaves X, Y energized" if run["effects"] else "waits")
+        run = agent.request_run(TEXT, "again").run
+        assert run is not None
+        part = page.locator(f'[data-run="{run.sha256[:12]}"]')
+        expect(part).to_contain_text("leaves X, Y energized" if run.effects else "waits")
         expect(part.locator("table")).to_contain_text("mm/s")
         part.get_by_label("Reason").fill("the <b>vice</b> is open")
         part.get_by_role("button", name="Reject").click()
