@@ -303,7 +303,8 @@ class MachineService:
         found = await self.recovery.recorded(program_id)
         status = found.status
         start = status.done + 1 if line is None else line
-        if line is None and (status.state == "finished" or (found.whole and status.done >= status.accepted)):
+        finished = status.state == "finished" or (found.whole and status.done >= status.accepted)
+        if (line is None and finished) or (found.whole and start > status.accepted):
             raise Refused("MC517", f"{status.program} is done", "choose a line", state=status.state)
         program = await self.open(
             client,

@@ -268,7 +268,10 @@ class JobQueue:
         middle = job.middle
         if middle.program:
             return await machine.continue_program(
-                middle.program, line=job.from_line, way=middle.way, outputs=middle.outputs
+                # without a line: however often it is asked for, no line runs again
+                middle.program,
+                way=middle.way,
+                outputs=middle.outputs,
             )
         return await machine.program(
             job.name,

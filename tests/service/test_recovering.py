@@ -192,9 +192,10 @@ async def test_no_line_runs_again_and_the_call_goes_on_with_the_last_that_went_o
     await rig.until_ended(third)
     ended = lines_ended(cell.events, third.program)
     assert ended == [8, 9]
-    with pytest.raises(Refused) as refused:
-        await cell.service.continue_program("page", name)
-    assert refused.value.code == "MC517"
+    for line in (None, len(PART) + 1):
+        with pytest.raises(Refused) as refused:
+            await cell.service.continue_program("page", name, line)
+        assert refused.value.code == "MC517"
 
 
 def lines_ended(events: Sequence[Event], program: str) -> list[int]:

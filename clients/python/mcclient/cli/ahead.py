@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mcclient.cli.excerpt import show_diagnostics
+from mcclient.cli.go_on import OutputsChoice
 from mcclient.cli.options import Target
 from mcclient.cli.output import as_plain, say, write_json
 from mcclient.cli.progress import duration
@@ -39,6 +40,8 @@ class JobOptions:
     on_disconnect: OnDisconnectWord
     json: bool
     interactive: bool
+    way: bool = False
+    outputs: OutputsChoice | None = None
 
 
 class Ahead:

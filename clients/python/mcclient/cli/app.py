@@ -43,6 +43,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "programs": "look.programs",
         "watch": "watch.watch",
         "run": "run.run",
+        "continue": "go_on.continue_",
         "send": "send.send",
         "zero": "zero.zero",
         "console": "console.console",

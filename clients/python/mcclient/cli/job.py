@@ -11,6 +11,7 @@ from typing import Any
 
 from mcclient.cli.ahead import Ahead, JobOptions
 from mcclient.cli.excerpt import show_diagnostics
+from mcclient.cli.go_on import outputs_of
 from mcclient.cli.interrupt import Interrupts
 from mcclient.cli.output import error_as_json, exit_code_of, narration, say, show_error, write_json
 from mcclient.cli.progress import Display, LiveDisplay, NoDisplay, PlainDisplay, Snapshot, duration
@@ -130,6 +131,8 @@ class Job:
             before=before,
             step=options.step,
             sha256=self._ahead.sha256,
+            way=options.way,
+            outputs=outputs_of(options.outputs),
         )
         if recorder is not None:
             recorder.follow(program)
@@ -307,7 +310,7 @@ class Job:
         else:
             show_error(error)
         if isinstance(error, ProgramInterrupted):
-            say(f"  = here: mcctl run {self._source.path} --from-line {error.done + 1}")
+            say(f"  = here: mcctl continue {error.program}")
         if error is not None:
             result |= error_as_json(error)
         if self._options.json:

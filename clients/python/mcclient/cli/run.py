@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from mcclient.cli.ahead import JobOptions
+from mcclient.cli.go_on import OutputsOption, WayOption
 from mcclient.cli.job import Job
 from mcclient.cli.options import (
     AxesOption,
@@ -52,6 +53,8 @@ def run(
         OnDisconnectChoice,
         typer.Option("--on-disconnect", help="When this command goes away, stop the program or finish it."),
     ] = OnDisconnectChoice.STOP,
+    way: WayOption = False,
+    outputs: OutputsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run a program and follow it to its end.
@@ -68,6 +71,8 @@ def run(
             check=check,
             on_disconnect="finish" if on_disconnect is OnDisconnectChoice.FINISH else "stop",
             json=json,
+            way=way,
+            outputs=outputs,
             interactive=sys.stdin.isatty() and narration().is_terminal and file != "-",
         )
         if step and file == "-":
