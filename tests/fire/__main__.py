@@ -14,6 +14,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from tests.fire.disk import StallingDisk
 from tests.fire.fire import Fault, burn, make_server
 from tests.fire.link import MissingMeans, bad_link
 
@@ -31,7 +32,8 @@ def main() -> int:
     kinds = [Fault[chosen.fault]] if chosen.fault else list(Fault)
     try:
         with bad_link(chosen.seed) as link, tempfile.TemporaryDirectory() as folder:
-            server = make_server(link, Path(folder))
+            disk = StallingDisk(Path(folder))
+            server = make_server(link, Path(folder), disk)
             try:
                 server.start()
                 end = time.monotonic() + 60.0 * chosen.minutes
@@ -45,10 +47,10 @@ def main() -> int:
                     if fault is Fault.PLANNER_KILLED:
                         time.sleep(max(0.0, planner_again - time.monotonic()))
                         planner_again = time.monotonic() + PLANNER_EVERY_S
-                    outcome = burn(link, server, fault, chance)
+                    outcome = burn(link, server, fault, chance, disk)
                     shown = f"{outcome.state}, {outcome.accepted} accepted, {outcome.done} done"
                     print(
-                        f"{number:5} {fault.name:17} {shown}, at rest after {outcome.recovery_s:.1f} s",
+                        f"{number:5} {fault.name:26} {shown}, at rest after {outcome.recovery_s:.1f} s",
                         flush=True,
                     )
                     if outcome.wrong:

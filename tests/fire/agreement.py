@@ -32,9 +32,11 @@ class Journaled(msgspec.Struct, frozen=True):
 
 def read_journal(path: Path, program: str) -> Journaled:
     with contextlib.closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
-        state, started, done = connection.execute(
+        row = connection.execute(
             "SELECT state, started, done FROM programs WHERE program=?", (program,)
         ).fetchone()
+        # a server that was killed before it was written: nothing of it was accepted
+        state, started, done = row or (None, 0, 0)
         chunks = connection.execute(
             "SELECT first, last FROM chunks WHERE program=? ORDER BY id", (program,)
         ).fetchall()

@@ -19,6 +19,7 @@ import msgspec
 from mcserver.executor.process import SERVER_TIMEOUT_S
 from tests.e2e.servers import ROOT, ServerProcess, environment, wait_for_end
 from tests.fire.agreement import disagreement, read_journal
+from tests.fire.disk import StallingDisk
 from tests.fire.link import SERVER_ADDRESS, BadLink, Weather
 
 PORT = 17447
@@ -43,6 +44,8 @@ class Fault(enum.Enum):
     SERVER_KILLED = "server killed, and started again"
     PLANNER_STOPPED = "planner stopped for 0.2 to 4 s"
     PLANNER_KILLED = "planner killed"
+    DISK_STALLED = "the journal's disk stalls for 0.2 to 4 s"
+    DISK_STALLED_SERVER_KILLED = "it stalls, and the server is killed in that time and started again"
     EXECUTOR_STOPPED = "executor stopped for 0.05 to 1 s"
 
 
@@ -56,9 +59,13 @@ class Outcome(msgspec.Struct, frozen=True):
     recovery_s: float
 
 
-def burn(link: BadLink, server: ServerProcess, fault: Fault, chance: random.Random) -> Outcome:
+def burn(
+    link: BadLink, server: ServerProcess, fault: Fault, chance: random.Random, disk: StallingDisk
+) -> Outcome:
     """Run one program under a fault; the server runs before and after."""
-    lines = chance.randrange(20, 300)
+    stalls = fault in (Fault.DISK_STALLED, Fault.DISK_STALLED_SERVER_KILLED)
+    # long enough to be met by the stall
+    lines = chance.randrange(1000, 3000) if stalls else chance.randrange(20, 300)
     before = _at_rest(link, server)
     earlier = _last_program(server.journal)
     command = [
@@ -72,7 +79,12 @@ def burn(link: BadLink, server: ServerProcess, fault: Fault, chance: random.Rand
     ]
     client = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment(), cwd=ROOT)
     time.sleep(chance.uniform(0.3, 2.0))
-    killed_server = _disturb(fault, chance, link, server, client)
+    heard: dict[str, int] = {}
+    if stalls:
+        _wait_until_it_moves(server.journal, earlier, client)
+        killed_server = _stall(chance, link, server, disk, heard, kill=fault is not Fault.DISK_STALLED)
+    else:
+        killed_server = _disturb(fault, chance, link, server, client)
     gone = time.monotonic()
     if killed_server:
         server.wait()
@@ -93,6 +105,8 @@ def burn(link: BadLink, server: ServerProcess, fault: Fault, chance: random.Rand
     # simulated drives begin anew with the server
     moved = None if killed_server else position - before
     wrong = disagreement(said, lines, kept, moved)
+    if heard.get(program, 0) > kept.done:
+        wrong = wrong or f"its status said {heard[program]} lines done, the journal has {kept.done}"
     if fault is Fault.NOTHING and said["state"] != "finished":
         wrong = wrong or f"on a quiet link it ended {said}"
     return Outcome(wrong, str(kept.state), kept.accepted, kept.done, recovery)
@@ -139,6 +153,39 @@ def _disturb(
     return False
 
 
+def _wait_until_it_moves(journal: Path, earlier: str, client: subprocess.Popen[str]) -> None:
+    """Wait until the journal has lines of a new program that have ended, or its client has."""
+    while client.poll() is None:
+        program = _last_program(journal)
+        if program != earlier and read_journal(journal, program).done > 0:
+            return
+        time.sleep(0.05)
+
+
+def _stall(
+    chance: random.Random,
+    link: BadLink,
+    server: ServerProcess,
+    disk: StallingDisk,
+    heard: dict[str, int],
+    *,
+    kill: bool,
+) -> bool:
+    """Let the journal's disk stall, and note what the status says of programs; whether the server was
+    killed."""
+    disk.stall()
+    try:
+        time.sleep(chance.uniform(0.2, 4.0))
+        state = _ask(link, server)
+        if state is not None:
+            heard.update(state["done"])  # type: ignore[call-overload]
+        if kill:
+            os.kill(server.pid, signal.SIGKILL)
+    finally:
+        disk.go_on()
+    return kill
+
+
 def _pause(pid: int, seconds: float) -> None:
     with contextlib.suppress(ProcessLookupError):
         os.kill(pid, signal.SIGSTOP)
@@ -160,6 +207,7 @@ with zenoh.open(client_config(sys.argv[1])) as session:
             if reply.ok is not None:
                 last = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
 print(json.dumps({"axes": last["axes"]["position"], "state": last["state"],
+                  "done": {p["program"]: p["done"] for p in last["programs"]},
                   "open": [p["program"] for p in last["programs"] if p.get("ended_at") is None]}))
 """
 
@@ -196,7 +244,7 @@ def _last_program(journal: Path) -> str:
     return str(found[0]) if found else ""
 
 
-def make_server(link: BadLink, folder: Path) -> ServerProcess:
+def make_server(link: BadLink, folder: Path, disk: StallingDisk) -> ServerProcess:
     """A server at its end of the link; not started yet."""
     endpoint = f"tcp/{SERVER_ADDRESS}:{PORT}"
-    return ServerProcess(folder, "cartesian", "fire", inside=link.inside(0), listen=endpoint)
+    return ServerProcess(folder, "cartesian", "fire", inside=[*link.inside(0), *disk.under], listen=endpoint)

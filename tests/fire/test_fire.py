@@ -9,6 +9,7 @@ import pytest
 
 from tests.e2e.servers import ServerProcess
 from tests.fire.agreement import Journaled, disagreement
+from tests.fire.disk import StallingDisk
 from tests.fire.fire import Fault, burn, make_server
 from tests.fire.link import BadLink, MissingMeans, bad_link
 
@@ -25,8 +26,18 @@ def link() -> Iterator[BadLink]:
 
 
 @pytest.fixture(scope="module")
-def server(link: BadLink, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    made = make_server(link, tmp_path_factory.mktemp("fire"))
+def disk(tmp_path_factory: pytest.TempPathFactory) -> StallingDisk:
+    try:
+        return StallingDisk(tmp_path_factory.mktemp("disk"))
+    except MissingMeans as missing:
+        pytest.skip(str(missing))
+
+
+@pytest.fixture(scope="module")
+def server(
+    link: BadLink, disk: StallingDisk, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[ServerProcess]:
+    made = make_server(link, tmp_path_factory.mktemp("fire"), disk)
     try:
         made.start()
         yield made
@@ -34,9 +45,14 @@ def server(link: BadLink, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         made.close()
 
 
-@pytest.mark.parametrize("fault", [Fault.LOSSY, Fault.CUT, Fault.SERVER_KILLED], ids=lambda fault: fault.name)
-def test_all_that_is_said_and_done_agrees(link: BadLink, server: ServerProcess, fault: Fault) -> None:
-    assert burn(link, server, fault, random.Random(7)).wrong == ""
+TRIED = [Fault.LOSSY, Fault.CUT, Fault.SERVER_KILLED, Fault.DISK_STALLED_SERVER_KILLED]
+
+
+@pytest.mark.parametrize("fault", TRIED, ids=lambda fault: fault.name)
+def test_all_that_is_said_and_done_agrees(
+    link: BadLink, server: ServerProcess, disk: StallingDisk, fault: Fault
+) -> None:
+    assert burn(link, server, fault, random.Random(7), disk).wrong == ""
 
 
 SAID: dict[str, object] = {"state": "finished", "accepted": 12, "done": 12}
