@@ -35,8 +35,9 @@ SERVER_TIMEOUT_S = 2.0
 HOLD_AFTER_STOP_S = 1.0
 # Motion that has not come to rest in this time, while ending, is cut off [s].
 STOP_TIMEOUT_S = 10.0
-# How often it is looked whether the parent process is still there [cycles].
-PARENT_CYCLES = 64
+# How often it is looked whether the parent process is still there [cycles]: what is played until then is run,
+# and is not in the journal of the server that has died.
+PARENT_CYCLES = 8
 
 
 class Clock(Protocol):

@@ -22,6 +22,7 @@ from mcserver.planning.state_before import state_before
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
+from mcserver.service.journal_file import JournalConnection, open_journal
 from mcserver.service.program import Program
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
@@ -111,7 +112,13 @@ class VirtualCell:
         events: as published.
     """
 
-    def __init__(self, machine: Machine, folder: Path, instance: str = "cell") -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        folder: Path,
+        instance: str = "cell",
+        connect: Callable[[Path], JournalConnection] = open_journal,
+    ) -> None:
         journal = folder / "journal.db"
         references = References(references_file(journal), machine).holding
         self.executor = VirtualExecutor(machine, homed=False, references=references)
@@ -122,7 +129,7 @@ class VirtualCell:
             machine,
             ExecutorPort(machine, self._faces),
             _Planning(machine, self.executor),  # type: ignore[arg-type]
-            ServiceOptions(journal=journal, instance=instance),
+            ServiceOptions(journal=journal, instance=instance, connect=connect),
             on_ack=lambda _ack: None,
             on_event=self.events.append,
         )

@@ -1,0 +1,188 @@
+"""A slow disk makes what is said later; it stops no motion, no stop, and no call of another program."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import threading
+from collections.abc import AsyncIterator, Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mcserver.service.journal_file import open_journal
+from mcserver.service.journal_reader import read_programs
+from mcserver.service.line_queue import LineQueue
+from mcserver.service.program import Program
+from mcserver.service.progress_reports import LINES, ProgressReports
+from tests.service.test_done import machine
+from tests.service.virtual_cell import VirtualCell
+
+
+class StallingDisk:
+    """A journal's connection whose commits wait while the disk stalls."""
+
+    def __init__(self) -> None:
+        self.goes_on = threading.Event()
+        self.goes_on.set()
+        self._connection: sqlite3.Connection | None = None
+
+    def connect(self, path: Path) -> StallingDisk:
+        self._connection = open_journal(path)
+        return self
+
+    def execute(self, statement: str, parameters: tuple[object, ...] = ()) -> Iterable[Any]:
+        assert self._connection is not None
+        if statement == "COMMIT":
+            self.goes_on.wait()
+        return self._connection.execute(statement, parameters)
+
+    def close(self) -> None:
+        assert self._connection is not None
+        self._connection.close()
+
+
+@pytest.fixture
+def disk() -> StallingDisk:
+    return StallingDisk()
+
+
+@pytest.fixture
+async def cell(tmp_path: Path, disk: StallingDisk) -> AsyncIterator[VirtualCell]:
+    made = VirtualCell(machine(), tmp_path, connect=disk.connect)
+    yield made
+    disk.goes_on.set()
+    await made.stop()
+
+
+def journaled_done(cell: VirtualCell, program: str) -> int:
+    (kept,) = read_programs(cell.service.options.journal, limit=1, program=program)
+    return kept.done
+
+
+async def test_a_program_runs_on_and_gives_its_axes_away_while_the_disk_stalls(
+    cell: VirtualCell, disk: StallingDisk
+) -> None:
+    service = cell.service
+    first = await service.open("test", axes=[0])
+    second = await service.open("test", axes=[0])
+    await service.lines.submit("test", first.program, 1, ["G1010 P0", "G01 X20 F600"], judge=False)
+    await service.lines.submit("test", second.program, 1, ["G01 X40 F600"], judge=False)
+    await service.lines.close("test", first.program)
+    await service.lines.close("test", second.program)
+    await cell.until(lambda: first.progress.started == 2)
+    disk.goes_on.clear()
+    await cell.until(lambda: first.over)
+    await cell.until(lambda: cell.position(0) > 0.03)
+    said = [first.status(), first.ack()]
+    assert {each.state for each in said} == {"ending"}
+    assert {each.done for each in said} <= {0, 1}
+    assert not any(event.kind == "program.ended" for event in cell.events)
+    assert journaled_done(cell, first.program) >= max(each.done for each in said)
+    disk.goes_on.set()
+    await cell.ended(first)
+    assert (first.status().state, first.done) == ("finished", 2)
+
+
+async def test_a_hold_and_a_stop_wait_for_no_disk(cell: VirtualCell, disk: StallingDisk) -> None:
+    service = cell.service
+    program = await service.open("test", axes=[0])
+    await service.lines.submit("test", program.program, 1, ["G1010 P0", "G01 X900 F600"], judge=False)
+    await cell.until(lambda: program.progress.started == 2)
+    disk.goes_on.clear()
+    service.hold(program.program)
+    await cell.until(lambda: not any(service.port.snapshot().velocity))
+    service.resume(program.program)
+    await cell.until(lambda: any(service.port.snapshot().velocity))
+    service.latch.emergency_stop("hmi", "test")
+    assert service.latch.state == "estop"
+    await cell.until(lambda: program.over)
+    # the machine can be used again, whatever the disk does
+    service.reset(None)
+    assert service.latch.state == "ready"
+
+
+async def test_lines_are_taken_while_a_sync_lasts(cell: VirtualCell, monkeypatch: pytest.MonkeyPatch) -> None:
+    syncing, synced = threading.Event(), threading.Event()
+
+    def slow(_file: int) -> None:
+        syncing.set()
+        synced.wait()
+
+    with contextlib.ExitStack() as stack:
+        stack.callback(synced.set)
+        monkeypatch.setattr("os.fdatasync", slow)
+        program = await cell.service.open("test", axes=[0])
+        await cell.until(syncing.is_set)
+        taken = await cell.service.lines.submit("test", program.program, 1, ["G04 P0"])
+        assert taken.journaled == 1
+        await cell.until(lambda: program.done == 1)
+
+
+class WaitingJournal:
+    """Takes records of progress; the test commits them."""
+
+    def __init__(self) -> None:
+        self.waiting: list[tuple[int, Callable[[], None]]] = []
+
+    def progress(
+        self, _program: str, _started: int, done: int, _ended: object, committed: Callable[[], None]
+    ) -> None:
+        self.waiting.append((done, committed))
+
+    def commit(self) -> None:
+        self.waiting.pop(0)[1]()
+
+
+class Reported:
+    """A program of short lines, on a loop whose ticks the test makes."""
+
+    def __init__(self) -> None:
+        self.journal = WaitingJournal()
+        self.ticks: list[Callable[[], None]] = []
+        self.program = Program(
+            "p",
+            client="hmi",
+            name="",
+            axes=[0],
+            on_disconnect="stop",
+            start_line=1,
+            step=False,
+            resume_of=None,
+            opened_at=0.0,
+            queue=LineQueue(),
+        )
+        loop: Any = self
+        journal: Any = self.journal
+        self._reports = ProgressReports(loop, journal, lambda *_, **__: None, lambda _program: None)
+
+    def call_later(self, _delay_s: float, tick: Callable[[], None]) -> None:
+        self.ticks.append(tick)
+
+    def run(self, lines: int) -> None:
+        for _ in range(lines):
+            self.program.progress.passed(self.program.progress.done + 1)
+            self._reports.moved(self.program)
+
+
+def test_what_has_ended_goes_to_the_journal_with_the_tick_or_so_many_lines() -> None:
+    reported = Reported()
+    reported.run(LINES - 1)
+    assert (len(reported.journal.waiting), len(reported.ticks)) == (0, 1)
+    reported.run(1)
+    assert [done for done, _ in reported.journal.waiting] == [LINES]
+    reported.journal.commit()
+    reported.run(1)
+    reported.ticks.pop()()
+    assert [done for done, _ in reported.journal.waiting] == [LINES + 1]
+
+
+def test_one_record_is_on_its_way_and_the_next_has_all_that_came_meanwhile() -> None:
+    reported = Reported()
+    reported.run(10 * LINES)
+    assert [done for done, _ in reported.journal.waiting] == [LINES]
+    assert reported.program.done == 0
+    reported.journal.commit()
+    assert reported.program.done == LINES
+    assert [done for done, _ in reported.journal.waiting] == [10 * LINES]
