@@ -109,10 +109,12 @@ def state_before(
     while not window.ended and not interpreter.ended:
         at = window.done + 1
         most = interpreter.run_window(at)
+        incremental = interpreter.modal.incremental
         run = interpreter.interpret_run(window.peek(most), at) if most else None
         if run is not None:
-            effects.take(run[0], incremental=interpreter.modal.incremental)
-            window.drop(run[1])
+            for line in run.values:
+                effects.take(line, incremental=incremental or run.modal.incremental)
+            window.drop(run.taken)
             continue
         parsed = interpreter.parse(window.peek(1)[0], at)
         window.drop(1)
