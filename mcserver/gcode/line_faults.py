@@ -54,6 +54,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC146": "the canned cycle cannot be drilled",
         "MC154": "the first tool counts as fitted",
         "MC147": "the program is for a lathe",
+        "MC148": "the motion stops with the beam on",
         "MC150": "there is no such input or output",
         "MC151": "the output cannot have this value",
         "MC152": "M66 does not say what it waits for",

@@ -30,6 +30,8 @@ from mcserver.motion.canonical import (
     ProbeLine,
 )
 
+# so many changes of S under way are a laser's, not a spindle's
+CHANGES_OF_A_BEAM = 5
 # codes and macros that are not done here: each is said once, with the count of its lines
 _OF_CODES = frozenset({"MC110", "MC141", "MC145"})
 Progress = Callable[[int, int], None]
@@ -108,7 +110,7 @@ def check_lines(
 
 
 def _check_next(interpreter: Interpreter, window: LineWindow, survey: _Survey) -> None:
-    """Check the next line, or a whole run of simple blocks."""
+    """Check the next line, or as many as can be read in columns."""
     number = window.done + 1
     most = interpreter.run_window(number)
     if most:
@@ -151,6 +153,9 @@ class _Survey:
         # by message: index of its first fault, and how many lines have it
         self._refusals: dict[str, tuple[int, int]] = {}
         self._turning = False
+        # whether M3 or M4 has switched on an output that follows S; first line and count of changes of S then
+        self._beam = False
+        self._beam_changes = (0, 0)
         self._computes = 0
         # by code: its first line, and how many it has
         self._without_effect: dict[str, tuple[int, int]] = {}
@@ -203,6 +208,7 @@ class _Survey:
     def profile_words(self, words: ProfileWords, line: int) -> None:
         """Note the codes of a line that have no effect on this machine."""
         codes, outputs = list(words.ignored), self._dialect.outputs
+        self._follow_beam({action.code for action in words.actions}, line)
         for action in words.actions:
             code = action.code
             if code == "T":
@@ -220,6 +226,16 @@ class _Survey:
             if idle:
                 codes.append(action.code)
         self.without_effect({code: (line, codes.count(code)) for code in codes})
+
+    def _follow_beam(self, codes: set[str], line: int) -> None:
+        """Count the changes of S at which motion stops with an output on that follows S (D-73)."""
+        switching = codes & SPINDLE
+        if switching:
+            on = any(_follows_speed(self._dialect.outputs.get(code, ())) for code in codes & {"M3", "M4"})
+            self._beam = on and self._dialect.profile != "printer"
+        elif self._beam and "S" in codes:
+            first, count = self._beam_changes
+            self._beam_changes = first or line, count + 1
 
     def without_effect(self, words: Mapping[str, tuple[int, int]]) -> None:
         """Note codes and letters without effect, with their first line and the count of their lines."""
@@ -310,6 +326,19 @@ class _Survey:
                     line=line,
                     message=f"the program begins with tool {tool}, which counts as fitted: no pause here",
                     hint='fit it before the start, or let M6 ask: [dialect] tool_change = "ask"',
+                )
+            )
+        line, changes = self._beam_changes
+        if changes >= CHANGES_OF_A_BEAM:
+            said.append(
+                Diagnostic(
+                    code="MC148",
+                    severity="warning",
+                    line=line,
+                    message=f"S changes on {changes} lines while M3 or M4 is on: the motion stops at each, "
+                    "with the output on, and G00 does not switch it off",
+                    hint="right for a spindle; a laser burns there, and there is no mode for it here. "
+                    "M67 E Q changes an output without a stop",
                 )
             )
         if self._without_effect:

@@ -271,3 +271,14 @@ def test_the_end_of_a_program_carries_out_m5_and_m9() -> None:
 def test_a_mistake_in_the_map_is_refused(mapped: str) -> None:
     with pytest.raises(MachineFileRejected, match=r"dialect\.outputs"):
         machine("cnc", mapped=mapped)
+
+
+def test_a_program_of_a_laser_is_warned_of_the_stops_at_each_s() -> None:
+    cnc = machine("cnc", mapped=SPINDLE)
+    moving = [f"G1 X{at} S{100 * at}" for at in range(1, 7)]
+    found = check_program("\n".join(["F600", "M3 S0", *moving, "M5", "S5 X0"]), cnc)
+    (said,) = [each for each in found if each.code == "MC148"]
+    assert (said.line, said.severity) == (3, "warning")
+    assert "on 6 lines" in said.message
+    spindle = check_program("\n".join(["F600", "M3 S100", "G1 X1", "S200 X2", "S300 X3", "M5"]), cnc)
+    assert "MC148" not in [each.code for each in spindle]
