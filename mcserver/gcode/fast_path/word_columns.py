@@ -155,7 +155,7 @@ class WordReader:
         self._patterns: dict[bytes, Pattern | None] = {}
 
     def read(self, text: CodeText, least: int) -> WordTable | None:
-        """Read the longest prefix of lines with words of G01 to G03 alone; None below ``least`` lines, and
+        """Read the longest prefix of lines with words of the vocabulary alone; None below ``least`` lines, and
         where all of them are blank.
 
         It ends before the first lexical error. The numbers are those of `float`, at most `LARGEST`; nothing
@@ -221,7 +221,7 @@ def _sound(kinds: NDArray[np.uint8], tokens: list[bytes], values: Array, vocabul
         sound = int(huge.argmax())
     places = (np.flatnonzero(kinds[: max(sound - 1, 0)] == b"G"[0]) + 1).tolist()
     refused = {
-        token for token in {tokens[place] for place in places} if token.strip() not in vocabulary.codes
+        token for token in set(map(tokens.__getitem__, places)) if token.strip() not in vocabulary.codes
     }
     return next(place for place in places if tokens[place] in refused) if refused else sound
 
@@ -234,13 +234,18 @@ def _table(
     least: int,
 ) -> WordTable:
     """Copy the numbers of lines to where they belong; ``least``: what G0 means."""
-    patterns = {each: pattern for each in dict.fromkeys(letters) if (pattern := known.get(each)) is not None}
+    # most windows of long files are of one kind of line
+    alike = letters.count(letters[0]) == len(letters)
+    distinct = letters[:1] if alike else dict.fromkeys(letters)
+    patterns = {each: pattern for each in distinct if (pattern := known.get(each)) is not None}
     shapes = tuple(dict.fromkeys(pattern.shape for pattern in patterns.values()))
     axes = tuple(sorted({axis for shape in shapes for axis in shape.axes}))
     # by letters: which pattern; that of a blank line is the last
     place = {each: index for index, each in enumerate(patterns)}
     blank = len(place)
-    which = np.array([place.get(each, blank) for each in letters], np.intp)
+    which = np.zeros(len(letters), np.intp)
+    if not alike:
+        which[:] = [place.get(each, blank) for each in letters]
     lines = np.flatnonzero(which < blank)
     ends = np.flatnonzero(kinds == _LINE_FEED)[: len(letters)]
     # where the number of a line's first word stands
