@@ -155,7 +155,7 @@ class WordReader:
         self._patterns: dict[bytes, Pattern | None] = {}
 
     def read(self, text: CodeText, least: int) -> WordTable | None:
-        """Read the longest prefix of lines with words of the vocabulary alone; None below ``least`` lines, and
+        """Read the longest prefix of lines with words of the vocabulary; None below ``least`` lines, and
         where all of them are blank.
 
         It ends before the first lexical error. The numbers are those of `float`, at most `LARGEST`; nothing
