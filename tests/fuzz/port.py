@@ -72,7 +72,7 @@ class Machine:
             (program,) = self.ask("programs", program=self._program)["programs"]
             status = self.ask("status")
         except TimeoutError as error:
-            return str(error)
+            return f"{error}\n{self._failure()}"
         if program["state"] == "finished":
             self._program = ""
         elif program["state"] not in ("running", "waiting"):
@@ -81,8 +81,12 @@ class Machine:
             return f"the machine is in {status['state']}"
         if (self.server.pid, *self.server.executors()) != self.processes:
             return "a process was replaced"
+        return self._failure()
+
+    def _failure(self) -> str:
         said = "".join(self.server.said)
-        return next((f"the server said {word}:\n{said[-3000:]}" for word in FAILURES if word in said), "")
+        found = min((said.find(word) for word in FAILURES if word in said), default=-1)
+        return "" if found < 0 else f"the server said:\n{said[max(0, found - 100) : found + 2000]}"
 
     def close(self) -> None:
         self._session.close()  # type: ignore[no-untyped-call]
@@ -140,7 +144,7 @@ def talk(endpoint: str) -> None:
 class Inputs:
     """One input after the other, of all kinds."""
 
-    def __init__(self, address: tuple[str, int], seed: int) -> None:
+    def __init__(self, address: tuple[str, int], seed: int, *, in_session: bool) -> None:
         self.counts: Counter[str] = Counter()
         self._address = address
         self._seed = seed
@@ -153,11 +157,10 @@ class Inputs:
             self._noise,
             self._replayed,
             self._replayed,
-            self._changed,
-            self._changed,
             self._silent,
             self._slow,
             self._long,
+            *((self._changed, self._changed) if in_session else ()),
         )
 
     def send(self, number: int) -> str:
@@ -222,11 +225,15 @@ def machine() -> Iterator[Machine]:
             server.close()
 
 
-def run(seconds: float, inputs: int, seed: int) -> int:
-    """Send inputs for a time, or so many; the exit code: 1 where something was found."""
+def run(seconds: float, inputs: int, seed: int, *, in_session: bool = True) -> int:
+    """Send inputs for a time, or so many; the exit code: 1 where something was found.
+
+    Args:
+        in_session: also messages of an open session, changed on their way.
+    """
     with machine() as watched:
         wrong = watched.look()
-        sent = Inputs(watched.address, seed)
+        sent = Inputs(watched.address, seed, in_session=in_session)
         until = time.monotonic() + seconds
         number = 0
         while not wrong and (number < inputs if inputs else time.monotonic() < until):
