@@ -168,7 +168,12 @@ def check_known(path: Path, program: str) -> None:
     with _reading(path) as connection:
         known = connection.execute("SELECT 1 FROM programs WHERE program=?", (program,)).fetchone()
     if known is None:
-        raise Refused("MC503", f"there is no program {program}", "list them with `programs`", program=program)
+        raise Refused(
+            "MC503",
+            f"there is no program {program}",
+            "list them with `programs`; those of a damaged journal were set aside (MC527)",
+            program=program,
+        )
 
 
 def read_lines_before(path: Path, program: str, line: int) -> list[str]:
