@@ -19,7 +19,6 @@ use crate::presence::Presence;
 use crate::wire::{decode, encode};
 
 pub(crate) const DEADLINE: Duration = Duration::from_secs(5);
-pub(crate) const LONG_JOB: Duration = Duration::from_secs(120);
 const ATTEMPT: Duration = Duration::from_secs(2);
 const FIRST_PAUSE: Duration = Duration::from_millis(20);
 const LONGEST_PAUSE: Duration = Duration::from_millis(250);
@@ -54,11 +53,11 @@ impl Trying {
         }
     }
 
-    /// For what computes for long: the query is not repeated meanwhile.
-    pub fn long_job() -> Self {
+    /// For an answer that may take so long: beyond a prompt one the query is not repeated meanwhile.
+    pub fn for_answer(deadline: Duration) -> Self {
         Self {
-            deadline: LONG_JOB,
-            attempt: LONG_JOB,
+            deadline,
+            attempt: if deadline > DEADLINE { deadline } else { ATTEMPT },
             ..Self::default()
         }
     }

@@ -13,14 +13,7 @@ use serde_json::{Value, json};
 
 use crate::core::{Core, Step};
 use crate::error::Error;
-use crate::messages::{
-    Ack, AxesStatus, AxisInfo, CheckResult, CloseReply, Diagnostic, DiskStatus, Done, DriveInfo, DrivesReply, Edit,
-    ErrorReply, Event, EventPage, Extent, Fault, Info, InputInfo, InputStatus, JogReply, LimitsInfo,
-    LineReport, MachineStatus, MonitoredValue, OpenReply, OutputInfo, OutputStatus, OverrideReply,
-    ProbeStatus, ProgramStatus, ProgramsReply, RunArmedReply, RunPath, RunPreviewReply, RunRequestReply,
-    RunRequestStatus, RunRequestsReply, SdoReply, SubmitReply, TelemetryBlock, TelemetryInfo, ToolInfo,
-    ToolPath, ToolPose, WorkOffset,
-};
+use crate::messages::{Info, OpenReply, ProgramStatus, TelemetryBlock};
 use crate::telemetry::decode_samples;
 use crate::window::Bounds;
 use crate::wire::decode;
@@ -90,9 +83,9 @@ fn same(read: &Value, meant: &Value, whole: bool) -> bool {
     }
 }
 
-type Read = fn(&[u8]) -> Result<Value, Error>;
+pub type Read = fn(&[u8]) -> Result<Value, Error>;
 
-fn reader<T: DeserializeOwned + Serialize>(payload: &[u8]) -> Result<Value, Error> {
+pub fn reader<T: DeserializeOwned + Serialize>(payload: &[u8]) -> Result<Value, Error> {
     let message: T = decode(payload)?;
     Ok(serde_json::to_value(message).unwrap())
 }
@@ -102,56 +95,12 @@ fn block_reader(payload: &[u8]) -> Result<Value, Error> {
     Ok(json!([block.seq, block.t, STANDARD.encode(block.rows.0)]))
 }
 
-/// The reader of a message; none: this crate has no type for it, `Machine::call` gives it as it is.
+/// The reader of a message; none: it is one of a client.
 fn reader_of(message: &str) -> Option<Read> {
-    Some(match message {
-        "Ack" => reader::<Ack>,
-        "AxesStatus" => reader::<AxesStatus>,
-        "AxisInfo" => reader::<AxisInfo>,
-        "CheckReply" => reader::<CheckResult>,
-        "CloseReply" => reader::<CloseReply>,
-        "Done" => reader::<Done>,
-        "DriveInfo" => reader::<DriveInfo>,
-        "DrivesReply" => reader::<DrivesReply>,
-        "Edit" => reader::<Edit>,
-        "ErrorReply" => reader::<ErrorReply>,
-        "Event" => reader::<Event>,
-        "EventsReply" => reader::<EventPage>,
-        "Extent" => reader::<Extent>,
-        "Fault" => reader::<Fault>,
-        "Info" => reader::<Info>,
-        "InputInfo" => reader::<InputInfo>,
-        "InputStatus" => reader::<InputStatus>,
-        "OutputInfo" => reader::<OutputInfo>,
-        "OutputStatus" => reader::<OutputStatus>,
-        "JogReply" => reader::<JogReply>,
-        "LimitsInfo" => reader::<LimitsInfo>,
-        "LineReport" => reader::<LineReport>,
-        "MachineStatus" => reader::<MachineStatus>,
-        "MonitoredValue" => reader::<MonitoredValue>,
-        "OpenReply" => reader::<OpenReply>,
-        "OverrideReply" => reader::<OverrideReply>,
-        "DiskStatus" => reader::<DiskStatus>,
-        "ProbeStatus" => reader::<ProbeStatus>,
-        "ProgramStatus" => reader::<ProgramStatus>,
-        "ProgramsReply" => reader::<ProgramsReply>,
-        "RunArmedReply" => reader::<RunArmedReply>,
-        "RunPath" => reader::<RunPath>,
-        "RunPreviewReply" => reader::<RunPreviewReply>,
-        "RunRequestReply" => reader::<RunRequestReply>,
-        "RunRequestStatus" => reader::<RunRequestStatus>,
-        "RunRequestsReply" => reader::<RunRequestsReply>,
-        "SdoReply" => reader::<SdoReply>,
-        "SubmitReply" => reader::<SubmitReply>,
-        "TelemetryBlock" => block_reader,
-        "TelemetryInfo" => reader::<TelemetryInfo>,
-        "ToolPath" => reader::<ToolPath>,
-        "ToolInfo" => reader::<ToolInfo>,
-        "ToolPose" => reader::<ToolPose>,
-        "WireDiagnostic" => reader::<Diagnostic>,
-        "WorkOffset" => reader::<WorkOffset>,
-        _ => return None,
-    })
+    if message == "TelemetryBlock" {
+        return Some(block_reader);
+    }
+    crate::contract_readers::reader_of(message)
 }
 
 #[test]

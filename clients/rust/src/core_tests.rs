@@ -77,6 +77,8 @@ fn ack(accepted: u64, done: u64, credit: u64, expected: u64) -> Ack {
 
 fn status(accepted: u64, done: u64, credit: u64) -> ProgramStatus {
     let written = serde_json::json!({"program": "p", "state": "running", "accepted": accepted, "done": done,
+        "client": "c", "name": "", "axes": [], "start_line": 1, "line": 0, "closed": false, "override": 100.0,
+        "progress": 0.0, "opened_at": 0.0,
         "credit": credit});
     serde_json::from_value(written).unwrap()
 }

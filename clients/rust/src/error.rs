@@ -5,7 +5,7 @@ use std::fmt;
 
 use serde_json::Value;
 
-use crate::messages::{Diagnostic, ErrorReply, Fault, ProgramState};
+use crate::messages::{Diagnostic, ErrorReply, Fault, ProgramState, Severity};
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -269,7 +269,7 @@ impl Extent {
                 column: 0,
                 end_column: 0,
                 hint: String::new(),
-                severity: "error".to_owned(),
+                severity: Severity::Error,
                 tool: None,
                 residual_mm: None,
                 axis: None,

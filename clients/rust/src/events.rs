@@ -3,32 +3,25 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use serde::Serialize;
 use tokio::sync::watch;
 use tokio::time::sleep;
 
 use crate::calls::{Caller, Trying};
 use crate::error::Result;
 use crate::feed::Queue;
-use crate::messages::{Event, EventPage};
+use crate::messages::{Event, EventsReply, EventsRequest};
 use crate::wire::decode;
 
 pub(crate) const EVENTS_LIMIT: usize = 20_000;
 const WAITING_LIMIT: usize = 5000;
-const EVENTS_A_PAGE: u32 = 1000;
+const EVENTS_A_PAGE: u64 = 1000;
 /// After so long a silence the server is asked whether the last events were lost.
 const SILENCE: Duration = Duration::from_secs(2);
 /// Beyond all numbers: an answer without events that says which the newest one is.
 pub(crate) const NEWEST: u64 = 1 << 52;
 
-#[derive(Serialize)]
-struct EventsRequest {
-    since: u64,
-    limit: u32,
-}
-
 /// Asks the server for its events from number `since` on.
-pub(crate) async fn fetch(caller: &Caller, since: u64) -> Result<EventPage> {
+pub(crate) async fn fetch(caller: &Caller, since: u64) -> Result<EventsReply> {
     let limit = if since >= NEWEST { 1 } else { EVENTS_A_PAGE };
     let payload = caller.call("events", &EventsRequest { since, limit }, Trying::default()).await?;
     decode(&payload)
@@ -47,7 +40,7 @@ pub(crate) struct EventOrder {
 
 impl EventOrder {
     /// Begins behind the newest event of this page.
-    pub fn behind(page: &EventPage) -> Self {
+    pub fn behind(page: &EventsReply) -> Self {
         Self {
             instance: Some(page.instance.clone()),
             next: page.newest + 1,
@@ -78,7 +71,7 @@ impl EventOrder {
     }
 
     /// Returns what may be passed on now that the server has said its events again.
-    pub fn fill(&mut self, page: EventPage) -> Vec<Event> {
+    pub fn fill(&mut self, page: EventsReply) -> Vec<Event> {
         if self.former.as_ref() == Some(&page.instance) {
             return Vec::new();
         }
@@ -205,8 +198,8 @@ mod tests {
         .unwrap()
     }
 
-    fn page(instance: &str, oldest: u64, newest: u64, numbers: &[u64]) -> EventPage {
-        EventPage {
+    fn page(instance: &str, oldest: u64, newest: u64, numbers: &[u64]) -> EventsReply {
+        EventsReply {
             instance: instance.to_owned(),
             oldest,
             newest,

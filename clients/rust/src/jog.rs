@@ -2,28 +2,17 @@
 
 use std::time::Duration;
 
-use serde::Serialize;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tokio::time::{MissedTickBehavior, interval};
 
 use crate::calls::{Caller, Trying};
 use crate::error::{Error, Problem, Result};
-use crate::messages::{Done, JogReply};
-use crate::program::ProgramRequest;
+use crate::messages::{Done, JogReply, JogRequest, ProgramRequest};
 use crate::wire::decode;
 
 const DEFAULT_HOLD: Duration = Duration::from_millis(500);
 const KEEPS_A_HOLD: u32 = 3;
-
-#[derive(Serialize)]
-struct JogRequest<'a> {
-    axis: u64,
-    distance: Option<f64>,
-    velocity: Option<f64>,
-    hold_s: Option<f64>,
-    program: Option<&'a str>,
-}
 
 /// A jog that goes on while this is alive.
 ///
@@ -58,7 +47,7 @@ impl HeldJog {
 }
 
 /// Refuses what is no number: it must not reach a machine.
-fn finite(value: Option<f64>, name: &str) -> Result<()> {
+pub(crate) fn finite(value: Option<f64>, name: &str) -> Result<()> {
     if value.is_none_or(f64::is_finite) {
         return Ok(());
     }
@@ -67,26 +56,6 @@ fn finite(value: Option<f64>, name: &str) -> Result<()> {
         format!("{name} is no finite number"),
         "give a number of mm or deg",
     ))))
-}
-
-/// Moves one axis by a distance; returns the jog's program id.
-pub(crate) async fn jog_by(
-    caller: &Caller,
-    axis: u64,
-    distance: f64,
-    velocity: Option<f64>,
-) -> Result<String> {
-    finite(Some(distance), "distance")?;
-    finite(velocity, "velocity")?;
-    let request = JogRequest {
-        axis,
-        distance: Some(distance),
-        velocity,
-        hold_s: None,
-        program: None,
-    };
-    let reply: JogReply = decode(&caller.call("jog", &request, Trying::default()).await?)?;
-    Ok(reply.program)
 }
 
 /// Moves one axis on until the result is stopped or dropped.
@@ -99,11 +68,9 @@ pub(crate) async fn jog_held(
     finite(Some(velocity), "velocity")?;
     let hold = hold.unwrap_or(DEFAULT_HOLD);
     let request = JogRequest {
-        axis,
-        distance: None,
         velocity: Some(velocity),
         hold_s: Some(hold.as_secs_f64()),
-        program: None,
+        ..JogRequest::new(axis)
     };
     let reply: JogReply = decode(&caller.call("jog", &request, Trying::default()).await?)?;
     let (release, released) = oneshot::channel();
@@ -131,11 +98,10 @@ async fn keep(
     mut released: oneshot::Receiver<()>,
 ) -> Result<()> {
     let request = JogRequest {
-        axis,
-        distance: None,
         velocity: Some(velocity),
         hold_s: Some(hold.as_secs_f64()),
-        program: Some(&program),
+        program: Some(program.clone()),
+        ..JogRequest::new(axis)
     };
     let mut tick = interval((hold / KEEPS_A_HOLD).max(Duration::from_millis(1)));
     // the first one at once: the jog's own reply may have taken most of the time
@@ -153,7 +119,7 @@ async fn keep(
     };
     // also after an error: it is not known whether the axis still moves
     let stop = ProgramRequest {
-        program: Some(&program),
+        program: Some(program),
     };
     let stopped = caller.call("abort", &stop, Trying::default()).await;
     kept.and_then(|()| decode::<Done>(&stopped?).map(|_| ()))

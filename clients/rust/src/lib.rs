@@ -32,6 +32,8 @@ mod jog;
 mod keys;
 mod link;
 mod machine;
+#[rustfmt::skip]
+mod machine_calls;
 pub mod messages;
 mod presence;
 mod program;
@@ -43,6 +45,9 @@ mod wire;
 #[cfg(test)]
 mod contract_tests;
 #[cfg(test)]
+#[rustfmt::skip]
+mod contract_readers;
+#[cfg(test)]
 mod core_tests;
 
 pub use discovery::{ConnectOptions, list_machines};
@@ -52,7 +57,7 @@ pub use feed::Feed;
 pub use jog::HeldJog;
 pub use machine::Machine;
 pub use messages::{
-    CheckResult, Diagnostic, Event, Fault, Info, LineReport, MachineStatus, OnDisconnect, ProgramState,
+    CheckReply, Diagnostic, Event, Fault, Info, LineReport, MachineStatus, OnDisconnect, ProgramState,
     ProgramStatus,
 };
 pub use program::{Program, ProgramOptions, ProgramResult};

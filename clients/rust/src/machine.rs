@@ -1,60 +1,34 @@
 //! A machine: the client's entrance.
 
-use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::Value;
 use tokio::sync::OnceCell;
 use tokio::task::JoinHandle;
 use zenoh::liveliness::LivelinessToken;
 
-use crate::calls::{Caller, Nothing, Trying};
+use crate::calls::{Caller, DEADLINE, Nothing, Trying};
 use crate::discovery::{ConnectOptions, find_machine};
 use crate::error::{Error, Problem, Result};
 use crate::estop::{EmergencyStop, send_until_confirmed};
 use crate::events::{EVENTS_LIMIT, EventOrder, NEWEST, fetch, read_events};
 use crate::feed::{Feed, Queue};
-use crate::jog::{HeldJog, jog_by, jog_held};
+use crate::jog::{HeldJog, jog_held};
 use crate::keys::{Keys, PROTOCOL_VERSION};
 use crate::link::{Link, Subscription};
 use crate::messages::{
-    CheckResult, Done, DriveInfo, DrivesReply, Event, Info, MachineStatus, OpenReply, OverrideReply,
-    ProgramStatus, ProgramsReply,
+    Done, Event, EventKind, Info, MachineStatus, OpenReply, OverrideReply, OverrideRequest, ProgramRequest,
 };
 use crate::presence::{Presence, lock};
-use crate::program::{Program, ProgramOptions, ProgramRequest};
-use crate::stream::{LineStream, ProgramsRequest};
+use crate::program::{Program, ProgramOptions};
+use crate::stream::LineStream;
 use crate::telemetry::{Samples, decode_samples};
 use crate::wire::decode;
 
 const STATES_LIMIT: usize = 32;
 const SAMPLES_LIMIT: usize = 4096;
-const PROGRAMS_LIMIT: u32 = 1000;
-
-#[derive(Serialize)]
-struct OverrideRequest<'a> {
-    percent: f64,
-    program: Option<&'a str>,
-}
-
-#[derive(Serialize)]
-struct ResetRequest<'a> {
-    axes: Option<&'a [u64]>,
-}
-
-#[derive(Serialize)]
-struct CheckRequest<'a> {
-    text: &'a str,
-    positions: Option<BTreeMap<String, f64>>,
-}
-
-#[derive(Serialize)]
-struct SimulateRequest<'a> {
-    text: &'a str,
-}
 
 /// Ends a task when it is dropped.
 struct Running(JoinHandle<()>);
@@ -115,7 +89,7 @@ impl Machine {
         let watch = link.watch_tokens(&keys.live(), move |key, gone| watching.on_token(key, gone)).await?;
         presence.wait_online(options.timeout).await;
         let caller = Caller::new(link.clone(), Arc::clone(&keys), Arc::clone(&presence));
-        let trying = Trying::within(options.timeout.max(crate::calls::DEADLINE));
+        let trying = Trying::within(options.timeout.max(DEADLINE));
         let info: Info = decode(&caller.call("info", &Nothing {}, trying).await?)?;
         if !info.protocol.is_empty() && !info.protocol.contains(&PROTOCOL_VERSION) {
             return Err(Error::Protocol(Box::new(Problem::new(
@@ -180,40 +154,9 @@ impl Machine {
     /// # Errors
     /// [`Error::NobodyAnswers`], [`Error::NoAnswerInTime`], [`Error::RequestRefused`]; so all calls below.
     pub async fn refresh_info(&self) -> Result<Arc<Info>> {
-        let info: Arc<Info> = Arc::new(self.inner.ask("info", &Nothing {}).await?);
+        let info: Arc<Info> = Arc::new(self.ask_info().await?);
         *self.inner.info.write().unwrap_or_else(PoisonError::into_inner) = Arc::clone(&info);
         Ok(info)
-    }
-
-    /// Asks for the whole machine's state now.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
-    pub async fn status(&self) -> Result<MachineStatus> {
-        self.inner.ask("status", &Nothing {}).await
-    }
-
-    /// Lists the programs that the server knows, the newest first: running, queued, ended and interrupted.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
-    pub async fn programs(&self) -> Result<Vec<ProgramStatus>> {
-        let request = ProgramsRequest {
-            program: None,
-            ended: true,
-            limit: PROGRAMS_LIMIT,
-        };
-        let reply: ProgramsReply = self.inner.ask("programs", &request).await?;
-        Ok(reply.programs)
-    }
-
-    /// Lists the drives on CAN buses.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
-    pub async fn drives(&self) -> Result<Vec<DriveInfo>> {
-        let reply: DrivesReply = self.inner.ask("drives", &Nothing {}).await?;
-        Ok(reply.drives)
     }
 
     /// Calls any remote method by its name (docs/wire/calls.md); the request is numbered and repeated until it is
@@ -222,7 +165,21 @@ impl Machine {
     /// # Errors
     /// As [`Machine::refresh_info`].
     pub async fn call<T: DeserializeOwned>(&self, method: &str, fields: &impl Serialize) -> Result<T> {
-        self.inner.ask(method, fields).await
+        self.inner.ask(method, fields, DEADLINE).await
+    }
+
+    /// A method of the table, within its deadline [s].
+    pub(crate) async fn ask_within<T: DeserializeOwned>(
+        &self,
+        method: &str,
+        fields: &impl Serialize,
+        seconds: u64,
+    ) -> Result<T> {
+        self.inner.ask(method, fields, Duration::from_secs(seconds)).await
+    }
+
+    pub(crate) async fn declare_token(&self) -> Result<()> {
+        self.inner.declare_token().await
     }
 
     // ------------------------------------------------------------ programs
@@ -235,7 +192,7 @@ impl Machine {
         let inner = &self.inner;
         // before the first program: the server ends programs whose token has gone
         inner.declare_token().await?;
-        let opened: OpenReply = inner.ask("open", &options).await?;
+        let opened: OpenReply = inner.ask("open", &options, DEADLINE).await?;
         let stream = LineStream::open(
             &opened,
             inner.link.clone(),
@@ -265,49 +222,6 @@ impl Machine {
 
     // ------------------------------------------------------------ the operator's part
 
-    /// Feed hold along the path, of one program or all; returns those concerned.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
-    pub async fn hold(&self, program: Option<&str>) -> Result<Vec<String>> {
-        self.inner.order("hold", program).await
-    }
-
-    /// Ends a hold, M00 or M01.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
-    pub async fn resume(&self, program: Option<&str>) -> Result<Vec<String>> {
-        self.inner.order("resume", program).await
-    }
-
-    /// Stops along the path, then drops the rest.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
-    pub async fn abort(&self, program: Option<&str>) -> Result<Vec<String>> {
-        self.inner.order("abort", program).await
-    }
-
-    /// Sets the feed override of one program, or of all and those to come [%]; returns the one now in force.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
-    pub async fn set_override(&self, percent: f64, program: Option<&str>) -> Result<f64> {
-        self.inner.set_override(percent, program).await
-    }
-
-    /// Moves one axis by a distance [mm, deg] from where it is; returns the jog's program id.
-    ///
-    /// `velocity` [mm/s, deg/s]; none: a tenth of the axis's limit.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`]; MC512 the axis is leased.
-    pub async fn jog(&self, axis: u64, distance: f64, velocity: Option<f64>) -> Result<String> {
-        self.inner.declare_token().await?;
-        jog_by(&self.inner.caller, axis, distance, velocity).await
-    }
-
     /// Moves one axis on until the result is stopped or dropped; `velocity` is signed [mm/s, deg/s].
     ///
     /// `hold` is the dead man's time (0.5 s where none is given): when this program or its link dies, the axis stops
@@ -318,14 +232,6 @@ impl Machine {
     pub async fn jog_held(&self, axis: u64, velocity: f64, hold: Option<Duration>) -> Result<HeldJog> {
         self.inner.declare_token().await?;
         jog_held(&self.inner.caller, axis, velocity, hold).await
-    }
-
-    /// Clears a latched fault or emergency stop, of these axes or all; energy comes back with G1010 only.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`]; MC509 motion is still coming to rest.
-    pub async fn reset(&self, axes: Option<&[u64]>) -> Result<()> {
-        self.inner.ask::<Done>("reset", &ResetRequest { axes }).await.map(|_| ())
     }
 
     /// Emergency stop: at once on this machine's link, and on a session of its own as soon as that is open; returns
@@ -353,27 +259,6 @@ impl Machine {
                 Err(_) => here.await,
             },
         }
-    }
-
-    // ------------------------------------------------------------ without motion
-
-    /// Finds every fault of a program's text; `positions` start the axes there [mm, deg].
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
-    pub async fn check(&self, text: &str, positions: Option<&BTreeMap<u64, f64>>) -> Result<CheckResult> {
-        let positions = positions.map(|all| all.iter().map(|(axis, &at)| (axis.to_string(), at)).collect());
-        let request = CheckRequest { text, positions };
-        decode(&self.inner.caller.call("check", &request, Trying::long_job()).await?)
-    }
-
-    /// Runs a text on a virtual clock; the object of `mcserver simulate --json`.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
-    pub async fn simulate(&self, text: &str) -> Result<Value> {
-        let request = SimulateRequest { text };
-        decode(&self.inner.caller.call("simulate", &request, Trying::long_job()).await?)
     }
 
     // ------------------------------------------------------------ what it says
@@ -420,17 +305,28 @@ impl Inner {
         self.token.get_or_try_init(|| self.link.declare_token(&key)).await.map(|_| ())
     }
 
-    async fn ask<T: DeserializeOwned>(&self, method: &str, fields: &impl Serialize) -> Result<T> {
-        decode(&self.caller.call(method, fields, Trying::default()).await?)
+    pub async fn ask<T: DeserializeOwned>(
+        &self,
+        method: &str,
+        fields: &impl Serialize,
+        deadline: Duration,
+    ) -> Result<T> {
+        decode(&self.caller.call(method, fields, Trying::for_answer(deadline)).await?)
     }
 
-    pub async fn order(&self, method: &str, program: Option<&str>) -> Result<Vec<String>> {
-        let done: Done = self.ask(method, &ProgramRequest { program }).await?;
-        Ok(done.programs)
+    pub async fn order(&self, method: &str, program: &str) -> Result<()> {
+        let request = ProgramRequest {
+            program: Some(program.to_owned()),
+        };
+        self.ask::<Done>(method, &request, DEADLINE).await.map(|_| ())
     }
 
-    pub async fn set_override(&self, percent: f64, program: Option<&str>) -> Result<f64> {
-        let reply: OverrideReply = self.ask("override", &OverrideRequest { percent, program }).await?;
+    pub async fn set_override(&self, percent: f64, program: &str) -> Result<f64> {
+        let request = OverrideRequest {
+            program: Some(program.to_owned()),
+            ..OverrideRequest::new(percent)
+        };
+        let reply: OverrideReply = self.ask("override", &request, DEADLINE).await?;
         Ok(reply.percent)
     }
 
@@ -470,7 +366,7 @@ impl Inner {
             if program.is_some() && event.program != program {
                 return;
             }
-            let last = program.is_some() && event.kind == "program.ended";
+            let last = program.is_some() && event.kind == EventKind::ProgramEnded;
             passing.push(event);
             if last {
                 passing.end();

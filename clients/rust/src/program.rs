@@ -15,7 +15,10 @@ use crate::core::Core;
 use crate::error::{Error, Problem, Result};
 use crate::feed::Feed;
 use crate::machine::Inner;
-use crate::messages::{CloseReply, Event, OnDisconnect, OpenReply, ProgramState, ProgramStatus};
+use crate::messages::{
+    CloseReply, CloseRequest, Event, OnDisconnect, OpenReply, Outputs, ProgramRequest, ProgramState,
+    ProgramStatus,
+};
 use crate::stream::LineStream;
 use crate::wire::decode;
 
@@ -23,17 +26,6 @@ const ABORT_DEADLINE: Duration = Duration::from_secs(2);
 /// Gives the runtime to others while a long file is read.
 const LINES_A_TURN: usize = 500;
 const NAME_LENGTH: usize = 200;
-
-#[derive(Serialize)]
-pub(crate) struct ProgramRequest<'a> {
-    pub program: Option<&'a str>,
-}
-
-#[derive(Serialize)]
-struct CloseRequest<'a> {
-    program: &'a str,
-    last: Option<u64>,
-}
 
 /// How a program is opened; the default: all axes, from line 1, stopped when this client's link goes.
 #[derive(Debug, Clone, Serialize)]
@@ -47,7 +39,7 @@ pub struct ProgramOptions {
     step: bool,
     hold: bool,
     way: bool,
-    outputs: Option<String>,
+    outputs: Option<Outputs>,
 }
 
 impl Default for ProgramOptions {
@@ -127,8 +119,8 @@ impl ProgramOptions {
 
     /// Of a start in the middle: `set` what the program had switched, or `leave` it.
     #[must_use]
-    pub fn outputs(mut self, what: &str) -> Self {
-        self.outputs = Some(what.to_owned());
+    pub fn outputs(mut self, what: Outputs) -> Self {
+        self.outputs = Some(what);
         self
     }
 
@@ -349,7 +341,7 @@ impl Program {
         }
         stream.accepted_all().await?;
         let request = CloseRequest {
-            program: self.id(),
+            program: self.id().to_owned(),
             last: None,
         };
         let trying = Trying::within(self.machine.patience);
@@ -410,7 +402,7 @@ impl Program {
     /// # Errors
     /// [`Error::RequestRefused`], [`Error::NobodyAnswers`]; so the next ones.
     pub async fn hold(&self) -> Result<()> {
-        self.machine.order("hold", Some(self.id())).await.map(|_| ())
+        self.machine.order("hold", self.id()).await
     }
 
     /// Ends a hold, M00 or M01.
@@ -418,7 +410,7 @@ impl Program {
     /// # Errors
     /// As [`Program::hold`].
     pub async fn resume(&self) -> Result<()> {
-        self.machine.order("resume", Some(self.id())).await.map(|_| ())
+        self.machine.order("resume", self.id()).await
     }
 
     /// Starts the next line of a program opened with [`ProgramOptions::step`].
@@ -426,7 +418,7 @@ impl Program {
     /// # Errors
     /// As [`Program::hold`].
     pub async fn step(&self) -> Result<()> {
-        self.machine.order("step", Some(self.id())).await.map(|_| ())
+        self.machine.order("step", self.id()).await
     }
 
     /// Stops along the path and drops the rest; the program ends as aborted.
@@ -434,7 +426,7 @@ impl Program {
     /// # Errors
     /// As [`Program::hold`].
     pub async fn abort(&self) -> Result<()> {
-        self.machine.order("abort", Some(self.id())).await.map(|_| ())
+        self.machine.order("abort", self.id()).await
     }
 
     /// Sets the feed override of this program [%]; returns the one now in force.
@@ -442,7 +434,7 @@ impl Program {
     /// # Errors
     /// As [`Program::hold`].
     pub async fn set_override(&self, percent: f64) -> Result<f64> {
-        self.machine.set_override(percent, Some(self.id())).await
+        self.machine.set_override(percent, self.id()).await
     }
 
     /// Asks for the program as the server knows it.
@@ -504,7 +496,7 @@ impl Drop for Program {
         let (caller, program) = (self.caller.clone(), self.id().to_owned());
         runtime.spawn(async move {
             let request = ProgramRequest {
-                program: Some(&program),
+                program: Some(program),
             };
             if let Err(error) = caller.call("abort", &request, Trying::within(ABORT_DEADLINE)).await {
                 tracing::debug!("aborting a program that was dropped: {error}");

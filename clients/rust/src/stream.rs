@@ -3,7 +3,6 @@
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use serde::Serialize;
 use tokio::sync::{Notify, watch};
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, timeout, timeout_at};
@@ -14,27 +13,14 @@ use crate::core::{Core, FIRST_DOUBT, Step};
 use crate::error::{Error, Result};
 use crate::keys::Keys;
 use crate::link::{Link, Subscription};
-use crate::messages::{Ack, OpenReply, ProgramState, ProgramStatus, ProgramsReply, SubmitReply};
+use crate::messages::{
+    Ack, OpenReply, ProgramState, ProgramStatus, ProgramsReply, ProgramsRequest, SubmitReply, SubmitRequest,
+};
 use crate::presence::{Presence, lock};
 use crate::wire::{decode, encode};
 
 const VERDICT_ATTEMPT: Duration = Duration::from_secs(5);
 const ENDING: Duration = Duration::from_secs(2);
-
-#[derive(Serialize)]
-pub(crate) struct ProgramsRequest<'a> {
-    pub program: Option<&'a str>,
-    pub ended: bool,
-    pub limit: u32,
-}
-
-#[derive(Serialize)]
-struct SubmitRequest<'a> {
-    program: &'a str,
-    first: u64,
-    lines: [&'a str; 1],
-    rejections: u64,
-}
 
 /// What the callers, the sending task and Zenoh's threads share.
 pub(crate) struct Shared {
@@ -189,10 +175,8 @@ impl Shared {
 
     async fn submit_once(&self, number: u64, text: &str) -> Result<()> {
         let request = SubmitRequest {
-            program: &self.program,
-            first: number,
-            lines: [text],
-            rejections: self.with(|core, _| core.rejections()),
+            rejections: Some(self.with(|core, _| core.rejections())),
+            ..SubmitRequest::new(self.program.clone(), number, vec![text.to_owned()])
         };
         let trying = Trying {
             deadline: self.patience,
@@ -238,9 +222,9 @@ impl Shared {
     /// Asks for the program as the server knows it; none: it knows no such program.
     pub async fn ask_status(&self) -> Result<Option<ProgramStatus>> {
         let request = ProgramsRequest {
-            program: Some(&self.program),
-            ended: true,
+            program: Some(self.program.clone()),
             limit: 1,
+            ..ProgramsRequest::new()
         };
         let trying = Trying::within(self.patience);
         match self.caller.call("programs", &request, trying).await {

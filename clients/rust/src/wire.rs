@@ -51,14 +51,16 @@ mod tests {
 
     #[test]
     fn the_override_of_a_program_is_read_from_the_key_of_that_name() {
-        let sent = serde_json::json!({"program": "p", "state": "held", "override": 42.5});
+        let sent = serde_json::json!({"program": "p", "state": "held", "override": 42.5, "client": "c", "name": "", "axes": [], "start_line": 1, "line": 0,
+            "accepted": 0, "done": 0, "credit": 0, "closed": false, "progress": 0.0, "opened_at": 0.0});
         let status: ProgramStatus = decode(&encode(&sent).unwrap()).unwrap();
         assert_eq!(status.override_percent.to_bits(), 42.5_f64.to_bits());
     }
 
     #[test]
     fn a_state_of_a_later_version_is_no_error() {
-        let sent = serde_json::json!({"program": "p", "state": "dreaming"});
+        let sent = serde_json::json!({"program": "p", "state": "dreaming", "override": 100.0, "client": "c", "name": "", "axes": [], "start_line": 1, "line": 0,
+            "accepted": 0, "done": 0, "credit": 0, "closed": false, "progress": 0.0, "opened_at": 0.0});
         let status: ProgramStatus = decode(&encode(&sent).unwrap()).unwrap();
         assert_eq!(status.state, ProgramState::Later("dreaming".to_owned()));
         assert!(!status.state.is_end());

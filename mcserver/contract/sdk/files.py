@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mcserver.contract.sdk import golang, java, python, typescript
+from mcserver.contract.sdk import golang, java, python, rust, typescript
 from mcserver.contract.sdk.model import model
 
-LANGUAGES = {"java": java.files, "go": golang.files, "python": python.files, "typescript": typescript.files}
+LANGUAGES = {
+    "rust": rust.files,
+    "java": java.files,
+    "go": golang.files,
+    "python": python.files,
+    "typescript": typescript.files,
+}
 
 
 def files() -> dict[str, str]:

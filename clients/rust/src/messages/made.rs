@@ -1,0 +1,2561 @@
+// Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::binary::Bytes;
+
+/// A value of a drive's dictionary.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// A truth value.
+    Bool(bool),
+    /// A signed number.
+    Integer(i64),
+    /// A number beyond them.
+    Unsigned(u64),
+    /// A float.
+    Float(f64),
+    /// A text, or bytes as hexadecimal.
+    Text(String),
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum AxisKind {
+    /// `linear`.
+    #[serde(rename = "linear")]
+    Linear,
+    /// `rotary`.
+    #[serde(rename = "rotary")]
+    Rotary,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for AxisKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Linear => "linear",
+            Self::Rotary => "rotary",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum AxisState {
+    /// `off`.
+    #[serde(rename = "off")]
+    Off,
+    /// `starting`.
+    #[serde(rename = "starting")]
+    Starting,
+    /// `standstill`.
+    #[serde(rename = "standstill")]
+    Standstill,
+    /// `moving`.
+    #[serde(rename = "moving")]
+    Moving,
+    /// `speed`.
+    #[serde(rename = "speed")]
+    Speed,
+    /// `torque`.
+    #[serde(rename = "torque")]
+    Torque,
+    /// `stopping`.
+    #[serde(rename = "stopping")]
+    Stopping,
+    /// `released`.
+    #[serde(rename = "released")]
+    Released,
+    /// `fault`.
+    #[serde(rename = "fault")]
+    Fault,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for AxisState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Off => "off",
+            Self::Starting => "starting",
+            Self::Standstill => "standstill",
+            Self::Moving => "moving",
+            Self::Speed => "speed",
+            Self::Torque => "torque",
+            Self::Stopping => "stopping",
+            Self::Released => "released",
+            Self::Fault => "fault",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum AxisUnit {
+    /// `mm`.
+    #[serde(rename = "mm")]
+    Mm,
+    /// `deg`.
+    #[serde(rename = "deg")]
+    Deg,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for AxisUnit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Mm => "mm",
+            Self::Deg => "deg",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum ChannelKind {
+    /// `digital`.
+    #[serde(rename = "digital")]
+    Digital,
+    /// `analog`.
+    #[serde(rename = "analog")]
+    Analog,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for ChannelKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Digital => "digital",
+            Self::Analog => "analog",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum DrivePhase {
+    /// `booting`.
+    #[serde(rename = "booting")]
+    Booting,
+    /// `operational`.
+    #[serde(rename = "operational")]
+    Operational,
+    /// `lost`.
+    #[serde(rename = "lost")]
+    Lost,
+    /// `restarting`.
+    #[serde(rename = "restarting")]
+    Restarting,
+    /// `failed`.
+    #[serde(rename = "failed")]
+    Failed,
+    /// `closed`.
+    #[serde(rename = "closed")]
+    Closed,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for DrivePhase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Booting => "booting",
+            Self::Operational => "operational",
+            Self::Lost => "lost",
+            Self::Restarting => "restarting",
+            Self::Failed => "failed",
+            Self::Closed => "closed",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum EventKind {
+    /// `server.started`.
+    #[serde(rename = "server.started")]
+    ServerStarted,
+    /// `server.stopping`.
+    #[serde(rename = "server.stopping")]
+    ServerStopping,
+    /// `program.opened`.
+    #[serde(rename = "program.opened")]
+    ProgramOpened,
+    /// `program.started`.
+    #[serde(rename = "program.started")]
+    ProgramStarted,
+    /// `program.held`.
+    #[serde(rename = "program.held")]
+    ProgramHeld,
+    /// `program.resumed`.
+    #[serde(rename = "program.resumed")]
+    ProgramResumed,
+    /// `program.paused`.
+    #[serde(rename = "program.paused")]
+    ProgramPaused,
+    /// `program.message`.
+    #[serde(rename = "program.message")]
+    ProgramMessage,
+    /// `program.closed`.
+    #[serde(rename = "program.closed")]
+    ProgramClosed,
+    /// `input.read`.
+    #[serde(rename = "input.read")]
+    InputRead,
+    /// `program.ended`.
+    #[serde(rename = "program.ended")]
+    ProgramEnded,
+    /// `lines.started`.
+    #[serde(rename = "lines.started")]
+    LinesStarted,
+    /// `lines.ended`.
+    #[serde(rename = "lines.ended")]
+    LinesEnded,
+    /// `line.rejected`.
+    #[serde(rename = "line.rejected")]
+    LineRejected,
+    /// `fault`.
+    #[serde(rename = "fault")]
+    Fault,
+    /// `warning`.
+    #[serde(rename = "warning")]
+    Warning,
+    /// `estop`.
+    #[serde(rename = "estop")]
+    Estop,
+    /// `reset`.
+    #[serde(rename = "reset")]
+    Reset,
+    /// `override`.
+    #[serde(rename = "override")]
+    Override,
+    /// `command`.
+    #[serde(rename = "command")]
+    Command,
+    /// `client.gone`.
+    #[serde(rename = "client.gone")]
+    ClientGone,
+    /// `recording`.
+    #[serde(rename = "recording")]
+    Recording,
+    /// `axis.homing`.
+    #[serde(rename = "axis.homing")]
+    AxisHoming,
+    /// `axis.homed`.
+    #[serde(rename = "axis.homed")]
+    AxisHomed,
+    /// `axis.unhomed`.
+    #[serde(rename = "axis.unhomed")]
+    AxisUnhomed,
+    /// `probe`.
+    #[serde(rename = "probe")]
+    Probe,
+    /// `drive.emergency`.
+    #[serde(rename = "drive.emergency")]
+    DriveEmergency,
+    /// `drive.lost`.
+    #[serde(rename = "drive.lost")]
+    DriveLost,
+    /// `drive.back`.
+    #[serde(rename = "drive.back")]
+    DriveBack,
+    /// `drive.rebooted`.
+    #[serde(rename = "drive.rebooted")]
+    DriveRebooted,
+    /// `drive.started`.
+    #[serde(rename = "drive.started")]
+    DriveStarted,
+    /// `drive.failed`.
+    #[serde(rename = "drive.failed")]
+    DriveFailed,
+    /// `bus.foreign_master`.
+    #[serde(rename = "bus.foreign_master")]
+    BusForeignMaster,
+    /// `bus.lost`.
+    #[serde(rename = "bus.lost")]
+    BusLost,
+    /// `bus.back`.
+    #[serde(rename = "bus.back")]
+    BusBack,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for EventKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::ServerStarted => "server.started",
+            Self::ServerStopping => "server.stopping",
+            Self::ProgramOpened => "program.opened",
+            Self::ProgramStarted => "program.started",
+            Self::ProgramHeld => "program.held",
+            Self::ProgramResumed => "program.resumed",
+            Self::ProgramPaused => "program.paused",
+            Self::ProgramMessage => "program.message",
+            Self::ProgramClosed => "program.closed",
+            Self::InputRead => "input.read",
+            Self::ProgramEnded => "program.ended",
+            Self::LinesStarted => "lines.started",
+            Self::LinesEnded => "lines.ended",
+            Self::LineRejected => "line.rejected",
+            Self::Fault => "fault",
+            Self::Warning => "warning",
+            Self::Estop => "estop",
+            Self::Reset => "reset",
+            Self::Override => "override",
+            Self::Command => "command",
+            Self::ClientGone => "client.gone",
+            Self::Recording => "recording",
+            Self::AxisHoming => "axis.homing",
+            Self::AxisHomed => "axis.homed",
+            Self::AxisUnhomed => "axis.unhomed",
+            Self::Probe => "probe",
+            Self::DriveEmergency => "drive.emergency",
+            Self::DriveLost => "drive.lost",
+            Self::DriveBack => "drive.back",
+            Self::DriveRebooted => "drive.rebooted",
+            Self::DriveStarted => "drive.started",
+            Self::DriveFailed => "drive.failed",
+            Self::BusForeignMaster => "bus.foreign_master",
+            Self::BusLost => "bus.lost",
+            Self::BusBack => "bus.back",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum MachineState {
+    /// `ready`.
+    #[serde(rename = "ready")]
+    Ready,
+    /// `fault`.
+    #[serde(rename = "fault")]
+    Fault,
+    /// `estop`.
+    #[serde(rename = "estop")]
+    Estop,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for MachineState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ready => "ready",
+            Self::Fault => "fault",
+            Self::Estop => "estop",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum OnDisconnect {
+    /// `finish`.
+    #[serde(rename = "finish")]
+    Finish,
+    /// `stop`.
+    #[serde(rename = "stop")]
+    Stop,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for OnDisconnect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Finish => "finish",
+            Self::Stop => "stop",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Outputs {
+    /// `set`.
+    #[serde(rename = "set")]
+    Set,
+    /// `leave`.
+    #[serde(rename = "leave")]
+    Leave,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for Outputs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Set => "set",
+            Self::Leave => "leave",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum ProgramState {
+    /// `queued`.
+    #[serde(rename = "queued")]
+    Queued,
+    /// `running`.
+    #[serde(rename = "running")]
+    Running,
+    /// `held`.
+    #[serde(rename = "held")]
+    Held,
+    /// `paused`.
+    #[serde(rename = "paused")]
+    Paused,
+    /// `ending`.
+    #[serde(rename = "ending")]
+    Ending,
+    /// `finished`.
+    #[serde(rename = "finished")]
+    Finished,
+    /// `aborted`.
+    #[serde(rename = "aborted")]
+    Aborted,
+    /// `rejected`.
+    #[serde(rename = "rejected")]
+    Rejected,
+    /// `faulted`.
+    #[serde(rename = "faulted")]
+    Faulted,
+    /// `interrupted`.
+    #[serde(rename = "interrupted")]
+    Interrupted,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for ProgramState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Held => "held",
+            Self::Paused => "paused",
+            Self::Ending => "ending",
+            Self::Finished => "finished",
+            Self::Aborted => "aborted",
+            Self::Rejected => "rejected",
+            Self::Faulted => "faulted",
+            Self::Interrupted => "interrupted",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum RecordingKind {
+    /// `recording`.
+    #[serde(rename = "recording")]
+    Recording,
+    /// `blackbox`.
+    #[serde(rename = "blackbox")]
+    Blackbox,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for RecordingKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Recording => "recording",
+            Self::Blackbox => "blackbox",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum RecordingState {
+    /// `writing`.
+    #[serde(rename = "writing")]
+    Writing,
+    /// `done`.
+    #[serde(rename = "done")]
+    Done,
+    /// `unfinished`.
+    #[serde(rename = "unfinished")]
+    Unfinished,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for RecordingState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Writing => "writing",
+            Self::Done => "done",
+            Self::Unfinished => "unfinished",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum RunState {
+    /// `waiting`.
+    #[serde(rename = "waiting")]
+    Waiting,
+    /// `armed`.
+    #[serde(rename = "armed")]
+    Armed,
+    /// `started`.
+    #[serde(rename = "started")]
+    Started,
+    /// `rejected`.
+    #[serde(rename = "rejected")]
+    Rejected,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for RunState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Waiting => "waiting",
+            Self::Armed => "armed",
+            Self::Started => "started",
+            Self::Rejected => "rejected",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum SdoType {
+    /// `bool`.
+    #[serde(rename = "bool")]
+    Bool,
+    /// `i8`.
+    #[serde(rename = "i8")]
+    I8,
+    /// `i16`.
+    #[serde(rename = "i16")]
+    I16,
+    /// `i24`.
+    #[serde(rename = "i24")]
+    I24,
+    /// `i32`.
+    #[serde(rename = "i32")]
+    I32,
+    /// `i64`.
+    #[serde(rename = "i64")]
+    I64,
+    /// `u8`.
+    #[serde(rename = "u8")]
+    U8,
+    /// `u16`.
+    #[serde(rename = "u16")]
+    U16,
+    /// `u24`.
+    #[serde(rename = "u24")]
+    U24,
+    /// `u32`.
+    #[serde(rename = "u32")]
+    U32,
+    /// `u64`.
+    #[serde(rename = "u64")]
+    U64,
+    /// `f32`.
+    #[serde(rename = "f32")]
+    F32,
+    /// `f64`.
+    #[serde(rename = "f64")]
+    F64,
+    /// `str`.
+    #[serde(rename = "str")]
+    Str,
+    /// `utf16`.
+    #[serde(rename = "utf16")]
+    Utf16,
+    /// `bytes`.
+    #[serde(rename = "bytes")]
+    Bytes,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for SdoType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Bool => "bool",
+            Self::I8 => "i8",
+            Self::I16 => "i16",
+            Self::I24 => "i24",
+            Self::I32 => "i32",
+            Self::I64 => "i64",
+            Self::U8 => "u8",
+            Self::U16 => "u16",
+            Self::U24 => "u24",
+            Self::U32 => "u32",
+            Self::U64 => "u64",
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+            Self::Str => "str",
+            Self::Utf16 => "utf16",
+            Self::Bytes => "bytes",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Severity {
+    /// `error`.
+    #[serde(rename = "error")]
+    Error,
+    /// `warning`.
+    #[serde(rename = "warning")]
+    Warning,
+    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Error => "error",
+            Self::Warning => "warning",
+            Self::Later(word) => word,
+        })
+    }
+}
+
+/// Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ack {
+    pub program: String,
+    /// lines through this number are taken and journaled.
+    pub accepted: u64,
+    /// this line and every one before it have ended.
+    pub done: u64,
+    /// how many lines after `accepted` fit now.
+    pub credit: u64,
+    /// the program's.
+    pub state: ProgramState,
+    /// number of the line that was found faulty; it is the next one expected. 0: none.
+    #[serde(default)]
+    pub rejected: u64,
+    /// what is wrong with it.
+    #[serde(default)]
+    pub diagnostics: Vec<Diagnostic>,
+    /// what stopped the program.
+    #[serde(default)]
+    pub fault: Option<Fault>,
+    /// set where the message acknowledged held a gap: the number that is expected.
+    #[serde(default)]
+    pub expected: u64,
+    /// how many lines of the program have been rejected so far. An acknowledgement with a smaller count than
+    /// one before is older: its numbers are of lines that are given up.
+    #[serde(default)]
+    pub rejections: u64,
+}
+
+/// Arms a text once.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ArmRequest {
+    /// of the text, or at least its first 8 digits.
+    pub sha256: String,
+    /// how long it may be started.
+    pub seconds: f64,
+    /// the greatest feed override \[%\].
+    #[serde(rename = "override")]
+    pub override_percent: f64,
+    /// of the request that was looked at: one that was made anew since is not armed; none: any.
+    pub number: Option<u64>,
+}
+
+impl ArmRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(sha256: impl Into<String>) -> Self {
+        Self {
+            sha256: sha256.into(),
+            seconds: 60.0,
+            override_percent: 100.0,
+            number: None,
+        }
+    }
+}
+
+/// All axes, column-wise: every list has one entry for each of `index`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AxesStatus {
+    pub index: Vec<u64>,
+    pub position: Vec<f64>,
+    pub setpoint: Vec<f64>,
+    pub velocity: Vec<f64>,
+    pub torque: Vec<f64>,
+    pub state: Vec<AxisState>,
+    /// whether the axis knows where it is; axes without `\[axis.homing\]` always do.
+    #[serde(default)]
+    pub homed: Vec<bool>,
+}
+
+/// One axis; limits in mm or deg and seconds, none where not limited. `homing`: how it finds its reference;
+/// none: its encoder's reading is its position.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AxisInfo {
+    pub index: u64,
+    #[serde(rename = "type")]
+    pub kind: AxisKind,
+    pub unit: AxisUnit,
+    pub max_velocity: f64,
+    pub max_acceleration: f64,
+    pub drive: String,
+    #[serde(default)]
+    pub max_jerk: Option<f64>,
+    #[serde(default)]
+    pub min_position: Option<f64>,
+    #[serde(default)]
+    pub max_position: Option<f64>,
+    #[serde(default)]
+    pub in_position: f64,
+    #[serde(default)]
+    pub homing: Option<String>,
+}
+
+/// An axis of the program at the line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AxisStart {
+    pub axis: u64,
+    pub unit: String,
+    /// where it is \[mm, deg\].
+    pub now: f64,
+    /// where the program has it before the line; none: not known.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub there: Option<f64>,
+    /// the program had it energized there.
+    pub energized: bool,
+    /// farther from there than the axis's in-position tolerance, or there is not known.
+    pub away: bool,
+}
+
+/// Where an axis ends, and its least and greatest setpoint \[mm or deg\].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AxisTravel {
+    pub position: f64,
+    pub min: f64,
+    pub max: f64,
+    pub unit: String,
+}
+
+/// Who is on one bus; `machine_file`: one to start from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BusScan {
+    pub bus: String,
+    pub address: String,
+    pub nodes: Vec<ScannedNode>,
+    pub machine_file: String,
+}
+
+/// As `mcserver check --json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CheckReply {
+    pub ok: bool,
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+/// Every fault of a program's text; nothing runs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CheckRequest {
+    /// the whole of it; or sha256: of one that was handed over by `put_text`.
+    pub text: Option<String>,
+    /// start the axes there \[mm, deg\].
+    pub positions: Option<BTreeMap<String, f64>>,
+    pub sha256: Option<String>,
+}
+
+impl CheckRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            text: None,
+            positions: None,
+            sha256: None,
+        }
+    }
+}
+
+impl Default for CheckRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// `accepted`: the last line that will run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CloseReply {
+    pub program: String,
+    pub accepted: u64,
+    pub done: u64,
+    pub state: ProgramState,
+}
+
+/// No more lines will come; what is there runs to its end. `last`: the last line that was sent; the program
+/// is only closed if it has been accepted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CloseRequest {
+    pub program: String,
+    pub last: Option<u64>,
+}
+
+impl CloseRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(program: impl Into<String>) -> Self {
+        Self {
+            program: program.into(),
+            last: None,
+        }
+    }
+}
+
+/// How a program would go on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Continuation {
+    /// its id, empty for a text.
+    pub program: String,
+    /// as it ended; lines through `done` are certain.
+    pub name: String,
+    /// as it ended; lines through `done` are certain.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub state: Option<ProgramState>,
+    /// as it ended; lines through `done` are certain.
+    pub done: u64,
+    /// as it ended; lines through `done` are certain.
+    pub accepted: u64,
+    /// its text is known to its end, so that nothing has to be sent.
+    pub whole: bool,
+    /// of its whole text.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub sha256: Option<String>,
+    /// the first that would run.
+    pub line: u64,
+    /// of the text about that line.
+    pub first: u64,
+    /// of the text about that line.
+    pub lines: Vec<String>,
+    /// codes in force there.
+    pub modal: Vec<String>,
+    /// axes that are energized first.
+    pub energize: Vec<u64>,
+    /// where each is, and where the program has it there.
+    pub axes: Vec<AxisStart>,
+    /// the moves that bring them there, in order.
+    pub way: Vec<WayStep>,
+    /// what the program had switched otherwise than it is now.
+    pub switched: Vec<Switched>,
+    /// what stands in the way; one that has `confirm` passes with that field of the request.
+    pub needs: Vec<Need>,
+}
+
+/// What a start in the middle of a program would do; nothing moves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ContinuationRequest {
+    /// one that has ended; where others have gone on with it, the last of these is meant.
+    pub program: Option<String>,
+    /// the first that would run; none: the one behind the last that is done.
+    pub line: Option<u64>,
+    /// lines 1 … line - 1 of a text, instead of `program`.
+    pub before: Vec<String>,
+    /// of it; none: all of the machine.
+    pub axes: Option<Vec<u64>>,
+}
+
+impl ContinuationRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            program: None,
+            line: None,
+            before: Vec::new(),
+            axes: None,
+        }
+    }
+}
+
+impl Default for ContinuationRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The program that goes on, as `OpenReply`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ContinueReply {
+    pub program: String,
+    pub state: ProgramState,
+    pub axes: Vec<u64>,
+    pub expected: u64,
+    pub credit: u64,
+    pub instance: String,
+    /// the first that runs.
+    pub line: u64,
+    /// the program that it goes on with.
+    pub resume_of: String,
+    /// all of its lines are there; else the client sends those from `expected` on.
+    pub whole: bool,
+}
+
+/// Goes on with a program that has ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ContinueRequest {
+    /// as in `ContinuationRequest`.
+    pub program: String,
+    /// as in `ContinuationRequest`.
+    pub line: Option<u64>,
+    /// axes may go the way that `continuation` shows, where the machine file names no safe one.
+    pub way: bool,
+    /// set what the program had switched, or leave it as it is; none: nothing was said.
+    pub outputs: Option<Outputs>,
+    /// what happens when the client's liveliness token goes.
+    pub on_disconnect: OnDisconnect,
+    /// begin held.
+    pub hold: bool,
+}
+
+impl ContinueRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(program: impl Into<String>) -> Self {
+        Self {
+            program: program.into(),
+            line: None,
+            way: false,
+            outputs: None,
+            on_disconnect: OnDisconnect::Stop,
+            hold: false,
+        }
+    }
+}
+
+/// How slow the disk under the journal is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiskStatus {
+    /// Unix time from which on it is slow \[s\].
+    pub since: f64,
+    /// for how long what is to be said has waited for the journal's commit \[s\].
+    pub commit_s: f64,
+    /// how long the sync under way has taken \[s\]; a power cut loses what was committed in that time.
+    pub sync_s: f64,
+    /// the longest of these since then \[s\].
+    pub worst_s: f64,
+}
+
+/// Reply of methods that only do something: the programs concerned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Done {
+    pub programs: Vec<String>,
+}
+
+/// One drive on a CAN bus.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriveInfo {
+    pub axis: u64,
+    pub kind: String,
+    pub bus: String,
+    pub node: u64,
+    /// what the server takes it for.
+    pub state: DrivePhase,
+    /// what its last heartbeat said; empty: none has come.
+    #[serde(default)]
+    pub nmt: String,
+    /// since its last sign of life \[s\].
+    #[serde(default)]
+    pub heartbeat_age_s: Option<f64>,
+    /// 6041h, or the fault bits of a Servosila drive.
+    #[serde(default)]
+    pub statusword: Option<u64>,
+    /// the same in words.
+    #[serde(default)]
+    pub status: String,
+    /// 1000h, 1018h:01, 1018h:02.
+    #[serde(default)]
+    pub device_type: Option<u64>,
+    /// 1000h, 1018h:01, 1018h:02.
+    #[serde(default)]
+    pub vendor_id: Option<u64>,
+    /// 1000h, 1018h:01, 1018h:02.
+    #[serde(default)]
+    pub product_code: Option<u64>,
+    /// its last emergency message in words
+    #[serde(default)]
+    pub emergency: String,
+    /// of that.
+    #[serde(default)]
+    pub emergency_code: Option<u64>,
+    /// of that.
+    #[serde(default)]
+    pub emergency_age_s: Option<f64>,
+    /// how often it has started since the server did.
+    #[serde(default)]
+    pub boot_ups: u64,
+    /// why its configuration failed.
+    #[serde(default)]
+    pub message: String,
+    /// what the machine file wants to see of it, newest values.
+    #[serde(default)]
+    pub monitor: Vec<MonitoredValue>,
+}
+
+/// By axis; empty where no drive is on a CAN bus.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DrivesReply {
+    pub drives: Vec<DriveInfo>,
+}
+
+/// Every drive on a CAN bus.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DrivesRequest {}
+
+/// By bus; each with a machine file to start from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DrivesScanReply {
+    pub buses: Vec<BusScan>,
+}
+
+/// Asks every node number of a bus who is there; `bus` empty: of all buses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DrivesScanRequest {
+    pub bus: String,
+}
+
+impl DrivesScanRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            bus: String::new(),
+        }
+    }
+}
+
+impl Default for DrivesScanRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A certain remedy: characters of the diagnostic's line and what replaces them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Edit {
+    /// code points from 1, end exclusive.
+    pub column: u64,
+    /// code points from 1, end exclusive.
+    pub end_column: u64,
+    /// the replacement.
+    pub text: String,
+}
+
+/// Payload of every `reply_err`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ErrorReply {
+    pub code: String,
+    pub message: String,
+    #[serde(default)]
+    pub hint: String,
+    /// what the code's entry in docs/wire/errors.md lists, such as `expected`.
+    #[serde(default)]
+    pub details: BTreeMap<String, serde_json::Value>,
+    /// faults of G-code, where the error is about lines.
+    #[serde(default)]
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+/// Emergency stop by rpc, and payload of the key `estop` (where it may be empty).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EstopRequest {
+    /// for people.
+    pub reason: String,
+    /// on the key `estop`, who stops, as it says itself; a call has it in its key.
+    pub client: String,
+}
+
+impl EstopRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            reason: String::new(),
+            client: String::new(),
+        }
+    }
+}
+
+impl Default for EstopRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Payload of `event`; `seq` has no gap within one `instance`. Times `t` of two instances cannot be compared.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    pub seq: u64,
+    /// executor time \[s\].
+    pub t: f64,
+    pub instance: String,
+    /// says which of the others are set (docs/wire/events.md).
+    pub kind: EventKind,
+    #[serde(default)]
+    pub program: Option<String>,
+    #[serde(default)]
+    pub client: Option<String>,
+    #[serde(default)]
+    pub state: Option<ProgramState>,
+    /// the last line started for `lines.started`; the line of a fault.
+    #[serde(default)]
+    pub line: u64,
+    /// for `lines.ended`.
+    #[serde(default)]
+    pub lines: Vec<LineReport>,
+    #[serde(default)]
+    pub fault: Option<Fault>,
+    #[serde(default)]
+    pub diagnostics: Vec<Diagnostic>,
+    /// why a program ended, an emergency stop's reason, a warning's code, a drive's or bus's code.
+    #[serde(default)]
+    pub reason: String,
+    #[serde(default)]
+    pub message: String,
+    #[serde(default)]
+    pub percent: Option<f64>,
+    /// of a drive's event, or of homing.
+    #[serde(default)]
+    pub axis: Option<u64>,
+    /// for `probe`.
+    #[serde(default)]
+    pub probe: Option<ProbeStatus>,
+    /// Unix time of `t`, by the clock as it went then \[s\].
+    #[serde(default)]
+    pub wall: f64,
+}
+
+/// `oldest` is the first number that the server still has; `newest` the last one published.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EventsReply {
+    pub instance: String,
+    pub oldest: u64,
+    pub newest: u64,
+    pub events: Vec<Event>,
+}
+
+/// Events that the server still has, from number `since` on, oldest first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EventsRequest {
+    pub since: u64,
+    pub limit: u64,
+}
+
+impl EventsRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            since: 0,
+            limit: 500,
+        }
+    }
+}
+
+impl Default for EventsRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Least and greatest setpoint of an axis \[mm or deg\], and its greatest speed \[mm/s or deg/s\].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Extent {
+    pub axis: u64,
+    pub low: f64,
+    pub high: f64,
+    pub unit: String,
+    #[serde(default)]
+    pub speed: f64,
+    /// it turns on at a speed (G1030): its positions are not bounded.
+    #[serde(default)]
+    pub turns: bool,
+}
+
+/// What stopped motion: a stable code, the axis and the line where they apply.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Fault {
+    pub code: String,
+    pub message: String,
+    #[serde(default)]
+    pub hint: String,
+    #[serde(default)]
+    pub axis: Option<u64>,
+    #[serde(default)]
+    pub line: u64,
+    #[serde(default)]
+    pub program: Option<String>,
+    #[serde(default)]
+    pub t: f64,
+}
+
+/// The program that homes, for `abort`, and its axes in the order of their homing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HomeReply {
+    pub program: String,
+    pub axes: Vec<u64>,
+}
+
+/// Finds the references of axes, those with the lowest order first; none: of all that have a method.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HomeRequest {
+    pub axes: Option<Vec<u64>>,
+}
+
+impl HomeRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            axes: None,
+        }
+    }
+}
+
+impl Default for HomeRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Reply of `info`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Info {
+    pub machine: String,
+    pub server: String,
+    /// versions of this key space that the server speaks.
+    pub protocol: Vec<u64>,
+    /// one start of the server; another one means that programs before it were interrupted.
+    pub instance: String,
+    /// Unix time of executor time 0, by the clock as it goes now \[s\].
+    pub epoch: f64,
+    pub cycle_s: f64,
+    pub axes: Vec<AxisInfo>,
+    pub tools: Vec<ToolInfo>,
+    pub telemetry: TelemetryInfo,
+    pub limits: LimitsInfo,
+    pub methods: Vec<String>,
+    #[serde(default)]
+    pub inputs: Vec<InputInfo>,
+    #[serde(default)]
+    pub outputs: Vec<OutputInfo>,
+}
+
+/// What the machine and its service are: an `Info`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct InfoRequest {}
+
+/// One input.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct InputInfo {
+    pub name: String,
+    /// of its kind, as M66 names it.
+    pub number: u64,
+    pub kind: ChannelKind,
+    #[serde(default)]
+    pub unit: String,
+    /// where a real one comes from; empty: it is simulated.
+    #[serde(default)]
+    pub source: String,
+    /// it can hold the programs, or stop the machine.
+    #[serde(default)]
+    pub hold: bool,
+    /// it can hold the programs, or stop the machine.
+    #[serde(default)]
+    pub stop: bool,
+}
+
+/// An input: its value (digital: 0, 1), and whether it holds the programs or stops the machine now.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct InputStatus {
+    pub name: String,
+    pub value: f64,
+    #[serde(default)]
+    pub holds: bool,
+    #[serde(default)]
+    pub stops: bool,
+}
+
+/// The jog's program id: for `abort`, and for keeping it alive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JogReply {
+    pub program: String,
+}
+
+/// Moves one axis by hand.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JogRequest {
+    pub axis: u64,
+    /// from where it is, signed \[mm, deg\]; none: on until stopped or the limit, sign of `velocity`.
+    pub distance: Option<f64>,
+    /// \[mm/s, deg/s\]; none: a tenth of the axis's limit.
+    pub velocity: Option<f64>,
+    /// dead man's time: the axis stops unless the same jog is asked for again within it; none: no such watch.
+    /// A jog without distance always has one (default 0.5 s).
+    pub hold_s: Option<f64>,
+    /// id of the jog under way that this request keeps alive.
+    pub program: Option<String>,
+    /// the person, where a client serves several: steps of one person follow each other, those of another one
+    /// are refused (MC512) while the axis moves.
+    pub by: String,
+}
+
+impl JogRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(axis: u64) -> Self {
+        Self {
+            axis,
+            distance: None,
+            velocity: None,
+            hold_s: None,
+            program: None,
+            by: String::new(),
+        }
+    }
+}
+
+/// Bounds of the service.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LimitsInfo {
+    pub max_line_length: u64,
+    pub max_lines_a_message: u64,
+    pub queue_lines: u64,
+    pub programs_at_once: u64,
+    pub open_programs: u64,
+    pub remembered_answers: u64,
+    pub remembered_answer_s: f64,
+}
+
+/// Time of one line that has ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LineReport {
+    pub line: u64,
+    /// executor time \[s\].
+    pub start_s: f64,
+    /// executor time \[s\].
+    pub end_s: f64,
+    /// none for what asks for no time.
+    #[serde(default)]
+    pub requested_s: Option<f64>,
+    /// actual / requested; none without a requested time.
+    #[serde(default)]
+    pub stretched_by: Option<f64>,
+    /// the limit that stretched it, such as `axis 2 acceleration`.
+    #[serde(default)]
+    pub bound_by: Option<String>,
+}
+
+/// Payload of `tele/state` and reply of `status`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MachineStatus {
+    /// executor time \[s\].
+    pub t: f64,
+    /// Unix time of `t` \[s\].
+    pub wall: f64,
+    pub instance: String,
+    pub state: MachineState,
+    pub axes: AxesStatus,
+    pub programs: Vec<ProgramStatus>,
+    pub faults: Vec<Fault>,
+    /// machine-wide feed override \[%\].
+    #[serde(rename = "override", default = "machine_status_override")]
+    pub override_percent: f64,
+    /// cycles that began too late, since the start.
+    #[serde(default)]
+    pub late_cycles: u64,
+    #[serde(default)]
+    pub tools: Vec<ToolPose>,
+    /// those of the machine file, in the order of `info`.
+    #[serde(default)]
+    pub inputs: Vec<InputStatus>,
+    /// those of the machine file, in the order of `info`.
+    #[serde(default)]
+    pub outputs: Vec<OutputStatus>,
+    #[serde(default)]
+    pub probe: Option<ProbeStatus>,
+    /// systems that were set, in which the next program starts (G54 is in force then).
+    #[serde(default)]
+    pub work_offsets: Vec<WorkOffset>,
+    /// how slow the disk under the journal is; none: it keeps up.
+    #[serde(default)]
+    pub disk: Option<DiskStatus>,
+}
+
+fn machine_status_override() -> f64 {
+    100.0
+}
+
+/// A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MeshInfo {
+    pub name: String,
+    pub size: u64,
+}
+
+/// Part of a mesh's file: `mesh` counts from 0 in `ModelReply.meshes`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelMeshRequest {
+    pub mesh: u64,
+    pub offset: u64,
+    pub size: u64,
+}
+
+impl ModelMeshRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(mesh: u64) -> Self {
+        Self {
+            mesh,
+            offset: 0,
+            size: 1_048_576,
+        }
+    }
+}
+
+/// `data` from `offset` on; `size` of the whole file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelPart {
+    pub offset: u64,
+    pub size: u64,
+    pub data: Bytes,
+}
+
+/// A robot's URDF.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelReply {
+    /// its text; empty: the machine has none.
+    pub urdf: String,
+    /// of the text and the meshes.
+    pub digest: String,
+    /// the joint that each axis moves, by axis number.
+    pub joints: BTreeMap<String, String>,
+    /// of the visuals, in the order of `ModelMeshRequest.mesh`.
+    pub meshes: Vec<MeshInfo>,
+}
+
+/// What the machine looks like: a `ModelReply`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelRequest {}
+
+/// One object that the machine file shows in telemetry (`monitor`); value none: none has come.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MonitoredValue {
+    pub name: String,
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub value: Option<Value>,
+    #[serde(default)]
+    pub index: u64,
+    #[serde(default)]
+    pub subindex: u64,
+}
+
+/// What stands in the way of going on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Need {
+    pub code: String,
+    pub message: String,
+    pub hint: String,
+    /// the field of the request that lets it pass, `way` or `outputs`; empty: none does.
+    #[serde(default)]
+    pub confirm: String,
+}
+
+/// The program's id; `expected` is the next line number, `credit` how many lines fit now.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OpenReply {
+    pub program: String,
+    pub state: ProgramState,
+    pub axes: Vec<u64>,
+    pub expected: u64,
+    pub credit: u64,
+    pub instance: String,
+}
+
+/// Opens a program.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OpenRequest {
+    /// for people: a file's name.
+    pub name: String,
+    /// the axes to lease; none: all of the machine.
+    pub axes: Option<Vec<u64>>,
+    /// what happens when the client's liveliness token goes.
+    pub on_disconnect: OnDisconnect,
+    /// number of the first line that will run.
+    pub start_line: u64,
+    /// lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
+    pub before: Vec<String>,
+    /// id of an earlier program; its journaled lines before `start_line` serve as `before`.
+    pub resume_of: Option<String>,
+    /// single line mode: a line starts only when `step` asks for it.
+    pub step: bool,
+    /// begin held; `resume` starts it.
+    pub hold: bool,
+    /// of the whole text; its times, of `simulate` or `put_text`, are those of the program.
+    pub sha256: Option<String>,
+    /// of a start in the middle, as in `ContinueRequest`.
+    pub way: bool,
+    /// of a start in the middle, as in `ContinueRequest`.
+    pub outputs: Option<Outputs>,
+}
+
+impl OpenRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            name: String::new(),
+            axes: None,
+            on_disconnect: OnDisconnect::Stop,
+            start_line: 1,
+            before: Vec::new(),
+            resume_of: None,
+            step: false,
+            hold: false,
+            sha256: None,
+            way: false,
+            outputs: None,
+        }
+    }
+}
+
+impl Default for OpenRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// One output.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OutputInfo {
+    pub name: String,
+    /// of its kind, as M62 to M68 name it.
+    pub number: u64,
+    pub kind: ChannelKind,
+    #[serde(default)]
+    pub unit: String,
+    /// where a real one goes; empty: it is simulated.
+    #[serde(default)]
+    pub target: String,
+    /// least and greatest value.
+    #[serde(default)]
+    pub min: f64,
+    /// least and greatest value.
+    #[serde(default = "output_info_max")]
+    pub max: f64,
+    /// its value once what has set it is lost; none: it stays.
+    #[serde(default)]
+    pub safe: Option<f64>,
+}
+
+fn output_info_max() -> f64 {
+    1.0
+}
+
+/// An output: its value (digital: 0, 1), and who has set it last: a program's id, `operator` or nobody
+/// (empty).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OutputStatus {
+    pub name: String,
+    pub value: f64,
+    #[serde(default)]
+    pub set_by: String,
+}
+
+/// The override now in force \[%\].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OverrideReply {
+    pub percent: f64,
+    pub programs: Vec<String>,
+}
+
+/// Feed override of one program or of all, those to come included; 100 is as programmed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OverrideRequest {
+    pub percent: f64,
+    pub program: Option<String>,
+}
+
+impl OverrideRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(percent: f64) -> Self {
+        Self {
+            percent,
+            program: None,
+        }
+    }
+}
+
+/// The last probing move that has ended (G38.2 to G38.5).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProbeStatus {
+    pub program: String,
+    pub line: u64,
+    /// the probe changed.
+    pub tripped: bool,
+    /// where the axes were then, else where the move ended, by number \[mm, deg\]: positions of axes,
+    /// whatever offsets the program had.
+    pub positions: BTreeMap<String, f64>,
+    /// executor time \[s\].
+    pub t: f64,
+}
+
+/// hold, resume, abort: one program, or every one (none).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProgramRequest {
+    pub program: Option<String>,
+}
+
+impl ProgramRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            program: None,
+        }
+    }
+}
+
+impl Default for ProgramRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// One program.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProgramStatus {
+    pub program: String,
+    pub state: ProgramState,
+    pub client: String,
+    pub name: String,
+    pub axes: Vec<u64>,
+    pub start_line: u64,
+    /// the line under way; 0: none yet.
+    pub line: u64,
+    pub accepted: u64,
+    pub done: u64,
+    pub credit: u64,
+    pub closed: bool,
+    #[serde(rename = "override")]
+    pub override_percent: f64,
+    /// share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
+    pub progress: f64,
+    /// Unix time \[s\].
+    pub opened_at: f64,
+    /// until its end at its override \[s\]; where `duration_s` is not known, until the end of what is
+    /// planned.
+    #[serde(default)]
+    pub eta_s: Option<f64>,
+    #[serde(default)]
+    pub fault: Option<Fault>,
+    #[serde(default)]
+    pub rejected: u64,
+    #[serde(default)]
+    pub diagnostics: Vec<Diagnostic>,
+    #[serde(default)]
+    pub resume_of: Option<String>,
+    /// Unix time \[s\].
+    #[serde(default)]
+    pub ended_at: Option<f64>,
+    /// of the whole program at 100 %, as its text was simulated \[s\]; none: it was not.
+    #[serde(default)]
+    pub duration_s: Option<f64>,
+    /// what it said last to the operator; while it is paused, what to do before it is resumed.
+    #[serde(default)]
+    pub notice: String,
+    /// share of its lines that the simulation has reached; below 1 `duration_s` is an estimate by the lines
+    /// so far.
+    #[serde(default = "program_status_simulated")]
+    pub simulated: f64,
+    /// how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without these
+    /// waits.
+    #[serde(default)]
+    pub pauses: u64,
+    /// as in `Ack`; 0 in programs of an earlier start of the server.
+    #[serde(default)]
+    pub rejections: u64,
+}
+
+fn program_status_simulated() -> f64 {
+    1.0
+}
+
+/// Newest first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProgramsReply {
+    pub programs: Vec<ProgramStatus>,
+}
+
+/// The programs that the server knows, the newest first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProgramsRequest {
+    /// only this one.
+    pub program: Option<String>,
+    /// those that have ended too.
+    pub ended: bool,
+    pub limit: u64,
+}
+
+impl ProgramsRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            program: None,
+            ended: true,
+            limit: 100,
+        }
+    }
+}
+
+impl Default for ProgramsRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// How much of the text is there: the next part begins at `received`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PutTextReply {
+    /// of the text \[bytes\].
+    pub received: u64,
+    /// in what is there.
+    pub lines: u64,
+    /// all of it is.
+    pub complete: bool,
+}
+
+/// The next part of a program's text, for `check`, and for the times of programs that run it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PutTextRequest {
+    /// of the whole text in UTF-8.
+    pub sha256: String,
+    /// of the whole text \[bytes\].
+    pub size: u64,
+    /// where the part begins \[bytes\].
+    pub offset: u64,
+    /// its bytes; characters may be cut.
+    pub part: Bytes,
+}
+
+impl PutTextRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(sha256: impl Into<String>, size: u64, offset: u64, part: Bytes) -> Self {
+        Self {
+            sha256: sha256.into(),
+            size,
+            offset,
+            part,
+        }
+    }
+}
+
+/// The recording's name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordReply {
+    pub name: String,
+}
+
+/// Writes out the black box, the last minutes. `reason` stands in the file and in its name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordSaveRequest {
+    pub reason: String,
+}
+
+impl RecordSaveRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            reason: "asked".to_owned(),
+        }
+    }
+}
+
+impl Default for RecordSaveRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Records every cycle into a file on the server from now on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordStartRequest {
+    /// of the recording; empty: the time.
+    pub name: String,
+    /// when it ends by itself; none: when it is stopped.
+    pub max_s: Option<f64>,
+}
+
+impl RecordStartRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            name: String::new(),
+            max_s: None,
+        }
+    }
+}
+
+impl Default for RecordStartRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Ends a recording; without a name the only one. The reply comes once the file is whole.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordStopRequest {
+    pub name: String,
+}
+
+impl RecordStopRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            name: String::new(),
+        }
+    }
+}
+
+impl Default for RecordStopRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The recorder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecorderStatus {
+    /// of the black box in memory.
+    pub held_s: f64,
+    /// of the black box in memory.
+    pub held_bytes: u64,
+    /// since the start; the recorder came too late for them.
+    pub missed_cycles: u64,
+    /// names of the recordings under way.
+    pub writing: Vec<String>,
+}
+
+/// A recording on the server's disk.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingInfo {
+    /// without a suffix.
+    pub name: String,
+    /// `blackbox` was written by itself or by `record_save`.
+    pub kind: RecordingKind,
+    /// `unfinished` was left by a recorder that was killed, and is repaired at the next start.
+    pub state: RecordingState,
+    /// bytes.
+    pub size: u64,
+    /// Unix time \[s\].
+    pub modified_at: f64,
+}
+
+/// Bytes of a recording from `offset` on; `size` is the whole file's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingPart {
+    pub name: String,
+    pub offset: u64,
+    pub size: u64,
+    pub data: Bytes,
+}
+
+/// Part of a recording's file, for taking it over piece by piece; answered with a `RecordingPart`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingReadRequest {
+    pub name: String,
+    pub offset: u64,
+    pub size: u64,
+}
+
+impl RecordingReadRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(name: impl Into<String>) -> Self {
+        Self {
+            name: name.into(),
+            offset: 0,
+            size: 1_048_576,
+        }
+    }
+}
+
+/// The newest first; `recorder` none: it does not run. `folder`: on the server's disk.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingsReply {
+    pub recordings: Vec<RecordingInfo>,
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub recorder: Option<RecorderStatus>,
+    pub folder: String,
+}
+
+/// The recordings that are there.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingsRequest {}
+
+/// Says where axes are, by number as text \[mm, deg\]; nothing moves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReferenceRequest {
+    pub positions: BTreeMap<String, f64>,
+}
+
+impl ReferenceRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(positions: BTreeMap<String, f64>) -> Self {
+        Self {
+            positions,
+        }
+    }
+}
+
+/// Says no to a run; who asked for it is shown the reason.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RejectRequest {
+    /// of the text, or at least its first 8 digits.
+    pub sha256: String,
+    pub reason: String,
+    /// as of `ArmRequest`.
+    pub number: Option<u64>,
+}
+
+impl RejectRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(sha256: impl Into<String>) -> Self {
+        Self {
+            sha256: sha256.into(),
+            reason: String::new(),
+            number: None,
+        }
+    }
+}
+
+/// Clears a latched fault or emergency stop; axes stay without energy until captured (G1010).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResetRequest {
+    pub axes: Option<Vec<u64>>,
+}
+
+impl ResetRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            axes: None,
+        }
+    }
+}
+
+impl Default for ResetRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The program that was started.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunArmedReply {
+    pub program: String,
+    #[serde(rename = "override")]
+    pub override_percent: f64,
+}
+
+/// Starts an armed program; the text is that of the request, to the last character.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunArmedRequest {
+    pub text: String,
+}
+
+impl RunArmedRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(text: impl Into<String>) -> Self {
+        Self {
+            text: text.into(),
+        }
+    }
+}
+
+/// The simulated path of a request, at some moments evenly in time, for a picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunPath {
+    /// n moments from the run's begin.
+    pub time_s: Vec<f64>,
+    /// for each axis of the request n setpoints \[mm or deg\].
+    pub positions: Vec<Vec<f64>>,
+    /// those that these axes move.
+    pub tools: Vec<ToolPath>,
+}
+
+/// A request with its text and the path of its simulation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunPreviewReply {
+    pub run: RunRequestStatus,
+    pub text: String,
+    pub path: RunPath,
+}
+
+/// What an operator looks at before arming: the text and its simulated path.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunPreviewRequest {
+    /// of the text, or at least its first 8 digits.
+    pub sha256: String,
+}
+
+impl RunPreviewRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(sha256: impl Into<String>) -> Self {
+        Self {
+            sha256: sha256.into(),
+        }
+    }
+}
+
+/// `ok` false: the text has faults, and nothing waits. `run`: what an operator is shown.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRequestReply {
+    pub ok: bool,
+    pub diagnostics: Vec<Diagnostic>,
+    #[serde(default)]
+    pub run: Option<RunRequestStatus>,
+}
+
+/// Asks for a run of a text. It is checked and simulated, and moves nothing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRequestRequest {
+    /// the program.
+    pub text: String,
+    /// for people.
+    pub name: String,
+    /// the only axes that it may move; none: those that the text names.
+    pub axes: Option<Vec<u64>>,
+}
+
+impl RunRequestRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(text: impl Into<String>) -> Self {
+        Self {
+            text: text.into(),
+            name: String::new(),
+            axes: None,
+        }
+    }
+}
+
+/// A request: what would move, how far, how long; `remaining_s` until it or its arming is over.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRequestStatus {
+    pub sha256: String,
+    pub client: String,
+    pub name: String,
+    pub state: RunState,
+    pub axes: Vec<u64>,
+    pub duration_s: f64,
+    pub extents: Vec<Extent>,
+    pub remaining_s: f64,
+    #[serde(rename = "override")]
+    pub override_percent: f64,
+    /// who armed or rejected it.
+    pub operator: String,
+    /// another one each time that the run is asked for, even with the same text.
+    #[serde(default)]
+    pub number: u64,
+    /// why it was rejected.
+    #[serde(default)]
+    pub reason: String,
+    /// what the run leaves changed for those that come after it, a sentence each.
+    #[serde(default)]
+    pub effects: Vec<String>,
+    /// extents of the tools' tips.
+    #[serde(default)]
+    pub tools: Vec<ToolExtent>,
+    /// SHA-256 of all that the simulation read.
+    #[serde(default)]
+    pub digest: String,
+    /// what of that is no longer as it was, a sentence each; while there is any it cannot start.
+    #[serde(default)]
+    pub changed: Vec<String>,
+}
+
+/// The oldest first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRequestsReply {
+    pub requests: Vec<RunRequestStatus>,
+}
+
+/// What waits for an operator, is armed, or was started lately.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRequestsRequest {}
+
+/// One node that answers on a bus.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScannedNode {
+    pub node: u64,
+    /// of 1000h
+    pub profile: u64,
+    /// the same in words.
+    pub what: String,
+    #[serde(default)]
+    pub vendor_id: Option<u64>,
+    #[serde(default)]
+    pub product_code: Option<u64>,
+    #[serde(default)]
+    pub revision: Option<u64>,
+    #[serde(default)]
+    pub serial: Option<u64>,
+    /// of 6502h. vendor_id … serial: 1018h; none: it does not say.
+    #[serde(default)]
+    pub modes: Vec<String>,
+    /// of the running machine, whose drive it is.
+    #[serde(default)]
+    pub axis: Option<u64>,
+    /// a file that is its by vendor and product.
+    #[serde(default)]
+    pub eds: String,
+    /// what else it says of itself, by object, such as `"6091:1"`: encoder (608Fh), gear (6091h), feed
+    /// (6092h), rated torque (6076h \[mN·m\]), greatest speed of the motor (6080h \[1/min\]), travel (607Dh).
+    #[serde(default)]
+    pub objects: BTreeMap<String, u64>,
+}
+
+/// Reads an object of a drive's dictionary (CiA 301).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SdoReadRequest {
+    /// of the object.
+    pub index: u64,
+    /// of the object.
+    pub subindex: u64,
+    /// whose drive; or `node`, with `bus` where several buses have that number.
+    pub axis: Option<u64>,
+    pub node: Option<u64>,
+    pub bus: String,
+    /// how the bytes are to be read; none: by the drive's EDS, or the standard's objects.
+    #[serde(rename = "type")]
+    pub kind: Option<SdoType>,
+}
+
+impl SdoReadRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(index: u64) -> Self {
+        Self {
+            index,
+            subindex: 0,
+            axis: None,
+            node: None,
+            bus: String::new(),
+            kind: None,
+        }
+    }
+}
+
+/// An object's value, read or written; `raw`: the bytes, little endian. `bytes` are shown as text.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SdoReply {
+    pub axis: u64,
+    pub bus: String,
+    pub node: u64,
+    pub index: u64,
+    pub subindex: u64,
+    #[serde(rename = "type")]
+    pub kind: SdoType,
+    pub value: Value,
+    pub raw: Bytes,
+}
+
+/// Writes an object; `value` may be text: a number such as `0x10`, or hexadecimal for `bytes`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SdoWriteRequest {
+    pub index: u64,
+    pub subindex: u64,
+    pub axis: Option<u64>,
+    pub node: Option<u64>,
+    pub bus: String,
+    #[serde(rename = "type")]
+    pub kind: Option<SdoType>,
+    pub value: Value,
+}
+
+impl SdoWriteRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(index: u64, value: Value) -> Self {
+        Self {
+            index,
+            subindex: 0,
+            axis: None,
+            node: None,
+            bus: String::new(),
+            kind: None,
+            value,
+        }
+    }
+}
+
+/// Sets a simulated input by its name, as `SetOutputRequest`; its script ends.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SetInputRequest {
+    pub input: String,
+    pub value: f64,
+}
+
+impl SetInputRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(input: impl Into<String>, value: f64) -> Self {
+        Self {
+            input: input.into(),
+            value,
+        }
+    }
+}
+
+/// Sets an output by its name; digital: true and false, or 1 and 0.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SetOutputRequest {
+    pub output: String,
+    pub value: f64,
+}
+
+impl SetOutputRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(output: impl Into<String>, value: f64) -> Self {
+        Self {
+            output: output.into(),
+            value,
+        }
+    }
+}
+
+/// The value that an input or output has from the next cycle on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SetReply {
+    pub name: String,
+    pub value: f64,
+}
+
+/// What `mcserver simulate --json` prints.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimulateReply {
+    pub ok: bool,
+    pub duration_s: f64,
+    pub feed_length_mm: f64,
+    /// those that took time, by start.
+    pub lines: Vec<LineReport>,
+    /// by number as text.
+    pub axes: BTreeMap<String, AxisTravel>,
+    pub diagnostics: Vec<Diagnostic>,
+    /// of the systems used or set.
+    #[serde(default)]
+    pub work_offsets: Vec<WorkOffset>,
+    /// their values at the end, by name.
+    #[serde(default)]
+    pub inputs: BTreeMap<String, f64>,
+    /// their values at the end, by name.
+    #[serde(default)]
+    pub outputs: BTreeMap<String, f64>,
+    /// where it was asked for.
+    #[serde(default)]
+    pub path: Option<SimulatedPath>,
+}
+
+/// Runs a program's text on a virtual clock and simulated drives.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimulateRequest {
+    pub text: String,
+    /// start the axes there \[mm, deg\]; none: where the machine file lets simulated drives start.
+    pub positions: Option<BTreeMap<String, f64>>,
+    /// the reply's `path` has so many points at most; 0: no path.
+    pub path_points: u64,
+    /// whether the reply has the times of every line.
+    pub lines: bool,
+}
+
+impl SimulateRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(text: impl Into<String>) -> Self {
+        Self {
+            text: text.into(),
+            positions: None,
+            path_points: 0,
+            lines: true,
+        }
+    }
+}
+
+/// Points at even distances along the axes' travel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimulatedPath {
+    /// the program's line at each point.
+    pub lines: Vec<u64>,
+    /// the points of each tool.
+    pub tips: Vec<TipPath>,
+}
+
+/// The whole machine's state now: a `MachineStatus`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StatusRequest {}
+
+/// The next line of a program in single line mode.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StepRequest {
+    pub program: String,
+}
+
+impl StepRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(program: impl Into<String>) -> Self {
+        Self {
+            program: program.into(),
+        }
+    }
+}
+
+/// Cumulative: lines through `accepted` are taken, through `done` have ended; `credit` more fit.
+/// `rejections`: how many the program has had.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SubmitReply {
+    pub program: String,
+    pub accepted: u64,
+    pub done: u64,
+    pub credit: u64,
+    #[serde(default)]
+    pub rejections: u64,
+}
+
+/// Lines `first`, `first + 1`, …; without `judge` the reply does not wait for the verdict. `rejections`: how
+/// many the client has heard of; lines of before a rejection are refused. none: not said, they are taken for
+/// lines of now.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SubmitRequest {
+    pub program: String,
+    pub first: u64,
+    pub lines: Vec<String>,
+    pub judge: bool,
+    pub rejections: Option<u64>,
+}
+
+impl SubmitRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(program: impl Into<String>, first: u64, lines: Vec<String>) -> Self {
+        Self {
+            program: program.into(),
+            first,
+            lines,
+            judge: true,
+            rejections: None,
+        }
+    }
+}
+
+/// An output, or an axis that turns by itself, which the program had switched otherwise than it is now.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Switched {
+    /// of the output, or such as `axis 3`.
+    pub name: String,
+    /// as the program had it.
+    pub there: f64,
+    /// as it is.
+    pub now: f64,
+    /// of both.
+    #[serde(default)]
+    pub unit: String,
+}
+
+/// How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TelemetryInfo {
+    pub axes: Vec<u64>,
+    pub fields: Vec<String>,
+    pub cycles_a_message: u64,
+    pub state_hz: f64,
+}
+
+/// Where a tool goes \[mm\]; `tool` none: the axes 0, 1 and 2 themselves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TipPath {
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub tool: Option<u64>,
+    pub points: Vec<Vec<f64>>,
+}
+
+/// Least and greatest X, Y and Z of a tool's tip in the base frame \[mm\], and its greatest speed \[mm/s\].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolExtent {
+    pub tool: u64,
+    pub low: Vec<f64>,
+    pub high: Vec<f64>,
+    pub speed: f64,
+}
+
+/// One tool of G01 … Tn.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolInfo {
+    pub number: u64,
+    pub frame: String,
+    pub axes: Vec<u64>,
+    pub orientation: bool,
+    pub euler: String,
+}
+
+/// Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment \[mm\].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolPath {
+    pub tool: u64,
+    pub position: Vec<Vec<f64>>,
+}
+
+/// Where a tool's frame is: `\[x, y, z\]` in mm, `\[a, b, c\]` in deg.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolPose {
+    pub number: u64,
+    pub position: Vec<f64>,
+    pub orientation: Vec<f64>,
+}
+
+/// One move of the way, or what is switched on it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WayStep {
+    /// for people.
+    pub text: String,
+    /// ends, by axis number as text \[mm, deg\]; empty: nothing moves.
+    #[serde(default)]
+    pub targets: BTreeMap<String, f64>,
+    /// each axis at its own limits; else slowly.
+    #[serde(default)]
+    pub rapid: bool,
+}
+
+/// One fault of a program, placed in its text; `line` is the client's line number.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Diagnostic {
+    pub code: String,
+    pub message: String,
+    #[serde(default)]
+    pub line: u64,
+    #[serde(default)]
+    pub column: u64,
+    #[serde(default)]
+    pub end_column: u64,
+    #[serde(default)]
+    pub hint: String,
+    #[serde(default = "diagnostic_severity")]
+    pub severity: Severity,
+    #[serde(default)]
+    pub tool: Option<u64>,
+    #[serde(default)]
+    pub residual_mm: Option<f64>,
+    #[serde(default)]
+    pub axis: Option<u64>,
+    #[serde(default)]
+    pub edit: Option<Edit>,
+}
+
+fn diagnostic_severity() -> Severity {
+    Severity::Error
+}
+
+/// Takes a request back; only the user who asked may.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WithdrawRequest {
+    /// of the text, or at least its first 8 digits.
+    pub sha256: String,
+}
+
+impl WithdrawRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(sha256: impl Into<String>) -> Self {
+        Self {
+            sha256: sha256.into(),
+        }
+    }
+}
+
+/// The origin of a work coordinate system.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WorkOffset {
+    /// such as `G54`.
+    pub system: String,
+    /// where the axes read zero, by number \[mm, deg\]; an axis that is left out reads as the machine does.
+    pub origin: BTreeMap<String, f64>,
+}

@@ -1,0 +1,271 @@
+"""The Rust SDK's types and calls."""
+
+from __future__ import annotations
+
+from textwrap import wrap
+
+from mcserver.contract.sdk.model import (
+    Call,
+    Field,
+    ListOf,
+    MapOf,
+    Maybe,
+    Message,
+    Model,
+    Named,
+    Scalar,
+    Type,
+    Words,
+    pascal,
+    plain_doc,
+)
+
+MADE = "// Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.\n"
+MESSAGES = f"""{MADE}
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::{{Deserialize, Serialize}};
+
+use super::binary::Bytes;
+
+/// A value of a drive's dictionary.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Value {{
+    /// A truth value.
+    Bool(bool),
+    /// A signed number.
+    Integer(i64),
+    /// A number beyond them.
+    Unsigned(u64),
+    /// A float.
+    Float(f64),
+    /// A text, or bytes as hexadecimal.
+    Text(String),
+}}
+"""
+SCALARS = {
+    "bool": "bool",
+    "int": "u64",
+    "float": "f64",
+    "str": "String",
+    "bytes": "Bytes",
+    "any": "serde_json::Value",
+    "level": "f64",
+    "value": "Value",
+}
+BORROWED = {"str": "&str", "bytes": "&[u8]"}
+# words of the language
+NAMES = {"override": "override_percent", "type": "kind"}
+CALLS = {"override": "set_override"}
+WIDTH = 110
+
+
+def files(model: Model) -> dict[str, str]:
+    """Return the files by their path below the SDK."""
+    types = [MESSAGES, *map(_enum, model.words), *map(_struct, model.messages)]
+    used = sorted(
+        {each.reply.name for each in model.calls}
+        | {each.request.name for each in model.calls if each.request.fields}
+        | {name for each in model.calls if each.result for name in _named(each.result.type)}
+    )
+    imports = "".join(f"    {line}\n" for line in wrap(", ".join(used) + ",", WIDTH - 4))
+    head = (
+        f"{MADE}\nuse std::collections::BTreeMap;\n\nuse crate::calls::Nothing;\nuse crate::error::Result;\n"
+        f"use crate::machine::Machine;\nuse crate::messages::{{\n{imports}}};\n\n"
+        "/// Every remote method of a machine (docs/wire/calls.md).\nimpl Machine {\n"
+    )
+    return {
+        "src/messages/made.rs": "\n".join(types),
+        "src/machine_calls.rs": head + "\n".join(map(_call, model.calls)) + "}\n",
+        "src/contract_readers.rs": _readers(model),
+    }
+
+
+def _readers(model: Model) -> str:
+    told = [each for each in model.messages if not each.sent]
+    arms = "".join(f'        "{each.wire_name}" => reader::<messages::{each.name}>,\n' for each in told)
+    return (
+        f"{MADE}\nuse crate::contract_tests::{{Read, reader}};\nuse crate::messages;\n\n"
+        "/// The reader of a message that a server sends as a map.\n"
+        f"pub fn reader_of(message: &str) -> Option<Read> {{\n    Some(match message {{\n{arms}"
+        "        _ => return None,\n    })\n}\n"
+    )
+
+
+def _enum(words: Words) -> str:
+    members = "".join(
+        f'    /// `{each}`.\n    #[serde(rename = "{each}")]\n    {pascal(each)},\n' for each in words.words
+    )
+    arms = "".join(f'            Self::{pascal(each)} => "{each}",\n' for each in words.words)
+    return f"""/// A word of the wire.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum {words.name} {{
+{members}    /// A word of a later version of the protocol.
+    #[serde(untagged)]
+    Later(String),
+}}
+
+impl fmt::Display for {words.name} {{
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {{
+        f.write_str(match self {{
+{arms}            Self::Later(word) => word,
+        }})
+    }}
+}}
+"""
+
+
+def _struct(message: Message) -> str:
+    fields = "".join(_field(message, each) for each in message.fields)
+    body = f" {{\n{fields}}}" if fields else " {}"
+    derived = "Debug, Clone, PartialEq, Serialize, Deserialize"
+    made = f"{_comment(message.doc)}#[derive({derived})]\npub struct {message.name}{body}\n"
+    defaults = "".join(
+        f"\nfn {_default_name(message, each)}() -> {_rust(each.type)} {{\n    {_default(each)}\n}}\n"
+        for each in message.fields
+        if _has_default(each) and not message.sent
+    )
+    return made + defaults + (_constructor(message) if message.sent and message.fields else "")
+
+
+def _field(message: Message, field: Field) -> str:
+    name = NAMES.get(field.name, field.name)
+    rules = [f'rename = "{field.name}"'] if name != field.name else []
+    if not message.sent and not field.required:
+        named = f' = "{_default_name(message, field)}"' if _has_default(field) else ""
+        rules.append(f"default{named}")
+    elif not message.sent and isinstance(field.type, Maybe):
+        # nil, but not left out
+        rules.append('deserialize_with = "Option::deserialize"')
+    rule = f"    #[serde({', '.join(rules)})]\n" if rules else ""
+    return f"{_comment(field.doc, '    ')}{rule}    pub {name}: {_rust(field.type)},\n"
+
+
+def _has_default(field: Field) -> bool:
+    return not field.required and bool(field.default)
+
+
+def _default_name(message: Message, field: Field) -> str:
+    return f"{''.join(f'_{c.lower()}' if c.isupper() else c for c in message.name).lstrip('_')}_{field.name}"
+
+
+def _default(field: Field) -> str:
+    match field.type, field.default:
+        case Maybe(), _:
+            return "None"
+        case ListOf(), _:
+            return "Vec::new()"
+        case MapOf(), _:
+            return "BTreeMap::new()"
+        case Named(name, words=True), str(word):
+            return f"{name}::{pascal(word)}"
+        case _, bool(flag):
+            return "true" if flag else "false"
+        case _, str(text):
+            return f'"{text}".to_owned()' if text else "String::new()"
+        case _, int(number):
+            return f"{number:_}"
+        case _, value:
+            return str(value)
+
+
+def _constructor(message: Message) -> str:
+    required = [each for each in message.fields if each.required]
+    arguments = ", ".join(
+        f"{NAMES.get(each.name, each.name)}: "
+        + ("impl Into<String>" if each.type == Scalar("str") else _rust(each.type))
+        for each in required
+    )
+    values = "".join(
+        f"            {NAMES.get(each.name, each.name)}"
+        + (
+            f": {NAMES.get(each.name, each.name)}.into(),\n"
+            if each.required and each.type == Scalar("str")
+            else ",\n"
+            if each.required
+            else f": {_default(each)},\n"
+        )
+        for each in message.fields
+    )
+    made = (
+        f"\nimpl {message.name} {{\n    /// All that may be left out is as the server has it.\n"
+        "    #[must_use]\n"
+        f"    pub fn new({arguments}) -> Self {{\n        Self {{\n{values}        }}\n    }}\n}}\n"
+    )
+    if not required:
+        made += f"\nimpl Default for {message.name} {{\n    fn default() -> Self {{\n"
+        made += "        Self::new()\n    }\n}\n"
+    return made
+
+
+def _rust(kind: Type) -> str:
+    match kind:
+        case Scalar(name):
+            return SCALARS[name]
+        case Named(name):
+            return name
+        case ListOf(inner):
+            return f"Vec<{_rust(inner)}>"
+        case MapOf(inner):
+            return f"BTreeMap<String, {_rust(inner)}>"
+        case Maybe(inner):
+            return f"Option<{_rust(inner)}>"
+
+
+def _argument(kind: Type, name: str) -> tuple[str, str]:
+    """Return the type of an argument, and what is made of it."""
+    match kind:
+        case Scalar("str"):
+            return "&str", f"{name}.to_owned()"
+        case ListOf(inner):
+            return f"&[{_rust(inner)}]", f"{name}.to_vec()"
+        case MapOf(inner):
+            return f"&BTreeMap<String, {_rust(inner)}>", f"{name}.clone()"
+        case Maybe(Scalar("str")):
+            return "Option<&str>", f"{name}.map(str::to_owned)"
+        case Maybe(ListOf(inner)):
+            return f"Option<&[{_rust(inner)}]>", f"{name}.map(<[_]>::to_vec)"
+    return _rust(kind), name
+
+
+def _call(call: Call) -> str:
+    fields, request = call.request.fields, call.request.name
+    argument, value = "", "&Nothing {}"
+    if len(fields) == 1:
+        name = NAMES.get(fields[0].name, fields[0].name)
+        kind, made = _argument(fields[0].type, name)
+        argument = f", {name}: {kind}"
+        value = f"&{request} {{ {name}: {made} }}" if made != name else f"&{request} {{ {name} }}"
+    elif fields:
+        argument, value = f", request: &{request}", "request"
+    ask = f'self.ask_within("{call.method.name}", {value}, {call.method.deadline_s:g}).await'
+    declare = "        self.declare_token().await?;\n" if call.method.held else ""
+    if call.result is None:
+        result, body = call.reply.name, f"        {ask}\n"
+    else:
+        result = _rust(call.result.type)
+        body = f"        let reply: {call.reply.name} = {ask}?;\n        Ok(reply.{call.result.name})\n"
+    return (
+        _comment(call.method.doc, "    ")
+        + "    ///\n    /// # Errors\n    /// As [`Machine::refresh_info`].\n"
+        f"    pub async fn {CALLS.get(call.name, call.name)}(&self{argument}) -> Result<{result}> {{\n"
+        f"{declare}{body}    }}\n"
+    )
+
+
+def _named(kind: Type) -> list[str]:
+    match kind:
+        case Named(name):
+            return [name]
+        case ListOf(inner) | MapOf(inner) | Maybe(inner):
+            return _named(inner)
+    return []
+
+
+def _comment(text: str, indent: str = "") -> str:
+    # links of rustdoc
+    plain = plain_doc(text, "none").replace("[", "\\[").replace("]", "\\]").replace("<", "\\<")
+    return "".join(f"{indent}/// {line}\n" for line in wrap(plain, WIDTH - 4 - len(indent)))
