@@ -12,6 +12,7 @@ from nicegui import ui
 from mcserver.errors import McError
 from mcserver.net.method_table import BY_NAME
 from mcserver.net.roles import roles_named
+from mcserver.web.formatting import page_hint
 from mcserver.web.link import MachineLink
 from mcserver.web.sessions import Visitor
 
@@ -23,7 +24,7 @@ Action = Callable[[Machine], Awaitable[object]]
 def show_refusal(message: str, hint: str = "") -> None:
     """A sentence and its remedy, until it is closed."""
     ui.notify(
-        message + (f" — {hint}" if hint else ""),
+        message + (f" — {page_hint(hint)}" if hint else ""),
         type="negative",
         position="top",
         close_button="close",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Sequence
 
 from mcclient import AxisInfo, MachineStatus, ProgramStatus
@@ -108,6 +109,26 @@ def program_excerpt(lines: Sequence[str], now: int, faulty: dict[int, str]) -> s
         if number in faulty:
             rows.append(f'<span class="mark">        {html.escape(faulty[number])}</span>')
     return f'<pre class="mc-program" tabindex="0" aria-label="Program text">{"".join(rows)}</pre>'
+
+
+# what the page has in the place of a command
+_COMMANDS = {
+    "home": "press Home in the card Homing",
+    "reference": "give the position in the card Homing",
+    "reset": "press Reset",
+    "resume": "press Resume",
+    "zero": "use Zero or Set in the card Position",
+    "run": "run it from the line",
+    "continue": "press Continue",
+}
+_COMMAND = re.compile(
+    r"mcctl (home|reference|reset|resume|zero|run|continue)(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]))*"
+)
+
+
+def page_hint(hint: str) -> str:
+    """Return a remedy with the page's own buttons in the place of commands of a terminal."""
+    return _COMMAND.sub(lambda found: _COMMANDS[found[1]], hint)
 
 
 def channel_text(kind: str, value: float, unit: str) -> str:

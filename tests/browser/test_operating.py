@@ -229,3 +229,16 @@ def test_the_keyboard_alone_runs_holds_and_ends_a_job(
     page.keyboard.press("Enter")
     expect(page.get_by_role("status")).to_have_text("ready")
     assert machine.status().state == "ready"
+
+
+def test_a_faulty_program_stands_in_the_program_card_at_its_line_with_the_way_back(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    page.get_by_role("button", name="Energize", exact=True).click()
+    expect(page.get_by_text(re.compile("^energize · finished"))).to_be_visible()
+    upload(page, "faulty.gcode", "G1010\nG01 X1 F600\nG02 X5\n")
+    run(page)
+    expect(page.get_by_text("faulty.gcode · failed", exact=True)).to_be_visible()
+    expect(page.get_by_text("To go on: correct the file and upload it again.")).to_be_visible()
+    assert all(program.name != "faulty.gcode" for program in machine.programs())

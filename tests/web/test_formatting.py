@@ -11,6 +11,7 @@ from mcserver.web.formatting import (
     channel_text,
     clock_text,
     current_program,
+    page_hint,
     position_text,
     program_excerpt,
     remaining_text,
@@ -83,3 +84,12 @@ def test_the_time_left_is_a_lower_bound_where_only_what_is_planned_is_known() ->
     assert remaining_text(known) == "1:05"
     assert remaining_text(told(ProgramStatus, "p", "running", eta_s=65.0)) == "≥ 1:05"
     assert remaining_text(told(ProgramStatus, "p", "running")) == "–"
+
+
+def test_remedies_name_the_page_s_buttons_and_no_commands() -> None:
+    assert page_hint("home them first: mcctl home X Y") == "home them first: press Home in the card Homing"
+    assert page_hint("remove the cause, then mcctl reset") == "remove the cause, then press Reset"
+    assert page_hint("set them back (mcctl zero), or run it") == (
+        "set them back (use Zero or Set in the card Position), or run it"
+    )
+    assert page_hint("jog there") == "jog there"

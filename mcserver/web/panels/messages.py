@@ -10,7 +10,7 @@ from mcclient import Event, MachineStatus
 from nicegui import ui
 
 from mcserver.web.actions import Actions
-from mcserver.web.formatting import axis_name
+from mcserver.web.formatting import axis_name, page_hint
 from mcserver.web.link import MachineLink
 
 SHOWN = 60
@@ -43,7 +43,7 @@ class FaultPanel:
             line = f" (line {fault.line})" if fault.line else ""
             rows.append(
                 f"<li><b>{fault.code}</b> {where}{html.escape(fault.message)}{line}"
-                + (f"<br>= {html.escape(fault.hint)}" if fault.hint else "")
+                + (f"<br>= {html.escape(page_hint(fault.hint))}" if fault.hint else "")
                 + "</li>"
             )
         recorded = ""

@@ -11,7 +11,7 @@ from nicegui import events, ui
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import ask
-from mcserver.web.formatting import current_program, is_live, program_excerpt, remaining_text
+from mcserver.web.formatting import current_program, is_live, page_hint, program_excerpt, remaining_text
 from mcserver.web.jobs import WHOLE, Job, JobState, Middle
 from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
@@ -112,7 +112,7 @@ class ProgramPanel:
         self._bar.set_value(0.0)
         self._times.set_text("")
         faulty = {each.line: each.message for each in job.diagnostics if each.severity == "error"}
-        remedy = f"<br>= {html.escape(job.hint)}" if job.hint else ""
+        remedy = f"<br>= {html.escape(page_hint(job.hint))}" if job.hint else ""
         back = "correct the file and upload it again" if faulty else "remove the cause, then run it again"
         said = f"<p><b>{html.escape(job.message)}</b>{remedy}<br>To go on: {back}.</p>"
         excerpt = program_excerpt(job.lines, min(faulty, default=1), faulty) if job.lines else ""

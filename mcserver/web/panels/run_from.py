@@ -12,7 +12,7 @@ from nicegui import ui
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
-from mcserver.web.formatting import axis_name, is_live, position_text, program_excerpt
+from mcserver.web.formatting import axis_name, is_live, page_hint, position_text, program_excerpt
 from mcserver.web.jobs import Middle
 
 # Ends that leave something to go on with.
@@ -111,7 +111,7 @@ def continuation_html(shown: Continuation) -> str:
         if each.energized
     )
     if rows:
-        columns = "<th>Axis</th><th class=n>is at</th><th class=n>program starts this line at</th><th></th>"
+        columns = "<th>Axis</th><th class=n>is at</th><th class=n>line starts at</th><th></th>"
         head = f"<tr>{columns}</tr>"
         found.append(f'<table class="mc-positions"><thead>{head}</thead><tbody>{rows}</tbody></table>')
     energize = ", ".join(axis_name(axis) for axis in shown.energize)
@@ -122,7 +122,7 @@ def continuation_html(shown: Continuation) -> str:
     if shown.axes and not shown.way:
         found.append("<p>The axes are where the program has them before this line.</p>")
     for need in shown.needs:
-        hint = f"<br>= {html.escape(need.hint)}" if need.hint else ""
+        hint = f"<br>= {html.escape(page_hint(need.hint))}" if need.hint else ""
         kind = "mc-faults" if not need.confirm else "mc-warnings"
         found.append(f'<div class="{kind}">{html.escape(need.message)} [{need.code}]{hint}</div>')
     return "".join(found)
