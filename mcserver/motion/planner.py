@@ -214,7 +214,11 @@ class MotionPlanner:
         except PlanningError:
             return self._fall_back()
         wanted = (want - self.u) * self._cycle
-        moment = commit_moment(plan, wanted) if math.isinf(want) else hand_over_moment(plan, wanted)
+        moment = (
+            commit_moment(plan, wanted)
+            if math.isinf(want)
+            else hand_over_moment(plan, wanted, closing=closing)
+        )
         settled = math.inf if closing else self._window.settled_until(plan)
         if moment > settled and (math.isinf(want) or wanted <= settled):
             # what a curve still changes in is handed over only if it is needed

@@ -29,12 +29,16 @@ def commit_moment(plan: PlannedRun, want: float) -> float:
     return _moment(plan, want, at_peaks=False)
 
 
-def hand_over_moment(plan: PlannedRun, want: float) -> float:
+def hand_over_moment(plan: PlannedRun, want: float, *, closing: bool = False) -> float:
     """Return up to when a plan is handed over, a little after ``want`` [s]; 0: only its stop is left.
 
     That is a time as of `commit_moment`; where it would be much later, one at which speed has a peak, turns
     inside of a stretch that is solved as a whole, or inside of a line with a T of its own, whose rest gets
     the rest of its T. Else the last of these before ``want``.
+
+    Args:
+        closing: no more lines come. Else a curve that is solved as a whole is not cut inside: with the lines
+            to come the rest of it would often have no plan, and motion would end on its stop.
     """
     moment = _moment(plan, want, at_peaks=False)
     if want <= moment <= want + LATE_S:
@@ -44,6 +48,8 @@ def hand_over_moment(plan: PlannedRun, want: float) -> float:
         if want <= other <= want + LATE_S:
             return other
         moment = min(moment, other) if other >= want else max(moment, other)
+    if not closing:
+        return moment
     if moment > want:
         return min(turn_moment(plan, want, moment), moment)
     until = plan.phases.duration - LATE_S
